@@ -7,20 +7,9 @@
 
 #define NONE 0xFFFFU
 
-static uint64_t whole(const uint32_t v[2])
-{
-    return v[0] | (uint64_t)v[1] << 32;
-}
-
-static void split(uint32_t v[2], uint64_t whole)
-{
-    v[0] = (uint32_t)whole;
-    v[1] = (uint32_t)(whole >> 32);
-}
-
 static void add_to(uint32_t v[2], int64_t more)
 {
-    split(v, whole(v) + (uint64_t)more);
+    sst_gpu_split(v, sst_gpu_whole(v) + (uint64_t)more);
 }
 
 static bool is_conflict(uint64_t mask)
@@ -47,15 +36,95 @@ void refine_count_reference(const void *push, void *const *buffer, const uint32_
     }
 }
 
-/* --- candidates --------------------------------------------------------------------------------------------------- */
+/* --- grounds ------------------------------------------------------------------------------------------------------ */
 
-static bool on_ground(const struct sst_gpu_refine_ground *g, int x, int y, uint32_t q)
+static uint64_t miss_of(const struct sst_gpu_refine_ground *g, int x, int y, uint32_t q)
 {
-    const uint64_t plane = whole(g->d0) + whole(g->a) * (uint64_t)x + whole(g->b) * (uint64_t)y;
-    const uint64_t off = ((uint64_t)q << 24) - plane;
+    const uint64_t along = sst_gpu_whole(g->a) * (uint64_t)x + sst_gpu_whole(g->b) * (uint64_t)y;
+    const uint64_t off = ((uint64_t)q << 24) - (sst_gpu_whole(g->d0) + along);
 
-    return (off >> 63 ? -off : off) <= whole(g->limit);
+    return off >> 63 ? -off : off;
 }
+
+/* Bit of a pixel's label among those that are fitted; 0: the pixel does not count. */
+static uint64_t fitted(const struct sst_gpu_refine_fit *p, uint32_t pixel)
+{
+    const uint32_t label = pixel >> 16;
+
+    if (!label || label > SST_GPU_REFINE_LABELS || (pixel & 0xFFFF) == NONE)
+        return 0;
+    return sst_gpu_whole(p->labels) & (uint64_t)1 << (label - 1);
+}
+
+void refine_ground_sums_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_fit *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_GROUND_SUMS_VIEW];
+    const struct sst_gpu_refine_ground *grounds = buffer[SST_GPU_REFINE_GROUND_SUMS_GROUNDS];
+    struct sst_gpu_refine_ground_sums *out = buffer[SST_GPU_REFINE_GROUND_SUMS_OUT];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const int label = (int)(view[i] >> 16);
+        const int64_t x = i % p->width, y = i / p->width, q = view[i] & 0xFFFF;
+        struct sst_gpu_refine_ground_sums *s;
+
+        if (!fitted(p, view[i]) ||
+            miss_of(&grounds[label - 1], (int)x, (int)y, (uint32_t)q) > sst_gpu_whole(grounds[label - 1].limit))
+            continue;
+        s = &out[label - 1];
+        add_to(s->n, 1);
+        add_to(s->x, x);
+        add_to(s->y, y);
+        add_to(s->d, q);
+        add_to(s->xx, x * x);
+        add_to(s->xy, x * y);
+        add_to(s->yy, y * y);
+        add_to(s->xd, x * q);
+        add_to(s->yd, y * q);
+    }
+}
+
+void refine_ground_misses_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_fit *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_GROUND_MISSES_VIEW];
+    const struct sst_gpu_refine_ground *grounds = buffer[SST_GPU_REFINE_GROUND_MISSES_GROUNDS];
+    uint32_t *out = buffer[SST_GPU_REFINE_GROUND_MISSES_OUT];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const uint64_t bit = fitted(p, view[i]);
+        uint64_t bin;
+
+        if (!bit)
+            continue;
+        bin = (miss_of(&grounds[(view[i] >> 16) - 1], i % p->width, i / p->width, view[i] & 0xFFFF) + (1 << 23)) >> 24;
+        bin = bin < p->bins ? bin : p->bins - 1;
+        out[(size_t)__builtin_popcountll(sst_gpu_whole(p->labels) & (bit - 1)) * p->bins + bin]++;
+    }
+}
+
+void refine_ground_limit_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_fit *p = push;
+    uint32_t *misses = buffer[SST_GPU_REFINE_GROUND_LIMIT_MISSES];
+    struct sst_gpu_refine_ground *grounds = buffer[SST_GPU_REFINE_GROUND_LIMIT_GROUNDS];
+
+    for (uint64_t left = sst_gpu_whole(p->labels); left; left &= left - 1, misses += p->bins) {
+        uint32_t all = 0, below = misses[0], median = 0;
+        uint64_t limit;
+
+        for (uint32_t bin = 0; bin < p->bins; bin++)
+            all += misses[bin];
+        while (2 * below < all && median < p->bins - 1)
+            below += misses[++median];
+        limit = (uint64_t)p->spread * median;
+        sst_gpu_split(grounds[__builtin_ctzll(left)].limit,
+                      limit > sst_gpu_whole(p->least) ? limit : sst_gpu_whole(p->least));
+        memset(misses, 0, p->bins * sizeof(*misses));
+    }
+}
+
+/* --- candidates --------------------------------------------------------------------------------------------------- */
 
 static uint64_t candidates_of(const struct sst_gpu_refine_mask *p, void *const *buffer, int x, int y, uint32_t pixel)
 {
@@ -65,11 +134,11 @@ static uint64_t candidates_of(const struct sst_gpu_refine_mask *p, void *const *
 
     if (pixel >= NONE) /* it has a label, or no disparity */
         return 0;
-    mask = whole(table + 2 * (size_t)pixel);
-    for (uint64_t left = mask & whole(p->planar); left; left &= left - 1) {
+    mask = sst_gpu_whole(table + 2 * (size_t)pixel);
+    for (uint64_t left = mask & sst_gpu_whole(p->planar); left; left &= left - 1) {
         const int i = __builtin_ctzll(left);
 
-        if (!on_ground(&grounds[i], x, y, pixel))
+        if (miss_of(&grounds[i], x, y, pixel) > sst_gpu_whole(grounds[i].limit))
             mask &= ~((uint64_t)1 << i);
     }
     return mask;
@@ -81,20 +150,20 @@ void refine_mask_reference(const void *push, void *const *buffer, const uint32_t
     const uint32_t *view = buffer[SST_GPU_REFINE_MASK_VIEW];
     uint32_t(*out)[2] = buffer[SST_GPU_REFINE_MASK_MASK], *seen = buffer[SST_GPU_REFINE_MASK_SEEN];
     struct sst_gpu_refine_choice *choice = buffer[SST_GPU_REFINE_MASK_CHOICE];
-    uint64_t all = whole(seen), mixed = whole(seen + 2);
+    uint64_t all = sst_gpu_whole(seen), mixed = sst_gpu_whole(seen + 2);
 
     for (int i = 0; i < p->width * p->height; i++) {
         const uint64_t mask = candidates_of(p, buffer, i % p->width, i / p->width, view[i]);
 
-        split(out[i], mask);
+        sst_gpu_split(out[i], mask);
         if (!is_conflict(mask))
             continue;
         choice[i] = (struct sst_gpu_refine_choice){ { 0 }, { 0 }, { 0 } };
         all |= mask;
-        mixed |= is_mixed(mask, whole(p->ground)) ? mask : 0;
+        mixed |= is_mixed(mask, sst_gpu_whole(p->ground)) ? mask : 0;
     }
-    split(seen, all);
-    split(seen + 2, mixed);
+    sst_gpu_split(seen, all);
+    sst_gpu_split(seen + 2, mixed);
 }
 
 /* --- distances ---------------------------------------------------------------------------------------------------- */
@@ -116,6 +185,25 @@ void refine_columns_reference(const void *push, void *const *buffer, const uint3
             d = d + 1 < out[y * p->width + x] ? d + 1 : out[y * p->width + x];
             out[y * p->width + x] = d;
         }
+    }
+}
+
+void refine_extents_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_extents *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_EXTENTS_VIEW];
+    uint32_t *out = buffer[SST_GPU_REFINE_EXTENTS_OUT];
+
+    for (uint32_t i = 0; i < p->labels * (uint32_t)p->height; i++)
+        out[i] = NONE;
+    for (int i = 0; i < p->width * p->height; i++) {
+        const uint32_t label = view[i] >> 16, x = (uint32_t)(i % p->width);
+        uint32_t *extent;
+
+        if (!label || label > p->labels)
+            continue;
+        extent = &out[(label - 1) * (uint32_t)p->height + (uint32_t)(i / p->width)];
+        *extent = (*extent == NONE ? x : *extent & 0xFFFF) | x << 16;
     }
 }
 
@@ -158,7 +246,7 @@ void refine_compete_reference(const void *push, void *const *buffer, const uint3
     for (int i = 0; i < p->width * p->height; i++) {
         struct sst_gpu_refine_choice *c = &choices[i];
         const int x = i % p->width, y = i / p->width;
-        const uint64_t mask = whole(masks[i]);
+        const uint64_t mask = sst_gpu_whole(masks[i]);
         uint32_t nearest2 = 1, farthest2 = 1;
 
         if (!(mask >> (p->label - 1) & 1) || !is_conflict(mask))
@@ -236,7 +324,7 @@ void refine_planes_reference(const void *push, void *const *buffer, const uint32
             s.d += c->d;
             s.xd += (int64_t)u * c->d;
             s.yd += c->yd;
-            s.dd += (int64_t)whole(c->dd);
+            s.dd += (int64_t)sst_gpu_whole(c->dd);
         }
         out[i] = sst_surface_fit(&s, 0, 0);
     }
@@ -253,12 +341,12 @@ void refine_normals_reference(const void *push, void *const *buffer, const uint3
 
     for (int i = 0; i < p->width * p->height; i++) {
         const uint32_t label = view[i] >> 16, q = view[i] & 0xFFFF;
-        const bool inside = label >= 1 && label <= SST_GPU_REFINE_LABELS && whole(p->mixed) >> (label - 1) & 1;
+        const bool inside = label >= 1 && label <= SST_GPU_REFINE_LABELS && sst_gpu_whole(p->mixed) >> (label - 1) & 1;
         const struct sst_surface_plane *best = NULL;
         float n[4] = { 0 };
         int at[2];
 
-        if (!inside && !is_mixed(whole(masks[i]), whole(p->ground)))
+        if (!inside && !is_mixed(sst_gpu_whole(masks[i]), sst_gpu_whole(p->ground)))
             continue;
         if (q != NONE)
             best = sst_surface_choose(planes, p->width, p->height, p->radius, p->frame.score_max, (int)q, i % p->width,
@@ -313,7 +401,7 @@ void refine_assign_reference(const void *push, void *const *buffer, const uint32
         out[i] = 0;
         if (x >= p->width)
             continue;
-        mask = whole(masks[at]);
+        mask = sst_gpu_whole(masks[at]);
         out[i] =
             (uint8_t)(view[at] >> 16      ? view[at] >> 16
                       : !mask             ? 0

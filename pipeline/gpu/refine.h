@@ -1,8 +1,8 @@
 /* pipeline/gpu/refine.h - the shaders of label refinement (pipeline/method/refine) and their references.
  *
  * All results equal those of the CPU on every device: whole numbers, and floats of operations that are rounded alike
- * everywhere (pipeline/kernels/surface_ref.h). All shaders but refine_columns and refine_assign have groups of 32 x 8
- * pixels, a thread each.
+ * everywhere (pipeline/kernels/surface_ref.h). Where nothing else is said, shaders have groups of 32 x 8 pixels, a
+ * thread each.
  */
 #ifndef SST_PIPELINE_GPU_REFINE_H
 #define SST_PIPELINE_GPU_REFINE_H
@@ -19,6 +19,17 @@
 /* Structures have the layout of the shaders (std430). A view is uint32_t[height][width]: disparity | label << 16. A
  * whole number of 64 bits is uint32_t[2], the lower half first. */
 
+static inline uint64_t sst_gpu_whole(const uint32_t v[2])
+{
+    return v[0] | (uint64_t)v[1] << 32;
+}
+
+static inline void sst_gpu_split(uint32_t v[2], uint64_t whole)
+{
+    v[0] = (uint32_t)whole;
+    v[1] = (uint32_t)(whole >> 32);
+}
+
 /** `refine_count`: pixels by label and disparity, over all views. */
 struct sst_gpu_refine_count {
     int32_t width, height;
@@ -32,14 +43,62 @@ enum sst_gpu_refine_count_buffer {
     SST_GPU_REFINE_COUNT_BUFFERS
 };
 
-/** `refine_mask`: candidates of every pixel without a label; label i + 1 is bit i. */
-struct sst_gpu_refine_mask {
+/** `refine_ground_sums`, `refine_ground_misses`, `refine_ground_limit`: what planes of grounds are fitted to. */
+struct sst_gpu_refine_fit {
     int32_t width, height;
-    uint32_t planar[2], ground[2];
+    uint32_t labels[2]; /* bit i: label i + 1 is fitted */
+    uint32_t least[2];  /* limit, 2^-24 */
+    uint32_t spread;    /* limit by median residual, 2^-24 */
+    uint32_t bins;      /* of residuals, rounded: a multiple of 256 up to 65536 */
 };
 
 struct sst_gpu_refine_ground {
     uint32_t a[2], b[2], d0[2], limit[2]; /* struct sst_ground, 2^-24 */
+};
+
+/** Over pixels with the label and a disparity whose residual is within the limit; sides are at most 2^15 pixels. */
+struct sst_gpu_refine_ground_sums {
+    uint32_t n[2], x[2], y[2], d[2], xx[2], xy[2], yy[2], xd[2], yd[2];
+};
+
+enum sst_gpu_refine_ground_sums_buffer {
+    SST_GPU_REFINE_GROUND_SUMS_VIEW = 0,
+    SST_GPU_REFINE_GROUND_SUMS_GROUNDS = 1, /* [SST_GPU_REFINE_LABELS] */
+    SST_GPU_REFINE_GROUND_SUMS_OUT = 2,     /* in and out, [SST_GPU_REFINE_LABELS] */
+    SST_GPU_REFINE_GROUND_SUMS_BUFFERS
+};
+
+/** Of all pixels with the label and a disparity; larger residuals are in the last bin. */
+enum sst_gpu_refine_ground_misses_buffer {
+    SST_GPU_REFINE_GROUND_MISSES_VIEW = 0,
+    SST_GPU_REFINE_GROUND_MISSES_GROUNDS = 1,
+    SST_GPU_REFINE_GROUND_MISSES_OUT = 2, /* in and out, uint32_t[labels that are fitted][bins] */
+    SST_GPU_REFINE_GROUND_MISSES_BUFFERS
+};
+
+/** Limits from these histograms, of less than 2^31 pixels each; as many groups as labels that are fitted. */
+enum sst_gpu_refine_ground_limit_buffer {
+    SST_GPU_REFINE_GROUND_LIMIT_MISSES = 0,  /* in; then 0 */
+    SST_GPU_REFINE_GROUND_LIMIT_GROUNDS = 1, /* in and out: limits */
+    SST_GPU_REFINE_GROUND_LIMIT_BUFFERS
+};
+
+/** `refine_extents`: outermost pixels of the labels in each row; a group per row. */
+struct sst_gpu_refine_extents {
+    int32_t width, height;
+    uint32_t labels; /* 1 .. labels, at most SST_GPU_REFINE_LABELS */
+};
+
+enum sst_gpu_refine_extents_buffer {
+    SST_GPU_REFINE_EXTENTS_VIEW = 0,
+    SST_GPU_REFINE_EXTENTS_OUT = 1, /* out, uint32_t[labels][height]: first | last << 16; 0xFFFF: none */
+    SST_GPU_REFINE_EXTENTS_BUFFERS
+};
+
+/** `refine_mask`: candidates of every pixel without a label; label i + 1 is bit i. */
+struct sst_gpu_refine_mask {
+    int32_t width, height;
+    uint32_t planar[2], ground[2];
 };
 
 enum sst_gpu_refine_mask_buffer {

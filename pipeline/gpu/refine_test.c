@@ -146,6 +146,122 @@ int refine_count_self_test(struct sst_gpu *g)
     return err;
 }
 
+/* --- grounds ------------------------------------------------------------------------------------------------------ */
+
+#define FAR_PIXELS 16384 /* in long rows and columns, whose sums need 64 bits */
+#define FIT_BINS   1024
+
+static struct sst_gpu_refine_fit fit_push(int width, int height)
+{
+    return (struct sst_gpu_refine_fit){
+        width,     height,  { objects[0] | grounds[0], objects[1] | grounds[1] }, { 40U << 24, 40U >> 8 },
+        124369502, FIT_BINS
+    };
+}
+
+/* Sums in place, from which a ground's are carried into the upper half. */
+static int compare_sums(struct sst_gpu *g, const struct test *t, const uint32_t *view, int width, int height)
+{
+    const struct sst_gpu_refine_fit push = fit_push(width, height);
+    const struct sst_gpu_work work = work_of(SST_GPU_REFINE_GROUND_SUMS, &push, gpu_groups(width, SST_GPU_REFINE_WIDTH),
+                                             gpu_groups(height, SST_GPU_REFINE_HEIGHT));
+    struct sst_gpu_refine_ground_sums sums[SST_GPU_REFINE_LABELS] = { { { 0 } } };
+
+    sums[GROUND - 1] = (struct sst_gpu_refine_ground_sums){ .n = { UINT32_MAX, 7 }, .yd = { UINT32_MAX - 9, 0 } };
+    return gpu_compare(
+        g, &work, (const void *const[]){ view, t->ground, sums },
+        (const size_t[]){ (size_t)width * (size_t)height * sizeof(*view), sizeof(t->ground), sizeof(sums) },
+        SST_GPU_REFINE_GROUND_SUMS_OUT, NULL);
+}
+
+int refine_ground_sums_self_test(struct sst_gpu *g)
+{
+    struct test *t = make_test(0);
+    uint32_t *far = calloc(FAR_PIXELS, sizeof(*far));
+    int err = t && far ? compare_sums(g, t, t->view, TEST_WIDTH, TEST_HEIGHT) : -ENOMEM;
+
+    for (int i = 0; far && i < FAR_PIXELS; i++)
+        far[i] = (uint32_t)(i % 3 ? OBJECT : OTHER) << 16 | (uint32_t)(i * 7 % 65521);
+    for (int i = 0; t && i < SST_GPU_REFINE_LABELS; i++)
+        t->ground[i] = (struct sst_gpu_refine_ground){ { 0 }, { 0 }, { 0 }, { 0x12345678, 0xE0 } };
+    err = err ? err : compare_sums(g, t, far, FAR_PIXELS, 1);
+    err = err ? err : compare_sums(g, t, far, 1, FAR_PIXELS);
+    err = err ? err : compare_sums(g, t, far, FAR_PIXELS / 16, 16);
+    free(far);
+    free(t);
+    return err;
+}
+
+static size_t misses_bytes(const struct sst_gpu_refine_fit *push)
+{
+    return (size_t)__builtin_popcountll(sst_gpu_whole(push->labels)) * FIT_BINS * sizeof(uint32_t);
+}
+
+int refine_ground_misses_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_fit push = fit_push(TEST_WIDTH, TEST_HEIGHT);
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_GROUND_MISSES, &push);
+    uint32_t *misses = calloc(misses_bytes(&push), 1);
+    struct test *t = make_test(0);
+    int err = -ENOMEM;
+
+    if (t && misses) {
+        t->ground[OTHER - 1].b[1] = 1U << 19; /* beyond all bins, but in the first row */
+        err = gpu_compare(g, &work, (const void *const[]){ t->view, t->ground, misses },
+                          (const size_t[]){ sizeof(t->view), sizeof(t->ground), misses_bytes(&push) },
+                          SST_GPU_REFINE_GROUND_MISSES_OUT, NULL);
+    }
+    free(misses);
+    free(t);
+    return err;
+}
+
+/* Medians at both ends, below the least limit, on the border of two parts, and of nothing. */
+int refine_ground_limit_self_test(struct sst_gpu *g)
+{
+    static const uint32_t bins[][2] = { { FIT_BINS - 1, 0 }, { 255, 256 }, { 3, 4 } };
+    struct sst_gpu_refine_fit push = fit_push(TEST_WIDTH, TEST_HEIGHT);
+    const size_t bytes = 5 * FIT_BINS * sizeof(uint32_t);
+    uint32_t *misses = calloc(bytes, 1), state = 3;
+    struct test *t = make_test(0);
+    int err = -ENOMEM;
+
+    push.labels[0] |= 1;
+    push.labels[1] |= 1U << 31;
+    if (t && misses) {
+        const struct sst_gpu_work work = work_of(SST_GPU_REFINE_GROUND_LIMIT, &push, 5, 1);
+
+        for (int i = 0; i < 1000; i++)
+            misses[gpu_random(&state) % FIT_BINS]++;
+        for (size_t i = 0; i < ARRAY_LEN(bins); i++) {
+            misses[(i + 1) * FIT_BINS + bins[i][0]] = 12;
+            misses[(i + 1) * FIT_BINS + bins[i][1]] = 11 + (uint32_t)i;
+        }
+        err = gpu_compare(g, &work, (const void *const[]){ misses, t->ground },
+                          (const size_t[]){ bytes, sizeof(t->ground) }, SST_GPU_REFINE_GROUND_LIMIT_GROUNDS, NULL);
+    }
+    free(misses);
+    free(t);
+    return err;
+}
+
+/* --- the rest ----------------------------------------------------------------------------------------------------- */
+
+int refine_extents_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_extents push = { TEST_WIDTH, TEST_HEIGHT, GROUND };
+    const struct sst_gpu_work work = work_of(SST_GPU_REFINE_EXTENTS, &push, TEST_HEIGHT, 1);
+    uint32_t extents[GROUND * TEST_HEIGHT] = { 0 };
+    struct test *t = make_test(0);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->view, extents },
+                        (const size_t[]){ sizeof(t->view), sizeof(extents) }, SST_GPU_REFINE_EXTENTS_OUT, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
 int refine_mask_self_test(struct sst_gpu *g)
 {
     const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_MASK, &mask_push);

@@ -1,13 +1,11 @@
 // Candidates of a view's pixels without a label: by disparity, and for grounds that are planes by these. Buffers and
 // constants: pipeline/gpu/refine.h. Definition: refine_mask_reference().
 #version 450
+#extension GL_GOOGLE_include_directive : require
+
+#include "refine_ground.glsl"
 
 layout(local_size_x = 32, local_size_y = 8) in;
-
-// Whole numbers of 64 bits, the lower half first.
-struct Ground {
-    uvec2 a, b, d0, limit;
-};
 
 struct Choice {
     uint nearest2[2], farthest2[2], label[2];
@@ -29,49 +27,13 @@ const uint NONE = 0xFFFF;
 
 shared uint found[4]; // as seen, of the group
 
-uvec2 add(uvec2 a, uvec2 b)
-{
-    uint carry;
-    const uint low = uaddCarry(a.x, b.x, carry);
-
-    return uvec2(low, a.y + b.y + carry);
-}
-
-uvec2 subtract(uvec2 a, uvec2 b)
-{
-    uint borrow;
-    const uint low = usubBorrow(a.x, b.x, borrow);
-
-    return uvec2(low, a.y - b.y - borrow);
-}
-
-// Modulo 2^64, which is right for negative a as well.
-uvec2 times(uvec2 a, uint n)
-{
-    uint high, low;
-
-    umulExtended(a.x, n, high, low);
-    return uvec2(low, high + a.y * n);
-}
-
-bool on_ground(uint i, uint x, uint y, uint q)
-{
-    const Ground g = grounds[i];
-    const uvec2 plane = add(add(g.d0, times(g.a, x)), times(g.b, y));
-    uvec2 off = subtract(uvec2(q << 24, q >> 8), plane);
-
-    if ((off.y & 0x80000000u) != 0)
-        off = subtract(uvec2(0), off);
-    return off.y < g.limit.y || (off.y == g.limit.y && off.x <= g.limit.x);
-}
-
 // Bits of one half that stay: of labels from `first` + 1 on.
 uint on_planes(uint bits, uint of_planes, uint first, uvec2 at, uint q)
 {
     for (uint left = bits & of_planes; left != 0; left &= left - 1) {
         const uint i = uint(findLSB(left));
 
-        if (!on_ground(first + i, at.x, at.y, q))
+        if (!is_at_most(miss_of(grounds[first + i], at, q), grounds[first + i].limit))
             bits &= ~(1u << i);
     }
     return bits;

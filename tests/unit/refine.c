@@ -117,10 +117,11 @@ static void check_distances(int width, int height, unsigned one_in)
     struct sst_distance_scratch scratch = { malloc((size_t)width * 8), malloc((size_t)width * 4),
                                             malloc((size_t)width * 4) };
     struct sst_hull hull = { 0, malloc((size_t)height * 8 + 8), malloc((size_t)height * 8 + 8) };
+    uint32_t *extents = malloc((size_t)height * sizeof(*extents));
     struct sst_map_u8 map;
     int region = 0;
 
-    assert_true(got && scratch.start && scratch.vertex && scratch.row && hull.x && hull.y);
+    assert_true(got && scratch.start && scratch.vertex && scratch.row && hull.x && hull.y && extents);
     assert_int_equal(sst_map_u8_init(&map, width, height), 0);
     for (int i = 0; i < (int)pixels; i++) {
         sst_map_u8_row(&map, i / width)[i % width] = sst_random_u64(&seed) % (unsigned)one_in ? 3 : 7;
@@ -129,7 +130,8 @@ static void check_distances(int width, int height, unsigned one_in)
     assert_int_equal(sst_distance_columns(got, &map, 7), region > 0);
     for (int y = 0; y < map.height && region; y++)
         sst_distance_row(got + (size_t)y * (size_t)map.width, map.width, &scratch);
-    sst_hull_build(&hull, &map, 7);
+    sst_region_extents(extents, &map, 7);
+    sst_hull_build(&hull, extents, height);
     assert_int_equal(hull.count > 0, region > 0);
     for (int i = 0; i < (int)pixels && region; i++) {
         uint32_t nearest = UINT32_MAX, farthest = 0;
@@ -153,6 +155,7 @@ static void check_distances(int width, int height, unsigned one_in)
     free(scratch.row);
     free(hull.x);
     free(hull.y);
+    free(extents);
 }
 
 static void distances_equal_plain_loops(void **state SST_UNUSED)
@@ -171,12 +174,16 @@ static void hull_of_a_square(void **state SST_UNUSED)
     int32_t x[42], y[42], far_x[1] = { SST_IMAGE_MAX_SIDE - 1 }, far_y[1] = { SST_IMAGE_MAX_SIDE - 1 };
     struct sst_hull hull = { 0, x, y };
     const struct sst_hull corner = { 1, far_x, far_y };
+    uint32_t extents[20];
     struct sst_map_u8 map;
 
     assert_int_equal(sst_map_u8_init(&map, 20, 20), 0);
     for (int j = 5; j < 10; j++)
         memset(sst_map_u8_row(&map, j) + 3, 9, 6);
-    sst_hull_build(&hull, &map, 9);
+    sst_region_extents(extents, &map, 9);
+    assert_int_equal(extents[4], SST_EXTENT_NONE);
+    assert_int_equal(extents[5], 3 | 8 << 16);
+    sst_hull_build(&hull, extents, 20);
     assert_int_equal(hull.count, 4);
     assert_int_equal(sst_hull_farthest(&hull, 0, 0), 8 * 8 + 9 * 9);
     assert_int_equal(sst_hull_farthest(&corner, 0, 0), 2147352578);
@@ -368,10 +375,10 @@ static void ground_plane_survives_outliers(void **state SST_UNUSED)
     }
     sst_map_u16_row(&g.view.disp, 30)[7] = SST_DISP_NONE;
     assert_true(sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist));
-    CLOSE(plane.a, 2, 1e-9);
-    CLOSE(plane.b, 5, 1e-9);
-    CLOSE(plane.d0, 1000, 1e-7);
-    CLOSE(plane.limit, 5 * 0.25 * 64, 1e-9);
+    assert_int_equal(plane.a_q24, 2 << 24);
+    assert_int_equal(plane.b_q24, 5 << 24);
+    assert_int_equal(plane.d0_q24, INT64_C(1000) << 24);
+    assert_int_equal(plane.limit_q24, INT64_C(80) << 24); /* 5 times 0.25 px */
     assert_true(sst_ground_has(&plane, 10, 2, 1030 + 79));
     assert_false(sst_ground_has(&plane, 10, 2, 1030 + 81));
     assert_false(sst_ground_has(&plane, 10, 2, 1030 - 81));
@@ -381,7 +388,7 @@ static void ground_plane_survives_outliers(void **state SST_UNUSED)
 /* Too few pixels, one row, and two steps of which neither holds three quarters: no plane, nothing written. */
 static void ground_without_a_plane(void **state SST_UNUSED)
 {
-    struct sst_ground plane = { .a = 7 };
+    struct sst_ground plane = { .a_q24 = 7 };
     struct ground_view g;
 
     ground_view_init(&g);
@@ -393,7 +400,7 @@ static void ground_without_a_plane(void **state SST_UNUSED)
         sst_map_u8_row(&g.view.label, i / 50)[i % 50] = 4;
         sst_map_u16_row(&g.view.disp, i / 50)[i % 50] = sst_random_u64(&seed) % 10 < 6 ? 1000 : 20000;
     }
-    assert_true(!sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist) || plane.limit > 9000);
+    assert_true(!sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist) || plane.limit_q24 > INT64_C(9000) << 24);
     ground_view_fini(&g);
 }
 

@@ -1,5 +1,5 @@
-/* Label refinement on a device: a view's pixels go there once, its labels come back. The CPU sees which labels compete,
- * to find the hulls of their regions, and the sums of the regions' normals.
+/* Label refinement on a device: a view's pixels go there once, its labels come back. The CPU sees sums over grounds and
+ * regions, from which it makes planes and mean normals, and the outermost pixels of regions in each row, for hulls.
  *
  * A device that fails is closed. The view in work and the next ones are then refined on the CPU, one more after each
  * failure, twice as many each time; then the device is opened again. */
@@ -19,14 +19,15 @@ struct work {
     struct sst_refine_device *d;
     const struct refine_job *job;
     struct sst_view *view;
-    const struct refine_grounds *grounds;
+    struct refine_grounds grounds;
+    uint32_t *extents; /* [classes][height] on the host, if labels compete */
     int width, height;
     size_t pixels;
     uint64_t seen, mixed; /* labels that compete; those of conflicts between objects and grounds */
     bool normals;
 };
 
-_Static_assert(SST_GPU_REFINE_LABELS == SST_MAX_CLASSES, "a bit each");
+_Static_assert(SST_EXTENT_NONE == 0xFFFF, "as refine_extents leaves it");
 
 #define THE_VIEW REFINE_KEPT /* among buffers of a dispatch: that in work */
 
@@ -72,9 +73,10 @@ static void note_name(struct sst_refine_device *d)
 int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared)
 {
     static const enum sst_gpu_shader shaders[] = {
-        SST_GPU_REFINE_MASK,   SST_GPU_REFINE_COLUMNS, SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
-        SST_GPU_REFINE_PLANES, SST_GPU_REFINE_NORMALS, SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
-        SST_GPU_LABEL_CARRY,   SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS,    SST_GPU_REFINE_COUNT
+        SST_GPU_REFINE_MASK,        SST_GPU_REFINE_COLUMNS,       SST_GPU_REFINE_COMPETE,      SST_GPU_REFINE_SUMS,
+        SST_GPU_REFINE_PLANES,      SST_GPU_REFINE_NORMALS,       SST_GPU_REFINE_ASSIGN,       SST_GPU_VOTE,
+        SST_GPU_LABEL_CARRY,        SST_GPU_LABEL_FILL,           SST_GPU_LABEL_CELLS,         SST_GPU_REFINE_COUNT,
+        SST_GPU_REFINE_GROUND_SUMS, SST_GPU_REFINE_GROUND_MISSES, SST_GPU_REFINE_GROUND_LIMIT, SST_GPU_REFINE_EXTENTS
     };
     struct sst_refine_device *d;
     int err;
@@ -109,12 +111,13 @@ void sst_refine_device_destroy(struct sst_refine_device *d)
     sst_gpu_shared_leave(d->shared, &d->user);
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->corners);
+    sst_mem_kept_fini(&d->extents);
     free(d);
 }
 
 const char *sst_refine_stage_name(enum sst_refine_stage stage)
 {
-    static const char *const names[SST_REFINE_STAGES] = { "entropy", "distributions", "grounds", "hulls", "carrying" };
+    static const char *const names[SST_REFINE_STAGES] = { "entropy", "distributions", "carrying" };
 
     return names[stage];
 }
@@ -196,33 +199,7 @@ static int dispatch_view(const struct work *w, enum sst_gpu_shader shader, const
     return dispatch(w->d, shader, push, x, y, kept, count);
 }
 
-static void split(uint32_t out[2], uint64_t whole)
-{
-    out[0] = (uint32_t)whole;
-    out[1] = (uint32_t)(whole >> 32);
-}
-
-static uint64_t join(const uint32_t v[2])
-{
-    return v[0] | (uint64_t)v[1] << 32;
-}
-
 /* --- steps -------------------------------------------------------------------------------------------------------- */
-
-static int upload_grounds(const struct work *w)
-{
-    struct sst_gpu_refine_ground ground[SST_GPU_REFINE_LABELS] = { { { 0 }, { 0 }, { 0 }, { 0 } } };
-
-    for (int i = 0; i < SST_GPU_REFINE_LABELS; i++) {
-        const struct sst_ground *g = &w->grounds->ground[i];
-
-        split(ground[i].a, (uint64_t)g->a_q24);
-        split(ground[i].b, (uint64_t)g->b_q24);
-        split(ground[i].d0, (uint64_t)g->d0_q24);
-        split(ground[i].limit, (uint64_t)g->limit_q24);
-    }
-    return refine_device_upload(w->d, REFINE_KEPT_GROUNDS, ground, sizeof(ground));
-}
 
 static int upload_table(const struct work *w)
 {
@@ -235,10 +212,24 @@ static int upload_table(const struct work *w)
     if (!table)
         return -ENOMEM;
     for (int q = 0; q < SST_DISP_BINS; q++)
-        split(table[q], w->job->candidates[q]);
+        sst_gpu_split(table[q], w->job->candidates[q]);
     err = refine_device_upload(w->d, REFINE_KEPT_TABLE, table, SST_DISP_BINS * sizeof(*table));
     w->d->has_table = !err;
     return err;
+}
+
+static size_t extents_bytes(const struct work *w)
+{
+    return (size_t)w->job->lf->classes.count * (size_t)w->height * sizeof(*w->extents);
+}
+
+static int find_extents(const struct work *w)
+{
+    static const enum refine_kept kept[] = { THE_VIEW, REFINE_KEPT_EXTENTS };
+    const struct sst_gpu_refine_extents push = { w->width, w->height, (uint32_t)w->job->lf->classes.count };
+    const int err = refine_device_keep(w->d, REFINE_KEPT_EXTENTS, extents_bytes(w));
+
+    return err ? err : dispatch(w->d, SST_GPU_REFINE_EXTENTS, &push, (uint32_t)w->height, 1, kept, ARRAY_LEN(kept));
 }
 
 /* Candidates of all pixels, and which labels compete. */
@@ -253,16 +244,17 @@ static int find_candidates(struct work *w)
     w->d->turn++;
     err = refine_device_view(w->d, w->job->lf, w->d->in_work, 1U << SST_GPU_PLANE_LABELS, NULL);
     err = err ? err : upload_table(w);
-    split(push.planar, w->grounds->planar);
-    split(push.ground, w->job->ground);
-    err = err ? err : upload_grounds(w);
+    err = err ? err : refine_device_grounds(w->d, w->job, w->d->in_work, &w->grounds);
+    sst_gpu_split(push.planar, w->grounds.planar);
+    sst_gpu_split(push.ground, w->job->ground);
     err = err ? err : refine_device_upload(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_CHOICE, w->pixels * sizeof(struct sst_gpu_refine_choice));
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_MASK, w->pixels * 2 * sizeof(uint32_t));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_MASK, &push, kept, ARRAY_LEN(kept));
+    err = err ? err : find_extents(w);
     err = err ? err : refine_device_download(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
-    w->seen = join(seen);
-    w->mixed = join(seen + 2);
+    w->seen = sst_gpu_whole(seen);
+    w->mixed = sst_gpu_whole(seen + 2);
     w->normals = w->mixed && w->job->cfg->p_normal > 0;
     return err;
 }
@@ -281,13 +273,22 @@ static int find_normals(const struct work *w)
     };
     int err = refine_device_keep(w->d, REFINE_KEPT_SUMS, w->pixels * sizeof(struct sst_gpu_refine_sums));
 
-    split(push.mixed, w->mixed);
-    split(push.ground, w->job->ground);
+    sst_gpu_split(push.mixed, w->mixed);
+    sst_gpu_split(push.ground, w->job->ground);
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_PLANES, w->pixels * sizeof(struct sst_surface_plane));
     err = err ? err : refine_device_upload(w->d, REFINE_KEPT_REGIONS, none, sizeof(none));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_SUMS, &window, sums, ARRAY_LEN(sums));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_PLANES, &window, planes, ARRAY_LEN(planes));
     return err ? err : dispatch_view(w, SST_GPU_REFINE_NORMALS, &push, normals, ARRAY_LEN(normals));
+}
+
+/* Outermost pixels of all labels in each row, for hulls. */
+static int download_extents(struct work *w)
+{
+    const size_t bytes = extents_bytes(w);
+
+    w->extents = sst_mem_keep(&w->d->extents, bytes, 1);
+    return w->extents ? refine_device_download(w->d, REFINE_KEPT_EXTENTS, w->extents, bytes) : -ENOMEM;
 }
 
 /* @return corners of the hull of a label's region, uploaded; 0: it is absent; or an error */
@@ -301,8 +302,7 @@ static int upload_hull(const struct work *w, int label)
 
     if (!corners)
         return -ENOMEM;
-    sst_hull_build(&hull, &w->view->label, label);
-    sst_refine_device_note_stage(w->d, SST_REFINE_STAGE_HULLS);
+    sst_hull_build(&hull, w->extents + (size_t)(label - 1) * (size_t)w->height, w->height);
     for (int i = 0; i < hull.count; i++) {
         pairs[2 * i] = hull.x[i];
         pairs[2 * i + 1] = hull.y[i];
@@ -339,10 +339,11 @@ static int exchange_regions(const struct work *w)
     int err = w->normals ? refine_device_download(w->d, REFINE_KEPT_REGIONS, sums, sizeof(sums)) : 0;
 
     for (int i = 0; i < SST_GPU_REFINE_LABELS && w->normals && !err; i++) {
-        struct sst_region r = { .normals = (int64_t)join(sums[i].normals), .pixels = (int64_t)join(sums[i].pixels) };
+        struct sst_region r = { .normals = (int64_t)sst_gpu_whole(sums[i].normals),
+                                .pixels = (int64_t)sst_gpu_whole(sums[i].pixels) };
 
         for (int c = 0; c < 3; c++)
-            r.sum_q20[c] = (int64_t)join(sums[i].sum_q20[c]);
+            r.sum_q20[c] = (int64_t)sst_gpu_whole(sums[i].sum_q20[c]);
         sst_region_finish(&r);
         memcpy(means[i].mean, r.mean, sizeof(r.mean));
         means[i].known = sst_region_has_normal(&r);
@@ -380,7 +381,6 @@ static int refine_view(struct sst_refine_device *d, const struct refine_job *job
     struct work w = { .d = d,
                       .job = job,
                       .view = &job->lf->views[view],
-                      .grounds = &job->grounds[view],
                       .width = job->lf->width,
                       .height = job->lf->height,
                       .pixels = (size_t)job->lf->width * (size_t)job->lf->height };
@@ -390,6 +390,8 @@ static int refine_view(struct sst_refine_device *d, const struct refine_job *job
     err = find_candidates(&w);
     if (w.normals)
         err = err ? err : find_normals(&w);
+    if (w.seen)
+        err = err ? err : download_extents(&w);
     for (int label = 1; label <= job->lf->classes.count && !err; label++) {
         if (w.seen >> (label - 1) & 1)
             err = compete(&w, label);
@@ -459,8 +461,6 @@ void refine_device_start(struct sst_refine_device *d)
 
 int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count)
 {
-    if (job->ground && job->cfg->ground_plane)
-        sst_refine_device_note_stage(d, SST_REFINE_STAGE_GROUNDS);
     for (int i = 0; i < count; i++) {
         if (job->cfg->cancel && *job->cfg->cancel)
             return -ECANCELED;

@@ -92,40 +92,33 @@ static void chain_append(struct sst_hull *h, int first, int sign, int x, int y)
     h->y[h->count++] = y;
 }
 
-static int first_of(const uint8_t *row, int width, int value)
+void sst_region_extents(uint32_t *extents, const struct sst_map_u8 *label, int value)
 {
-    const uint8_t *p = memchr(row, value, (size_t)width);
+    for (int y = 0; y < label->height; y++) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+        const uint8_t *first = memchr(row, value, (size_t)label->width);
+        int last = label->width - 1;
 
-    return p ? (int)(p - row) : -1;
-}
-
-static int last_of(const uint8_t *row, int width, int value)
-{
-    int x = width - 1;
-
-    while (x >= 0 && row[x] != value)
-        x--;
-    return x;
+        while (first && row[last] != value)
+            last--;
+        extents[y] = first ? (uint32_t)(first - row) | (uint32_t)last << 16 : SST_EXTENT_NONE;
+    }
 }
 
 /* Two chains from the top row to the bottom one; a region one pixel wide appears in both, which is harmless. */
-void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value)
+void sst_hull_build(struct sst_hull *hull, const uint32_t *extents, int height)
 {
     int left_count;
 
     hull->count = 0;
-    for (int y = 0; y < label->height; y++) {
-        const int x = first_of(sst_map_u8_row(label, y), label->width, value);
-
-        if (x >= 0)
-            chain_append(hull, 0, -1, x, y);
+    for (int y = 0; y < height; y++) {
+        if (extents[y] != SST_EXTENT_NONE)
+            chain_append(hull, 0, -1, (int)(extents[y] & 0xFFFF), y);
     }
     left_count = hull->count;
-    for (int y = 0; y < label->height; y++) {
-        const int x = last_of(sst_map_u8_row(label, y), label->width, value);
-
-        if (x >= 0)
-            chain_append(hull, left_count, 1, x, y);
+    for (int y = 0; y < height; y++) {
+        if (extents[y] != SST_EXTENT_NONE)
+            chain_append(hull, left_count, 1, (int)(extents[y] >> 16), y);
     }
 }
 

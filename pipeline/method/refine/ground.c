@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROUNDS       4
 #define LIMIT_SIGMAS 5.0
 #define MAD_TO_SIGMA 1.4826
 #define COLLINEAR    1e-6
@@ -12,151 +11,147 @@
 #define MOST_SLOPE   0x1p40
 #define MOST_VALUE   0x1p57
 
-/* Exact sums over a region, x and y from the picture's corner: at most 2^28 pixels, so 2^28 * 2^46 < 2^63 * 2^63. */
-struct sums {
-    int64_t n, x, y, d;
-    __int128 xx, xy, yy, xd, yd;
-};
-
-/* n^2 times the centred moment of two sums. */
-static double centred(__int128 uv, int64_t u, int64_t v, int64_t n)
-{
-    return (double)(n * uv - (__int128)u * v);
-}
-
-static double miss(const struct sst_ground *g, int x, int y, uint16_t q)
-{
-    return fabs(q - (g->d0 + g->a * x + g->b * y));
-}
-
-/* Sums over a row; each fits 64 bits. */
-static struct sums sum_up_row(const struct sst_ground *g, const uint8_t *label, const uint16_t *q, int width, int y,
-                              int value)
-{
-    const uint8_t *first = memchr(label, value, (size_t)width);
-    int64_t n = 0, sum_x = 0, sum_d = 0, xx = 0, xd = 0;
-
-    for (int x = first ? (int)(first - label) : width; x < width; x++) {
-        const int64_t d = q[x];
-
-        if (label[x] != value || q[x] == SST_DISP_NONE || miss(g, x, y, q[x]) > g->limit)
-            continue;
-        n++;
-        sum_x += x;
-        sum_d += d;
-        xx += (int64_t)x * x;
-        xd += x * d;
-    }
-    return (struct sums){ .n = n,
-                          .x = sum_x,
-                          .y = n * y,
-                          .d = sum_d,
-                          .xx = xx,
-                          .xy = sum_x * y,
-                          .yy = n * y * y,
-                          .xd = xd,
-                          .yd = sum_d * y };
-}
-
-/* Sums over the region's pixels whose residual to the current plane is within its limit. */
-static struct sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
-{
-    struct sums s = { 0 };
-
-    for (int y = 0; y < v->label.height; y++) {
-        const struct sums row =
-            sum_up_row(g, sst_map_u8_row(&v->label, y), sst_map_u16_row(&v->disp, y), v->label.width, y, value);
-
-        s.n += row.n;
-        s.x += row.x;
-        s.y += row.y;
-        s.d += row.d;
-        s.xx += row.xx;
-        s.xy += row.xy;
-        s.yy += row.yy;
-        s.xd += row.xd;
-        s.yd += row.yd;
-    }
-    return s;
-}
-
-static bool solve(struct sst_ground *g, const struct sums *s)
-{
-    const double xx = centred(s->xx, s->x, s->x, s->n), yy = centred(s->yy, s->y, s->y, s->n);
-    const double xy = centred(s->xy, s->x, s->y, s->n), det = xx * yy - xy * xy;
-    const double xd = centred(s->xd, s->x, s->d, s->n), yd = centred(s->yd, s->y, s->d, s->n);
-
-    if (s->n < 3 || !(det > COLLINEAR * xx * yy))
-        return false;
-    g->a = (xd * yy - yd * xy) / det;
-    g->b = (yd * xx - xd * xy) / det;
-    g->d0 = ((double)s->d - g->a * (double)s->x - g->b * (double)s->y) / (double)s->n;
-    return true;
-}
-
-static int bin_of(double residual)
-{
-    return residual + 0.5 < SST_DISP_BINS - 1 ? (int)(residual + 0.5) : SST_DISP_BINS - 1;
-}
-
-/* Median residual of the region's pixels, and their number. */
-static double median_miss(const struct sst_ground *g, const struct sst_view *v, int value, int64_t *hist, int64_t *n)
-{
-    int64_t below;
-    int m = 0;
-
-    memset(hist, 0, SST_DISP_BINS * sizeof(*hist));
-    *n = 0;
-    for (int y = 0; y < v->label.height; y++) {
-        const uint8_t *label = sst_map_u8_row(&v->label, y);
-        const uint16_t *q = sst_map_u16_row(&v->disp, y);
-
-        for (int x = 0; x < v->label.width; x++) {
-            if (label[x] != value || q[x] == SST_DISP_NONE)
-                continue;
-            hist[bin_of(miss(g, x, y, q[x]))]++;
-            ++*n;
-        }
-    }
-    below = hist[0];
-    while (2 * below < *n)
-        below += hist[++m];
-    return m;
-}
+_Static_assert((int64_t)(LIMIT_SIGMAS *MAD_TO_SIGMA *WHOLE + 0.5) == SST_GROUND_SPREAD_Q24, "steps of 2^-24");
 
 static int64_t whole(double v, double most)
 {
     return llround(sst_clamp_double(v * WHOLE, -most, most));
 }
 
-bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
-                    int64_t *hist)
+int64_t sst_ground_floor(const struct sst_refine_config *cfg)
 {
-    struct sst_ground g = { .limit = INFINITY };
-    int64_t n = 0;
-    struct sums s;
+    return whole(LIMIT_SIGMAS * fmax(cfg->matcher_sigma_px * SST_DISP_SCALE, 0.5), MOST_VALUE);
+}
 
-    for (int i = 0; i < ROUNDS; i++) {
-        s = sum_up(&g, v, value);
-        if (s.n < cfg->min_pixels || !solve(&g, &s))
-            return false;
-        g.limit = LIMIT_SIGMAS * fmax(MAD_TO_SIGMA * median_miss(&g, v, value, hist, &n),
-                                      fmax(cfg->matcher_sigma_px * SST_DISP_SCALE, 0.5));
-    }
-    s = sum_up(&g, v, value);
-    if (4 * (n - s.n) > n)
+/* n^2 times the centred moment of two sums. */
+static double centred(int64_t uv, int64_t u, int64_t v, int64_t n)
+{
+    return (double)((__int128)n * uv - (__int128)u * v);
+}
+
+bool sst_ground_solve(struct sst_ground *g, const struct sst_ground_sums *s, int min_pixels)
+{
+    const double xx = centred(s->xx, s->x, s->x, s->n), yy = centred(s->yy, s->y, s->y, s->n);
+    const double xy = centred(s->xy, s->x, s->y, s->n), det = xx * yy - xy * xy;
+    const double xd = centred(s->xd, s->x, s->d, s->n), yd = centred(s->yd, s->y, s->d, s->n);
+    double a, b;
+
+    if (s->n < 3 || s->n < min_pixels || !(det > COLLINEAR * xx * yy))
         return false;
-    g.a_q24 = whole(g.a, MOST_SLOPE);
-    g.b_q24 = whole(g.b, MOST_SLOPE);
-    g.d0_q24 = whole(g.d0, MOST_VALUE);
-    g.limit_q24 = whole(g.limit, MOST_VALUE);
-    *ground = g;
+    a = (xd * yy - yd * xy) / det;
+    b = (yd * xx - xd * xy) / det;
+    g->a_q24 = whole(a, MOST_SLOPE);
+    g->b_q24 = whole(b, MOST_SLOPE);
+    g->d0_q24 = whole(((double)s->d - a * (double)s->x - b * (double)s->y) / (double)s->n, MOST_VALUE);
     return true;
+}
+
+bool sst_ground_is_plane(int64_t kept, int64_t all)
+{
+    return 4 * (all - kept) <= all;
+}
+
+/* Of a pixel in a row, to the plane. @param row_q24  the plane where the row begins */
+static int64_t miss(const struct sst_ground *g, int64_t row_q24, int x, uint16_t q)
+{
+    return llabs(((int64_t)q << 24) - (row_q24 + g->a_q24 * x));
 }
 
 bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6)
 {
-    const int64_t off = ((int64_t)disp_q6 << 24) - (ground->d0_q24 + ground->a_q24 * x + ground->b_q24 * y);
+    return miss(ground, ground->d0_q24 + ground->b_q24 * y, x, disp_q6) <= ground->limit_q24;
+}
 
-    return llabs(off) <= ground->limit_q24;
+static int first_of(const uint8_t *label, int width, int value)
+{
+    const uint8_t *first = memchr(label, value, (size_t)width);
+
+    return first ? (int)(first - label) : width;
+}
+
+/* Add a row, whose own sums are small. */
+static void add_row(struct sst_ground_sums *s, const struct sst_ground *g, const uint8_t *label, const uint16_t *q,
+                    int width, int y, int value)
+{
+    const int64_t row_q24 = g->d0_q24 + g->b_q24 * y;
+    int64_t n = 0, sum_x = 0, sum_d = 0;
+
+    for (int x = first_of(label, width, value); x < width; x++) {
+        if (label[x] != value || q[x] == SST_DISP_NONE || miss(g, row_q24, x, q[x]) > g->limit_q24)
+            continue;
+        n++;
+        sum_x += x;
+        sum_d += q[x];
+        s->xx += (int64_t)x * x;
+        s->xd += (int64_t)x * q[x];
+    }
+    s->n += n;
+    s->x += sum_x;
+    s->y += n * y;
+    s->d += sum_d;
+    s->xy += sum_x * y;
+    s->yy += n * y * y;
+    s->yd += sum_d * y;
+}
+
+/* Over the region's pixels whose residual to the current plane is within its limit. */
+static struct sst_ground_sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
+{
+    struct sst_ground_sums s = { 0 };
+
+    for (int y = 0; y < v->label.height; y++)
+        add_row(&s, g, sst_map_u8_row(&v->label, y), sst_map_u16_row(&v->disp, y), v->label.width, y, value);
+    return s;
+}
+
+static int bin_of(int64_t miss_q24)
+{
+    const int64_t rounded = (miss_q24 + (1 << 23)) >> 24;
+
+    return rounded < SST_DISP_BINS - 1 ? (int)rounded : SST_DISP_BINS - 1;
+}
+
+/* Median residual of the region's pixels. @param n  how many there are */
+static int median_miss(const struct sst_ground *g, const struct sst_view *v, int value, int64_t *hist, int64_t n)
+{
+    int64_t below;
+    int m = 0;
+
+    memset(hist, 0, SST_DISP_BINS * sizeof(*hist));
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *q = sst_map_u16_row(&v->disp, y);
+        const int64_t row_q24 = g->d0_q24 + g->b_q24 * y;
+
+        for (int x = first_of(label, v->label.width, value); x < v->label.width; x++) {
+            if (label[x] == value && q[x] != SST_DISP_NONE)
+                hist[bin_of(miss(g, row_q24, x, q[x]))]++;
+        }
+    }
+    below = hist[0];
+    while (2 * below < n)
+        below += hist[++m];
+    return m;
+}
+
+bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
+                    int64_t *hist)
+{
+    struct sst_ground g = { .limit_q24 = INT64_MAX };
+    struct sst_ground_sums s = sum_up(&g, v, value);
+    const int64_t all = s.n, least_q24 = sst_ground_floor(cfg);
+
+    for (int i = 0; i < SST_GROUND_ROUNDS; i++) {
+        int64_t limit_q24;
+
+        if (!sst_ground_solve(&g, &s, cfg->min_pixels))
+            return false;
+        limit_q24 = (int64_t)SST_GROUND_SPREAD_Q24 * median_miss(&g, v, value, hist, all);
+        g.limit_q24 = limit_q24 > least_q24 ? limit_q24 : least_q24;
+        s = sum_up(&g, v, value);
+    }
+    if (!sst_ground_is_plane(s.n, all))
+        return false;
+    *ground = g;
+    return true;
 }

@@ -59,14 +59,20 @@ struct sst_distance_scratch {
 bool sst_distance_columns(uint32_t *dist, const struct sst_map_u8 *label, int value);
 void sst_distance_row(uint32_t *dist, int width, struct sst_distance_scratch *scratch);
 
+/** Outermost pixels of a region in each row: the first column, and 2^16 times the last one. */
+#define SST_EXTENT_NONE 0xFFFFU /* no pixel in this row */
+
+/** @param extents  out [height] */
+void sst_region_extents(uint32_t *extents, const struct sst_map_u8 *label, int value);
+
 /** Vertices of the convex hull of a region, no three of them on a line. */
 struct sst_hull {
     int count;
     int32_t *x, *y; /* [2 * height + 2] capacity */
 };
 
-/** Hull of the pixels whose label is `value` (monotone chain over the outermost pixels of each row); count 0: none. */
-void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value);
+/** Hull of a region (monotone chain over the outermost pixels of each row); count 0: it is empty. */
+void sst_hull_build(struct sst_hull *hull, const uint32_t *extents, int height);
 
 /**
  * Largest squared distance from (x, y) to the region: that to the farthest vertex of its hull, because a convex
@@ -117,20 +123,36 @@ bool sst_normal_at(float n[3], const struct sst_planes *planes, const struct sst
 
 /* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
 
-/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` bounds the residuals of its own
- * pixels. The whole numbers decide, so that every device decides alike.
- */
+/** d = d0 + a x + b y in steps of 2^-24 of a stored disparity, x and y from the corner; `limit` bounds the residuals of
+ * its own pixels. Whole numbers, so that every device decides alike: slopes up to 2^40, values up to 2^57. */
 struct sst_ground {
-    double a, b, d0, limit;
-    int64_t a_q24, b_q24, d0_q24, limit_q24; /* the same; slopes up to 2^16, values up to 2^33 */
+    int64_t a_q24, b_q24, d0_q24, limit_q24;
 };
+
+/** Sums over pixels with the label and a disparity d as it is stored: at most 2^28 of them, each term below 2^31. */
+struct sst_ground_sums {
+    int64_t n, x, y, d, xx, xy, yy, xd, yd;
+};
+
+#define SST_GROUND_ROUNDS     4
+#define SST_GROUND_SPREAD_Q24 124369502 /* limit by median residual: 5 sigmas of 1.4826 median |residual| */
+
+/** Least limit, by the matcher's noise. */
+int64_t sst_ground_floor(const struct sst_refine_config *cfg);
+
+/** Plane of least squares; the limit stays. @return false (untouched): fewer than min_pixels, or all near one line */
+bool sst_ground_solve(struct sst_ground *ground, const struct sst_ground_sums *sums, int min_pixels);
+
+/** True if no more than a quarter of all pixels lie beyond the limit. */
+bool sst_ground_is_plane(int64_t kept, int64_t all);
 
 /**
  * Fit the plane of a ground's confident pixels in one view.
  *
  * A ground spans many depths, so the distribution of its disparities says little about a pixel; its plane determines
  * it. Least squares with exact sums, repeated three times without the pixels whose residual exceeds the limit: 5 times
- * the larger of 1.4826 median |residual| and the matcher's noise.
+ * the larger of 1.4826 median |residual| and the matcher's noise. The median is one of residuals rounded to stored
+ * disparities. On a device all that is done for each pixel is the device's, with the same bytes: device_ground.c.
  *
  * @param hist  scratch [SST_DISP_BINS]
  * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no

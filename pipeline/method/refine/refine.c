@@ -23,8 +23,10 @@ struct refine_worker {
     struct sst_planes planes;
     int64_t *plane_sums;
     struct sst_distance_scratch distance;
+    uint32_t *extents; /* [height] */
     struct sst_hull hull;
-    int64_t *misses; /* [SST_DISP_BINS] */
+    struct refine_grounds grounds; /* of the view in work */
+    int64_t *misses;               /* [SST_DISP_BINS] */
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg)
@@ -116,20 +118,15 @@ static struct sst_region region_of(const struct refine_job *job, const struct re
 }
 
 /* Fit the planes of the grounds of a view. */
-static int find_grounds(void *arg, int index, int worker)
+static void find_grounds(const struct refine_job *job, struct refine_worker *w, const struct sst_view *v)
 {
-    struct refine_job *job = arg;
-    const int view = refine_of_batch(job, index);
-    struct refine_grounds *g = &job->grounds[view];
+    struct refine_grounds *g = &w->grounds;
 
-    if (job->cfg->cancel && *job->cfg->cancel)
-        return -ECANCELED;
+    g->planar = 0;
     for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
-        if (job->ground >> i & 1 &&
-            sst_ground_fit(&g->ground[i], &job->lf->views[view], i + 1, job->cfg, job->workers[worker].misses))
+        if (job->ground >> i & 1 && sst_ground_fit(&g->ground[i], v, i + 1, job->cfg, w->misses))
             g->planar |= (uint64_t)1 << i;
     }
-    return 0;
 }
 
 /* Candidates of an unlabeled pixel: by the label's distribution, and for a planar ground by its plane. */
@@ -196,7 +193,8 @@ static void compete(const struct refine_job *job, const struct refine_grounds *g
     const int kind = (job->ground & bit) != 0;
     const bool here = sst_distance_columns(w->nearest2, &v->label, label), weigh = job->cfg->p_distance > 0;
 
-    sst_hull_build(&w->hull, &v->label, label);
+    sst_region_extents(w->extents, &v->label, label);
+    sst_hull_build(&w->hull, w->extents, v->label.height);
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *row = sst_map_u8_row(&v->label, y);
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
@@ -267,8 +265,8 @@ static int refine_view(void *arg, int index, int worker)
 {
     struct refine_job *job = arg;
     const int view = refine_of_batch(job, index);
-    const struct refine_grounds *g = &job->grounds[view];
     struct refine_worker *w = &job->workers[worker];
+    const struct refine_grounds *g = &w->grounds;
     struct sst_view *v = &job->lf->views[view];
     struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0, { 0 } } };
     uint64_t seen, mixed;
@@ -277,6 +275,7 @@ static int refine_view(void *arg, int index, int worker)
         return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
+    find_grounds(job, w, v);
     seen = find_conflicts(job, g, w, v, &mixed);
     if (mixed && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
@@ -351,11 +350,10 @@ static void fitted_values(void *arg, int index SST_UNUSED, struct sst_share_maps
 static int refine_batch(void *arg, const int *index, int count)
 {
     struct refine_job *job = arg;
-    int err;
+    int err = 0;
 
     job->batch = index;
-    err = sst_parallel_for(count, job->n_workers, find_grounds, job);
-    if (!err && job->cfg->device)
+    if (job->cfg->device)
         err = refine_on_device(job->cfg->device, job, count);
     return err ? err : sst_parallel_for(count, job->n_workers, refine_view, job);
 }
@@ -379,13 +377,13 @@ static void job_fini(struct refine_job *job)
         sst_mem_free(w->distance.start);
         sst_mem_free(w->distance.vertex);
         sst_mem_free(w->distance.row);
+        sst_mem_free(w->extents);
         sst_mem_free(w->hull.x);
         sst_mem_free(w->hull.y);
         sst_mem_free(w->misses);
     }
     sst_mem_free(job->workers);
     sst_mem_free(job->candidates);
-    sst_mem_free(job->grounds);
     sst_mem_free(job->done);
     sst_mem_free(job->view);
 }
@@ -402,11 +400,12 @@ static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf,
     w->distance.start = sst_mem_alloc_raw(width, sizeof(*w->distance.start));
     w->distance.vertex = sst_mem_alloc_raw(width, sizeof(*w->distance.vertex));
     w->distance.row = sst_mem_alloc_raw(width, sizeof(*w->distance.row));
+    w->extents = sst_mem_alloc_raw(height, sizeof(*w->extents));
     w->hull.x = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.x));
     w->hull.y = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.y));
     w->misses = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*w->misses));
     if (!w->choice || !w->nearest2 || !w->planes.at || !w->plane_sums || !w->distance.start || !w->distance.vertex ||
-        !w->distance.row || !w->hull.x || !w->hull.y || !w->misses)
+        !w->distance.row || !w->extents || !w->hull.x || !w->hull.y || !w->misses)
         return -ENOMEM;
     return 0;
 }
@@ -421,10 +420,9 @@ static int job_init(struct refine_job *job, struct sst_lightfield *lf, const str
         job->ground |= (uint64_t)lf->classes.ground[i] << i;
     job->workers = sst_mem_alloc((size_t)job->n_workers, sizeof(*job->workers));
     job->candidates = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*job->candidates));
-    job->grounds = sst_mem_alloc(views, sizeof(*job->grounds));
     job->done = sst_mem_alloc(views, sizeof(*job->done));
     job->view = sst_mem_alloc(views, sizeof(*job->view));
-    if (!job->workers || !job->candidates || !job->grounds || !job->done || !job->view)
+    if (!job->workers || !job->candidates || !job->done || !job->view)
         return -ENOMEM;
     for (int k = 0; k < job->n_workers; k++) {
         if (worker_init(&job->workers[k], lf, cfg))

@@ -54,13 +54,11 @@ struct sst_label_fit {
 SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
                                      struct sst_label_fit *fits);
 
-/** What is done on the CPU although there is a device: it has no shader for that, or failed. */
+/** What is done on the CPU although there is a device: it failed. Views that are refined there are `on_cpu`. */
 enum sst_refine_stage {
     SST_REFINE_STAGE_ENTROPY = 0, /* labels and entropies of pixels from those of the network's cells, the threshold */
     SST_REFINE_STAGE_DISPARITY = 1, /* pixels counted for the distributions of the labels' disparities */
-    SST_REFINE_STAGE_GROUNDS = 2,   /* their planes */
-    SST_REFINE_STAGE_HULLS = 3,     /* of the regions that compete */
-    SST_REFINE_STAGE_CARRY = 4,     /* labels carried to other views */
+    SST_REFINE_STAGE_CARRY = 2,     /* labels carried to other views */
     SST_REFINE_STAGES
 };
 
@@ -82,9 +80,10 @@ struct sst_refine_device_report {
 };
 
 /**
- * Refine labels on a device: candidates, distances, planes, normals, energies and labels of a view. The results are the
- * bytes of the CPU, which fits distributions and the grounds' planes and finds the regions' hulls. A device that fails
- * is logged as a warning and counted; the view is then refined on the CPU, and the device is tried again later.
+ * Refine labels on a device: grounds, candidates, distances, planes, normals, energies and labels of a view. The
+ * results are the bytes of the CPU, which makes distributions, planes and corners of hulls from what the device counts
+ * and sums up. A device that fails is logged as a warning and counted; the view is then refined on the CPU, and the
+ * device is tried again later.
  *
  * @param shared  the device, which lives longer; NULL: *out is NULL
  * @return 0, -ENOMEM, or an error of sst_gpu_shared_join(); logged

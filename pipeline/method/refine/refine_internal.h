@@ -19,7 +19,6 @@ struct refine_job {
     struct sst_surface_frame frame;
     uint64_t ground;                /* bit i: label i + 1 is a ground */
     uint64_t *candidates;           /* [SST_DISP_BINS] */
-    struct refine_grounds *grounds; /* [views] */
     int64_t *hist;                  /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
     struct sst_label_fit fits[SST_MAX_CLASSES];
     int *view;                      /* those that are refined */
@@ -61,7 +60,10 @@ struct refine_pixels {
 /** Memory on the device, kept from view to view. */
 enum refine_kept {
     REFINE_KEPT_TABLE,
-    REFINE_KEPT_GROUNDS,
+    REFINE_KEPT_GROUNDS, /* of the view in work */
+    REFINE_KEPT_GROUND_SUMS,
+    REFINE_KEPT_GROUND_MISSES,
+    REFINE_KEPT_EXTENTS,
     REFINE_KEPT_SEEN,
     REFINE_KEPT_CHOICE,
     REFINE_KEPT_MASK,
@@ -83,7 +85,7 @@ struct sst_refine_device {
     struct sst_gpu_shared *shared;
     struct sst_gpu_user user;
     struct sst_refine_device_report report;
-    struct sst_mem_kept words, corners; /* of the host */
+    struct sst_mem_kept words, corners, extents; /* of the host */
     /* under the lock of shared */
     struct sst_gpu *gpu; /* in work */
     struct sst_gpu_buffer *kept[REFINE_KEPT];
@@ -129,6 +131,15 @@ bool refine_device_drop_kept(struct sst_refine_device *d);
 /** Pixels of all views that are refined by label and disparity. @param hist  out [classes][SST_DISP_BINS] @return
  * false: they are to be counted on the CPU; logged, noted */
 bool refine_device_count(struct sst_refine_device *d, const struct refine_job *job, int64_t *hist);
+
+/* --- device_ground.c --- */
+
+/**
+ * Fit the planes of the grounds of a view, which is there. They are in REFINE_KEPT_GROUNDS afterwards.
+ * @param out  those that are planes; their limits are on the device alone
+ */
+SST_MUST_CHECK int refine_device_grounds(struct sst_refine_device *d, const struct refine_job *job, int view,
+                                         struct refine_grounds *out);
 
 /* --- device_views.c --- */
 
