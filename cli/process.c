@@ -220,7 +220,7 @@ static int open_devices(struct job *job)
 {
     int err = sst_gpu_shared_create(&job->device, job->w.device, (uint64_t)job->w.device_memory << 20);
 
-    err = err ? err : sst_disparity_device_create_on(&job->cfg.disparity.device, job->device);
+    err = err ? err : sst_disparity_device_create(&job->cfg.disparity.device, job->device);
     if (job->cfg.refine)
         err = err ? err : sst_refine_device_create(&job->refinement, job->device);
     if (!err && ((!job->w.no_labels && !job->w.labels_dir) || job->cfg.disparity.cost & SST_COST_MCCNN))

@@ -18,7 +18,7 @@ static void test_same_bytes(void **state)
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
-        assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%d: %lld views, %lld tested, %lld dispatches\n", i, (long long)report.views,
                       (long long)report.tested, (long long)report.dispatches);
@@ -34,7 +34,7 @@ static void test_same_bytes(void **state)
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
         assert_string_equal(report.name, "dummy");
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -50,12 +50,12 @@ static void test_narrow(void **state)
     match_init(&lf, 3, 3, 90, 41, 1.5);
     assert_true(match_config(&cfg, 2));
     cfg.disp_max_px = 3;
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 8);
     assert_int_equal(report.stages_on_cpu, 0);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -71,12 +71,12 @@ static void test_tiles(void **state)
     match_init(&lf, 1, 3, 230, 192, 21);
     match_config_tiles(&cfg);
     cfg.report = &skipped;
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_true(skipped.ranges_skipped > 0);
     assert_int_equal(report.views, 6);
     assert_int_equal(report.on_cpu, 0);
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -94,22 +94,21 @@ static void test_bands(void **state)
         cfg.phase_step = 2;
         cfg.rounds = 0;
         cfg.key_spacing = 1;
-        assert_int_equal(sst_disparity_device_create(&cfg.device, i == 4 ? "dummy:buffer=200" : "dummy:buffer=460", 0),
-                         0);
+        assert_int_equal(match_device_create(&cfg.device, i == 4 ? "dummy:buffer=200" : "dummy:buffer=460", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.in_bands, 8);
         assert_int_equal(report.on_cpu, 0);
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21); /* rows of tiles */
     match_config_tiles(&cfg);
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:buffer=3900", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy:buffer=3900", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.in_bands, 3);
     assert_int_equal(report.on_cpu, 0);
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -140,13 +139,13 @@ static void test_fallback(void **state)
         assert_true(match_config(&cfg, 2));
         cfg.rounds = cfg.subpixel_steps = 0; /* the first pass alone */
         cfg.fill = false;
-        assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
         assert_int_equal(report.on_cpu, 8 - devices[i].views);
         assert_int_equal(report.failures, devices[i].failures);
         assert_string_equal(report.why, devices[i].why);
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -161,10 +160,10 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     cfg.rounds = rounds;
     cfg.subpixel_steps = subpixel_steps;
     cfg.fill = filled;
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
     sst_disparity_device_report(cfg.device, &report);
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     return (int)report.dispatches;
 }
 
@@ -197,7 +196,7 @@ static void test_fallback_later(void **state)
         snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + lost[i].after);
         assert_true(match_config(&cfg, 2));
         cfg.fill = lost[i].filled;
-        assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.on_cpu, 0);
@@ -207,7 +206,7 @@ static void test_fallback_later(void **state)
         assert_int_equal(report.stages_on_cpu & all, lost[i].stages);
         assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
         assert_string_equal(report.why, "the device is lost");
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -233,14 +232,14 @@ static void test_range(void **state)
         char name[40];
 
         snprintf(name, sizeof(name), devices[i].name, devices[i].at);
-        assert_int_equal(sst_disparity_device_create(&search.device, name, 0), 0);
+        assert_int_equal(match_device_create(&search.device, name, 0), 0);
         assert_int_equal(sst_disparity_range(&lf, &search, &got[0], &got[1]), 0);
         assert_memory_equal(got, want, sizeof(want));
         sst_disparity_device_report(search.device, &report);
         assert_int_equal(report.views + report.on_cpu, 4); /* of two pairs */
         assert_int_equal(report.on_cpu > 0, devices[i].on_cpu);
         assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
-        sst_disparity_device_destroy(search.device);
+        match_device_destroy(search.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -258,7 +257,7 @@ static void test_refused(void **state)
     match_init(&lf, 3, 3, 90, 41, 4);
     assert_true(match_config(&cfg, 2));
     cfg.joint = false;
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 0);
     assert_int_equal(report.on_cpu, 8);
@@ -268,17 +267,17 @@ static void test_refused(void **state)
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.on_cpu, 8);
     assert_string_equal(report.why, "costs are aggregated after the optimisation");
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 
-    assert_int_equal(sst_disparity_device_create(&none, "cpu", 0), 0);
+    assert_int_equal(match_device_create(&none, "cpu", 0), 0);
     assert_null(none);
     sst_log_hold_errors(text);
-    assert_int_equal(sst_disparity_device_create(&none, "no such device", 0), -ENOENT);
-    assert_int_equal(sst_disparity_device_create(&none, "dummy:wrong=3", 0), -ENOTSUP);
+    assert_int_equal(match_device_create(&none, "no such device", 0), -ENOENT);
+    assert_int_equal(match_device_create(&none, "dummy:wrong=3", 0), -ENOTSUP);
     assert_contains(text, "cannot match");
     sst_log_hold_errors(NULL);
-    sst_disparity_device_destroy(NULL);
+    match_device_destroy(NULL);
 }
 
 int main(void)

@@ -18,14 +18,14 @@ static void test_same_bytes(void **state)
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
-        assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, VIEWS);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_in_range(report.uploads, 2 * VIEWS, 4 * VIEWS); /* pixels and features; lumas; maps: once each */
         assert_string_equal(report.why, "");
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -44,11 +44,11 @@ static void test_tiles(void **state)
     cfg.model = path;
     cfg.precision = SST_PRECISION_F32;
     cfg.frugal = true;
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 6); /* with those at a quarter of the size */
     assert_int_equal(report.on_cpu, 0);
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -68,7 +68,7 @@ static void test_little_memory(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         assert_true(match_config_learned(&cfg, devices[i].config, path));
-        assert_int_equal(sst_disparity_device_create(&cfg.device, devices[i].name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, devices[i].name, 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%lld views, %lld in bands, %lld uploads\n", (long long)report.views, (long long)report.in_bands,
                       (long long)report.uploads);
@@ -76,7 +76,7 @@ static void test_little_memory(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.in_bands, devices[i].bands ? VIEWS : 0);
         assert_true(devices[i].bands || report.uploads > 4 * VIEWS);
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -93,13 +93,13 @@ static void test_fallback(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + 40); /* at the second view of each opening */
     assert_true(match_config_learned(&cfg, 0, path));
-    assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
+    assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
     match_compare(&lf, &cfg, &report);
     print_message("%lld views, %lld on the CPU\n", (long long)report.views, (long long)report.on_cpu);
     assert_int_equal(report.views + report.on_cpu, VIEWS);
     assert_true(report.views > 0 && report.on_cpu > 0 && report.failures > 1);
     assert_string_equal(report.why, "the device is lost");
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 

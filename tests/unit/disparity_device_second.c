@@ -10,7 +10,7 @@ static struct sst_disparity_device *open_device(const char *name)
 {
     struct sst_disparity_device *device;
 
-    assert_int_equal(sst_disparity_device_create(&device, name, 0), 0);
+    assert_int_equal(match_device_create(&device, name, 0), 0);
     return device;
 }
 
@@ -28,7 +28,7 @@ static void test_same_bytes(void **state)
         assert_int_equal(report.failures, 0);
         assert_int_equal(report.stages_on_cpu, 0);
     }
-    sst_disparity_device_destroy(device);
+    match_device_destroy(device);
 }
 
 /* Wherever the device is lost, the CPU goes on from there, and what it did is named. */
@@ -54,7 +54,7 @@ static void test_lost(void **state)
         assert_int_equal(report.stages_on_cpu & ~(surfaces | carrying), 0);
         assert_string_equal(report.why, "the device is lost");
         seen |= report.stages_on_cpu;
-        sst_disparity_device_destroy(device);
+        match_device_destroy(device);
     }
     assert_int_equal(seen, surfaces | carrying);
 }
@@ -72,7 +72,7 @@ static void test_small(void **state)
     assert_int_equal(report.failures, 0);
     assert_int_equal(report.stages_on_cpu, surfaces | carrying);
     assert_string_equal(report.why, "not enough memory on the device");
-    sst_disparity_device_destroy(device);
+    match_device_destroy(device);
 }
 
 int main(void)

@@ -172,7 +172,7 @@ static void test_stages(void **state)
         assert_true(match_config(&cfg, 1));
         assert_true(refine_config(&refinement, 1));
         assert_int_equal(sst_gpu_shared_create(&shared, name, devices[i].memory), 0);
-        assert_int_equal(sst_disparity_device_create_on(&cfg.device, shared), 0);
+        assert_int_equal(sst_disparity_device_create(&cfg.device, shared), 0);
         assert_int_equal(sst_refine_device_create(&refine, shared), 0);
         refinement.device = refine;
         for (int turn = 0; turn < 3; turn++) {

@@ -153,7 +153,7 @@ static void test_matches(void **state)
     struct sst_lightfield lf;
 
     (void)state;
-    assert_int_equal(sst_disparity_device_create(&device, "lavapipe", 0), 0);
+    assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
         cfg.device = device;
@@ -169,14 +169,14 @@ static void test_matches(void **state)
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.on_cpu, 0);
     sst_lightfield_fini(&lf);
-    sst_disparity_device_destroy(device);
+    match_device_destroy(device);
     match_init(&lf, 1, 3, 97, 60, 8); /* in bands of rows */
     assert_true(match_config(&cfg, 5));
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "lavapipe", (uint64_t)1350 << 10), 0);
+    assert_int_equal(match_device_create(&cfg.device, "lavapipe", (uint64_t)1350 << 10), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.in_bands, 3);
     assert_int_equal(report.on_cpu, 0);
-    sst_disparity_device_destroy(cfg.device);
+    match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -226,11 +226,11 @@ static void test_learned(void **state)
     ow_feature_network(path, "1");
     match_init(&lf, 2, 2, 97, 60, 8);
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
-        assert_int_equal(sst_disparity_device_create(&cfg.device, "lavapipe", 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, "lavapipe", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 3);
         assert_int_equal(report.on_cpu, 0);
-        sst_disparity_device_destroy(cfg.device);
+        match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
     unlink(path);
@@ -243,14 +243,14 @@ static void test_second(void **state)
     struct sst_disparity_device *device;
 
     (void)state;
-    assert_int_equal(sst_disparity_device_create(&device, "lavapipe", 0), 0);
+    assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
     for (int skip = 0; skip < 2; skip++) {
         second_compare(device, skip, &report);
         assert_int_equal(report.tested, SECOND_TESTED);
         assert_int_equal(report.stages_on_cpu, 0);
         assert_int_equal(report.failures, 0);
     }
-    sst_disparity_device_destroy(device);
+    match_device_destroy(device);
 }
 
 /* Networks in floats and on 8 bits. */

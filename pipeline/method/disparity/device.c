@@ -77,7 +77,7 @@ static void note_name(struct sst_disparity_device *d)
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
-int sst_disparity_device_create_on(struct sst_disparity_device **out, struct sst_gpu_shared *shared)
+int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_gpu_shared *shared)
 {
     struct sst_disparity_device *d;
     int err;
@@ -104,27 +104,11 @@ int sst_disparity_device_create_on(struct sst_disparity_device **out, struct sst
     return 0;
 }
 
-int sst_disparity_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
-{
-    struct sst_gpu_shared *shared;
-    int err = sst_gpu_shared_create(&shared, name, memory_bytes);
-
-    *out = NULL;
-    err = err ? err : sst_disparity_device_create_on(out, shared);
-    if (err)
-        sst_gpu_shared_destroy(shared);
-    else if (*out)
-        (*out)->owns_shared = true;
-    return err;
-}
-
 void sst_disparity_device_destroy(struct sst_disparity_device *d)
 {
     if (!d)
         return;
     sst_gpu_shared_leave(d->shared, &d->user);
-    if (d->owns_shared)
-        sst_gpu_shared_destroy(d->shared);
     sst_mem_kept_fini(&d->words);
     free(d);
 }

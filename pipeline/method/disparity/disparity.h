@@ -123,22 +123,17 @@ struct sst_disparity_device_report {
 };
 
 /**
- * Open a device to match views on: the costs of each by census and features of its neighbours, their aggregation, the
+ * Match views on a device: the costs of each by census and features of its neighbours, their aggregation, the
  * optimisation, winners and filters; in the second pass its hypotheses and their tests; refinement between pixels,
- * carried maps, check and filling. The results are the bytes of the CPU. A device that fails is logged as a warning and
- * counted; the view is then matched on the CPU, and the device is tried again later.
+ * carried maps, check and filling. The results are the bytes of the CPU. A view whose volume does not fit is matched in
+ * bands of rows, costs computed twice; one of which no band fits on the CPU. A device that fails is logged as a warning
+ * and counted; the view is then matched on the CPU, and the device is tried again later.
  *
- * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
- * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is
- *                      matched in bands of rows, costs computed twice; one of which no band fits on the CPU
- * @param out           NULL: on the CPU
- * @return 0, errors of sst_gpu_open(), -ENOTSUP (a shader is refused); logged
+ * @param shared  the device, which lives longer; NULL: *out is NULL
+ * @param out     NULL: on the CPU
+ * @return 0, -ENOMEM, or an error of sst_gpu_shared_join(); logged
  */
-SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, const char *name,
-                                               uint64_t memory_bytes);
-
-/** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
-SST_MUST_CHECK int sst_disparity_device_create_on(struct sst_disparity_device **out, struct sst_gpu_shared *shared);
+SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_gpu_shared *shared);
 void sst_disparity_device_destroy(struct sst_disparity_device *d);
 
 /** What it has done since the last report. */

@@ -174,7 +174,6 @@ struct device_pixels {
 
 struct sst_disparity_device {
     struct sst_gpu_shared *shared;
-    bool owns_shared; /* opened by this one, and closed with it */
     struct sst_gpu_user user;
     struct sst_disparity_device_report report;
     /* under the lock of shared */
