@@ -255,6 +255,8 @@ int gpu_vulkan_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 SST_MUST_CHECK int gpu_vulkan_open(struct sst_gpu **out, int index);
 
 #if WITH_VULKAN
+#include <errno.h>
+
 #define VK_NO_PROTOTYPES
 #include <vulkan/vulkan_core.h>
 
@@ -369,6 +371,69 @@ uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m);
  * @return 0, -EINVAL (no module, or it does not declare what a type needs before it)
  */
 SST_MUST_CHECK int gpu_matrix_complete(uint32_t *code, size_t words);
+
+struct gpu_vulkan_memory {
+    VkBuffer buffer;
+    VkDeviceMemory memory;
+};
+
+struct gpu_vulkan_pipeline {
+    VkDescriptorSetLayout set;
+    VkPipelineLayout layout;
+    VkPipeline pipeline;
+};
+
+/** A Vulkan device that is open. */
+struct gpu_vulkan_device {
+    struct sst_gpu gpu; /* first */
+    struct gpu_vulkan *vk;
+    VkPhysicalDevice physical;
+    VkPhysicalDeviceMemoryProperties memory;
+    VkDevice device;
+    VkQueue queue;
+    VkCommandPool commands;
+    VkCommandBuffer command;
+    VkFence fence;
+    VkDescriptorPool descriptors;
+    struct gpu_vulkan_memory staging;
+    uint8_t *mapped;
+    size_t staged; /* bytes of it that commands use */
+    int sets;      /* that they use */
+    bool recording;
+    bool hung;                      /* a wait ended without an answer: memory may still be in use */
+    struct gpu_vulkan_device *next; /* after close, of those that hung */
+    VkPipelineCache cache;
+    uint64_t cache_key;
+    size_t cache_bytes; /* that were read */
+    struct gpu_vulkan_pipeline pipeline[SST_GPU_SHADERS];
+};
+
+static inline int gpu_vulkan_error(VkResult rc)
+{
+    switch (rc) {
+    case VK_SUCCESS:
+        return 0;
+    case VK_ERROR_OUT_OF_HOST_MEMORY:
+    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
+    case VK_ERROR_OUT_OF_POOL_MEMORY:
+        return -ENOMEM;
+    case VK_ERROR_DEVICE_LOST:
+        return -ENODEV;
+    case VK_TIMEOUT:
+        return -ETIMEDOUT;
+    default:
+        return -EIO;
+    }
+}
+
+/** Compile a shader, as struct gpu_ops has it; its self-test follows. @return 0, -ENOMEM, -EIO, -ENODEV */
+int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number);
+
+/** Make the cache of pipelines from what is stored for this driver, device and shaders. @return 0, -ENOMEM, -EIO */
+SST_MUST_CHECK int gpu_vulkan_open_cache(struct gpu_vulkan_device *v);
+
+/** Store what was compiled and is not stored yet, unless the device is lost. */
+void gpu_vulkan_store_cache(struct gpu_vulkan_device *v);
 #endif
 
 /* --- cache.c: compiled pipelines on disk, one file per driver and set of shaders ----------------------------------

@@ -15,86 +15,33 @@
 #define STAGING_BYTES ((size_t)32 << 20)
 #define SETS          64 /* dispatches that are gathered at most */
 
-struct memory {
-    VkBuffer buffer;
-    VkDeviceMemory memory;
-};
-
 struct vulkan_buffer {
     struct sst_gpu_buffer buffer; /* first */
-    struct memory memory;
+    struct gpu_vulkan_memory memory;
 };
 
 struct vulkan_span {
     struct sst_gpu_span span; /* first */
-    struct memory memory;
+    struct gpu_vulkan_memory memory;
 };
 
-struct pipeline {
-    VkDescriptorSetLayout set;
-    VkPipelineLayout layout;
-    VkPipeline pipeline;
-};
-
-struct vulkan {
-    struct sst_gpu gpu; /* first */
-    struct gpu_vulkan *vk;
-    VkPhysicalDevice physical;
-    VkPhysicalDeviceMemoryProperties memory;
-    VkDevice device;
-    VkQueue queue;
-    VkCommandPool commands;
-    VkCommandBuffer command;
-    VkFence fence;
-    VkDescriptorPool descriptors;
-    struct memory staging;
-    uint8_t *mapped;
-    size_t staged; /* bytes of it that commands use */
-    int sets;      /* that they use */
-    bool recording;
-    bool hung;           /* a wait ended without an answer: memory may still be in use */
-    struct vulkan *next; /* after close, of those that hung */
-    VkPipelineCache cache;
-    uint64_t cache_key;
-    size_t cache_bytes; /* that were read */
-    struct pipeline pipeline[SST_GPU_SHADERS];
-};
-
-static int error_of(VkResult rc)
-{
-    switch (rc) {
-    case VK_SUCCESS:
-        return 0;
-    case VK_ERROR_OUT_OF_HOST_MEMORY:
-    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
-    case VK_ERROR_OUT_OF_POOL_MEMORY:
-        return -ENOMEM;
-    case VK_ERROR_DEVICE_LOST:
-        return -ENODEV;
-    case VK_TIMEOUT:
-        return -ETIMEDOUT;
-    default:
-        return -EIO;
-    }
-}
-
-static struct memory *memory_of(struct sst_gpu_buffer *b)
+static struct gpu_vulkan_memory *memory_of(struct sst_gpu_buffer *b)
 {
     return &((struct vulkan_buffer *)b)->memory;
 }
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
 
-static void free_memory(struct vulkan *v, struct memory *m)
+static void free_memory(struct gpu_vulkan_device *v, struct gpu_vulkan_memory *m)
 {
     v->vk->vkDestroyBuffer(v->device, m->buffer, NULL);
     v->vk->vkFreeMemory(v->device, m->memory, NULL);
-    *m = (struct memory){ 0 };
+    *m = (struct gpu_vulkan_memory){ 0 };
 }
 
 /* Allocate of the first type of memory with these properties. */
-static int alloc_memory(struct vulkan *v, struct memory *m, size_t bytes, VkBufferUsageFlags usage,
-                        VkMemoryPropertyFlags properties)
+static int alloc_memory(struct gpu_vulkan_device *v, struct gpu_vulkan_memory *m, size_t bytes,
+                        VkBufferUsageFlags usage, VkMemoryPropertyFlags properties)
 {
     const VkBufferCreateInfo info = { .sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, .size = bytes, .usage = usage };
     VkMemoryAllocateInfo alloc = { .sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO };
@@ -103,7 +50,7 @@ static int alloc_memory(struct vulkan *v, struct memory *m, size_t bytes, VkBuff
     VkResult rc = v->vk->vkCreateBuffer(v->device, &info, NULL, &m->buffer);
 
     if (rc)
-        return error_of(rc);
+        return gpu_vulkan_error(rc);
     v->vk->vkGetBufferMemoryRequirements(v->device, m->buffer, &needs);
     while (type < v->memory.memoryTypeCount && (!(needs.memoryTypeBits >> type & 1) ||
                                                 (v->memory.memoryTypes[type].propertyFlags & properties) != properties))
@@ -116,7 +63,7 @@ static int alloc_memory(struct vulkan *v, struct memory *m, size_t bytes, VkBuff
         rc = v->vk->vkBindBufferMemory(v->device, m->buffer, m->memory, 0);
     if (rc)
         free_memory(v, m);
-    return error_of(rc);
+    return gpu_vulkan_error(rc);
 }
 
 static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
@@ -124,7 +71,7 @@ static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
     struct vulkan_buffer *b = calloc(1, sizeof(*b));
     const VkBufferUsageFlags usage =
         VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-    int err = b ? alloc_memory((struct vulkan *)g, &b->memory, (bytes + 3) / 4 * 4, usage,
+    int err = b ? alloc_memory((struct gpu_vulkan_device *)g, &b->memory, (bytes + 3) / 4 * 4, usage,
                                VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT)
                 : -ENOMEM;
 
@@ -138,7 +85,7 @@ static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
 /* --- commands ----------------------------------------------------------------------------------------------------- */
 
 /* Begin to gather commands, and let the next one wait for all before it. */
-static int begin(struct vulkan *v)
+static int begin(struct gpu_vulkan_device *v)
 {
     const VkCommandBufferBeginInfo info = { .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
                                             .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT };
@@ -151,7 +98,7 @@ static int begin(struct vulkan *v)
     if (!v->recording) {
         rc = v->vk->vkBeginCommandBuffer(v->command, &info);
         if (rc)
-            return error_of(rc);
+            return gpu_vulkan_error(rc);
         v->recording = true;
     }
     v->vk->vkCmdPipelineBarrier(v->command, stages, stages, 0, 1, &barrier, 0, NULL, 0, NULL);
@@ -159,7 +106,7 @@ static int begin(struct vulkan *v)
 }
 
 /* Run the commands, and wait for them. */
-static int flush(struct vulkan *v)
+static int flush(struct gpu_vulkan_device *v)
 {
     const VkMemoryBarrier barrier = { .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
                                       .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
@@ -187,16 +134,16 @@ static int flush(struct vulkan *v)
         rc = v->vk->vkResetFences(v->device, 1, &v->fence);
     if (!rc)
         rc = v->vk->vkResetDescriptorPool(v->device, v->descriptors, 0);
-    return rc ? error_of(rc) : v->vk->faults ? -EIO : 0;
+    return rc ? gpu_vulkan_error(rc) : v->vk->faults ? -EIO : 0;
 }
 
 static int wait_done(struct sst_gpu *g)
 {
-    return flush((struct vulkan *)g);
+    return flush((struct gpu_vulkan_device *)g);
 }
 
 /* Staging memory for at most `bytes`; at least one. */
-static int stage(struct vulkan *v, size_t *bytes)
+static int stage(struct gpu_vulkan_device *v, size_t *bytes)
 {
     int err = v->staged < STAGING_BYTES ? 0 : flush(v);
 
@@ -209,7 +156,7 @@ static int stage(struct vulkan *v, size_t *bytes)
 
 static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes)
 {
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     int err = 0;
 
     for (size_t done = 0, n; done < bytes && !err; done += n) {
@@ -230,7 +177,7 @@ static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offse
                        size_t from, size_t bytes)
 {
     const VkBufferCopy region = { from, offset, bytes };
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     const int err = begin(v);
 
     if (!err && bytes)
@@ -241,7 +188,7 @@ static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offse
 
 static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
 {
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     int err = 0;
 
     for (size_t done = 0, n; done < bytes && !err; done += n) {
@@ -260,9 +207,9 @@ static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, siz
     return err;
 }
 
-static int bind(struct vulkan *v, const struct sst_gpu_work *work, VkDescriptorSet *set)
+static int bind(struct gpu_vulkan_device *v, const struct sst_gpu_work *work, VkDescriptorSet *set)
 {
-    const struct pipeline *p = &v->pipeline[work->shader];
+    const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     const VkDescriptorSetAllocateInfo info = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
                                                .descriptorPool = v->descriptors,
                                                .descriptorSetCount = 1,
@@ -283,13 +230,13 @@ static int bind(struct vulkan *v, const struct sst_gpu_work *work, VkDescriptorS
     }
     if (!rc)
         v->vk->vkUpdateDescriptorSets(v->device, (uint32_t)n, write, 0, NULL);
-    return error_of(rc);
+    return gpu_vulkan_error(rc);
 }
 
 static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
-    struct vulkan *v = (struct vulkan *)g;
-    const struct pipeline *p = &v->pipeline[work->shader];
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
+    const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     VkDescriptorSet set;
     int err = v->sets < SETS ? 0 : flush(v);
 
@@ -308,144 +255,11 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     return 0;
 }
 
-/* --- pipelines ---------------------------------------------------------------------------------------------------- */
-
-static const struct gpu_spirv *find_spirv(const char *name)
-{
-    const struct gpu_spirv *s = gpu_spirvs;
-    const size_t n = strlen(name);
-
-    while (s->name && (strncmp(s->name, name, n) || strcmp(s->name + n, ".spv")))
-        s++;
-    return s;
-}
-
-static int make_layout(struct vulkan *v, struct pipeline *p, const struct gpu_shader *shader)
-{
-    VkDescriptorSetLayoutBinding binding[SST_GPU_BUFFERS] = { 0 };
-    const VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, (uint32_t)shader->push_bytes };
-    const VkDescriptorSetLayoutCreateInfo set = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
-                                                  .bindingCount = (uint32_t)shader->buffers,
-                                                  .pBindings = binding };
-    const VkPipelineLayoutCreateInfo layout = { .sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
-                                                .setLayoutCount = 1,
-                                                .pSetLayouts = &p->set,
-                                                .pushConstantRangeCount = 1,
-                                                .pPushConstantRanges = &push };
-    VkResult rc = VK_SUCCESS;
-
-    for (uint32_t i = 0; i < set.bindingCount; i++)
-        binding[i] = (VkDescriptorSetLayoutBinding){ .binding = i,
-                                                     .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-                                                     .descriptorCount = 1,
-                                                     .stageFlags = VK_SHADER_STAGE_COMPUTE_BIT };
-    if (!p->set) /* of an attempt that failed later */
-        rc = v->vk->vkCreateDescriptorSetLayout(v->device, &set, NULL, &p->set);
-    if (!rc && !p->layout)
-        rc = v->vk->vkCreatePipelineLayout(v->device, &layout, NULL, &p->layout);
-    return error_of(rc);
-}
-
-static int make_module(struct vulkan *v, enum sst_gpu_shader number, VkShaderModule *out)
-{
-    const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
-    VkShaderModuleCreateInfo source = { .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
-                                        .codeSize = (size_t)(code->end - code->begin),
-                                        .pCode = (const void *)code->begin };
-    uint32_t *copy;
-    int err;
-
-    if (number != SST_GPU_NET_CONV8_MATRIX)
-        return error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
-    copy = malloc(source.codeSize);
-    if (!copy)
-        return -ENOMEM;
-    memcpy(copy, code->begin, source.codeSize);
-    source.pCode = copy;
-    err = gpu_matrix_complete(copy, source.codeSize / sizeof(*copy)) ? -EIO : 0;
-    if (!err)
-        err = error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
-    free(copy);
-    return err;
-}
-
-static int compile(struct sst_gpu *g, enum sst_gpu_shader number)
-{
-    struct vulkan *v = (struct vulkan *)g;
-    struct pipeline *p = &v->pipeline[number];
-    VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
-    VkShaderModule module;
-    struct gpu_matrix_stage stage;
-    int err = make_layout(v, p, &gpu_shaders[number]);
-
-    if (!err)
-        err = make_module(v, number, &module);
-    if (err)
-        return err;
-    info.stage = (VkPipelineShaderStageCreateInfo){ .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
-                                                    .stage = VK_SHADER_STAGE_COMPUTE_BIT,
-                                                    .module = module,
-                                                    .pName = "main" };
-    if (number == SST_GPU_NET_CONV8_MATRIX)
-        gpu_matrix_stage_init(&stage, &info.stage, &g->info.matrix);
-    info.layout = p->layout;
-    err = error_of(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
-    v->vk->vkDestroyShaderModule(v->device, module, NULL);
-    return err;
-}
-
-/* Driver, device and shaders: what compiled pipelines depend on. */
-static uint64_t key_of(const struct vulkan *v)
-{
-    VkPhysicalDeviceIDProperties id = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES };
-    VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &id };
-    uint64_t key = GPU_HASH_START;
-
-    v->vk->vkGetPhysicalDeviceProperties2(v->physical, &all);
-    key = gpu_hash(key, id.driverUUID, sizeof(id.driverUUID));
-    key = gpu_hash(key, id.deviceUUID, sizeof(id.deviceUUID));
-    key = gpu_hash(key, all.properties.pipelineCacheUUID, sizeof(all.properties.pipelineCacheUUID));
-    key = gpu_hash(key, &all.properties.driverVersion, sizeof(all.properties.driverVersion));
-    for (const struct gpu_spirv *s = gpu_spirvs; s->name; s++)
-        key = gpu_hash(key, s->begin, (size_t)(s->end - s->begin));
-    return key;
-}
-
-static int open_cache(struct vulkan *v)
-{
-    VkPipelineCacheCreateInfo info = { .sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO };
-    void *data;
-    VkResult rc;
-
-    v->cache_key = key_of(v);
-    data = gpu_cache_read(v->cache_key, &info.initialDataSize);
-    v->cache_bytes = info.initialDataSize;
-    info.pInitialData = data;
-    rc = v->vk->vkCreatePipelineCache(v->device, &info, NULL, &v->cache);
-    free(data);
-    return error_of(rc);
-}
-
-/* Keep what was compiled and is not stored yet. */
-static void store_cache(struct vulkan *v)
-{
-    size_t bytes = 0;
-    void *data;
-
-    if (!v->cache || v->gpu.lost || v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, NULL) ||
-        bytes == v->cache_bytes)
-        return;
-    data = malloc(bytes);
-    if (data && !v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, data))
-        gpu_cache_write(v->cache_key, data, bytes);
-    free(data);
-}
-
 /* --- open, close -------------------------------------------------------------------------------------------------- */
 
 static void destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
 {
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
 
     if (!g->lost)
         g->lost = flush(v); /* commands may refer to it */
@@ -457,7 +271,7 @@ static void destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
 static int span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes)
 {
     const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     struct vulkan_span *s = calloc(1, sizeof(*s));
     int err = s ? alloc_memory(v, &s->memory, (bytes + 3) / 4 * 4, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, visible) : -ENOMEM;
 
@@ -465,7 +279,7 @@ static int span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t byte
         free(s);
         return err;
     }
-    err = error_of(v->vk->vkMapMemory(v->device, s->memory.memory, 0, VK_WHOLE_SIZE, 0, &s->span.data));
+    err = gpu_vulkan_error(v->vk->vkMapMemory(v->device, s->memory.memory, 0, VK_WHOLE_SIZE, 0, &s->span.data));
     if (err) {
         free_memory(v, &s->memory);
         free(s);
@@ -478,7 +292,7 @@ static int span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t byte
 
 static void span_destroy(struct sst_gpu *g, struct sst_gpu_span *s)
 {
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
 
     if (!g->lost)
         g->lost = flush(v); /* commands may refer to it */
@@ -488,12 +302,12 @@ static void span_destroy(struct sst_gpu *g, struct sst_gpu_span *s)
 }
 
 /* Devices that did not answer, closed or not: their work may still run. */
-static struct vulkan *left;
+static struct gpu_vulkan_device *left;
 static pthread_mutex_t left_lock = PTHREAD_MUTEX_INITIALIZER;
 
 static void close_device(struct sst_gpu *g)
 {
-    struct vulkan *v = (struct vulkan *)g;
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     const struct gpu_vulkan *vk = v->vk;
 
     if (v->hung) {
@@ -504,7 +318,7 @@ static void close_device(struct sst_gpu *g)
         return;
     }
     if (v->device) {
-        store_cache(v);
+        gpu_vulkan_store_cache(v);
         for (int i = 0; i < SST_GPU_SHADERS; i++) {
             vk->vkDestroyPipeline(v->device, v->pipeline[i].pipeline, NULL);
             vk->vkDestroyPipelineLayout(v->device, v->pipeline[i].layout, NULL);
@@ -520,10 +334,10 @@ static void close_device(struct sst_gpu *g)
     free(v);
 }
 
-static const struct gpu_ops ops = { create,    destroy,      compile,     upload,       download,   dispatch,
-                                    wait_done, close_device, span_create, span_destroy, upload_span };
+static const struct gpu_ops ops = { create,    destroy,      gpu_vulkan_compile, upload,       download,   dispatch,
+                                    wait_done, close_device, span_create,        span_destroy, upload_span };
 
-static int open_staging(struct vulkan *v)
+static int open_staging(struct gpu_vulkan_device *v)
 {
     const VkBufferUsageFlags usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
@@ -534,13 +348,13 @@ static int open_staging(struct vulkan *v)
     if (err)
         err = alloc_memory(v, &v->staging, STAGING_BYTES, usage, visible);
     if (!err)
-        err = error_of(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
+        err = gpu_vulkan_error(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
     if (!err)
         v->mapped = mapped;
     return err;
 }
 
-static int open_queue(struct vulkan *v)
+static int open_queue(struct gpu_vulkan_device *v)
 {
     const float priority = 1;
     const uint32_t family = (uint32_t)gpu_vulkan_family(v->vk, v->physical);
@@ -563,35 +377,35 @@ static int open_queue(struct vulkan *v)
     info.pNext = enabled.chain;
     info.enabledExtensionCount = enabled.extensions;
     info.ppEnabledExtensionNames = enabled.extension;
-    err = error_of(v->vk->vkCreateDevice(v->physical, &info, NULL, &v->device));
+    err = gpu_vulkan_error(v->vk->vkCreateDevice(v->physical, &info, NULL, &v->device));
     if (err)
         return err;
     v->vk->vkGetDeviceQueue(v->device, family, 0, &v->queue);
-    err = error_of(v->vk->vkCreateCommandPool(v->device, &pool, NULL, &v->commands));
+    err = gpu_vulkan_error(v->vk->vkCreateCommandPool(v->device, &pool, NULL, &v->commands));
     buffer.commandPool = v->commands;
-    return err ? err : error_of(v->vk->vkAllocateCommandBuffers(v->device, &buffer, &v->command));
+    return err ? err : gpu_vulkan_error(v->vk->vkAllocateCommandBuffers(v->device, &buffer, &v->command));
 }
 
-static int open_rest(struct vulkan *v)
+static int open_rest(struct gpu_vulkan_device *v)
 {
     const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
     const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, SETS * SST_GPU_BUFFERS };
     const VkDescriptorPoolCreateInfo pool = {
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = SETS, .poolSizeCount = 1, .pPoolSizes = &size
     };
-    int err = error_of(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
+    int err = gpu_vulkan_error(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
 
     if (!err)
-        err = error_of(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->descriptors));
+        err = gpu_vulkan_error(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->descriptors));
     if (!err)
         err = open_staging(v);
-    return err ? err : open_cache(v);
+    return err ? err : gpu_vulkan_open_cache(v);
 }
 
 int gpu_vulkan_open(struct sst_gpu **out, int index)
 {
     struct sst_gpu_info info[SST_GPU_DEVICES];
-    struct vulkan *v = calloc(1, sizeof(*v));
+    struct gpu_vulkan_device *v = calloc(1, sizeof(*v));
     int err;
 
     if (!v) {

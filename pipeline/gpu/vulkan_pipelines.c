@@ -1,0 +1,137 @@
+/* Shaders of a Vulkan device: modules from the binaries of the build, pipelines, and their cache on disk. */
+#include "pipeline/gpu/gpu_internal.h"
+
+#if WITH_VULKAN
+#include <stdlib.h>
+#include <string.h>
+
+static const struct gpu_spirv *find_spirv(const char *name)
+{
+    const struct gpu_spirv *s = gpu_spirvs;
+    const size_t n = strlen(name);
+
+    while (s->name && (strncmp(s->name, name, n) || strcmp(s->name + n, ".spv")))
+        s++;
+    return s;
+}
+
+static int make_layout(struct gpu_vulkan_device *v, struct gpu_vulkan_pipeline *p, const struct gpu_shader *shader)
+{
+    VkDescriptorSetLayoutBinding binding[SST_GPU_BUFFERS] = { 0 };
+    const VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, (uint32_t)shader->push_bytes };
+    const VkDescriptorSetLayoutCreateInfo set = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
+                                                  .bindingCount = (uint32_t)shader->buffers,
+                                                  .pBindings = binding };
+    const VkPipelineLayoutCreateInfo layout = { .sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
+                                                .setLayoutCount = 1,
+                                                .pSetLayouts = &p->set,
+                                                .pushConstantRangeCount = 1,
+                                                .pPushConstantRanges = &push };
+    VkResult rc = VK_SUCCESS;
+
+    for (uint32_t i = 0; i < set.bindingCount; i++)
+        binding[i] = (VkDescriptorSetLayoutBinding){ .binding = i,
+                                                     .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                                     .descriptorCount = 1,
+                                                     .stageFlags = VK_SHADER_STAGE_COMPUTE_BIT };
+    if (!p->set) /* of an attempt that failed later */
+        rc = v->vk->vkCreateDescriptorSetLayout(v->device, &set, NULL, &p->set);
+    if (!rc && !p->layout)
+        rc = v->vk->vkCreatePipelineLayout(v->device, &layout, NULL, &p->layout);
+    return gpu_vulkan_error(rc);
+}
+
+static int make_module(struct gpu_vulkan_device *v, enum sst_gpu_shader number, VkShaderModule *out)
+{
+    const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
+    VkShaderModuleCreateInfo source = { .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
+                                        .codeSize = (size_t)(code->end - code->begin),
+                                        .pCode = (const void *)code->begin };
+    uint32_t *copy;
+    int err;
+
+    if (number != SST_GPU_NET_CONV8_MATRIX)
+        return gpu_vulkan_error(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
+    copy = malloc(source.codeSize);
+    if (!copy)
+        return -ENOMEM;
+    memcpy(copy, code->begin, source.codeSize);
+    source.pCode = copy;
+    err = gpu_matrix_complete(copy, source.codeSize / sizeof(*copy)) ? -EIO : 0;
+    if (!err)
+        err = gpu_vulkan_error(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
+    free(copy);
+    return err;
+}
+
+int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number)
+{
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
+    struct gpu_vulkan_pipeline *p = &v->pipeline[number];
+    VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
+    VkShaderModule module;
+    struct gpu_matrix_stage stage;
+    int err = make_layout(v, p, &gpu_shaders[number]);
+
+    if (!err)
+        err = make_module(v, number, &module);
+    if (err)
+        return err;
+    info.stage = (VkPipelineShaderStageCreateInfo){ .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                                                    .stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                    .module = module,
+                                                    .pName = "main" };
+    if (number == SST_GPU_NET_CONV8_MATRIX)
+        gpu_matrix_stage_init(&stage, &info.stage, &g->info.matrix);
+    info.layout = p->layout;
+    err = gpu_vulkan_error(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
+    v->vk->vkDestroyShaderModule(v->device, module, NULL);
+    return err;
+}
+
+/* Driver, device and shaders: what compiled pipelines depend on. */
+static uint64_t key_of(const struct gpu_vulkan_device *v)
+{
+    VkPhysicalDeviceIDProperties id = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES };
+    VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &id };
+    uint64_t key = GPU_HASH_START;
+
+    v->vk->vkGetPhysicalDeviceProperties2(v->physical, &all);
+    key = gpu_hash(key, id.driverUUID, sizeof(id.driverUUID));
+    key = gpu_hash(key, id.deviceUUID, sizeof(id.deviceUUID));
+    key = gpu_hash(key, all.properties.pipelineCacheUUID, sizeof(all.properties.pipelineCacheUUID));
+    key = gpu_hash(key, &all.properties.driverVersion, sizeof(all.properties.driverVersion));
+    for (const struct gpu_spirv *s = gpu_spirvs; s->name; s++)
+        key = gpu_hash(key, s->begin, (size_t)(s->end - s->begin));
+    return key;
+}
+
+int gpu_vulkan_open_cache(struct gpu_vulkan_device *v)
+{
+    VkPipelineCacheCreateInfo info = { .sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO };
+    void *data;
+    VkResult rc;
+
+    v->cache_key = key_of(v);
+    data = gpu_cache_read(v->cache_key, &info.initialDataSize);
+    v->cache_bytes = info.initialDataSize;
+    info.pInitialData = data;
+    rc = v->vk->vkCreatePipelineCache(v->device, &info, NULL, &v->cache);
+    free(data);
+    return gpu_vulkan_error(rc);
+}
+
+void gpu_vulkan_store_cache(struct gpu_vulkan_device *v)
+{
+    size_t bytes = 0;
+    void *data;
+
+    if (!v->cache || v->gpu.lost || v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, NULL) ||
+        bytes == v->cache_bytes)
+        return;
+    data = malloc(bytes);
+    if (data && !v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, data))
+        gpu_cache_write(v->cache_key, data, bytes);
+    free(data);
+}
+#endif
