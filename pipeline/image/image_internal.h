@@ -28,4 +28,21 @@ bool png_plain_read(struct png_plain *out, const uint8_t *data, size_t size, enu
 
 void png_plain_fini(struct png_plain *p);
 
+/** A map that becomes a file. */
+struct png_map {
+    const void *data; /* [height] rows of `stride` bytes */
+    size_t stride;
+    int width, height;
+    bool u16;                    /* numbers of 16 bits in the processor's order; else bytes */
+    const uint8_t (*palette)[3]; /* [256] of bytes, or NULL: grey */
+};
+
+/**
+ * A whole file of a map: quickly rather than small. The file's bytes are those of the library, the samples the map's.
+ *
+ * @param out  the file; the caller frees it
+ * @return false: there is no memory, or this build has no ISA-L; nothing is to be freed then. Not logged
+ */
+bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
+
 #endif

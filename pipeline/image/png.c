@@ -539,15 +539,34 @@ int sst_image_write_samples(const struct sst_image *img, struct sst_samples samp
         &(struct picture){ .image = img, .width = img->width, .height = img->height, .samples = samples }, path);
 }
 
+/* A map, by libpng where it cannot be packed faster. */
+static int write_map(const struct png_map *map, const struct picture *p, const char *path)
+{
+    uint8_t *data;
+    size_t size;
+    int err;
+
+    if (!png_pack_map(&data, &size, map))
+        return write_png(p, path);
+    err = sst_file_write(path, data, size);
+    free(data);
+    return err;
+}
+
 int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])
 {
-    return write_png(&(struct picture){ .u8 = map, .palette = palette, .width = map->width, .height = map->height },
-                     path);
+    return write_map(
+        &(struct png_map){
+            .data = map->data, .stride = map->stride, .width = map->width, .height = map->height, .palette = palette },
+        &(struct picture){ .u8 = map, .palette = palette, .width = map->width, .height = map->height }, path);
 }
 
 int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
 {
-    return write_png(&(struct picture){ .u16 = map, .width = map->width, .height = map->height }, path);
+    return write_map(
+        &(struct png_map){
+            .data = map->data, .stride = map->stride, .width = map->width, .height = map->height, .u16 = true },
+        &(struct picture){ .u16 = map, .width = map->width, .height = map->height }, path);
 }
 
 int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path)

@@ -115,6 +115,46 @@ static void maps_give_the_same_values(void **state SST_UNUSED)
     sst_map_u16_fini(&d);
 }
 
+/* Flat, of runs and of noise; read as a picture, a map goes through libpng. */
+static void maps_of_all_sizes(void **state SST_UNUSED)
+{
+    uint64_t seed = 1;
+    static const int sizes[][2] = { { 1, 1 }, { 1, 300 }, { 300, 1 }, { 63, 2 }, { 64, 65 }, { 1000, 750 } };
+
+    for (size_t i = 0; i < 3 * ARRAY_LEN(sizes); i++) {
+        const int width = sizes[i / 3][0], height = sizes[i / 3][1];
+        struct sst_map_u8 a, b;
+        struct sst_map_u16 c, d;
+        struct sst_image picture;
+
+        assert_int_equal(sst_map_u8_init(&a, width, height), 0);
+        assert_int_equal(sst_map_u16_init(&c, width, height), 0);
+        for (int y = 0; i % 3 && y < height; y++) {
+            for (int x = 0; x < width; x++) {
+                const unsigned v = i % 3 == 1 ? (unsigned)(x / 50 + y / 30) * 1000 : (unsigned)(sst_random(&seed) * 65536);
+
+                sst_map_u8_row(&a, y)[x] = (uint8_t)v;
+                sst_map_u16_row(&c, y)[x] = (uint16_t)v;
+            }
+        }
+        assert_int_equal(sst_map_u8_write_png(&a, test_path("m.png"), NULL), 0);
+        assert_int_equal(sst_map_u16_write_png(&c, test_path("d.png")), 0);
+        assert_int_equal(sst_map_u8_read_png(&b, test_path("m.png")), 0);
+        assert_int_equal(sst_map_u16_read_png(&d, test_path("d.png")), 0);
+        assert_int_equal(sst_image_read(&picture, test_path("m.png")), 0);
+        for (int y = 0; y < height; y++) {
+            assert_memory_equal(sst_map_u8_row(&a, y), sst_map_u8_row(&b, y), (size_t)width);
+            assert_memory_equal(sst_map_u8_row(&a, y), sst_image_row(&picture, 1, y), (size_t)width);
+            assert_memory_equal(sst_map_u16_row(&c, y), sst_map_u16_row(&d, y), (size_t)width * 2);
+        }
+        sst_image_fini(&picture);
+        sst_map_u8_fini(&a);
+        sst_map_u8_fini(&b);
+        sst_map_u16_fini(&c);
+        sst_map_u16_fini(&d);
+    }
+}
+
 /* A grey PNG of 16 bits with `count` samples black, black + step ... in its first row. */
 static void put_deep(const char *name, int black, int step, int count)
 {
@@ -737,6 +777,7 @@ int main(void)
         cmocka_unit_test(both_readers_of_png_agree),
         cmocka_unit_test(both_readers_of_maps_agree),
         cmocka_unit_test(maps_give_the_same_values),
+        cmocka_unit_test(maps_of_all_sizes),
         cmocka_unit_test(deep_pictures_keep_levels),
         cmocka_unit_test(samples_of_16_bits_round_trip),
         cmocka_unit_test(noise_is_measured),
