@@ -131,7 +131,8 @@ static void maps_of_all_sizes(void **state SST_UNUSED)
         assert_int_equal(sst_map_u16_init(&c, width, height), 0);
         for (int y = 0; i % 3 && y < height; y++) {
             for (int x = 0; x < width; x++) {
-                const unsigned v = i % 3 == 1 ? (unsigned)(x / 50 + y / 30) * 1000 : (unsigned)(sst_random(&seed) * 65536);
+                const unsigned v =
+                    i % 3 == 1 ? (unsigned)(x / 50 + y / 30) * 1000 : (unsigned)(sst_random(&seed) * 65536);
 
                 sst_map_u8_row(&a, y)[x] = (uint8_t)v;
                 sst_map_u16_row(&c, y)[x] = (uint16_t)v;
