@@ -118,10 +118,14 @@ static size_t deflate_all(uint8_t *out, size_t capacity, uint8_t *samples, size_
 bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map)
 {
     const size_t n = (size_t)map->height * ((size_t)map->width * (map->u16 ? 2 : 1) + 1), capacity = n + n / 8 + MORE;
-    uint8_t *samples = sst_mem_alloc_raw(n, 1), *file = malloc(capacity + 2 * MORE), *end = file;
-    uint8_t *memory = calloc(ISAL_DEF_LVL1_DEFAULT + map->stride, 1);
+    uint8_t *samples, *file, *end, *memory;
     size_t packed = 0;
 
+    if (capacity > INT32_MAX) /* a chunk is not longer */
+        return false;
+    samples = sst_mem_alloc_raw(n, 1);
+    file = end = malloc(capacity + 2 * MORE);
+    memory = calloc(ISAL_DEF_LVL1_DEFAULT + map->stride, 1);
     if (samples && file && memory) {
         filter_all(samples, map, memory + ISAL_DEF_LVL1_DEFAULT);
         end = put_header(file, map);
