@@ -24,6 +24,7 @@ import bench_report  # noqa: E402
 
 PAGE = os.path.join(ROOT, "docs/measured/gpu.md")
 SCENES = ("bush", "transportation")
+ALL_SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
 SIZES = ((250, 188), (500, 375), (1000, 750), (2000, 1500))
 SOFTWARE_WIDTH = 500  # software devices are measured up to it
 METHODS = {"refocus": ["--method", "refocus"], "see-through": [], "see-through, soft aperture": ["--soft"],
@@ -201,6 +202,44 @@ def bench_refinement(build, folder, device):
     return f"## {device['name']}: label refinement\n\n{bench_report.table(head, rows)}\n"
 
 
+def measure_whole(build, folder, world, preset, device):
+    """The whole of `sst process` with labels and the proposed clear picture, once by the CPU and once by the device."""
+    reports, pictures, copies = [], [], []
+    for name in ("cpu", device):
+        copies.append(os.path.join(folder, "cpu" if name == "cpu" else "gpu"))
+        subprocess.run(["rm", "-rf", copies[-1]], check=True)
+        subprocess.run(["cp", "-r", world, copies[-1]], check=True)
+        reports.append(json.loads(sst(build, "process", copies[-1], "--preset", preset, "--device", name, "--json")))
+        path = copies[-1] + ".png"
+        sst(build, "render", copies[-1], "--device", name, "-o", path)
+        pictures.append(np.asarray(Image.open(path)).astype(int))
+    cpu, gpu = reports
+    matched, refined, network = gpu["device"], gpu["device"]["refinement"], gpu["networks"]
+    on_cpu = [d["on_cpu"] + d["failures"] for d in (matched, refined, network)]
+    assert sum(on_cpu) == 0, reports
+    other, maps = same_maps(*copies, ("disparity", "confidence", "labels"))
+    kept = [f"{name}: {', '.join(d['stages_on_cpu'])}" for name, d in (("matching", matched), ("refinement", refined))
+            if d["stages_on_cpu"]]
+    return [f"{cpu['seconds']['total']:.2f}", f"{gpu['seconds']['total']:.2f}", f"{other} of {maps}",
+            str(abs(pictures[0] - pictures[1]).max()), "; ".join(kept) or "none"]
+
+
+def bench_whole(build, folder, device):
+    rows = []
+    grid, size = ("3x3", "96x72") if device["kind"] == "software" else ("6x6", "1000x750")
+    for scene in ALL_SCENES:
+        world = os.path.join(folder, "world")
+        sst(build, "scene", scene, "--size", size, "--grid", grid, "-o", world)
+        subprocess.run(["rm", "-rf", f"{world}/truth"], check=True)
+        for preset in PRESETS:
+            print(device["name"], "whole", scene, preset, file=sys.stderr)
+            rows.append([f"{scene} {grid} of {size}, {preset}"] + measure_whole(build, folder, world, preset, device["name"]))
+        subprocess.run(["rm", "-rf", world], check=True)
+    head = ["whole `sst process`, with labels", "CPU s", "with device s", "maps that differ", "clear picture: worst levels",
+            "stages on the CPU"]
+    return f"## {device['name']}: whole light fields\n\nOne run each.\n\n{bench_report.table(head, rows)}\n"
+
+
 def bench_networks(build, device):
     """The CPU and the device in turn: time, and results that differ."""
     rows = []
@@ -297,7 +336,7 @@ def sections(text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build")
-    parser.add_argument("--only", choices=("pictures", "matching", "refinement", "networks"))
+    parser.add_argument("--only", choices=("pictures", "matching", "refinement", "whole", "networks"))
     args = parser.parse_args()
     build = os.path.abspath(args.build)
     version = json.loads(sst(build, "version", "--json"))
@@ -313,6 +352,8 @@ def main():
                      old.get(f"{d['name']}: matching", ""))
             text += (bench_refinement(build, folder, d) if args.only in (None, "refinement") else
                      old.get(f"{d['name']}: label refinement", ""))
+            text += (bench_whole(build, folder, d) if args.only in (None, "whole") else
+                     old.get(f"{d['name']}: whole light fields", ""))
             text += (bench_networks(build, d) if args.only in (None, "networks") and version["parts"]["onednn"] else
                      old.get(f"{d['name']}: networks", ""))
     text = (f"The CPU and the device render in turn, {ROUNDS} rounds of {REPEAT} pictures each; medians. \"With device\" is a "
