@@ -21,7 +21,7 @@ def main():
     b = cdp.Browser()
     try:
         b.call("Emulation.setLocaleOverride", locale="en-GB")
-        b.size(1120, 700)
+        b.size(1360, 850)
         b.go(address)
         b.wait(READY)
         b.js("for (const close of document.querySelectorAll('#hint-close, #hint-visits-close')) close.click()")  # read long ago

@@ -19,8 +19,24 @@ READY = "document.querySelector('.bar')?.textContent.includes('Live')"
 def ended_visit(b):
     """The newest visit behind leaves with a picture, which has ended and whose recording has, too."""
     return b.wait("""fetch('/api/v1/visits').then((r) => r.json()).then(({visits}) => fetch('/api/v1/recordings').then((r) => r.json()).then(
-        ({recordings}) => visits.find((v) => v.hidden && !v.active && v.pictures.includes('seen') && v.direction && recordings.some(
+        ({recordings}) => visits.find((v) => v.hidden && !v.active && v.pictures.includes('seen') && v.direction === 'left to right' && recordings.some(
             (r) => !r.active && r.from <= v.from && r.to >= v.from))?.visit))""", 240)
+
+
+def moment(b, name):
+    """When the visitor was left of the middle, in ms of the recording."""
+    return b.js(f"""(async () => {{
+        const get = async (what) => (await (await fetch('/api/v1/' + what)).json())[what];
+        const visit = (await get('visits')).find((v) => v.visit === '{name}');
+        const recording = (await get('recordings')).find((r) => r.from <= visit.from && r.to >= visit.from);
+        const at = visit.path.reduce((a, p) => (Math.abs(p[1] - 0.4) < Math.abs(a[1] - 0.4) ? p : a));
+        return Date.parse(visit.from) + 1000 * at[0] - Date.parse(recording.from);
+    }})()""")
+
+
+def seek(b, at_ms):
+    b.js(f"""const slider = document.querySelector('#replay-at'); slider.value = {at_ms};
+        for (const event of ['input', 'change']) slider.dispatchEvent(new Event(event));""")
 
 
 def play(b, visit):
@@ -55,10 +71,8 @@ def main():
         b.wait("!document.querySelector('#replay').hidden")
         b.wait("!document.querySelector('#stage-box').innerText.includes('first picture')")
         time.sleep(1.5)
-        b.click("#replay-play")  # a pause, a moment earlier
-        b.js("document.querySelector('#replay-at').focus()")
-        for _ in range(18):
-            b.key("ArrowLeft", 37)
+        b.click("#replay-play")  # a pause
+        seek(b, moment(b, name))
         time.sleep(5)
         b.click("#compare")
         b.wait("document.querySelector('#tag-right').textContent === 'Camera'")

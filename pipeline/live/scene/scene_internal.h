@@ -216,9 +216,10 @@ struct scene_track {
     double x, y, w, h, vx, vy; /* centre, size; cells, cells/s */
     double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
     float colour[2][3];
-    uint16_t votes[SST_MAX_CLASSES + 1]; /* sets by label */
-    int sets;                            /* with a piece */
-    double from_x, from_y, from_q6;      /* where it was first seen */
+    uint16_t votes[SST_MAX_CLASSES + 1];  /* sets of its way by label */
+    int sets;                             /* with a piece, on its way */
+    double from_x, from_y, from_q6;       /* where its way begins: where it was first seen, or seen again */
+    int64_t way_ns;                       /* and when */
     double before_x, before_y, before_q6; /* in the last set */
     double gone, gone_q6;                 /* length of its way in the picture; in depth */
     int64_t first_ns, seen_ns, moved_ns; /* moved: not only standing */

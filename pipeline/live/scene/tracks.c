@@ -28,6 +28,8 @@
 #define LOST_NS       INT64_C(1000000000)
 #define COVERED_NS    INT64_C(6000000000)
 #define STILL_NS      INT64_C(600000000000) /* without motion: part of the scene */
+#define PAUSE_NS         1e9 /* without a piece, and for so many sets: the way of what is not reported yet begins anew */
+#define PAUSE_SETS       2.5
 #define MOVING_SETS   3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
 #define MOVING_NS     INT64_C(300000000)
 #define MOVED         0.5 /* of its size, and */
@@ -337,12 +339,27 @@ static void add(struct scene_tracks *t, const struct scene_piece *p, struct exte
                                .before_x = e.x,
                                .before_y = e.y,
                                .before_q6 = p->disp_q6,
-                               .first_ns = t_ns };
+                               .first_ns = t_ns,
+                               .way_ns = t_ns };
     memcpy(a->colour, p->colour, sizeof(a->colour));
     if (p->label <= SST_MAX_CLASSES)
         a->votes[p->label]++;
     see(a, t_ns);
     t->count++;
+}
+
+/* What is seen again after a while may be another bunch of leaves: its way begins here. */
+static void start_again(struct scene_track *a, const struct scene_piece *p, int64_t t_ns)
+{
+    const struct extent e = extent_of(&p->at);
+
+    a->x = a->from_x = a->before_x = e.x;
+    a->y = a->from_y = a->before_y = e.y;
+    a->disp_q6 = a->from_q6 = a->before_q6 = p->disp_q6;
+    a->vx = a->vy = a->gone = a->gone_q6 = 0;
+    a->way_ns = t_ns;
+    a->sets = 0;
+    memset(a->votes, 0, sizeof(a->votes));
 }
 
 /* New tracks of the pieces that none has; those beside each other, at one disparity, are parts of one thing. */
@@ -400,10 +417,10 @@ static bool moves(const struct scene_track *a, const struct scene_tracks *t, dou
     const int label = most_votes(a);
     const bool known = label && t->motion[label] == SCENE_MOBILE;
     /* Seen rarely, all places of a bunch of leaves look like a way. */
-    const bool often = (double)(a->seen_ns - a->first_ns) <= RARE_NS * (double)(a->sets - 1);
+    const bool often = (double)(a->seen_ns - a->way_ns) <= RARE_NS * (double)(a->sets - 1);
     const double far = known && often ? MOVED : MOVED_UNKNOWN, deeper = fabs(a->disp_q6 - a->from_q6);
 
-    if (a->sets < (known ? MOVING_SETS : UNKNOWN_SETS) || a->seen_ns - a->first_ns < MOVING_NS)
+    if (a->sets < (known ? MOVING_SETS : UNKNOWN_SETS) || a->seen_ns - a->way_ns < MOVING_NS)
         return false;
     if (known && deeper >= fmax(MOVED_Q6 * far / MOVED, STRAIGHT * a->gone_q6))
         return true;
@@ -424,8 +441,13 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
     predict(t, fmin(dt_s, REACH_S));
     assign(t, piece, pieces, t_ns, owner);
     for (int i = 0; i < t->count; i++) {
-        if (t->track[i].piece >= 0 && t->track[i].seen_ns != t_ns)
-            follow(t, i, piece, pieces, owner, dt_s, t_ns);
+        struct scene_track *a = &t->track[i];
+
+        if (a->piece < 0 || a->seen_ns == t_ns)
+            continue;
+        if (!a->reported && (double)(t_ns - a->moved_ns) > fmax(PAUSE_NS, PAUSE_SETS * 1e9 * dt_s))
+            start_again(a, &piece[a->piece], t_ns);
+        follow(t, i, piece, pieces, owner, dt_s, t_ns);
     }
     for (int i = 0; i < t->count; i++) {
         struct scene_track *a = &t->track[i];
