@@ -10,7 +10,6 @@
 #include "pipeline/live/live_internal.h"
 
 #define SAME_PX     3.0 /* disparities of one thing */
-#define COMING_NS   INT64_C(5000000000) /* things that come within it at one place are one thing at any disparity */
 #define REMEMBER_NS INT64_C(6000000000)
 #define PLACES      (2 * SST_LIVE_TRACKS)
 
@@ -18,7 +17,7 @@
 struct place {
     uint32_t id;
     double x0, y0, x1, y1, disp_px;
-    int64_t first_ns, seen_ns;
+    int64_t seen_ns;
 };
 
 struct entry {
@@ -85,14 +84,12 @@ void live_watch_close(struct sst_live *live)
 /* --- identities -----------------------------------------------------------------------------------------------------
  */
 
-static bool is_same(const struct place *p, const struct sst_live_track *t)
+static bool is_same(const struct place *p, double x0, double y0, double x1, double y1, double disp_px)
 {
-    const double w = fmax(p->x1 - p->x0, t->x1 - t->x0), h = fmax(p->y1 - p->y0, t->y1 - t->y0);
+    const double w = fmax(p->x1 - p->x0, x1 - x0), h = fmax(p->y1 - p->y0, y1 - y0);
 
-    if (fabs(p->x0 + p->x1 - t->x0 - t->x1) > 2 * w || fabs(p->y0 + p->y1 - t->y0 - t->y1) > 2 * h)
-        return false;
-    /* Of who has just come, what is seen between leaves has the disparity of the wall behind, in part. */
-    return fabs(p->disp_px - t->disp_px) <= SAME_PX || llabs(t->first_ns - p->first_ns) <= COMING_NS;
+    return fabs(p->x0 + p->x1 - x0 - x1) <= 2 * w && fabs(p->y0 + p->y1 - y0 - y1) <= 2 * h &&
+           fabs(p->disp_px - disp_px) <= SAME_PX;
 }
 
 static void note_place(struct live_watch *w, const struct sst_live_track *t, int64_t t_ns)
@@ -105,7 +102,7 @@ static void note_place(struct live_watch *w, const struct sst_live_track *t, int
         memmove(&w->place[0], &w->place[1], sizeof(*p) * --w->places);
     }
     p = p ? p : &w->place[w->places++];
-    *p = (struct place){ t->id, t->x0, t->y0, t->x1, t->y1, t->disp_px, t->first_ns, t_ns };
+    *p = (struct place){ t->id, t->x0, t->y0, t->x1, t->y1, t->disp_px, t_ns };
 }
 
 static void forget_places(struct live_watch *w, int64_t t_ns)
@@ -119,13 +116,13 @@ static void forget_places(struct live_watch *w, int64_t t_ns)
 }
 
 /* The track that was last seen at this place; 0: none. */
-static uint32_t recognise(const struct live_watch *w, const struct sst_live_track *t)
+static uint32_t recognise(const struct live_watch *w, double x0, double y0, double x1, double y1, double disp_px)
 {
     uint32_t id = 0;
     int64_t newest_ns = INT64_MIN;
 
     for (int i = 0; i < w->places; i++) {
-        if (w->place[i].seen_ns <= newest_ns || !is_same(&w->place[i], t))
+        if (w->place[i].seen_ns <= newest_ns || !is_same(&w->place[i], x0, y0, x1, y1, disp_px))
             continue;
         newest_ns = w->place[i].seen_ns;
         id = w->place[i].id;
@@ -176,7 +173,7 @@ static void meet_open(struct live_watch *w, const struct sst_live_track *open, i
 
         for (int k = 0; k < w->places; k++)
             known |= w->place[k].id == known_as(w, open[i].id);
-        id = known ? 0 : recognise(w, &open[i]);
+        id = known ? 0 : recognise(w, open[i].x0, open[i].y0, open[i].x1, open[i].y1, open[i].disp_px);
         for (int k = 0; k < n; k++)
             id = k != i && known_as(w, open[k].id) == id ? 0 : id; /* it is another one, which is there, too */
         if (id && w->aliases < SST_LIVE_TRACKS) {
@@ -186,22 +183,6 @@ static void meet_open(struct live_watch *w, const struct sst_live_track *open, i
     }
 }
 
-static struct sst_live_track as_track(const struct sst_hidden_thing *t, uint32_t id)
-{
-    return (struct sst_live_track){ .id = id,
-                                    .state = SST_LIVE_TRACK_SEEN,
-                                    .hidden = true,
-                                    .x0 = t->x0,
-                                    .y0 = t->y0,
-                                    .x1 = t->x1,
-                                    .y1 = t->y1,
-                                    .vx_px_s = t->vx_px_s,
-                                    .vy_px_s = t->vy_px_s,
-                                    .disp_px = t->disp_px,
-                                    .first_ns = t->first_ns,
-                                    .seen_ns = t->seen_ns };
-}
-
 /* A new detection behind the leaves gets the id of what was seen there, or a new one. */
 static void meet_hidden(struct sst_live *live)
 {
@@ -209,13 +190,11 @@ static void meet_hidden(struct sst_live *live)
 
     for (int i = 0; i < w->things; i++) {
         const struct sst_hidden_thing *t = &w->thing[i];
-        struct sst_live_track seen;
         uint32_t id;
 
         if (!t->reported || id_of(w, t->key) || w->entries == SST_HIDDEN_THINGS)
             continue;
-        seen = as_track(t, 0);
-        id = recognise(w, &seen);
+        id = recognise(w, t->x0, t->y0, t->x1, t->y1, t->disp_px);
         w->entry[w->entries++] = (struct entry){ t->key, id ? id : sst_livescene_new_track(live->scene) };
     }
 }
@@ -253,6 +232,22 @@ int live_watch_update(struct sst_live *live, int64_t t_ns)
     for (int i = 0; i < n; i++)
         note_place(w, &open[i], t_ns);
     return 0;
+}
+
+static struct sst_live_track as_track(const struct sst_hidden_thing *t, uint32_t id)
+{
+    return (struct sst_live_track){ .id = id,
+                                    .state = SST_LIVE_TRACK_SEEN,
+                                    .hidden = true,
+                                    .x0 = t->x0,
+                                    .y0 = t->y0,
+                                    .x1 = t->x1,
+                                    .y1 = t->y1,
+                                    .vx_px_s = t->vx_px_s,
+                                    .vy_px_s = t->vy_px_s,
+                                    .disp_px = t->disp_px,
+                                    .first_ns = t->first_ns,
+                                    .seen_ns = t->seen_ns };
 }
 
 int live_watch_tracks(const struct sst_live *live, struct sst_live_track track[SST_LIVE_TRACKS], int n)

@@ -1,10 +1,10 @@
-/* What is written into the frames, as the time of day is: it changes in every set, stands at the same place in all
- * views, and says nothing about the scene. Between two sets out of BURNT_SETS it is left as it was, as if it had not
- * changed.
+/* Text that cameras draw into their frames, such as a clock. It changes in every set, is at the same position in all
+ * views, and is no part of the scene: its tiles are decoded in one set out of BURNT_SETS and count as unchanged in the
+ * others.
  *
- * A tile of the upper or lower edge is such text if it has changed again and again, each time in nearly all views at
- * once: what stands in the scene is elsewhere in every view. Where a changed tile of another kind is near, it counts as
- * any other: somebody walks there. */
+ * A tile at the upper or lower edge is text if it has changed in many sets, each time in nearly all views: an object of
+ * the scene is at another position in every view. A tile of text with a changed tile of the scene near it is decoded as
+ * any other tile, since an object may be moving into it. */
 #include <errno.h>
 #include <string.h>
 

@@ -216,14 +216,14 @@ struct scene_track {
     double x, y, w, h, vx, vy; /* centre, size; cells, cells/s */
     double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
     float colour[2][3];
-    uint16_t votes[SST_MAX_CLASSES + 1];  /* sets of its way by label */
-    int sets;                             /* with a piece, on its way */
-    double from_x, from_y, from_q6;       /* where its way begins: where it was first seen, or seen again */
-    int64_t way_ns;                       /* and when */
+    uint16_t votes[SST_MAX_CLASSES + 1]; /* sets of its way by label */
+    int sets;                            /* with a piece, on its way */
+    double from_x, from_y, from_q6; /* where its motion is measured from: first piece, or first one after a pause */
+    int64_t way_ns;                 /* when it was there */
     double before_x, before_y, before_q6; /* in the last set */
     double gone, gone_q6;                 /* length of its way in the picture; in depth */
-    int64_t first_ns, seen_ns, moved_ns; /* moved: not only standing */
-    int piece;                           /* of this set; -1: none */
+    int64_t first_ns, seen_ns, moved_ns;  /* moved: not only standing */
+    int piece;                            /* of this set; -1: none */
 };
 
 struct scene_tracks {
@@ -315,11 +315,11 @@ struct sst_livescene {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
-    int threads, views, width, height; /* half size */
-    int cols, rows, tiles;             /* of a view */
-    uint8_t *all;                      /* [tiles] of 1 */
-    struct scene_composer *composers;  /* [threads] */
-    struct sst_segmenter **segmenters; /* [threads], the first one from the start; NULL: no model */
+    int threads, views, width, height;   /* half size */
+    int cols, rows, tiles;               /* of a view */
+    uint8_t *all;                        /* [tiles] of 1 */
+    struct scene_composer *composers;    /* [threads] */
+    struct sst_segmenter **segmenters;   /* [threads], the first one from the start; NULL: no model */
     struct sst_network_device *networks; /* that they run on; NULL: on the CPU */
     struct scene_background *background;
     int64_t *hist; /* [SST_DISP_BINS] */
@@ -356,7 +356,7 @@ struct sst_livescene {
     int64_t copied_ns, next_start_ns;   /* of the background */
     double error_labels;
     unsigned narrowed; /* sets whose searched range followed the last map */
-    double confirmed; /* of the report */
+    double confirmed;  /* of the report */
     /* of this set */
     struct scene_job *jobs; /* [1 + SST_SCENE_KEYS * SST_SCENE_RECTS] */
     bool whole;

@@ -10,39 +10,40 @@
 
 #include "pipeline/live/scene/scene_internal.h"
 
-#define DISP_Q6       256.0 /* of one thing from set to set */
-#define COLOUR        96.0  /* difference of mean colours that counts as much as a whole reach */
-#define REACH         0.75  /* of the mean size: of the centre from where it is expected, ... */
-#define REACH_SPEED   1.6   /* ... and of the own size per second since it was seen, as speeds change */
-#define REACH_S       2.0
-#define GAIN          0.6 /* of a piece's place and size against the predicted ones, */
-#define GAIN_SPEED    0.3
-#define GAIN_SIZE     0.3
-#define SPEED_MOST    6.0  /* own widths per second */
-#define JOIN          0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
-#define LEAST_CELLS   40   /* of a thing that appears */
-#define THERE         0.35 /* fraction of its usual cells by which a thing without a piece is still there */
-#define COVERED       0.4  /* of a box: behind something nearer */
-#define NEARER_Q6     128
-#define OUTSIDE       0.5
-#define LOST_NS       INT64_C(1000000000)
-#define COVERED_NS    INT64_C(6000000000)
-#define STILL_NS      INT64_C(600000000000) /* without motion: part of the scene */
-#define PAUSE_NS         1e9 /* without a piece, and for so many sets: the way of what is not reported yet begins anew */
+#define DISP_Q6     256.0 /* of one thing from set to set */
+#define COLOUR      96.0  /* difference of mean colours that counts as much as a whole reach */
+#define REACH       0.75  /* of the mean size: of the centre from where it is expected, ... */
+#define REACH_SPEED 1.6   /* ... and of the own size per second since it was seen, as speeds change */
+#define REACH_S     2.0
+#define GAIN        0.6 /* of a piece's place and size against the predicted ones, */
+#define GAIN_SPEED  0.3
+#define GAIN_SIZE   0.3
+#define SPEED_MOST  6.0  /* own widths per second */
+#define JOIN        0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
+#define LEAST_CELLS 40   /* of a thing that appears */
+#define THERE       0.35 /* fraction of its usual cells by which a thing without a piece is still there */
+#define COVERED     0.4  /* of a box: behind something nearer */
+#define NEARER_Q6   128
+#define OUTSIDE     0.5
+#define LOST_NS     INT64_C(1000000000)
+#define COVERED_NS  INT64_C(6000000000)
+#define STILL_NS    INT64_C(600000000000) /* without motion: part of the scene */
+#define PAUSE_NS                                                                                                       \
+    1e9 /* a track without a piece for longer, and for PAUSE_SETS intervals, is measured anew from its next piece */
 #define PAUSE_SETS       2.5
-#define MOVING_SETS   3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
-#define MOVING_NS     INT64_C(300000000)
-#define MOVED         0.5 /* of its size, and */
-#define LABEL_SETS       2 /* a thing has the label that it has in the most sets, if these are at least so many, and */
-#define LABEL_SHARE      0.3 /* so many of all */
-#define MOVED_UNKNOWN    1.5 /* of what has no label, or one that does not move, or is seen at longer intervals than: */
+#define MOVING_SETS      3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
+#define MOVING_NS        INT64_C(300000000)
+#define MOVED            0.5 /* of its size, and */
+#define LABEL_SETS       2   /* least number of sets with its most frequent label for a track to have that label; */
+#define LABEL_SHARE      0.3 /* and their least share of its sets */
+#define MOVED_UNKNOWN    1.5 /* without a label, with one that does not move, or at longer mean intervals than RARE_NS */
 #define RARE_NS          5e8
-#define UNKNOWN_SETS  6
-#define UNKNOWN_SHARE 0.01 /* of the picture, at least */
-#define MOVED_CELLS   6.0
-#define MOVED_Q6      160.0 /* or nearer or farther by this */
-#define STRAIGHT         0.25 /* way that a thing has come, in the picture or in depth, of the way that it has gone; and */
-#define STRAIGHT_UNKNOWN 0.6 /* of what has no label, or one that does not move */
+#define UNKNOWN_SETS     6
+#define UNKNOWN_SHARE    0.01 /* of the picture, at least */
+#define MOVED_CELLS      6.0
+#define MOVED_Q6         160.0 /* or nearer or farther by this */
+#define STRAIGHT         0.25  /* least ratio of displacement to path length, in the picture or in depth; */
+#define STRAIGHT_UNKNOWN 0.6   /* without a label, or with one that does not move */
 
 /* Of the usual class lists: CamVid, Cityscapes, ADE20K. */
 static const char *const rooted[] = {
@@ -348,7 +349,7 @@ static void add(struct scene_tracks *t, const struct scene_piece *p, struct exte
     t->count++;
 }
 
-/* What is seen again after a while may be another bunch of leaves: its way begins here. */
+/* After a pause the piece may be of other leaves: measure the motion from here. */
 static void start_again(struct scene_track *a, const struct scene_piece *p, int64_t t_ns)
 {
     const struct extent e = extent_of(&p->at);
@@ -416,7 +417,7 @@ static bool moves(const struct scene_track *a, const struct scene_tracks *t, dou
     const double dx = a->x - a->from_x, dy = a->y - a->from_y, way = hypot(dx, dy);
     const int label = most_votes(a);
     const bool known = label && t->motion[label] == SCENE_MOBILE;
-    /* Seen rarely, all places of a bunch of leaves look like a way. */
+    /* At long intervals, leaves that swing cannot be told from motion in one direction. */
     const bool often = (double)(a->seen_ns - a->way_ns) <= RARE_NS * (double)(a->sets - 1);
     const double far = known && often ? MOVED : MOVED_UNKNOWN, deeper = fabs(a->disp_q6 - a->from_q6);
 
