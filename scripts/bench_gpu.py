@@ -90,7 +90,13 @@ def render(build, folder, field, options, device):
     return report, np.asarray(Image.open(path)).astype(int)
 
 
-def measure(build, folder, field, name, options, device):
+def measure_limits(build, device):
+    """What the device reaches at most: GB/s copied, TFLOP/s of floats, GB/s up and down."""
+    out = subprocess.run([os.path.join(build, "bench/device_limits"), device], check=True, capture_output=True, text=True)
+    return json.loads(out.stdout)
+
+
+def measure(build, folder, field, name, options, device, limits):
     """Rounds of CPU and device in turn; medians."""
     rounds = []
     for _ in range(ROUNDS):
@@ -104,7 +110,8 @@ def measure(build, folder, field, name, options, device):
     cpu_ms, all_ms, device_ms, download_ms, upload_ms, upload_bytes = (statistics.median(c) for c in zip(*rounds))
     rays = gpu["width"] * gpu["height"] * 36 * RAY_BYTES.get(name, 6)
     return [f"{cpu_ms:.1f}", f"{all_ms:.1f}", f"{all_ms / cpu_ms:.2f}", f"{device_ms:.2f}", f"{download_ms:.2f}",
-            f"{upload_ms:.0f} ({upload_bytes / 1e6:.0f})", f"{rays / device_ms / 1e6:.1f}", str(apart.max()),
+            f"{upload_ms:.0f} ({upload_bytes / 1e6:.0f})", f"{rays / device_ms / 1e6:.1f}",
+            f"{100 * rays / device_ms / 1e6 / limits['copy_gb_s']:.0f}", str(apart.max()),
             f"{100 * (apart > 0).mean():.3f}"]
 
 
@@ -242,7 +249,7 @@ def bench_whole(build, folder, device):
 
 def bench_networks(build, device):
     """The CPU and the device in turn: time, and results that differ."""
-    rows = []
+    rows, limits = [], measure_limits(build, device["name"])
     software = device["kind"] == "software"
     for model, size, precision in NETWORKS:
         width, height = SOFTWARE_SIZE if software else size
@@ -258,15 +265,16 @@ def bench_networks(build, device):
             rows.append([f"{model[:-5]} {width}x{height}, {precision}", shader, f"{r['cpu_ms']:.1f}",
                          f"{v['device_ms']:.1f}", f"{v['device_ms'] / r['cpu_ms']:.2f}", f"{v['upload_ms']:.2f}",
                          f"{v['download_ms']:.2f}", f"{v['memory_bytes'] / 1e6:.1f}",
-                         f"{2 * products / v['device_ms']:.2g}", f"{100 * v['differ']:.3f}",
+                         f"{2 * products / v['device_ms']:.2g}",
+                         f"{200 * products / v['device_ms'] / limits['float_tflop_s']:.0f}", f"{100 * v['differ']:.3f}",
                          f"{v['most'] / v['largest']:.1e}"])
     head = ["network", "convolutions", "CPU ms", "device ms", "ratio", "upload ms", "download ms", "memory MB", "TFLOP/s",
-            "results that differ %", "worst, of the largest"]
+            "of the rate of floats %", "results that differ %", "worst, of the largest"]
     return f"## {device['name']}: networks\n\n{bench_report.table(head, rows)}\n"
 
 
 def bench_device(build, folder, device):
-    rows = []
+    rows, limits = [], measure_limits(build, device["name"])
     for size in SIZES:
         if device["kind"] == "software" and size[0] > SOFTWARE_WIDTH:
             continue
@@ -275,12 +283,15 @@ def bench_device(build, folder, device):
             for name, options in METHODS.items():
                 print(device["name"], scene, size, name, file=sys.stderr)
                 rows.append([f"{scene} {size[0]}x{size[1]}, {name}"] +
-                            measure(build, folder, field, name, options, device["name"]))
+                            measure(build, folder, field, name, options, device["name"], limits))
             subprocess.run(["rm", "-rf", field], check=True)
     head = ["36 views of", "CPU ms", "with device ms", "ratio", "on device ms", "download ms", "upload ms (MB)",
-            "GB/s of rays", "worst levels", "values that differ %"]
+            "GB/s of rays", "of the copy rate %", "worst levels", "values that differ %"]
     note = ("A software device: it runs on the CPU, and shows what the shaders compute, not how fast a GPU is.\n\n"
             if device["kind"] == "software" else "")
+    note += (f"Measured limits: {limits['copy_gb_s']:.3g} GB/s read and written by a copy, {limits['float_tflop_s']:.3g} TFLOP/s of "
+             f"floats, {limits['upload_gb_s']:.3g} GB/s\nuploaded and {limits['download_gb_s']:.3g} GB/s downloaded "
+             "(`limits.comp`, best of 7).\n\n")
     return f"## {device['name']}\n\n{device['driver']}, {device['memory_bytes'] / 2**30:.1f} GiB.\n\n{note}{bench_report.table(head, rows)}\n"
 
 

@@ -75,6 +75,7 @@ enum sst_gpu_shader {
     SST_GPU_REFINE_GROUND_MISSES = 56,
     SST_GPU_REFINE_GROUND_LIMIT = 57,
     SST_GPU_REFINE_EXTENTS = 58,
+    SST_GPU_LIMITS = 59, /* limits.h */
     SST_GPU_SHADERS
 };
 

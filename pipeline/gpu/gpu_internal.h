@@ -187,10 +187,12 @@ gpu_reference_fn refine_ground_sums_reference;
 gpu_reference_fn refine_ground_misses_reference;
 gpu_reference_fn refine_ground_limit_reference;
 gpu_reference_fn refine_extents_reference;
+gpu_reference_fn limits_reference;
 gpu_self_test_fn refine_ground_sums_self_test;
 gpu_self_test_fn refine_ground_misses_self_test;
 gpu_self_test_fn refine_ground_limit_self_test;
 gpu_self_test_fn refine_extents_self_test;
+gpu_self_test_fn limits_self_test;
 
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */
 

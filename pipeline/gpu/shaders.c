@@ -10,6 +10,7 @@
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/label.h"
+#include "pipeline/gpu/limits.h"
 #include "pipeline/gpu/match.h"
 #include "pipeline/gpu/net.h"
 #include "pipeline/gpu/rectify.h"
@@ -150,6 +151,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              label_fill_reference, label_fill_self_test },
     [SST_GPU_LABEL_CELLS] = { "label_cells", SST_GPU_LABEL_CELLS_BUFFERS, sizeof(struct sst_gpu_label_cells),
                               label_cells_reference, label_cells_self_test },
+    [SST_GPU_LIMITS] = { "limits", SST_GPU_LIMITS_BUFFERS, sizeof(struct sst_gpu_limits), limits_reference,
+                         limits_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)
