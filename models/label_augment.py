@@ -62,6 +62,59 @@ def paste(rng: np.random.Generator, picture, truth, other, other_truth, classes)
     return np.where(mask[..., None], other, picture), np.where(mask, other_truth, truth)
 
 
+def leaf_stamps(rng: np.random.Generator, length: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Leaves of about the given length (px), turned at random: [count, K, K] masks, and the shade of each of their pixels,
+    about 1: halves that face the light differently, a midrib and side veins, each as strong as chance has it.
+    """
+    side = int(np.ceil(length * 1.3)) + 2
+    grid = np.arange(side) - (side - 1) / 2
+    turn = rng.uniform(0, 2 * np.pi, count)[:, None, None]
+    half = length / 2 * rng.uniform(0.75, 1.3, count)[:, None, None]
+    width, tip = half * rng.uniform(0.3, 0.75, count)[:, None, None], rng.uniform(0.8, 2)
+    along = (grid[None, None] * np.cos(turn) + grid[None, :, None] * np.sin(turn)) / half
+    across = (grid[None, :, None] * np.cos(turn) - grid[None, None] * np.sin(turn)) / width
+    mask = np.abs(across) < np.maximum(1 - along ** 2, 0) ** (tip / 2)
+    fold, rib, veins = rng.uniform(0, 0.3), rng.uniform(0, 0.4), rng.uniform(0, 0.15)
+    shade = 1 + fold * np.sign(across) / 2 + veins * np.sin(9 * (along + np.abs(across)))
+    return mask, np.where(np.abs(across) * width < 0.5, shade + rib, shade)
+
+
+def leaves(rng: np.random.Generator, picture, truth) -> tuple[np.ndarray, np.ndarray]:
+    """Leaves of one plant, drawn in front of a crop: of any size, density and colour that leaves have, in tufts or not."""
+    height, width = truth.shape
+    length = float(2.0 ** rng.uniform(2, 5.3))
+    mask, shade = leaf_stamps(rng, length, 32)
+    cover, side = rng.uniform(0.2, 0.95), mask.shape[1]
+    wanted = -np.log(1 - cover) * height * width / mask.sum((1, 2)).mean()  # leaves hide each other
+    count = int(min(wanted, 6000))
+    y, x = rng.uniform(-side, height, count), rng.uniform(-side, width, count)
+    if rng.random() < 0.7:  # tufts, and a hedge that ends somewhere
+        field = smooth(rng, (height, width))
+        if rng.random() < 0.5:
+            field = field + 3 * (np.arange(height) / height - rng.uniform(0, 0.5))[:, None]
+        tuft = np.array(Image.fromarray(rng.normal(0, 1.3, (7, 9)).astype(np.float32)).resize((width, height)))
+        field = field + rng.uniform(0, 1.5) * tuft
+        at = field[np.clip(y + side / 2, 0, height - 1).astype(int), np.clip(x + side / 2, 0, width - 1).astype(int)]
+        kept = at > rng.uniform(-1, 0.3)
+        y, x = y[kept], x[kept]
+    count = y.size
+    kind, depth = rng.integers(0, len(mask), count), np.linspace(0, 1, count)  # the nearest last
+    base = np.array([rng.uniform(20, 150), rng.uniform(70, 170), rng.uniform(10, 80)])  # from dark green to yellow
+    base = base * np.sqrt(np.clip(picture.mean() / 110, 0.2, 1.3))
+    tone = rng.uniform(0.5, 1.2, count) * (1 - rng.uniform(0, 0.5) * (1 - depth))
+    tint = rng.normal(0, rng.uniform(2, 18), (count, 3))
+    leaf, row, col = np.nonzero(mask[kind])
+    to_y, to_x = y[leaf].astype(int) + row, x[leaf].astype(int) + col
+    inside = (to_y >= 0) & (to_y < height) & (to_x >= 0) & (to_x < width)
+    leaf, row, col, to = leaf[inside], row[inside], col[inside], (to_y[inside], to_x[inside])
+    colour = (base + tint[leaf]) * (tone[leaf] * shade[kind[leaf], row, col])[:, None]
+    picture, truth = picture.copy(), truth.copy()
+    picture[to] = np.clip(colour, 0, 255)  # of leaves at the same pixel the last one stays
+    truth[to] = TREE
+    return picture, truth
+
+
 def style(rng: np.random.Generator, x: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The low frequencies' amplitudes become those of another crop (Yang and Soatto, FDA, 2020), partly; 0..1."""
     spectrum = np.fft.rfft2(x, axes=(0, 1))
@@ -121,9 +174,11 @@ def strong(rng: np.random.Generator, picture, truth, donor, kinds: frozenset) ->
     if "paste" in kinds and rng.random() < 0.5:
         picture, truth = paste(rng, picture, truth, *donor(0), RARE)
     if "foliage" in kinds and rng.random() < 0.15:
-        leaves = donor(1)
-        if leaves:
-            picture, truth = paste(rng, picture, truth, *leaves, (TREE,))
+        plants = donor(1)
+        if plants:
+            picture, truth = paste(rng, picture, truth, *plants, (TREE,))
+    if "leaves" in kinds and rng.random() < 0.35:
+        picture, truth = leaves(rng, picture, truth)
     x = picture.astype(np.float32) / 255
     if "style" in kinds and rng.random() < 0.4:
         x = style(rng, x, donor(int(rng.random() < 0.2) if donor(1) else 0)[0])

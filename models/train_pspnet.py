@@ -408,7 +408,7 @@ def main() -> None:
                         help="nominal size of the pictures for the network")
     parser.add_argument("--zoom", type=float, nargs=2, default=(-0.74, 0.68), metavar=("LOW", "HIGH"),
                         help="log2 of the scale of the crops")
-    parser.add_argument("--augment", nargs="*", choices=("plain", "paste", "foliage", "style", "light", "sensor"),
+    parser.add_argument("--augment", nargs="*", choices=("plain", "paste", "foliage", "leaves", "style", "light", "sensor"),
                         default=["plain"], help="how training pictures are altered (%(default)s); plain beside others: "
                         "half of the crops plainly")
     parser.add_argument("--rate", type=float, default=3e-3, help="step rate between warm-up and decay")
