@@ -28,6 +28,14 @@
 #define AFTER_S 6.0  /* what comes so soon after a passage is of it */
 #define RIGHT   0.15 /* of a distance */
 #define POINTS  64
+#define EMPTY   64 /* sets without anybody that are kept: the wind repeats */
+
+/* Frames of a set. */
+struct frames {
+    uint8_t *jpeg[VIEWS]; /* owned */
+    size_t bytes[VIEWS];
+    int64_t wind_us; /* time in the wind's period */
+};
 
 struct bench {
     double rate, seed, passages, gap, first, wind, width, trace;
@@ -35,6 +43,8 @@ struct bench {
     struct sst_hedge_config cfg;
     struct sst_hedge *hedge;
     struct sst_image image[VIEWS];
+    struct frames empty[EMPTY];
+    int empties;
     struct sst_live *live;
     struct live_engine *engine;
     struct sst_use_calibration calibration; /* distances are known */
@@ -116,6 +126,12 @@ static int open_bench(struct bench *b)
     return err ? err : open_engine(b);
 }
 
+static void free_frames(struct frames *f)
+{
+    for (int k = 0; k < VIEWS; k++)
+        free(f->jpeg[k]);
+}
+
 static void close_bench(struct bench *b)
 {
     if (b->engine) {
@@ -125,6 +141,8 @@ static void close_bench(struct bench *b)
     }
     free(b->engine);
     sst_live_close(b->live);
+    for (int i = 0; i < b->empties; i++)
+        free_frames(&b->empty[i]);
     for (int k = 0; k < VIEWS; k++)
         sst_image_fini(&b->image[k]);
     sst_hedge_destroy(b->hedge);
@@ -201,7 +219,7 @@ static void trace(const struct bench *b, double t_s)
 {
     static const char *const states[] = { "seen", "covered", "still" };
     const struct sst_hedge_person p = sst_hedge_passer_by(&b->cfg, t_s);
-    const bool there = t_s >= 0 && t_s < SST_HEDGE_PASS_S;
+    const bool there = b->now && t_s < SST_HEDGE_PASS_S;
     struct sst_live_track track[SST_LIVE_TRACKS];
     const int n = sst_live_tracks(b->live, track);
 
@@ -219,34 +237,72 @@ static void trace(const struct bench *b, double t_s)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
+static int draw(struct bench *b, double at_s, const struct sst_hedge_person *p, struct frames *f)
+{
+    int err = 0;
+
+    sst_hedge_draw(b->hedge, at_s, p, b->image, NULL);
+    for (int k = 0; k < VIEWS && !err; k++)
+        err = sst_image_encode_jpeg(&b->image[k], QUALITY, &f->jpeg[k], &f->bytes[k]);
+    return err;
+}
+
+/* The frames without anybody, kept if there is room. @param other  used if there is none */
+static int draw_empty(struct bench *b, double at_s, struct frames *other, const struct frames **out)
+{
+    const int64_t wind_us = llround(fmod(at_s, SST_HEDGE_PERIOD_S) * 1e6);
+    struct frames *f = b->empties < EMPTY ? &b->empty[b->empties] : other;
+
+    for (int i = 0; i < b->empties; i++) {
+        if (b->empty[i].wind_us == wind_us) {
+            *out = &b->empty[i];
+            return 0;
+        }
+    }
+    b->empties += f != other;
+    f->wind_us = wind_us;
+    *out = f;
+    return draw(b, at_s, NULL, f);
+}
+
+static int update(struct bench *b, double at_s, double t_s, const struct frames *f)
+{
+    struct sst_live_input in = { .set = (uint64_t)b->sets++, .t_ns = (int64_t)((at_s + 1) * 1e9) };
+    struct sst_live_report *report = calloc(1, sizeof(*report));
+    struct sst_live_track track[SST_LIVE_TRACKS];
+    int err = report ? 0 : -ENOMEM;
+
+    for (int k = 0; k < VIEWS; k++) {
+        in.frame[k].data = f->jpeg[k];
+        in.frame[k].bytes = f->bytes[k];
+    }
+    err = err ? err : sst_live_update(b->live, &in, report);
+    free(report);
+    if (err)
+        return err;
+    b->engine->set_t_ns = in.t_ns;
+    b->engine->set_wall_ns = INT64_C(1795600000000000000) + in.t_ns;
+    engine_visits_follow(b->engine, track, sst_live_tracks(b->live, track));
+    note_visits(b, t_s);
+    if (b->trace > 0)
+        trace(b, t_s);
+    return 0;
+}
+
 /* @param t_s  since the passage began */
 static int run_set(struct bench *b, double at_s, double t_s)
 {
     const struct sst_hedge_person p = sst_hedge_passer_by(&b->cfg, t_s);
-    struct sst_live_input in = { .set = (uint64_t)b->sets, .t_ns = (int64_t)((at_s + 1) * 1e9) };
-    struct sst_live_track track[SST_LIVE_TRACKS];
-    struct sst_live_report *report = calloc(1, sizeof(*report));
-    uint8_t *jpeg[VIEWS] = { NULL };
-    int err = report ? 0 : -ENOMEM;
+    struct frames own = { .wind_us = 0 };
+    const struct frames *f = &own;
+    int err;
 
-    sst_hedge_draw(b->hedge, at_s, t_s >= 0 && t_s < SST_HEDGE_PASS_S ? &p : NULL, b->image, NULL);
-    for (int k = 0; k < VIEWS && !err; k++) {
-        err = sst_image_encode_jpeg(&b->image[k], QUALITY, &jpeg[k], &in.frame[k].bytes);
-        in.frame[k].data = jpeg[k];
-    }
-    err = err ? err : sst_live_update(b->live, &in, report);
-    if (!err) {
-        b->engine->set_t_ns = in.t_ns;
-        b->engine->set_wall_ns = INT64_C(1795600000000000000) + in.t_ns;
-        engine_visits_follow(b->engine, track, sst_live_tracks(b->live, track));
-        note_visits(b, t_s);
-        if (b->trace > 0)
-            trace(b, t_s);
-    }
-    for (int k = 0; k < VIEWS; k++)
-        free(jpeg[k]);
-    free(report);
-    b->sets++;
+    if (b->now && t_s < SST_HEDGE_PASS_S)
+        err = draw(b, at_s, &p, &own);
+    else
+        err = draw_empty(b, at_s, &own, &f);
+    err = err ? err : update(b, at_s, t_s, f);
+    free_frames(&own);
     return err;
 }
 
