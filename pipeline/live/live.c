@@ -140,7 +140,7 @@ int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struc
 
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS])
 {
-    return live_watch_tracks(live, out, sst_livescene_tracks(live->scene, out));
+    return live->watch ? live_watch_tracks(live, out) : sst_livescene_tracks(live->scene, out);
 }
 
 int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4])

@@ -3,6 +3,7 @@
 #ifndef SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 #define SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 
+#include "pipeline/live/hidden/hidden.h"
 #include "pipeline/live/scene/scene.h"
 #include "pipeline/method/render/focus.h"
 #include "pipeline/method/render/plan.h"
@@ -87,8 +88,58 @@ void live_watch_close(struct sst_live *live);
 /** Follow a set, after its changes and the cut are known. @return 0, -ENOMEM */
 SST_MUST_CHECK int live_watch_update(struct sst_live *live, int64_t t_ns);
 
-/** Add them to the n tracks of the scene. @return number */
-int live_watch_tracks(const struct sst_live *live, struct sst_live_track track[SST_LIVE_TRACKS], int n);
+/** Tracks of the scene and of what is behind the foreground, as of the last set. @return number */
+int live_watch_tracks(const struct sst_live *live, struct sst_live_track track[SST_LIVE_TRACKS]);
+
+/* --- identities.c: what several searches find of one thing --- */
+
+enum live_part_kind {
+    LIVE_PART_OPEN = 0,   /* a track of the scene */
+    LIVE_PART_HIDDEN = 1, /* a thing behind the foreground */
+};
+
+/** A part of an identity, by its id or key. */
+struct live_part {
+    enum live_part_kind kind;
+    uint32_t key, id; /* id: of the identity */
+};
+
+struct live_identity {
+    struct sst_live_track track, seen; /* as reported; as it was seen, at ... */
+    int64_t seen_ns;
+    double width, height;               /* px: of the largest part seen lately */
+    double sure_px;                     /* disparity when it was seen in the open, at ... */
+    int64_t sure_ns;                    /* ... 0: never */
+    uint32_t beside;                    /* another one that is at the same place; 0: none */
+    double beside_x;                    /* px: how far it was from that in the beginning, at ... */
+    int64_t beside_ns;
+    bool has[2], updated;               /* in this set: parts, described */
+};
+
+#define LIVE_IDENTITIES SST_LIVE_TRACKS
+#define LIVE_PARTS      (SST_LIVE_TRACKS + SST_HIDDEN_THINGS)
+
+/** All zero: none. */
+struct live_identities {
+    struct live_identity who[LIVE_IDENTITIES];
+    struct live_part part[LIVE_PARTS];
+    int count, parts;
+    uint32_t ids; /* number of them, ever */
+    int64_t t_ns;
+};
+
+/**
+ * Follow a set.
+ *
+ * @param open   [n] tracks of the scene
+ * @param thing  [things] behind the foreground; only those that are reported begin an identity
+ * @param width  of the picture, px
+ */
+void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
+                            const struct sst_hidden_thing *thing, int things, int width, int64_t t_ns);
+
+/** As of the last set. @return number */
+int live_identities_tracks(const struct live_identities *w, struct sst_live_track track[SST_LIVE_TRACKS]);
 
 /* --- cut.c --- */
 

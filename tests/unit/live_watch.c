@@ -101,9 +101,11 @@ static int pass(struct watch *w)
         step(w, &p);
         if (!w->tracks)
             continue;
-        seen++;
         assert_int_equal(w->tracks, 1);
-        assert_true(t->hidden && t->id == 1 && t->state == SST_LIVE_TRACK_SEEN);
+        assert_true(t->hidden && t->id == 1);
+        if (t->state == SST_LIVE_TRACK_COVERED)
+            continue;
+        seen++;
         assert_true(t->x0 < p.x && t->x1 > p.x - 40);
         assert_true(fabs(t->disp_px - p.disp_px) < 1.5);
     }

@@ -14,10 +14,12 @@
 #define STILL_S     20.0 /* without any change in the scene: who is there moves sooner or later */
 #define LOST_SETS   2
 #define REACH       0.5 /* of the height: a thing moves by this at once, ... */
-#define SPEED       1.0 /* ... and by this in a second */
+#define SPEED       1.0 /* ... and by this in a second, ... */
+#define REACH_S     1.5 /* ... of which so many count: what is farther away later is another thing, or chance */
 #define DEPTH_STEPS 4.0 /* planes */
 #define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
 #define IMAGE_SIDES 2.0 /* ... within so many widths of both */
+#define IMAGE_SETS  2   /* of a better one */
 #define GAIN        0.7
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
@@ -112,7 +114,7 @@ static int join(struct group *g, const struct hidden_candidate *c, int count, co
 /* How badly a group fits; infinite: not at all. */
 static double misfit(const struct hidden_track *a, const struct group *g, double depth_px, int64_t t_ns)
 {
-    const double age_s = sst_clamp_double((double)(t_ns - a->thing.seen_ns) * 1e-9, 0, LOST_S);
+    const double age_s = sst_clamp_double((double)(t_ns - a->thing.seen_ns) * 1e-9, 0, REACH_S);
     const double reach = fmax(a->h, g->y1 - g->y0) * (REACH + SPEED * age_s);
     const double dx = fabs((g->x0 + g->x1) / 2 - a->x) / reach, dy = fabs((g->y0 + g->y1) / 2 - a->y) / reach;
     const double dd = fabs(g->disp_px - a->thing.disp_px) / depth_px;
@@ -285,25 +287,65 @@ static bool stays(struct hidden_track *a, double dt_s, int64_t t_ns)
     return a->thing.evidence >= 0 && (missed_s <= LOST_S || missed_s <= LOST_SETS * dt_s);
 }
 
-/* One that was an image of a reported track, or a part of it, is that thing when the track is lost. */
-static void leave_to_heir(struct hidden_tracks *t, const struct hidden_track *lost, double threshold)
+/* A track goes on as another one, which is reported in its place. */
+static void go_on_as(struct hidden_track *a, struct hidden_track *b)
 {
-    struct hidden_track *heir = NULL;
+    const uint32_t key = b->thing.key;
 
-    for (int i = 0; i < t->count && lost->thing.reported; i++) {
-        struct hidden_track *a = &t->track[i];
+    b->thing.key = a->thing.key;
+    b->thing.reported = true;
+    b->thing.first_ns = a->thing.first_ns < b->thing.first_ns ? a->thing.first_ns : b->thing.first_ns;
+    b->from_x = a->from_x;
+    b->from_y = a->from_y;
+    a->thing.key = key;
+    a->thing.reported = false;
+    a->beside = true;
+}
 
-        if (a != lost && !a->thing.reported && a->seen && a->thing.evidence >= threshold && is_near(a, lost) &&
-            a->thing.first_ns <= lost->thing.seen_ns && (!heir || a->thing.evidence > heir->thing.evidence))
-            heir = a;
+/* Somebody who differs much from what was there before is seen on many planes, on the right one best; which of these
+ * images has enough evidence first is chance. @return the best one that is not reported, of those near a track with no
+ * less evidence than this; NULL: none */
+static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence)
+{
+    struct hidden_track *best = NULL;
+
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *b = &t->track[i];
+
+        if (b != a && !b->thing.reported && b->seen && b->sets >= IMAGE_SETS && b->thing.evidence >= evidence &&
+            is_near(a, b) && (!best || b->z > best->z))
+            best = b;
     }
-    if (!heir)
-        return;
-    heir->thing.key = lost->thing.key;
-    heir->thing.first_ns = lost->thing.first_ns;
-    heir->thing.reported = true;
-    heir->from_x = lost->from_x;
-    heir->from_y = lost->from_y;
+    return best;
+}
+
+/* One that was an image of a reported track, or a part of it, is that thing when the track is lost. */
+static void leave_to_heir(struct hidden_tracks *t, struct hidden_track *lost, double threshold)
+{
+    struct hidden_track *heir = lost->thing.reported ? best_near(t, lost, threshold) : NULL;
+
+    if (heir && heir->thing.first_ns <= lost->thing.seen_ns)
+        go_on_as(lost, heir);
+}
+
+/* A reported track that turns out to be an image of a better one becomes that. */
+static void become_better(struct hidden_tracks *t, struct hidden_track *a, double threshold)
+{
+    struct hidden_track *b = a->thing.reported ? best_near(t, a, threshold) : NULL;
+
+    if (b && (a->seen ? IMAGE * b->z : b->z) > a->z)
+        go_on_as(a, b);
+}
+
+/* Report a track, or the one that it is an image of. */
+static void report(struct hidden_tracks *t, struct hidden_track *a)
+{
+    struct hidden_track *b = best_near(t, a, 0);
+
+    a->thing.reported = true;
+    if (b && b->z > a->z)
+        go_on_as(a, b);
+    note_way(t, b && b->thing.reported ? b : a);
 }
 
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
@@ -354,7 +396,12 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     for (int i = 0; i < t->count && !quiet; i++) {
         if (gone[i])
             leave_to_heir(t, &t->track[i], threshold);
+        else
+            become_better(t, &t->track[i], threshold);
     }
+    for (int i = 0; i < t->count && !quiet; i++)
+        if (!gone[i] && may_be_reported(t, &t->track[i], threshold))
+            report(t, &t->track[i]);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
@@ -362,10 +409,6 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
             if (!quiet)
                 note_chance(t, a);
             continue;
-        }
-        if (!quiet && may_be_reported(t, a, threshold)) {
-            a->thing.reported = true;
-            note_way(t, a);
         }
         if (a->thing.reported && a->seen)
             note_left(t, a, a->x, a->y);

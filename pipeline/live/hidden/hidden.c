@@ -227,6 +227,7 @@ int sst_hidden_things(const struct sst_hidden *h, struct sst_hidden_thing out[SS
         const struct hidden_track *a = &h->tracks.track[i];
 
         out[i] = a->thing;
+        out[i].seen = a->seen;
         out[i].x0 = px * (a->x - a->w / 2);
         out[i].y0 = px * (a->y - a->h / 2);
         out[i].x1 = px * (a->x + a->w / 2);

@@ -37,6 +37,7 @@ struct sst_hidden_input {
 struct sst_hidden_thing {
     uint32_t key;          /* the same from set to set */
     bool reported;         /* false: it may still be chance */
+    bool seen;             /* in the last set that was searched, or since then nothing has changed */
     double x0, y0, x1, y1; /* in the reference view, px */
     double vx_px_s, vy_px_s;
     double disp_px;

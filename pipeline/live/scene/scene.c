@@ -338,11 +338,6 @@ int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *ima
     return count[best] >= RECOGNISED * (x1 - x0) * (y1 - y0) ? best : 0;
 }
 
-uint32_t sst_livescene_new_track(struct sst_livescene *s)
-{
-    return s->tracks.next_id++;
-}
-
 int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
                          const struct sst_live_input *in, struct sst_live_report *report)
 {

@@ -45,9 +45,6 @@ bool sst_livescene_device(const struct sst_livescene *s, struct sst_network_devi
 /** As sst_live_recognise(). */
 int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *image, const double box[4]);
 
-/** An id that no other track has. */
-uint32_t sst_livescene_new_track(struct sst_livescene *s);
-
 /**
  * The background: while most of the scene is static, a thread of low priority computes the whole light field as
  * `sst process --preset balanced` does, from a copy, and its maps replace the quick ones in tiles that have not changed

@@ -20,6 +20,10 @@
 #define GAIN_SIZE   0.3
 #define SPEED_MOST  6.0  /* own widths per second */
 #define JOIN        0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
+#define BEHIND_X       1.0  /* of the wider, and ... */
+#define BEHIND_Y       2.0  /* ... of the longer side of the smaller: likewise, if something nearer hides what is between: */
+#define BEHIND_NEARER  0.3  /* of the gap at least is nearer, */
+#define BEHIND_FARTHER 0.35 /* and at most is farther */
 #define LEAST_CELLS 40   /* of a thing that appears */
 #define THERE       0.35 /* fraction of its usual cells by which a thing without a piece is still there */
 #define COVERED     0.4  /* of a box: behind something nearer */
@@ -100,6 +104,66 @@ static bool beside(struct extent a, struct extent b)
     const double room_x = JOIN * fmax(a.w, b.w), room_y = JOIN * fmax(a.h, b.h);
 
     return (gap_x <= room_x && -gap_y >= fmin(a.h, b.h) / 2) || (gap_y <= room_y && -gap_x >= fmin(a.w, b.w) / 2);
+}
+
+/* What is at a place, as fractions of a box. */
+struct place {
+    double own, nearer, farther, outside;
+};
+
+static struct place look(struct extent at, double disp_q6, const struct sst_map_u16 *disp)
+{
+    const int x0 = (int)lround(at.x - at.w / 2), x1 = (int)lround(at.x + at.w / 2);
+    const int y0 = (int)lround(at.y - at.h / 2), y1 = (int)lround(at.y + at.h / 2);
+    const int rx0 = sst_max_int(x0, 0), rx1 = sst_min_int(x1, disp->width);
+    const int ry0 = sst_max_int(y0, 0), ry1 = sst_min_int(y1, disp->height);
+    const double all = fmax((double)(x1 - x0) * (y1 - y0), 1);
+    int64_t own = 0, nearer = 0, farther = 0, in = 0;
+
+    for (int y = ry0; y < ry1; y++) {
+        const uint16_t *row = sst_map_u16_row(disp, y);
+
+        for (int x = rx0; x < rx1; x++) {
+            const double d = row[x] - disp_q6;
+
+            in++;
+            if (row[x] == SST_DISP_NONE)
+                continue;
+            own += fabs(d) <= NEARER_Q6;
+            nearer += d > NEARER_Q6;
+            farther += d < -NEARER_Q6;
+        }
+    }
+    return (struct place){ (double)own / all, (double)nearer / all, (double)farther / all, 1 - (double)in / all };
+}
+
+/* The gap between two boxes along one axis, and where they face each other along the other one. */
+static void between(double a, double a_size, double b, double b_size, double *middle, double *size)
+{
+    const double lower = fmin(a + a_size / 2, b + b_size / 2), upper = fmax(a - a_size / 2, b - b_size / 2);
+
+    *middle = (lower + upper) / 2;
+    *size = fmax(fabs(upper - lower), 1);
+}
+
+/* Are two pieces of one disparity parts of a thing, the rest of which is behind something nearer? */
+static bool joined_behind(struct extent a, struct extent b, double disp_q6, const struct sst_map_u16 *disp)
+{
+    const double gap_x = fabs(a.x - b.x) - (a.w + b.w) / 2, gap_y = fabs(a.y - b.y) - (a.h + b.h) / 2;
+    struct extent gap;
+    struct place at;
+
+    if (gap_x > BEHIND_X * fmax(a.w, b.w) || gap_y > BEHIND_Y * fmin(fmax(a.w, a.h), fmax(b.w, b.h)))
+        return false;
+    between(a.x, a.w, b.x, b.w, &gap.x, &gap.w);
+    between(a.y, a.h, b.y, b.h, &gap.y, &gap.h);
+    at = look(gap, disp_q6, disp);
+    return at.nearer >= BEHIND_NEARER && at.farther <= BEHIND_FARTHER;
+}
+
+static bool is_one(struct extent a, struct extent b, double disp_q6, const struct sst_map_u16 *disp)
+{
+    return beside(a, b) || joined_behind(a, b, disp_q6, disp);
 }
 
 /* --- assignment --------------------------------------------------------------------------------------------------- */
@@ -211,8 +275,8 @@ static void share_piece(struct scene_tracks *t, const struct scene_piece *p, con
 }
 
 /* Follow the piece of track i with all others that are parts of it, or share it. */
-static void follow(struct scene_tracks *t, int i, const struct scene_piece *piece, int pieces, int *owner, double dt_s,
-                   int64_t t_ns)
+static void follow(struct scene_tracks *t, int i, const struct scene_piece *piece, int pieces, int *owner,
+                   const struct sst_map_u16 *disp, double dt_s, int64_t t_ns)
 {
     struct scene_track *a = &t->track[i];
     const struct scene_piece *own = &piece[a->piece];
@@ -240,7 +304,7 @@ static void follow(struct scene_tracks *t, int i, const struct scene_piece *piec
     for (int k = 0; k < pieces; k++) {
         const struct extent e = extent_of(&piece[k].at);
 
-        if (owner[k] >= 0 || !beside(to, e) || fabs(piece[k].disp_q6 - a->disp_q6) > DISP_Q6 / 2)
+        if (owner[k] >= 0 || fabs(piece[k].disp_q6 - a->disp_q6) > DISP_Q6 / 2 || !is_one(to, e, a->disp_q6, disp))
             continue;
         owner[k] = i;
         to = union_of(to, e);
@@ -251,47 +315,17 @@ static void follow(struct scene_tracks *t, int i, const struct scene_piece *piec
 
 /* --- tracks without a piece --------------------------------------------------------------------------------------- */
 
-/* What is at a track's place, as fractions of its box. */
-struct place {
-    double own, nearer, outside;
-};
-
-static struct place look(const struct scene_track *a, const struct sst_map_u16 *disp)
-{
-    const int x0 = (int)lround(a->x - a->w / 2), x1 = (int)lround(a->x + a->w / 2);
-    const int y0 = (int)lround(a->y - a->h / 2), y1 = (int)lround(a->y + a->h / 2);
-    const int rx0 = sst_max_int(x0, 0), rx1 = sst_min_int(x1, disp->width);
-    const int ry0 = sst_max_int(y0, 0), ry1 = sst_min_int(y1, disp->height);
-    const double all = fmax((double)(x1 - x0) * (y1 - y0), 1);
-    int64_t own = 0, nearer = 0, in = 0;
-
-    for (int y = ry0; y < ry1; y++) {
-        const uint16_t *row = sst_map_u16_row(disp, y);
-
-        for (int x = rx0; x < rx1; x++) {
-            const double d = row[x] - a->disp_q6;
-
-            in++;
-            if (row[x] == SST_DISP_NONE)
-                continue;
-            own += fabs(d) <= NEARER_Q6;
-            nearer += d > NEARER_Q6;
-        }
-    }
-    return (struct place){ (double)own / all, (double)nearer / all, 1 - (double)in / all };
-}
-
 /* @return false: it has left */
 static bool wait_for(struct scene_track *a, const struct sst_map_u16 *disp, int64_t t_ns)
 {
-    struct place at = look(a, disp);
+    struct place at = look(extent_of_track(a), a->disp_q6, disp);
 
     if (at.outside > OUTSIDE)
         return false;
     if (a->state == SST_LIVE_TRACK_COVERED && at.nearer < COVERED) { /* it would be seen there: it waits at the edge */
         a->x = a->before_x;
         a->y = a->before_y;
-        at = look(a, disp);
+        at = look(extent_of_track(a), a->disp_q6, disp);
     }
     if (at.own >= THERE * a->fill) { /* it stands, and what stands becomes background */
         a->vx = a->vy = 0;
@@ -364,7 +398,8 @@ static void start_again(struct scene_track *a, const struct scene_piece *p, int6
 }
 
 /* New tracks of the pieces that none has; those beside each other, at one disparity, are parts of one thing. */
-static void begin(struct scene_tracks *t, const struct scene_piece *piece, int pieces, int *owner, int64_t t_ns)
+static void begin(struct scene_tracks *t, const struct scene_piece *piece, int pieces, int *owner,
+                  const struct sst_map_u16 *disp, int64_t t_ns)
 {
     for (int i = 0; i < pieces; i++) {
         struct extent e = extent_of(&piece[i].at);
@@ -375,7 +410,8 @@ static void begin(struct scene_tracks *t, const struct scene_piece *piece, int p
         for (int k = i + 1; k < pieces; k++) {
             const struct extent other = extent_of(&piece[k].at);
 
-            if (owner[k] >= 0 || fabs((double)piece[k].disp_q6 - piece[i].disp_q6) > DISP_Q6 / 2 || !beside(e, other))
+            if (owner[k] >= 0 || fabs((double)piece[k].disp_q6 - piece[i].disp_q6) > DISP_Q6 / 2 ||
+                !is_one(e, other, piece[i].disp_q6, disp))
                 continue;
             owner[k] = SCENE_TRACKS;
             e = union_of(e, other);
@@ -402,11 +438,11 @@ int scene_track_label(const struct scene_tracks *t, const struct scene_track *a)
 }
 
 /* Is a track that is not reported yet part of one of the first `count`? */
-static bool is_part(const struct scene_tracks *t, int count, const struct scene_track *a)
+static bool is_part(const struct scene_tracks *t, int count, const struct scene_track *a, const struct sst_map_u16 *disp)
 {
     for (int k = 0; k < count && !a->reported; k++)
         if (fabs(t->track[k].disp_q6 - a->disp_q6) <= DISP_Q6 / 2 &&
-            beside(extent_of_track(&t->track[k]), extent_of_track(a)))
+            is_one(extent_of_track(&t->track[k]), extent_of_track(a), a->disp_q6, disp))
             return true;
     return false;
 }
@@ -448,12 +484,12 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
             continue;
         if (!a->reported && (double)(t_ns - a->moved_ns) > fmax(PAUSE_NS, PAUSE_SETS * 1e9 * dt_s))
             start_again(a, &piece[a->piece], t_ns);
-        follow(t, i, piece, pieces, owner, dt_s, t_ns);
+        follow(t, i, piece, pieces, owner, disp, dt_s, t_ns);
     }
     for (int i = 0; i < t->count; i++) {
         struct scene_track *a = &t->track[i];
 
-        if ((a->piece < 0 && !wait_for(a, disp, t_ns)) || is_part(t, kept, a))
+        if ((a->piece < 0 && !wait_for(a, disp, t_ns)) || is_part(t, kept, a, disp))
             continue;
         a->gone += hypot(a->x - a->before_x, a->y - a->before_y);
         a->gone_q6 += fabs(a->disp_q6 - a->before_q6);
@@ -464,7 +500,7 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
         t->track[kept++] = *a;
     }
     t->count = kept;
-    begin(t, piece, pieces, owner, t_ns);
+    begin(t, piece, pieces, owner, disp, t_ns);
 }
 
 void scene_tracks_shift(struct scene_tracks *t, int by)
