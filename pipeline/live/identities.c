@@ -187,16 +187,29 @@ static void measure(struct live_identity *a, double dt_s)
     a->height = fmax(a->track.y1 - a->track.y0, keep * a->height);
 }
 
+/* Room for another one: if there is none, that of the one that was seen longest ago. @return NULL: all are there now */
+static struct live_identity *make_room(struct live_identities *w)
+{
+    struct live_identity *oldest = NULL;
+
+    if (w->count < LIVE_IDENTITIES)
+        return &w->who[w->count++];
+    for (int i = 0; i < w->count; i++)
+        if (!w->who[i].updated && (!oldest || w->who[i].seen_ns < oldest->seen_ns))
+            oldest = &w->who[i];
+    return oldest;
+}
+
 /* A part that no identity has. */
 static void meet(struct live_identities *w, enum live_part_kind kind, uint32_t key, const struct sst_live_track *t,
                  int64_t t_ns)
 {
     struct live_identity *a = recognise(w, kind, t, t_ns);
 
-    if (!a && w->count == LIVE_IDENTITIES)
-        return;
     if (!a) {
-        a = &w->who[w->count++];
+        a = make_room(w);
+        if (!a)
+            return;
         *a = (struct live_identity){ .track = *t };
         a->track.id = ++w->ids;
     }
@@ -265,46 +278,57 @@ static void unite(struct live_identities *w, struct live_identity *a, struct liv
     from->track.id = 0;
 }
 
+/* One of another kind at the same place. */
+static struct live_identity *find_beside(struct live_identities *w, const struct live_identity *a, int64_t t_ns)
+{
+    struct live_identity *best = NULL;
+    double least = INFINITY;
+
+    for (int i = 0; i < w->count && a->track.id; i++) {
+        struct live_identity *b = &w->who[i];
+        const double m = b != a && b->track.id && may_be_one(a, b) ? misfit(b, &a->track, t_ns) : INFINITY;
+
+        if (m < least) {
+            least = m;
+            best = b;
+        }
+    }
+    return best;
+}
+
 static void unite_all(struct live_identities *w, int64_t t_ns)
 {
     for (int i = 0; i < w->count; i++) {
-        struct live_identity *a = &w->who[i], *best = NULL;
-        double least = INFINITY;
+        struct live_identity *a = &w->who[i], *b = find_beside(w, a, t_ns);
+        const double from_b = b ? middle_x(&a->track) - middle_x(&b->track) : 0;
 
-        for (int k = 0; k < w->count && a->track.id; k++) {
-            struct live_identity *b = &w->who[k];
-            const double m = b != a && b->track.id && may_be_one(a, b) ? misfit(b, &a->track, t_ns) : INFINITY;
-
-            if (m < least) {
-                least = m;
-                best = b;
-            }
+        if (b && a->beside == b->track.id && fabs(from_b - a->beside_x) <= APART * fmax(a->height, b->height)) {
+            if ((double)(t_ns - a->beside_ns) * 1e-9 >= TOGETHER_S)
+                unite(w, a, b);
+            continue;
         }
-        if (!best || a->beside != best->track.id || fabs(middle_x(&a->track) - middle_x(&best->track) - a->beside_x) > APART * fmax(a->height, best->height)) {
-            a->beside = best ? best->track.id : 0;
-            a->beside_x = best ? middle_x(&a->track) - middle_x(&best->track) : 0;
-            a->beside_ns = t_ns;
-        } else if ((double)(t_ns - a->beside_ns) * 1e-9 >= TOGETHER_S) {
-            unite(w, a, best);
-        }
+        a->beside = b ? b->track.id : 0;
+        a->beside_x = from_b;
+        a->beside_ns = t_ns;
     }
 }
 
 /* --- a set ---------------------------------------------------------------------------------------------------------- */
 
 /* @return false: it has gone */
-static bool stays(struct live_identity *a, int width, int64_t t_ns)
+static bool stays(struct live_identity *a, int width, int height, int64_t t_ns)
 {
-    const double x = middle_x(&a->seen) + a->seen.vx_px_s * age_s(a, t_ns);
+    const double s = age_s(a, t_ns);
+    const double x = middle_x(&a->seen) + a->seen.vx_px_s * s, y = middle_y(&a->seen) + a->seen.vy_px_s * s;
 
     if (!a->track.id || a->updated)
         return a->track.id;
     a->track.state = SST_LIVE_TRACK_COVERED;
-    return x >= 0 && x <= width && t_ns - a->seen_ns <= HOLD_NS;
+    return x >= 0 && x <= width && y >= 0 && y <= height && t_ns - a->seen_ns <= HOLD_NS;
 }
 
 void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
-                            const struct sst_hidden_thing *thing, int things, int width, int64_t t_ns)
+                            const struct sst_hidden_thing *thing, int things, int width, int height, int64_t t_ns)
 {
     const double dt_s = w->t_ns ? fmax((double)(t_ns - w->t_ns) * 1e-9, 0) : 0;
     int kept = 0;
@@ -322,7 +346,7 @@ void live_identities_update(struct live_identities *w, const struct sst_live_tra
     meet_parts(w, open, n, thing, things, t_ns);
     unite_all(w, t_ns);
     for (int i = 0; i < w->count; i++)
-        if (stays(&w->who[i], width, t_ns))
+        if (stays(&w->who[i], width, height, t_ns))
             w->who[kept++] = w->who[i];
     w->count = kept;
 }

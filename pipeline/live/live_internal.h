@@ -133,10 +133,10 @@ struct live_identities {
  *
  * @param open   [n] tracks of the scene
  * @param thing  [things] behind the foreground; only those that are reported begin an identity
- * @param width  of the picture, px
+ * @param width, height  of the picture, px
  */
 void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
-                            const struct sst_hidden_thing *thing, int things, int width, int64_t t_ns);
+                            const struct sst_hidden_thing *thing, int things, int width, int height, int64_t t_ns);
 
 /** As of the last set. @return number */
 int live_identities_tracks(const struct live_identities *w, struct sst_live_track track[SST_LIVE_TRACKS]);

@@ -22,6 +22,7 @@
 #define JOIN        0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
 #define BEHIND_X       1.0  /* of the wider, and ... */
 #define BEHIND_Y       2.0  /* ... of the longer side of the smaller: likewise, if something nearer hides what is between: */
+#define BEHIND_Q6      256  /* nearer, at least: leaves are not behind each other; */
 #define BEHIND_NEARER  0.3  /* of the gap at least is nearer, */
 #define BEHIND_FARTHER 0.35 /* and at most is farther */
 #define LEAST_CELLS 40   /* of a thing that appears */
@@ -44,6 +45,10 @@
 #define RARE_NS          5e8
 #define UNKNOWN_SETS     6
 #define UNKNOWN_SHARE    0.01 /* of the picture, at least */
+#define SMALL_SHARE                                                                                                    \
+    0.002 /* of the picture: what is smaller may be a twig, and needs its label in this number of sets, */
+#define SMALL_SETS       4 /* and this share of them */
+#define SMALL_LABEL      0.5
 #define MOVED_CELLS      6.0
 #define MOVED_Q6         160.0 /* or nearer or farther by this */
 #define STRAIGHT         0.25  /* least ratio of displacement to path length, in the picture or in depth; */
@@ -111,7 +116,7 @@ struct place {
     double own, nearer, farther, outside;
 };
 
-static struct place look(struct extent at, double disp_q6, const struct sst_map_u16 *disp)
+static struct place look(struct extent at, double disp_q6, double nearer_q6, const struct sst_map_u16 *disp)
 {
     const int x0 = (int)lround(at.x - at.w / 2), x1 = (int)lround(at.x + at.w / 2);
     const int y0 = (int)lround(at.y - at.h / 2), y1 = (int)lround(at.y + at.h / 2);
@@ -130,7 +135,7 @@ static struct place look(struct extent at, double disp_q6, const struct sst_map_
             if (row[x] == SST_DISP_NONE)
                 continue;
             own += fabs(d) <= NEARER_Q6;
-            nearer += d > NEARER_Q6;
+            nearer += d > nearer_q6;
             farther += d < -NEARER_Q6;
         }
     }
@@ -157,7 +162,7 @@ static bool joined_behind(struct extent a, struct extent b, double disp_q6, cons
         return false;
     between(a.x, a.w, b.x, b.w, &gap.x, &gap.w);
     between(a.y, a.h, b.y, b.h, &gap.y, &gap.h);
-    at = look(gap, disp_q6, disp);
+    at = look(gap, disp_q6, BEHIND_Q6, disp);
     return at.nearer >= BEHIND_NEARER && at.farther <= BEHIND_FARTHER;
 }
 
@@ -318,14 +323,14 @@ static void follow(struct scene_tracks *t, int i, const struct scene_piece *piec
 /* @return false: it has left */
 static bool wait_for(struct scene_track *a, const struct sst_map_u16 *disp, int64_t t_ns)
 {
-    struct place at = look(extent_of_track(a), a->disp_q6, disp);
+    struct place at = look(extent_of_track(a), a->disp_q6, NEARER_Q6, disp);
 
     if (at.outside > OUTSIDE)
         return false;
     if (a->state == SST_LIVE_TRACK_COVERED && at.nearer < COVERED) { /* it would be seen there: it waits at the edge */
         a->x = a->before_x;
         a->y = a->before_y;
-        at = look(extent_of_track(a), a->disp_q6, disp);
+        at = look(extent_of_track(a), a->disp_q6, NEARER_Q6, disp);
     }
     if (at.own >= THERE * a->fill) { /* it stands, and what stands becomes background */
         a->vx = a->vy = 0;
@@ -447,12 +452,21 @@ static bool is_part(const struct scene_tracks *t, int count, const struct scene_
     return false;
 }
 
+/* Is it known as something that moves? A small one may be a twig that the network has seen something in once. */
+static bool is_known(const struct scene_track *a, const struct scene_tracks *t, double picture)
+{
+    const int label = most_votes(a);
+
+    if (!label || t->motion[label] != SCENE_MOBILE)
+        return false;
+    return a->w * a->h >= SMALL_SHARE * picture || a->votes[label] >= fmax(SMALL_SETS, SMALL_LABEL * a->sets);
+}
+
 /* Has it moved as things do, and not as leaves do? */
 static bool moves(const struct scene_track *a, const struct scene_tracks *t, double picture)
 {
     const double dx = a->x - a->from_x, dy = a->y - a->from_y, way = hypot(dx, dy);
-    const int label = most_votes(a);
-    const bool known = label && t->motion[label] == SCENE_MOBILE;
+    const bool known = is_known(a, t, picture);
     /* At long intervals, leaves that swing cannot be told from motion in one direction. */
     const bool often = (double)(a->seen_ns - a->way_ns) <= RARE_NS * (double)(a->sets - 1);
     const double far = known && often ? MOVED : MOVED_UNKNOWN, deeper = fabs(a->disp_q6 - a->from_q6);
