@@ -24,6 +24,7 @@
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
 #define GAIN_SIZE   0.25
+#define GAIN_DEPTH  0.1 /* at least: a mean in the beginning */
 #define SETS        3 /* and seconds of a thing that is reported */
 #define SECONDS     1.0
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
@@ -76,6 +77,7 @@ static void note_chance(struct hidden_tracks *t, const struct hidden_track *a)
 
 struct group {
     double x0, y0, x1, y1, disp_px, z;
+    double weight; /* of the mean disparity: standard deviations */
 };
 
 static bool belongs(const struct group *g, const struct group *c, double depth_px)
@@ -91,7 +93,8 @@ static int join(struct group *g, const struct hidden_candidate *c, int count, co
     int n = 0;
 
     for (int i = 0; i < count; i++) {
-        const struct group one = { c[i].at.x0, c[i].at.y0, c[i].at.x1, c[i].at.y1, p->disp_px[c[i].plane], c[i].z };
+        const struct group one = { c[i].at.x0, c[i].at.y0, c[i].at.x1, c[i].at.y1, p->disp_px[c[i].plane],
+                                   c[i].z,     c[i].z };
         int k = 0;
 
         while (k < n && !belongs(&g[k], &one, DEPTH_STEPS * p->step_px))
@@ -104,6 +107,8 @@ static int join(struct group *g, const struct hidden_candidate *c, int count, co
         g[k].y0 = fmin(g[k].y0, one.y0);
         g[k].x1 = fmax(g[k].x1, one.x1);
         g[k].y1 = fmax(g[k].y1, one.y1);
+        g[k].weight += one.z;
+        g[k].disp_px += (one.disp_px - g[k].disp_px) * one.z / g[k].weight;
     }
     return n;
 }
@@ -134,7 +139,7 @@ static void see(struct hidden_track *a, const struct group *g, double dt_s, int6
     }
     a->w += GAIN_SIZE * (g->x1 - g->x0 - a->w);
     a->h += GAIN_SIZE * (g->y1 - g->y0 - a->h);
-    a->thing.disp_px += GAIN_SIZE * (g->disp_px - a->thing.disp_px);
+    a->thing.disp_px += fmax(GAIN_DEPTH, 1.0 / (a->sets + 1)) * (g->disp_px - a->thing.disp_px);
     a->thing.evidence += (fmin(g->z, MOST) - LEAST) * fmin(dt_s, SET_MOST_S);
     a->peak = fmax(a->peak, a->thing.evidence);
     a->thing.evidence = fmin(a->thing.evidence, 2 * HIGHEST);
