@@ -265,6 +265,86 @@ static void pieces_of_one_are_one(void **state)
     }
 }
 
+/* Of somebody behind a hedge two gaps show head and legs. @param leaf  disparity of what hides the rest */
+static void add_head_and_legs(struct bench *b, int at, int leaf)
+{
+    fill(b, at - 14, 105, at + 14, 147, leaf);
+    add_piece(b, at - 8, 80, at + 8, 106, SST_LABEL_PEDESTRIAN, blue);
+    add_piece(b, at - 12, 146, at + 12, 176, SST_LABEL_PEDESTRIAN, blue);
+    for (int i = b->pieces - 2; i < b->pieces; i++)
+        b->piece[i].disp_q6 = NEAR;
+}
+
+static void pieces_behind_leaves_are_one(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b, 1);
+    for (int n = 0; n < 50; n++) {
+        add_head_and_legs(&b, 30 + 5 * n, NEARER);
+        step(&b);
+    }
+    assert_int_equal(ids(&b), 1);
+    assert_true(reported(&b, 0)->h > 85);
+    close_bench(&b);
+}
+
+/* What is as near as leaves are to each other hides nothing, nor do gaps that show the wall. */
+static void pieces_among_leaves_are_not(void **state)
+{
+    for (int leaf = NEAR; leaf <= NEAR + 192; leaf += 96) {
+        struct bench b;
+
+        (void)state;
+        open_bench(&b, 1);
+        for (int n = 0; n < 30; n++) {
+            add_head_and_legs(&b, 30 + 5 * n, leaf);
+            step(&b);
+        }
+        assert_int_equal(ids(&b), 2);
+        close_bench(&b);
+    }
+}
+
+/* Two walk one behind the other behind a hedge that shows the wall between them. */
+static void two_behind_leaves_are_two(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b, 1);
+    for (int n = 0; n < 40; n++) {
+        for (int x = 0; x < WIDTH; x += 10)
+            fill(&b, x, 60, x + 5, 220, NEARER);
+        add_head_and_legs(&b, 30 + 5 * n, NEARER);
+        add_head_and_legs(&b, 75 + 5 * n, NEARER);
+        step(&b);
+    }
+    assert_int_equal(ids(&b), 2);
+    close_bench(&b);
+}
+
+/* A twig of a few cells that the network has called an animal now and then does not become one by moving; a bird is one
+ * in most sets. */
+static void small_things_need_their_label(void **state)
+{
+    const int hen = sst_classes_find(&sst_classes_default, "Hen");
+
+    (void)state;
+    for (int every = 1; every <= 3; every += 2) {
+        struct bench b;
+
+        open_bench(&b, 1);
+        for (int n = 0; n < 12; n++) {
+            add_piece(&b, 20 + 4 * n, 100, 31 + 4 * n, 109, n % every == 0 ? hen : 0, red);
+            step(&b);
+        }
+        assert_int_equal(ids(&b), every == 1);
+        close_bench(&b);
+    }
+}
+
 /* Twigs go to and fro; so do holes between them, which come and go anywhere. A minute of both. */
 static void leaves_get_nowhere(void **state)
 {
@@ -363,6 +443,10 @@ int main(void)
         cmocka_unit_test(who_meets_parts_as_before),
         cmocka_unit_test(what_stands_stays),
         cmocka_unit_test(pieces_of_one_are_one),
+        cmocka_unit_test(pieces_behind_leaves_are_one),
+        cmocka_unit_test(pieces_among_leaves_are_not),
+        cmocka_unit_test(two_behind_leaves_are_two),
+        cmocka_unit_test(small_things_need_their_label),
         cmocka_unit_test(leaves_get_nowhere),
         cmocka_unit_test(leaves_called_animals_get_nowhere),
         cmocka_unit_test(anything_goes),
