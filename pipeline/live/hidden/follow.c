@@ -309,8 +309,9 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
 
 /* Somebody who differs much from what was there before is seen on many planes, on the right one best; which of these
  * images has enough evidence first is chance. @return the best one that is not reported, of those near a track with no
- * less evidence than this; NULL: none */
-static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence)
+ * less evidence than this that began until then; NULL: none */
+static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence,
+                                      int64_t until_ns)
 {
     struct hidden_track *best = NULL;
 
@@ -318,7 +319,7 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
         struct hidden_track *b = &t->track[i];
 
         if (b != a && !b->thing.reported && b->seen && b->sets >= IMAGE_SETS && b->thing.evidence >= evidence &&
-            is_near(a, b) && (!best || b->z > best->z))
+            b->thing.first_ns <= until_ns && is_near(a, b) && (!best || b->z > best->z))
             best = b;
     }
     return best;
@@ -327,16 +328,16 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
 /* One that was an image of a reported track, or a part of it, is that thing when the track is lost. */
 static void leave_to_heir(struct hidden_tracks *t, struct hidden_track *lost, double threshold)
 {
-    struct hidden_track *heir = lost->thing.reported ? best_near(t, lost, threshold) : NULL;
+    struct hidden_track *heir = lost->thing.reported ? best_near(t, lost, threshold, lost->thing.seen_ns) : NULL;
 
-    if (heir && heir->thing.first_ns <= lost->thing.seen_ns)
+    if (heir)
         go_on_as(lost, heir);
 }
 
 /* A reported track that turns out to be an image of a better one becomes that. */
 static void become_better(struct hidden_tracks *t, struct hidden_track *a, double threshold)
 {
-    struct hidden_track *b = a->thing.reported ? best_near(t, a, threshold) : NULL;
+    struct hidden_track *b = a->thing.reported ? best_near(t, a, threshold, t->t_ns) : NULL;
 
     if (b && (a->seen ? IMAGE * b->z : b->z) > a->z)
         go_on_as(a, b);
@@ -345,7 +346,7 @@ static void become_better(struct hidden_tracks *t, struct hidden_track *a, doubl
 /* Report a track, or the one that it is an image of. */
 static void report(struct hidden_tracks *t, struct hidden_track *a)
 {
-    struct hidden_track *b = best_near(t, a, 0);
+    struct hidden_track *b = best_near(t, a, 0, t->t_ns);
 
     a->thing.reported = true;
     if (b && b->z > a->z)
