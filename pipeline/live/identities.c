@@ -19,7 +19,8 @@
 #define TOGETHER_S 1.0                 /* two that move together for so long are one */
 #define APART      0.5                 /* of the height: they do not move together */
 
-/* --- bindings ------------------------------------------------------------------------------------------------------- */
+/* --- bindings -------------------------------------------------------------------------------------------------------
+ */
 
 static struct live_identity *find(struct live_identities *w, uint32_t id)
 {
@@ -62,7 +63,8 @@ static void forget_parts(struct live_identities *w, const struct sst_live_track 
     w->parts = kept;
 }
 
-/* --- is it the same? ------------------------------------------------------------------------------------------------ */
+/* --- is it the same? ------------------------------------------------------------------------------------------------
+ */
 
 static bool same_depth(double a_px, double b_px)
 {
@@ -122,7 +124,8 @@ static struct live_identity *recognise(struct live_identities *w, enum live_part
     return best;
 }
 
-/* --- parts of a set ------------------------------------------------------------------------------------------------- */
+/* --- parts of a set -------------------------------------------------------------------------------------------------
+ */
 
 static struct sst_live_track as_track(const struct sst_hidden_thing *t)
 {
@@ -255,7 +258,8 @@ static void meet_parts(struct live_identities *w, const struct sst_live_track *o
     }
 }
 
-/* --- two that are one ----------------------------------------------------------------------------------------------- */
+/* --- two that are one -----------------------------------------------------------------------------------------------
+ */
 
 /* Are they of different kinds, so that they may be one? */
 static bool may_be_one(const struct live_identity *a, const struct live_identity *b)
@@ -313,7 +317,8 @@ static void unite_all(struct live_identities *w, int64_t t_ns)
     }
 }
 
-/* --- a set ---------------------------------------------------------------------------------------------------------- */
+/* --- a set ----------------------------------------------------------------------------------------------------------
+ */
 
 /* @return false: it has gone */
 static bool stays(struct live_identity *a, int width, int height, int64_t t_ns)

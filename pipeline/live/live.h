@@ -155,8 +155,9 @@ SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_
 SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_input *in,
                                   struct sst_live_report *report);
 
-/** What moves, as of the last update: a thing keeps its id while it is seen, in the open or behind leaves, while something
- *  nearer hides it for a few seconds, and while it stands for ten minutes at most. Needs a model, except for what is hidden. @return number */
+/** What moves, as of the last update: a thing keeps its id while it is seen, in the open or behind leaves, while
+ * something nearer hides it for a few seconds, and while it stands for ten minutes at most. Needs a model, except for
+ * what is hidden. @return number */
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /** What the network sees in a picture of the reference view's size, inside a box (left, top, right, bottom in px): the

@@ -107,13 +107,13 @@ struct live_part {
 struct live_identity {
     struct sst_live_track track, seen; /* as reported; as it was seen, at ... */
     int64_t seen_ns;
-    double width, height;               /* px: of the largest part seen lately */
-    double sure_px;                     /* disparity when it was seen in the open, at ... */
-    int64_t sure_ns;                    /* ... 0: never */
-    uint32_t beside;                    /* another one that is at the same place; 0: none */
-    double beside_x;                    /* px: how far it was from that in the beginning, at ... */
+    double width, height; /* px: of the largest part seen lately */
+    double sure_px;       /* disparity when it was seen in the open, at ... */
+    int64_t sure_ns;      /* ... 0: never */
+    uint32_t beside;      /* another one that is at the same place; 0: none */
+    double beside_x;      /* px: how far it was from that in the beginning, at ... */
     int64_t beside_ns;
-    bool has[2], updated;               /* in this set: parts, described */
+    bool has[2], updated; /* in this set: parts, described */
 };
 
 #define LIVE_IDENTITIES SST_LIVE_TRACKS

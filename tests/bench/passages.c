@@ -1,5 +1,5 @@
-/* Visits of somebody who passes behind a hedge again and again, as a service makes them that gets few sets a second: how
- * many there are of each passage, and how far away they say that the passer-by was.
+/* Visits of somebody who passes behind a hedge again and again, as a service makes them that gets few sets a second:
+ * how many there are of each passage, and how far away they say that the passer-by was.
  *
  *   passages [name value ...]
  *
@@ -343,9 +343,10 @@ int main(int argc, char **argv)
     if (err)
         fprintf(stderr, "passages: %s\n", strerror(-err));
     else
-        printf("{\"rate\": %g, \"seed\": %g, \"sets\": %lld, \"passages\": %g, \"right\": %d, \"split\": %d, \"wrong\": "
-               "%d, \"missed\": %d, \"before\": %d}\n",
-               b.rate, b.seed, (long long)b.sets, b.passages, b.right, b.split, b.wrong, b.missed, b.alone);
+        printf(
+            "{\"rate\": %g, \"seed\": %g, \"sets\": %lld, \"passages\": %g, \"right\": %d, \"split\": %d, \"wrong\": "
+            "%d, \"missed\": %d, \"before\": %d}\n",
+            b.rate, b.seed, (long long)b.sets, b.passages, b.right, b.split, b.wrong, b.missed, b.alone);
     close_bench(&b);
     return err != 0;
 }

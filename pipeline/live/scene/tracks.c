@@ -20,11 +20,11 @@
 #define GAIN_SIZE   0.3
 #define SPEED_MOST  6.0  /* own widths per second */
 #define JOIN        0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
-#define BEHIND_X       1.0  /* of the wider, and ... */
-#define BEHIND_Y       2.0  /* ... of the longer side of the smaller: likewise, if something nearer hides what is between: */
-#define BEHIND_Q6      256  /* nearer, at least: leaves are not behind each other; */
-#define BEHIND_NEARER  0.3  /* of the gap at least is nearer, */
-#define BEHIND_FARTHER 0.35 /* and at most is farther */
+#define BEHIND_X    1.0  /* of the wider, and ... */
+#define BEHIND_Y    2.0  /* ... of the longer side of the smaller: likewise, where what is nearer hides the gap: */
+#define HIDES_Q6    256  /* nearer at least: leaves are not behind each other; */
+#define HIDDEN      0.3  /* of the gap at least, */
+#define SHOWN       0.35 /* and at most this of it shows what is farther */
 #define LEAST_CELLS 40   /* of a thing that appears */
 #define THERE       0.35 /* fraction of its usual cells by which a thing without a piece is still there */
 #define COVERED     0.4  /* of a box: behind something nearer */
@@ -162,8 +162,8 @@ static bool joined_behind(struct extent a, struct extent b, double disp_q6, cons
         return false;
     between(a.x, a.w, b.x, b.w, &gap.x, &gap.w);
     between(a.y, a.h, b.y, b.h, &gap.y, &gap.h);
-    at = look(gap, disp_q6, BEHIND_Q6, disp);
-    return at.nearer >= BEHIND_NEARER && at.farther <= BEHIND_FARTHER;
+    at = look(gap, disp_q6, HIDES_Q6, disp);
+    return at.nearer >= HIDDEN && at.farther <= SHOWN;
 }
 
 static bool is_one(struct extent a, struct extent b, double disp_q6, const struct sst_map_u16 *disp)
@@ -443,7 +443,8 @@ int scene_track_label(const struct scene_tracks *t, const struct scene_track *a)
 }
 
 /* Is a track that is not reported yet part of one of the first `count`? */
-static bool is_part(const struct scene_tracks *t, int count, const struct scene_track *a, const struct sst_map_u16 *disp)
+static bool is_part(const struct scene_tracks *t, int count, const struct scene_track *a,
+                    const struct sst_map_u16 *disp)
 {
     for (int k = 0; k < count && !a->reported; k++)
         if (fabs(t->track[k].disp_q6 - a->disp_q6) <= DISP_Q6 / 2 &&
