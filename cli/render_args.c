@@ -387,6 +387,7 @@ json_t *cli_render_device_json(const struct render_input *in)
     json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
                                            (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
                                            (json_int_t)d.upload_bytes));
+    json_object_set_new(root, "in_parts", json_integer((json_int_t)d.in_parts));
     json_object_set_new(root, "rectified", json_integer((json_int_t)d.rectified));
     json_object_set_new(root, "frames_ms", json_real((double)d.frames_ns * 1e-6));
     json_object_set_new(root, "picture_ms", mean_ms(d.total_ns - d.upload_ns, d.pictures));

@@ -10,7 +10,7 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/kernels/kernels.h"
 
-_Static_assert(sizeof(struct sst_gpu_clear_view) == 32 && sizeof(struct sst_gpu_clear) <= 128,
+_Static_assert(sizeof(struct sst_gpu_clear_view) == 40 && sizeof(struct sst_gpu_clear) <= 128,
                "the layout of clear_land.comp and clear_blend.comp");
 
 /* --- references --------------------------------------------------------------------------------------------------- */
@@ -29,22 +29,29 @@ static size_t row_at(const struct given *in, int y)
     return (size_t)y * (size_t)in->push->pitch;
 }
 
-/* Pixels of row y of view k to be removed; none outside the picture. @param removed  out [width] */
+/* Of view k, which has row y. */
+static size_t view_row(const struct given *in, size_t k, int y)
+{
+    return in->view[k].first + row_at(in, y - in->view[k].top);
+}
+
+/* Pixels of row y of view k to be removed; none where there is no such row. @param removed  out [width] */
 static void mark_removed(uint8_t *removed, const struct given *in, size_t k, int y)
 {
     const struct sst_gpu_clear_view *v = &in->view[k];
-    const size_t width = (size_t)in->push->width, at = v->first + row_at(in, y);
-    const uint8_t *mask = in->masks + k * row_at(in, in->push->height) + row_at(in, y);
+    const size_t width = (size_t)in->push->width;
+    size_t at;
 
     memset(removed, 0, width);
-    if (y < 0 || y >= in->push->height)
+    if (y < v->top || y >= v->end)
         return;
+    at = view_row(in, k, y);
     sst_clear_removed_ref(removed, in->disp + at, in->push->cut_q6, width);
     for (size_t x = 0; x < width; x++) {
         if (in->push->remove_label && v->flags & SST_GPU_CLEAR_LABELS)
             removed[x] |= in->pixel[at + x] >> 24 == (uint32_t)in->push->remove_label;
         if (v->flags & SST_GPU_CLEAR_MASK)
-            removed[x] |= mask[x] != 0;
+            removed[x] |= in->masks[at + x] != 0;
         if (v->flags & SST_GPU_CLEAR_VALID)
             removed[x] |= !in->valid[at + x];
     }
@@ -70,25 +77,25 @@ static void land_view(const struct given *in, size_t k)
                                        .y_q6 = v->y_q6,
                                        .y_0 = v->y_0,
                                        .coarse = p->coarse };
-    const size_t width = (size_t)p->width, all = row_at(in, p->height);
-    uint32_t *landed = in->landed + k * all;
-    uint16_t *map = reserve(all * sizeof(*map));
+    const size_t width = (size_t)p->width, band = row_at(in, p->rows), first = row_at(in, p->top);
+    uint32_t *landed = in->landed + k * band;
+    uint16_t *map = reserve(row_at(in, p->height) * sizeof(*map));
     uint8_t *rows = reserve(4 * (width + 2));
 
-    for (size_t i = 0; i < all; i++)
-        map[i] = (uint16_t)landed[i];
-    for (int y = 0; y < p->height; y++) {
+    for (size_t i = 0; i < band; i++)
+        map[first + i] = (uint16_t)landed[i];
+    for (int y = v->top; y < v->end; y++) {
         uint8_t *const row[3] = { rows + 1, rows + width + 3, rows + 2 * width + 5 };
         uint8_t *state = rows + 3 * (width + 2);
-        const uint16_t *disp = in->disp + v->first + row_at(in, y);
+        const uint16_t *disp = in->disp + view_row(in, k, y);
 
         for (int i = 0; i < 3; i++)
             mark_removed(row[i], in, k, y + i - 1);
         sst_clear_state_ref(state, (const uint8_t *const *)row, disp, p->bins, width);
         sst_clear_land_ref(map, (size_t)p->pitch, &at, disp, state, 0, y, at.width);
     }
-    for (size_t i = 0; i < all; i++)
-        landed[i] = map[i];
+    for (size_t i = 0; i < band; i++)
+        landed[i] = map[first + i];
     free(map);
     free(rows);
 }
@@ -103,12 +110,10 @@ void clear_land_reference(const void *push, void *const *buffer, const uint32_t 
                               .masks = buffer[SST_GPU_LAND_MASKS],
                               .landed = buffer[SST_GPU_LAND_LANDED] };
 
-    for (size_t k = 0; k < in.push->views; k++) {
-        if (in.push->zero)
-            memset(in.landed + k * row_at(&in, in.push->height), 0, row_at(&in, in.push->height) * sizeof(*in.landed));
-        else
-            land_view(&in, k);
-    }
+    if (in.push->zero)
+        memset(in.landed, 0, in.push->views * row_at(&in, in.push->rows) * sizeof(*in.landed));
+    for (size_t k = 0; k < in.push->views && !in.push->zero; k++)
+        land_view(&in, k);
 }
 
 /* Rays of a block, and memory for them. */
@@ -125,7 +130,7 @@ struct block {
 /* The pixels of a view as planes, with what may be read after them. */
 static void unpack_view(struct sst_clear_view *to, const struct given *in, size_t k)
 {
-    const size_t n = row_at(in, in->push->height);
+    const size_t n = row_at(in, in->push->height), top = row_at(in, in->view[k].top);
     uint8_t *planes = reserve(3 * n + 16);
 
     *to = (struct sst_clear_view){ .width = in->push->width,
@@ -135,8 +140,8 @@ static void unpack_view(struct sst_clear_view *to, const struct given *in, size_
                                    .by = in->view[k].by };
     for (size_t c = 0; c < 3; c++) {
         to->plane[c] = planes + c * n;
-        for (size_t i = 0; i < n; i++)
-            planes[c * n + i] = (uint8_t)(in->pixel[in->view[k].first + i] >> (8 * c));
+        for (size_t i = top; i < row_at(in, in->view[k].end); i++)
+            planes[c * n + i] = (uint8_t)(in->pixel[in->view[k].first + i - top] >> (8 * c));
     }
 }
 
@@ -174,8 +179,8 @@ static void note_surface(const struct block *b, const struct sst_gpu_clear *p, u
     }
 }
 
-/* @param seen, out  of the picture's pixels from (x, y) on */
-static void colour_block(struct block *b, const struct given *in, uint32_t *seen, uint32_t *out, int x, int y)
+/* @param seen, out  of the pixels from x on of a row of the results */
+static void colour_block(struct block *b, const struct given *in, uint32_t *seen, uint32_t *out, int x, int row)
 {
     const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
     int own = -1, more = 1;
@@ -183,7 +188,7 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *seen
     memset(b->landed, 0, sizeof(b->landed));
     for (size_t k = 0; k < in->push->views; k++) {
         for (int i = 0; i < n; i++)
-            b->landed[k][i] = (uint16_t)in->landed[k * row_at(in, in->push->height) + row_at(in, y) + (size_t)(x + i)];
+            b->landed[k][i] = (uint16_t)in->landed[k * row_at(in, in->push->rows) + row_at(in, row) + (size_t)(x + i)];
     }
     find_surface(b, in->push);
     b->rays.slots = 0;
@@ -191,7 +196,7 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *seen
         const struct sst_clear_view *v = &b->view[k];
         const int slot = b->rays.slots;
 
-        more = sst_clear_take_ref(&b->rays, v, b->landed[k], x, y);
+        more = sst_clear_take_ref(&b->rays, v, b->landed[k], x, in->push->top + row);
         if (b->rays.slots > slot && v->bx * v->bx + v->by * v->by < 1e-12F)
             own = slot;
     }
@@ -222,11 +227,11 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
         b->rays.colour[c] = b->colour[c];
     for (size_t k = 0; k < in.push->views; k++)
         unpack_view(&b->view[k], &in, k);
-    for (int y = 0; y < in.push->height; y++) {
+    for (int row = 0; row < in.push->rows; row++) {
         for (int x = 0; x < in.push->width; x += SST_CLEAR_BLOCK) {
-            const size_t at = (size_t)y * (size_t)in.push->width + (size_t)x;
+            const size_t at = (size_t)row * (size_t)in.push->width + (size_t)x;
 
-            colour_block(b, &in, seen + at, out + at, x, y);
+            colour_block(b, &in, seen + at, out + at, x, row);
         }
     }
     for (size_t k = 0; k < in.push->views; k++)
@@ -241,6 +246,8 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
 #define TEST_PITCH  48
 #define TEST_PLANE  (TEST_PITCH * TEST_HEIGHT)
 #define TEST_VIEWS  9
+#define TEST_TOP    4 /* of a band of the picture */
+#define TEST_ROWS   5
 
 struct test {
     struct sst_gpu_clear push;
@@ -258,8 +265,9 @@ static uint32_t next_random(uint32_t *state)
     return *state >> 8;
 }
 
-/* Two surfaces and noise, seen from around the viewpoint, which has a camera; every way to remove a pixel. */
-static void set_test(struct test *t)
+/* Two surfaces and noise, seen from around the viewpoint, which has a camera; every way to remove a pixel.
+ * @param coarse  also: only a band, and of views that lie nowhere higher or lower the rows that it needs */
+static void set_test(struct test *t, bool coarse)
 {
     uint32_t state = 5;
 
@@ -273,7 +281,10 @@ static void set_test(struct test *t)
                                       .views = TEST_VIEWS,
                                       .disp_min_px = -3.125F,
                                       .disp_min_rest_px = 1e-8F,
-                                      .merged = 1 };
+                                      .coarse = coarse,
+                                      .merged = 1,
+                                      .top = coarse ? TEST_TOP : 0,
+                                      .rows = coarse ? TEST_ROWS : TEST_HEIGHT };
     for (int k = 0; k < TEST_VIEWS; k++) {
         struct sst_gpu_clear_view *v = &t->view[k];
 
@@ -286,6 +297,8 @@ static void set_test(struct test *t)
         v->first = (uint32_t)((TEST_VIEWS - 1 - k) * TEST_PLANE);
         v->flags = (k == 1 ? SST_GPU_CLEAR_VALID : 0U) | (k != 2 ? SST_GPU_CLEAR_LABELS : 0U) |
                    (k == 4 ? SST_GPU_CLEAR_MASK : 0U);
+        v->top = coarse && !(v->by * v->by > 0) ? TEST_TOP - 2 : 0;
+        v->end = coarse && !(v->by * v->by > 0) ? TEST_TOP + TEST_ROWS + 2 : TEST_HEIGHT;
     }
     for (size_t i = 0; i < TEST_VIEWS * TEST_PLANE; i++) {
         const uint32_t r = next_random(&state), x = (uint32_t)(i % TEST_PITCH);
@@ -342,8 +355,7 @@ int clear_land_self_test(struct sst_gpu *g)
     int err = t ? 0 : -ENOMEM;
 
     for (int coarse = 0; coarse < 2 && !err; coarse++) {
-        set_test(t);
-        t->push.coarse = coarse;
+        set_test(t, coarse);
         t->push.zero = 1;
         err = run_land(g, t);
         t->push.zero = 0;
@@ -401,8 +413,7 @@ int clear_blend_self_test(struct sst_gpu *g)
     for (int coarse = 0; coarse < 2 && !err; coarse++) {
         void *const buffer[SST_GPU_LAND_BUFFERS] = { t->view, t->pixel, t->disp, t->valid, t->masks, t->landed };
 
-        set_test(t);
-        t->push.coarse = coarse;
+        set_test(t, coarse);
         t->push.zero = 1;
         clear_land_reference(&t->push, buffer, groups_of_test);
         t->push.zero = 0;

@@ -18,8 +18,11 @@
 /** One view, as struct sst_clear_view has it. */
 struct sst_gpu_clear_view {
     float x_q6, x_0, y_q6, y_0, bx, by;
-    uint32_t first; /* its pixel (0, 0) in the buffers of pixels, disparities and valid pixels; a multiple of 4 */
+    uint32_t first; /* its pixel (0, top) in the buffers of pixels, disparities, valid pixels and masks; a multiple of
+                       4 */
     uint32_t flags; /* enum sst_gpu_clear_view_flag */
+    int32_t top, end; /* rows that are there: all from which rays may land in the rows of the picture, those beside them,
+                         and those in which such rays have their colours */
 };
 
 enum sst_gpu_clear_view_flag {
@@ -39,16 +42,18 @@ struct sst_gpu_clear {
     float disp_min_px, disp_min_rest_px; /* their sum */
     int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
     uint32_t merged;                     /* clear_blend: not 0: what is seen is written, too */
+    int32_t top, rows;                   /* of the picture: that landed rays and results have */
 };
 
-/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view. */
+/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view, from its first row on;
+ * with `zero` of the picture's rows. */
 enum sst_gpu_clear_land_buffer {
     SST_GPU_LAND_VIEWS = 0,  /* struct sst_gpu_clear_view[views] */
     SST_GPU_LAND_PIXELS = 1, /* as of blend.h */
     SST_GPU_LAND_DISP = 2,
     SST_GPU_LAND_VALID = 3,
-    SST_GPU_LAND_MASKS = 4,  /* a byte each, [views][height][pitch] */
-    SST_GPU_LAND_LANDED = 5, /* out, uint32_t[views][height][pitch] */
+    SST_GPU_LAND_MASKS = 4,  /* a byte each, as valid pixels are */
+    SST_GPU_LAND_LANDED = 5, /* out, uint32_t[views][rows][pitch] */
     SST_GPU_LAND_BUFFERS
 };
 
@@ -57,9 +62,9 @@ enum sst_gpu_clear_blend_buffer {
     SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
     SST_GPU_CLEAR_PIXELS = 1,
     SST_GPU_CLEAR_LANDED = 2,
-    SST_GPU_CLEAR_SEEN = 3, /* out if merged, uint32_t[height * width]: stored disparity of the surface in 16 bits,
+    SST_GPU_CLEAR_SEEN = 3, /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
                                0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
-    SST_GPU_CLEAR_OUT = 4,  /* out, uint32_t[height * width]: R, G, B, weight 0..255: 255 is enough */
+    SST_GPU_CLEAR_OUT = 4,  /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
     SST_GPU_CLEAR_BUFFERS
 };
 

@@ -8,6 +8,7 @@ layout(local_size_x = 32, local_size_y = 4) in;
 struct View {
     float x_q6, x_0, y_q6, y_0, bx, by;
     uint first, flags;
+    int top, end;
 };
 
 layout(std430, binding = 0) readonly buffer Views { View view[]; };
@@ -22,6 +23,7 @@ layout(std430, push_constant) uniform Constants {
     float disp_min, disp_min_rest;
     int as_others;
     uint merged;
+    int top, rows;
 };
 
 const uint TOLERANCE = 48, MAX_VIEWS = 64;
@@ -34,7 +36,7 @@ int rays = 0, own = -1;
 
 uint level_of(uint at, uint k)
 {
-    return landed[k * uint(height) * uint(pitch) + at] >> 1;
+    return landed[k * uint(rows) * uint(pitch) + at] >> 1;
 }
 
 // Sum of the levels of the surface's rays, and their number; 0, 0: there is none.
@@ -95,13 +97,14 @@ ivec3 rgb(uint p)
     return ivec3(p & 0xFF, (p >> 8) & 0xFF, (p >> 16) & 0xFF);
 }
 
-vec3 bilinear(uint first, float x, float y)
+vec3 bilinear(uint k, float x, float y)
 {
     const int x0 = int(x), y0 = int(y);
     precise float part_x = (x - float(x0)) * 64.0 + 0.5;
     precise float part_y = (y - float(y0)) * 64.0 + 0.5;
     const int xp = int(part_x), yp = int(part_y);
-    const uint at = first + uint(y0) * uint(pitch) + uint(x0), right = xp != 0 ? 1 : 0, below = yp != 0 ? uint(pitch) : 0;
+    const uint at = view[k].first + uint(y0 - view[k].top) * uint(pitch) + uint(x0);
+    const uint right = xp != 0 ? 1 : 0, below = yp != 0 ? uint(pitch) : 0;
     const ivec3 a = rgb(pixel[at]), b = rgb(pixel[at + right]);
     const ivec3 c = rgb(pixel[at + below]), d = rgb(pixel[at + below + right]);
     const ivec3 upper = 64 * a + xp * (b - a), lower = 64 * c + xp * (d - c);
@@ -122,7 +125,7 @@ float take_all(int x, int y, uint at)
     int more = wanted;
 
     for (uint k = 0; k < views && more > 0; k++) {
-        const uint ray = landed[k * uint(height) * uint(pitch) + at], level = ray >> 1;
+        const uint ray = landed[k * uint(rows) * uint(pitch) + at], level = ray >> 1;
         precise float at_x = float(x) - px * view[k].bx;
         precise float at_y = float(y) - px * view[k].by;
 
@@ -130,7 +133,7 @@ float take_all(int x, int y, uint at)
             at_y > float(height - 1))
             continue;
         weight[rays] = (ray & 1) != 0 ? 1.0 : RIM;
-        colour[rays] = bilinear(view[k].first, at_x, at_y);
+        colour[rays] = bilinear(k, at_x, at_y);
         agree[rays] = 1.0;
         more -= int(ray & 1);
         if (view[k].bx * view[k].bx + view[k].by * view[k].by < 1e-12)
@@ -186,12 +189,12 @@ vec3 blend()
 
 void main()
 {
-    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    const int x = int(gl_GlobalInvocationID.x), row = int(gl_GlobalInvocationID.y);
     precise float total = 0.0, support = 0.0;
 
-    if (x >= width || y >= height)
+    if (x >= width || row >= rows)
         return;
-    const float level = take_all(x, y, uint(y) * uint(pitch) + uint(x));
+    const float level = take_all(x, top + row, uint(row) * uint(pitch) + uint(x));
     vec3 to = blend();
 
     if (as_others == 0 && own >= 0 && weight[own] >= 1.0)
@@ -200,7 +203,7 @@ void main()
         total += weight[i];
         support += weight[i] * agree[i];
     }
-    const uint pixel_at = uint(y) * uint(width) + uint(x);
+    const uint pixel_at = uint(row) * uint(width) + uint(x);
 
     if (merged != 0) {
         precise float disp = (level - 1.0) * float(1 << coarse) + 0.5;

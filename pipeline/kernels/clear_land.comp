@@ -7,6 +7,7 @@ layout(local_size_x = 32, local_size_y = 4) in;
 struct View {
     float x_q6, x_0, y_q6, y_0, bx, by;
     uint first, flags;
+    int top, end;
 };
 
 layout(std430, binding = 0) readonly buffer Views { View view[]; };
@@ -17,9 +18,12 @@ layout(std430, binding = 4) readonly buffer Masks { uint masks[]; };
 layout(std430, binding = 5) buffer Landed { uint landed[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, pitch, bins, cut, remove_label, coarse, rays;
+    int width, height, pitch, bins, cut, remove_label, coarse, wanted;
     uint views, zero;
     float disp_min, disp_min_rest;
+    int as_others;
+    uint merged;
+    int top, rows;
 };
 
 const uint VALID = 1, LABELS = 2, MASK = 4, UNKNOWN = 0xFFFF;
@@ -34,42 +38,52 @@ uint byte_of(uint word, uint at)
     return (word >> ((at & 3) * 8)) & 0xFF;
 }
 
+uint place(uint k, int x, int y)
+{
+    return view[k].first + uint(y - view[k].top) * uint(pitch) + uint(x);
+}
+
 // Pixel (x, y) of view k stands in front or is outside the rectified view; pixels outside the picture do not.
 bool is_removed(uint k, int x, int y)
 {
     if (x < 0 || y < 0 || x >= width || y >= height)
         return false;
-    const uint here = uint(y) * uint(pitch) + uint(x), at = view[k].first + here, flags = view[k].flags;
-    const uint d = disparity(at), in_masks = k * uint(height) * uint(pitch) + here;
+    const uint at = place(k, x, y), flags = view[k].flags, d = disparity(at);
 
     return (int(d) > cut && d != UNKNOWN) ||
            (remove_label != 0 && (flags & LABELS) != 0 && int(pixel[at] >> 24) == remove_label) ||
-           ((flags & MASK) != 0 && byte_of(masks[in_masks >> 2], in_masks) != 0) ||
+           ((flags & MASK) != 0 && byte_of(masks[at >> 2], at) != 0) ||
            ((flags & VALID) != 0 && byte_of(valid[at >> 2], at) == 0);
 }
 
 void main()
 {
-    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
-    const uint k = gl_GlobalInvocationID.z, plane = uint(height) * uint(pitch);
+    const int x = int(gl_GlobalInvocationID.x), row = int(gl_GlobalInvocationID.y);
+    const uint k = gl_GlobalInvocationID.z, plane = uint(rows) * uint(pitch);
     bool beside = false;
 
-    if (x >= width || y >= height || k >= views)
+    if (x >= width || k >= views)
         return;
     if (zero != 0) {
-        landed[k * plane + uint(y) * uint(pitch) + uint(x)] = 0;
+        if (row < rows)
+            landed[k * plane + uint(row) * uint(pitch) + uint(x)] = 0;
         return;
     }
-    const uint d = disparity(view[k].first + uint(y) * uint(pitch) + uint(x));
+    const int y = view[k].top + row;
 
-    if (int(d) >= bins || is_removed(k, x, y))
+    if (y >= view[k].end)
+        return;
+    const uint d = disparity(place(k, x, y));
+
+    if (int(d) >= bins)
+        return;
+    precise float move_x = float(d) * view[k].x_q6 + view[k].x_0;
+    precise float move_y = float(d) * view[k].y_q6 + view[k].y_0;
+    const int to_x = x + int(floor(move_x)), to_row = y + int(floor(move_y)) - top;
+
+    if (to_x < 0 || to_x >= width || to_row < 0 || to_row >= rows || is_removed(k, x, y))
         return;
     for (int i = 0; i < 9; i++)
         beside = beside || is_removed(k, x + i % 3 - 1, y + i / 3 - 1);
-    precise float move_x = float(d) * view[k].x_q6 + view[k].x_0;
-    precise float move_y = float(d) * view[k].y_q6 + view[k].y_0;
-    const int to_x = x + int(floor(move_x)), to_y = y + int(floor(move_y));
-
-    if (to_x >= 0 && to_x < width && to_y >= 0 && to_y < height)
-        atomicMax(landed[k * plane + uint(to_y) * uint(pitch) + uint(to_x)], 2 * (d >> coarse) + 2 + (beside ? 0 : 1));
+    atomicMax(landed[k * plane + uint(to_row) * uint(pitch) + uint(to_x)], 2 * (d >> coarse) + 2 + (beside ? 0 : 1));
 }

@@ -345,8 +345,9 @@ static int land_rays(struct clear *c, struct sst_render_plan *p, int threads)
     return err ? err : landed_make(c, threads);
 }
 
-/* Land and colour on the device, if there is one that can. @return true: words is set until render_device_end() */
-static bool colour_on_device(struct clear *c)
+/* Land and colour on the device, if there is one that can. In parts it needs views that are rectified.
+ * @return true: words is set until render_device_end() */
+static bool colour_on_device(struct clear *c, struct sst_render_plan *p)
 {
     struct device_clear *to = c->renderer->device ? malloc(sizeof(*to)) : NULL;
     const double disp_min_px = c->lf->disp_min_px;
@@ -355,6 +356,7 @@ static bool colour_on_device(struct clear *c)
     if (!to)
         return false;
     to->count = c->count;
+    to->pending = p->pending;
     to->remove = c->cfg->remove;
     to->threads = sst_thread_count(c->cfg->threads);
     to->push = (struct sst_gpu_clear){ .width = c->width,
@@ -375,6 +377,10 @@ static bool colour_on_device(struct clear *c)
         to->view[k] = (struct sst_gpu_clear_view){ at->x_q6, at->x_0, at->y_q6, at->y_0, at->bx, at->by, 0, 0 };
     }
     done = render_device_begin_clear(c->renderer->device, to, &c->words, &c->seen);
+    if (!done && to->pending && !render_need_frames(p, c->renderer)) {
+        to->pending = false;
+        done = render_device_begin_clear(c->renderer->device, to, &c->words, &c->seen);
+    }
     free(to);
     return done;
 }
@@ -484,7 +490,7 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
     if (err)
         return err;
     err = clear_init(&c, &plan, r, cfg);
-    if (!err && !colour_on_device(&c))
+    if (!err && !colour_on_device(&c, &plan))
         err = land_rays(&c, &plan, threads);
     if (!err)
         err = render_clear(&c, out, valid, threads);

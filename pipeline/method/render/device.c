@@ -14,26 +14,23 @@
 #include "pipeline/gpu/opener.h"
 #include "pipeline/method/render/render_internal.h"
 
+#define TEST_BYTES (1 << 20) /* more than the self-tests of clear pictures need */
+
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
 /* Free what lies on the device. */
 void device_drop(struct render_device *d)
 {
-    for (int i = 0; i < d->chunks; i++) {
-        sst_gpu_buffer_destroy(d->gpu, d->chunk[i].pixels);
-        sst_gpu_buffer_destroy(d->gpu, d->chunk[i].disp);
-        sst_gpu_buffer_destroy(d->gpu, d->chunk[i].valid);
-    }
+    for (int i = 0; i < d->chunks; i++)
+        device_destroy_chunk(d, &d->chunk[i]);
     sst_gpu_buffer_destroy(d->gpu, d->params);
     sst_gpu_buffer_destroy(d->gpu, d->table);
     sst_gpu_buffer_destroy(d->gpu, d->sums);
     sst_gpu_buffer_destroy(d->gpu, d->out);
-    sst_gpu_buffer_destroy(d->gpu, d->clear_params);
-    sst_gpu_buffer_destroy(d->gpu, d->landed);
-    sst_gpu_buffer_destroy(d->gpu, d->masks);
-    d->params = d->table = d->sums = d->out = d->clear_params = d->landed = d->masks = NULL;
+    d->params = d->table = d->sums = d->out = NULL;
+    device_drop_clear(d);
+    device_drop_parts(d);
     device_drop_frames(d);
-    d->clear_views = 0;
     d->chunks = d->slots = d->rows = 0;
     d->table_rows = 0;
     d->full = false;
@@ -46,12 +43,15 @@ static void close_gpu(struct render_device *d)
     device_drop(d);
     sst_gpu_close(d->gpu);
     d->gpu = NULL;
+    d->clear_tested = false;
 }
 
-static void note_name(struct render_device *d)
+/* Of a device that was just opened. */
+static void note_device(struct render_device *d)
 {
     snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+    d->limit_bytes = sst_gpu_free_bytes(d->gpu);
 }
 
 static int open_gpu(struct render_device *d)
@@ -69,7 +69,7 @@ static int open_gpu(struct render_device *d)
         close_gpu(d);
         return err;
     }
-    note_name(d);
+    note_device(d);
     return 0;
 }
 
@@ -141,7 +141,7 @@ static int open_beside(struct render_device *d, char why[SST_LOG_MAX])
     const int err = sst_gpu_open_beside(&d->opener, &what, &d->gpu, why);
 
     if (!err)
-        note_name(d);
+        note_device(d);
     return err;
 }
 
@@ -258,27 +258,37 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
 static void note_clear(struct render_device *d, int err)
 {
     note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
-                : err == -ENOMEM  ? "a clear picture needs all views in one buffer and room for their rays"
+                : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
                                   : sst_gpu_error(err));
     if (d->changes && !d->noted)
         sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->report.name, d->report.why);
     d->noted = true;
 }
 
+/* Views may use all the memory, of which the tests need some. */
+static int prepare_clear(struct render_device *d)
+{
+    int err;
+
+    if (!d->clear_tested && sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
+        device_drop(d);
+    d->clear_tested = true;
+    err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
+    return err ? err : sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
+}
+
 /* The shaders of clear pictures are tested at the first one. What the device cannot hold, or computes differently, is
  * the CPU's; the device is not to blame. */
 static int try_clear(struct render_device *d, struct device_clear *c)
 {
-    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_clear(d);
 
     d->clears = true;
-    if (!err)
-        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
     if (!err)
         err = device_render_clear(d, c);
     if (err == -EOVERFLOW || err == -ENOTSUP || err == -ENOMEM)
         note_clear(d, err);
-    else if (err)
+    else if (err != -EAGAIN)
         note_error(d, err);
     return err;
 }
@@ -287,11 +297,15 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
                                const uint32_t **seen)
 {
     const int64_t start_ns = sst_clock_now_ns();
+    int err = 1;
 
     pthread_mutex_lock(&d->lock);
     if (c->tap[0]->sampler)
         note_cpu(d, "the rays of clear pictures are sampled from raw frames");
-    if (c->tap[0]->sampler || !may_try(d) || try_clear(d, c)) {
+    else if (may_try(d))
+        err = try_clear(d, c);
+    c->pending = err == -EAGAIN;
+    if (err) {
         pthread_mutex_unlock(&d->lock);
         return false;
     }

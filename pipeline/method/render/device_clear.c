@@ -1,25 +1,35 @@
-/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. */
+/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. Here with all views there at once;
+ * what does not fit is done in parts: device_parts.c. */
 #include <errno.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "pipeline/method/render/render_internal.h"
 
+void device_drop_clear(struct render_device *d)
+{
+    sst_gpu_buffer_destroy(d->gpu, d->clear_params);
+    sst_gpu_buffer_destroy(d->gpu, d->landed);
+    sst_gpu_buffer_destroy(d->gpu, d->masks);
+    d->clear_params = d->landed = d->masks = NULL;
+    d->clear_views = 0;
+}
+
 /* Buffers of clear pictures: where rays land, and masks of what is removed where there are any. */
 static int make_clear_buffers(struct render_device *d, const struct device_clear *c)
 {
+    const size_t slots = (size_t)(d->lf->rows * d->lf->cols);
     int err = 0;
 
     if (c->count > d->clear_views) {
         sst_gpu_buffer_destroy(d->gpu, d->landed);
-        sst_gpu_buffer_destroy(d->gpu, d->masks);
-        d->landed = d->masks = NULL;
+        d->landed = NULL;
         d->clear_views = 0;
         err = sst_gpu_buffer_create(d->gpu, &d->landed, 4 * (size_t)c->count * device_view_pixels(d));
         d->clear_views = err ? 0 : c->count;
     }
     if (!err && c->remove && !d->masks)
-        err = sst_gpu_buffer_create(d->gpu, &d->masks, (size_t)d->clear_views * device_view_pixels(d));
+        err = sst_gpu_buffer_create(d->gpu, &d->masks, slots * device_view_pixels(d));
     if (!err && !d->clear_params)
         err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(c->view[0]));
     return err;
@@ -67,48 +77,65 @@ static int upload_masks(struct render_device *d, const struct device_clear *c)
             continue;
         for (int y = 0; y < mask->height; y++)
             memcpy(memory + (size_t)y * (size_t)d->pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
-        err = sst_gpu_upload(d->gpu, d->masks, (size_t)k * device_view_pixels(d), memory, device_view_pixels(d));
+        err = sst_gpu_upload(d->gpu, d->masks, c->view[k].first, memory, device_view_pixels(d));
     }
     return err;
+}
+
+uint32_t device_clear_flags(const struct device_clear *c, int k, bool frame)
+{
+    const struct sst_view *v = c->tap[k]->v;
+
+    return (frame || v->valid.data ? SST_GPU_CLEAR_VALID : 0U) | (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
+           (c->remove && c->remove[c->tap[k]->view].data ? SST_GPU_CLEAR_MASK : 0U);
 }
 
 static void describe_clear(struct device_clear *c, struct render_device *d)
 {
     for (int k = 0; k < c->count; k++) {
-        const struct sst_view *v = c->tap[k]->v;
+        const struct device_slot *s = device_find_slot(d, c->tap[k]->view);
 
-        c->view[k].first = (uint32_t)((size_t)device_find_slot(d, c->tap[k]->view)->index * device_view_pixels(d));
-        c->view[k].flags = (c->tap[k]->frame || v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
-                           (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
-                           (c->remove && c->remove[c->tap[k]->view].data ? SST_GPU_CLEAR_MASK : 0U);
+        c->view[k].first = (uint32_t)((size_t)s->index * device_view_pixels(d));
+        c->view[k].flags = device_clear_flags(c, k, c->tap[k]->frame != NULL);
+        c->view[k].top = 0;
+        c->view[k].end = d->lf->height;
     }
     c->push.pitch = d->pitch;
     c->push.views = (uint32_t)c->count;
+    c->push.top = 0;
+    c->push.rows = d->lf->height;
 }
 
-/* Land all rays, and colour the pixels. */
-static int dispatch_clear(struct render_device *d, const struct device_clear *c)
+static uint32_t groups(int n, int of)
 {
-    const struct device_chunk *from = &d->chunk[device_find_slot(d, c->tap[0]->view)->chunk];
+    return (uint32_t)((n + of - 1) / of);
+}
+
+int device_dispatch_clear(struct render_device *d, const struct device_clear *c, const struct device_chunk *views,
+                          struct sst_gpu_buffer *masks, struct sst_gpu_buffer *landed, struct sst_gpu_buffer *seen,
+                          struct sst_gpu_buffer *out)
+{
     struct sst_gpu_clear push = c->push;
     struct sst_gpu_work land = {
         .shader = SST_GPU_CLEAR_LAND,
         .push = &push,
-        .buffer = { d->clear_params, from->pixels, from->disp, from->valid, d->masks ? d->masks : from->valid,
-                    d->landed },
-        .groups = { (uint32_t)(push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,
-                    (uint32_t)(push.height + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT, push.views },
+        .buffer = { d->clear_params, views->pixels, views->disp, views->valid, masks ? masks : views->valid, landed },
+        .groups = { groups(push.width, SST_GPU_CLEAR_GROUP_WIDTH), groups(push.rows, SST_GPU_CLEAR_GROUP_HEIGHT),
+                    push.views },
     };
     const struct sst_gpu_work blend = { .shader = SST_GPU_CLEAR_BLEND,
                                         .push = &push,
-                                        .buffer = { d->clear_params, from->pixels, d->landed, d->sums, d->out },
+                                        .buffer = { d->clear_params, views->pixels, landed, seen, out },
                                         .groups = { land.groups[0], land.groups[1], 1 } };
-    int err;
+    int most = 0, err;
 
+    for (int k = 0; k < c->count; k++)
+        most = sst_max_int(most, c->view[k].end - c->view[k].top);
     push.zero = 1;
     err = sst_gpu_dispatch(d->gpu, &land);
     push.zero = 0;
-    if (!err)
+    land.groups[1] = groups(most, SST_GPU_CLEAR_GROUP_HEIGHT);
+    if (!err && most)
         err = sst_gpu_dispatch(d->gpu, &land);
     if (!err)
         err = sst_gpu_dispatch(d->gpu, &blend);
@@ -116,7 +143,8 @@ static int dispatch_clear(struct render_device *d, const struct device_clear *c)
     return err ? err : sst_gpu_wait(d->gpu);
 }
 
-int device_render_clear(struct render_device *d, struct device_clear *c)
+/* @return -ENOMEM: it does not fit */
+static int render_whole(struct render_device *d, struct device_clear *c)
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
     struct device_taps taps = { .count = c->count, .threads = c->threads };
@@ -127,9 +155,7 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
     err = device_make_frames(d, &taps);
     if (!err)
         err = device_make_bands(d);
-
-    if (!err && (d->rows < d->lf->height || !sst_mem_keep(&d->words, n, 4) ||
-                 (c->push.merged && !sst_mem_keep(&d->weights, n, 4))))
+    if (!err && d->rows < d->lf->height)
         err = -ENOMEM;
     if (!err)
         err = make_clear_buffers(d, c);
@@ -142,7 +168,8 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
     if (!err && c->remove)
         err = upload_masks(d, c);
     if (!err)
-        err = dispatch_clear(d, c);
+        err = device_dispatch_clear(d, c, &d->chunk[device_find_slot(d, c->tap[0]->view)->chunk], d->masks, d->landed,
+                                    d->sums, d->out);
     start_ns = sst_clock_now_ns();
     if (!err)
         err = sst_gpu_download(d->gpu, d->words.data, d->out, 0, 4 * n);
@@ -150,4 +177,22 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
         err = sst_gpu_download(d->gpu, d->weights.data, d->sums, 0, 4 * n);
     d->report.download_ns += sst_clock_now_ns() - start_ns;
     return err;
+}
+
+int device_render_clear(struct render_device *d, struct device_clear *c)
+{
+    const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
+    const bool whole = !d->too_many || c->count < d->too_many;
+    int err = -ENOMEM;
+
+    if (!sst_mem_keep(&d->words, n, 4) || (c->push.merged && !sst_mem_keep(&d->weights, n, 4)))
+        return err;
+    if (whole)
+        err = render_whole(d, c);
+    if (err != -ENOMEM)
+        return err;
+    if (whole)
+        device_drop_clear(d);
+    d->too_many = whole ? c->count : d->too_many;
+    return c->pending ? -EAGAIN : device_render_parts(d, c);
 }

@@ -11,19 +11,15 @@
 #include "base/thread.h"
 #include "pipeline/method/render/render_internal.h"
 
-#define PACK_ROWS   64 /* that a thread packs at once */
-#define PIXEL_BYTES 7  /* of a pixel of a view: colour and label, disparity, valid */
+#define PACK_ROWS 64 /* that a thread packs at once */
 
 size_t device_view_pixels(const struct render_device *d)
 {
     return (size_t)d->pitch * (size_t)d->lf->height;
 }
 
-/* Buffers of a chunk of n views. */
-static int create_chunk(struct render_device *d, int n)
+int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels)
 {
-    struct device_chunk *c = &d->chunk[d->chunks];
-    const size_t pixels = (size_t)n * device_view_pixels(d);
     int err;
 
     *c = (struct device_chunk){ NULL, NULL, NULL };
@@ -32,12 +28,26 @@ static int create_chunk(struct render_device *d, int n)
         err = sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
-    if (err) {
-        sst_gpu_buffer_destroy(d->gpu, c->pixels);
-        sst_gpu_buffer_destroy(d->gpu, c->disp);
-        sst_gpu_buffer_destroy(d->gpu, c->valid);
+    if (err)
+        device_destroy_chunk(d, c);
+    return err;
+}
+
+void device_destroy_chunk(struct render_device *d, struct device_chunk *c)
+{
+    sst_gpu_buffer_destroy(d->gpu, c->pixels);
+    sst_gpu_buffer_destroy(d->gpu, c->disp);
+    sst_gpu_buffer_destroy(d->gpu, c->valid);
+    *c = (struct device_chunk){ NULL, NULL, NULL };
+}
+
+/* A chunk of n views, with their slots. */
+static int add_chunk(struct render_device *d, int n)
+{
+    const int err = device_create_chunk(d, &d->chunk[d->chunks], (size_t)n * device_view_pixels(d));
+
+    if (err)
         return err;
-    }
     for (int i = 0; i < n; i++)
         d->slot[d->slots++] = (struct device_slot){ .chunk = d->chunks, .index = i, .view = DEVICE_NO_VIEW };
     d->chunks++;
@@ -50,9 +60,9 @@ int device_grow(struct render_device *d)
     int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
 
     n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
-    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / (PIXEL_BYTES * device_view_pixels(d))));
+    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / (DEVICE_PIXEL_BYTES * device_view_pixels(d))));
     for (; n > 0 && err == -ENOMEM; n /= 2)
-        err = create_chunk(d, n);
+        err = add_chunk(d, n);
     d->full = err == -ENOMEM;
     return err;
 }
@@ -88,15 +98,12 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-/* Upload the rows top .. end-1 of a view. */
-static int upload_rows(struct render_device *d, const struct device_slot *s, int view, int top, int end, int threads)
+int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at, const struct sst_view *v,
+                       int top, int end, int threads)
 {
-    const struct sst_view *v = &d->lf->views[view];
     const size_t n = (size_t)(end - top) * (size_t)d->pitch;
-    const size_t at = (size_t)s->index * device_view_pixels(d) + (size_t)top * (size_t)d->pitch;
-    uint8_t *memory = sst_mem_keep(&d->packed, n, PIXEL_BYTES);
+    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES);
     struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL };
-    const struct device_chunk *c = &d->chunk[s->chunk];
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
@@ -116,6 +123,14 @@ static int upload_rows(struct render_device *d, const struct device_slot *s, int
     d->report.upload_bytes += (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0)));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return 0;
+}
+
+/* Upload the rows top .. end-1 of a view to its slot. */
+static int upload_rows(struct render_device *d, const struct device_slot *s, int view, int top, int end, int threads)
+{
+    const size_t at = (size_t)s->index * device_view_pixels(d) + (size_t)top * (size_t)d->pitch;
+
+    return device_upload_rows(d, &d->chunk[s->chunk], at, &d->lf->views[view], top, end, threads);
 }
 
 /* Which maps a view has, as bits. */

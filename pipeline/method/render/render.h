@@ -177,6 +177,7 @@ struct sst_render_device_report {
     bool failing;              /* it failed at its last picture, or could not be opened, and is tried again later */
     char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
     int64_t pictures;        /* made there */
+    int64_t in_parts;        /* of them: clear pictures in bands of rows */
     int64_t verified_on_cpu; /* of them */
     int64_t on_cpu;          /* others */
     int64_t failures;        /* times that the device failed */

@@ -79,14 +79,16 @@ void render_device_end(struct render_device *d);
 /** Views of a clear picture, nearest to the viewpoint first. */
 struct device_clear {
     int count;
+    bool pending; /* in: frames are not rectified on the host; out: they have to be, as the picture is made in parts */
     const struct sst_render_tap *tap[SST_MAX_VIEWS];
-    struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* `first` and `flags` are set by the device */
-    struct sst_gpu_clear push;                     /* `pitch` and `views` likewise */
+    struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* where its rows lie and `flags` are set by the device */
+    struct sst_gpu_clear push;                     /* `pitch`, `views` and the rows likewise */
     const struct sst_map_u8 *remove;               /* as in struct sst_render_config */
     int threads;
 };
 
-/** The same for colours and weights of a clear picture without its holes filled.
+/** The same for colours and weights of a clear picture without its holes filled. If it returns false with c->pending
+ *  set, frames are to be rectified, and it called again.
  *  @param words  out, [height * width] R, G, B, weight 0..255
  *  @param seen   out, if c->push.merged, as SST_GPU_CLEAR_SEEN of pipeline/gpu/clear.h; else NULL */
 bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words,
@@ -94,7 +96,7 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
-/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_clear.c. */
+/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_clear.c, device_parts.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -111,8 +113,17 @@ struct device_slot {
     double part_x, part_y; /* of a view made from a frame: its pixels were sampled this far right of and below theirs */
 };
 
+#define DEVICE_PIXEL_BYTES 7 /* of a pixel of a view: colour and label, disparity, valid */
+
 struct device_chunk {
     struct sst_gpu_buffer *pixels, *disp, *valid;
+};
+
+/** Clear pictures in bands of rows: of each view the rows that a band needs. */
+struct device_parts {
+    struct device_chunk rows;
+    struct sst_gpu_buffer *masks, *landed, *seen, *out;
+    size_t view_pixels, mask_pixels, landed_pixels, pixels; /* that these hold; of all views, and of the picture */
 };
 
 #define DEVICE_SPANS 8
@@ -148,11 +159,13 @@ struct render_device {
     struct sst_render_live live;
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    uint64_t limit_bytes; /* that its buffers may use */
     struct sst_gpu_backoff backoff;
     struct sst_gpu_opener *opener; /* at work on opening it again; of a light field that changes */
     bool given_up; /* it computes something else: not opened again */
     bool clears;   /* clear pictures are wanted */
     bool noted;    /* that a clear picture is the CPU's */
+    bool clear_tested; /* the shaders of clear pictures were, since the device was opened */
     struct sst_render_device_report report;
     /* of gpu */
     struct device_chunk *chunk;
@@ -164,6 +177,8 @@ struct render_device {
     struct sst_gpu_buffer *params, *table, *sums, *out;
     struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
     int clear_views;
+    int too_many; /* views of a clear picture that cannot be there as a whole, together; 0: none yet */
+    struct device_parts parts;
     struct device_frames frames;
     int rows;          /* of the picture that sums and out hold */
     size_t table_rows; /* that table holds */
@@ -217,11 +232,34 @@ SST_MUST_CHECK int device_place_frame(struct render_device *d, struct device_slo
 /** Buffers of a band of the picture, as many rows as fit: sums and results use at most a quarter of the memory. */
 SST_MUST_CHECK int device_make_bands(struct render_device *d);
 
+/** Buffers for this many pixels. @return 0, or an error, and there are none */
+SST_MUST_CHECK int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels);
+void device_destroy_chunk(struct render_device *d, struct device_chunk *c);
+
+/** Upload the rows top .. end-1 of a view, of which the first one begins at pixel `at` of the chunk. */
+SST_MUST_CHECK int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at,
+                                      const struct sst_view *v, int top, int end, int threads);
+
 /** Blend the rows top .. end-1 into d->words, and d->weights if rays are verified. */
 SST_MUST_CHECK int device_render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end);
 
-/** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge. */
+/** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge.
+ * @return -EAGAIN: it has to be made in parts, and c->pending */
 SST_MUST_CHECK int device_render_clear(struct render_device *d, struct device_clear *c);
+void device_drop_clear(struct render_device *d);
+
+/** Flags of a view of it. @param frame  its pixels come from its frame */
+uint32_t device_clear_flags(const struct device_clear *c, int k, bool frame);
+
+/** Land all rays in the rows of c->push, and colour these. */
+SST_MUST_CHECK int device_dispatch_clear(struct render_device *d, const struct device_clear *c,
+                                         const struct device_chunk *views, struct sst_gpu_buffer *masks,
+                                         struct sst_gpu_buffer *landed, struct sst_gpu_buffer *seen,
+                                         struct sst_gpu_buffer *out);
+
+/** device_render_clear() in bands of rows. @return -ENOMEM: the memory does not hold the smallest one */
+SST_MUST_CHECK int device_render_parts(struct render_device *d, struct device_clear *c);
+void device_drop_parts(struct render_device *d);
 
 /* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
  *
