@@ -179,10 +179,19 @@ static int render_whole(struct render_device *d, struct device_clear *c)
     return err;
 }
 
+/* Whether all views and their rays may fit, if nothing else is there. */
+static bool may_fit(const struct render_device *d, const struct device_clear *c)
+{
+    const uint64_t pixels = (uint64_t)c->count * device_view_pixels(d);
+
+    return (!d->too_many || c->count < d->too_many) && 4 * pixels <= sst_gpu_get_info(d->gpu)->buffer_bytes &&
+           (DEVICE_PIXEL_BYTES + 4 + (c->remove != NULL)) * pixels <= d->limit_bytes;
+}
+
 int device_render_clear(struct render_device *d, struct device_clear *c)
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
-    const bool whole = !d->too_many || c->count < d->too_many;
+    const bool whole = may_fit(d, c);
     int err = -ENOMEM;
 
     if (!sst_mem_keep(&d->words, n, 4) || (c->push.merged && !sst_mem_keep(&d->weights, n, 4)))
@@ -191,8 +200,9 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
         err = render_whole(d, c);
     if (err != -ENOMEM)
         return err;
-    if (whole)
+    if (whole) {
         device_drop_clear(d);
-    d->too_many = whole ? c->count : d->too_many;
+        d->too_many = c->count;
+    }
     return c->pending ? -EAGAIN : device_render_parts(d, c);
 }
