@@ -71,6 +71,7 @@ static json_t *refinement_json(const struct sst_refine_device_report *d)
             json_array_append_new(stages, json_string(sst_refine_stage_name((enum sst_refine_stage)i)));
     }
     if (root) {
+        json_object_set_new(root, "in_parts", json_integer((json_int_t)d->in_parts));
         json_object_set_new(root, "enlarged", json_integer((json_int_t)d->enlarged));
         json_object_set_new(root, "enlarged_on_cpu", json_integer((json_int_t)d->enlarged_on_cpu));
         json_object_set_new(root, "stages_on_cpu", stages);

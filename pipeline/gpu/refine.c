@@ -1,6 +1,8 @@
 /* The shaders of label refinement: their references. Their self-tests: refine_test.c. */
 #include "pipeline/gpu/refine.h"
 
+#include <assert.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/gpu/gpu_internal.h"
@@ -152,8 +154,9 @@ void refine_mask_reference(const void *push, void *const *buffer, const uint32_t
     struct sst_gpu_refine_choice *choice = buffer[SST_GPU_REFINE_MASK_CHOICE];
     uint64_t all = sst_gpu_whole(seen), mixed = sst_gpu_whole(seen + 2);
 
-    for (int i = 0; i < p->width * p->height; i++) {
-        const uint64_t mask = candidates_of(p, buffer, i % p->width, i / p->width, view[i]);
+    for (int i = 0; i < p->width * p->rows; i++) {
+        const uint64_t mask =
+            candidates_of(p, buffer, i % p->width, p->top + i / p->width, view[p->top * p->width + i]);
 
         sst_gpu_split(out[i], mask);
         if (!is_conflict(mask))
@@ -168,6 +171,12 @@ void refine_mask_reference(const void *push, void *const *buffer, const uint32_t
 
 /* --- distances ---------------------------------------------------------------------------------------------------- */
 
+/* Distance at (x, y) from that in the row before it. */
+static uint32_t next_distance(const struct sst_gpu_refine_columns *p, const uint32_t *view, int x, int y, uint32_t d)
+{
+    return view[y * p->width + x] >> 16 == p->label ? 0 : d < SST_GPU_REFINE_FAR ? d + 1 : d;
+}
+
 void refine_columns_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
 {
     const struct sst_gpu_refine_columns *p = push;
@@ -177,13 +186,18 @@ void refine_columns_reference(const void *push, void *const *buffer, const uint3
     for (int x = 0; x < p->width; x++) {
         uint32_t d = SST_GPU_REFINE_FAR;
 
-        for (int y = 0; y < p->height; y++) {
-            d = view[y * p->width + x] >> 16 == p->label ? 0 : d < SST_GPU_REFINE_FAR ? d + 1 : d;
-            out[y * p->width + x] = d;
+        for (int y = 0; y < p->top + p->rows; y++) {
+            d = next_distance(p, view, x, y, d);
+            if (y >= p->top)
+                out[(y - p->top) * p->width + x] = d;
         }
-        for (int y = p->height - 2; y >= 0; y--) {
-            d = d + 1 < out[y * p->width + x] ? d + 1 : out[y * p->width + x];
-            out[y * p->width + x] = d;
+        d = SST_GPU_REFINE_FAR;
+        for (int y = p->height - 1; y >= p->top; y--) {
+            uint32_t *to = &out[(y - p->top) * p->width + x];
+
+            d = next_distance(p, view, x, y, d);
+            if (y < p->top + p->rows)
+                *to = d < *to ? d : *to;
         }
     }
 }
@@ -243,17 +257,17 @@ void refine_compete_reference(const void *push, void *const *buffer, const uint3
     const uint32_t *columns = buffer[SST_GPU_REFINE_COMPETE_COLUMNS];
     struct sst_gpu_refine_choice *choices = buffer[SST_GPU_REFINE_COMPETE_CHOICE];
 
-    for (int i = 0; i < p->width * p->height; i++) {
+    for (int i = 0; i < p->width * p->rows; i++) {
         struct sst_gpu_refine_choice *c = &choices[i];
-        const int x = i % p->width, y = i / p->width;
+        const int x = i % p->width, row = i / p->width;
         const uint64_t mask = sst_gpu_whole(masks[i]);
         uint32_t nearest2 = 1, farthest2 = 1;
 
         if (!(mask >> (p->label - 1) & 1) || !is_conflict(mask))
             continue;
         if (p->corners) {
-            nearest2 = nearest_to(columns + (size_t)y * (size_t)p->width, p->width, x);
-            farthest2 = farthest_to(buffer[SST_GPU_REFINE_COMPETE_HULL], p->corners, x, y);
+            nearest2 = nearest_to(columns + (size_t)row * (size_t)p->width, p->width, x);
+            farthest2 = farthest_to(buffer[SST_GPU_REFINE_COMPETE_HULL], p->corners, x, p->top + row);
         }
         if (!p->weigh || !farthest2) {
             nearest2 = 0;
@@ -276,8 +290,8 @@ void refine_sums_reference(const void *push, void *const *buffer, const uint32_t
     const uint32_t *view = buffer[SST_GPU_REFINE_SUMS_VIEW];
     struct sst_gpu_refine_sums *out = buffer[SST_GPU_REFINE_SUMS_OUT];
 
-    for (int i = 0; i < p->width * p->height; i++) {
-        const int x = i % p->width, y = i / p->width;
+    for (int i = 0; i < p->width * p->rows; i++) {
+        const int x = i % p->width, y = p->top + i / p->width;
         struct sst_gpu_refine_sums s = { 0 };
 
         for (int v = -p->radius; v <= p->radius; v++) {
@@ -305,7 +319,7 @@ void refine_planes_reference(const void *push, void *const *buffer, const uint32
     const struct sst_gpu_refine_sums *sums = buffer[SST_GPU_REFINE_PLANES_SUMS];
     struct sst_surface_plane *out = buffer[SST_GPU_REFINE_PLANES_OUT];
 
-    for (int i = 0; i < p->width * p->height; i++) {
+    for (int i = 0; i < p->width * p->rows; i++) {
         const int x = i % p->width, y = i / p->width;
         struct sst_surface_sums s = { 0 };
 
@@ -330,17 +344,30 @@ void refine_planes_reference(const void *push, void *const *buffer, const uint32
     }
 }
 
+/* Those that are there, in their places. */
+static struct sst_surface_plane *planes_of_view(const struct sst_gpu_refine_normals *p,
+                                                const struct sst_surface_plane *planes)
+{
+    const size_t width = (size_t)p->width, first = (size_t)p->first;
+    const size_t rows = (size_t)sst_min_int(p->top + p->rows + p->radius, p->height) - first;
+    struct sst_surface_plane *view = calloc(width * (size_t)p->height, sizeof(*view));
+
+    assert(view); /* the dummy device is for tests */
+    memcpy(view + first * width, planes, rows * width * sizeof(*view));
+    return view;
+}
+
 void refine_normals_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
 {
     const struct sst_gpu_refine_normals *p = push;
     const uint32_t *view = buffer[SST_GPU_REFINE_NORMALS_VIEW];
     const uint32_t(*masks)[2] = buffer[SST_GPU_REFINE_NORMALS_MASK];
-    const struct sst_surface_plane *planes = buffer[SST_GPU_REFINE_NORMALS_PLANES];
     struct sst_gpu_refine_region *regions = buffer[SST_GPU_REFINE_NORMALS_REGIONS];
     float(*out)[4] = buffer[SST_GPU_REFINE_NORMALS_OUT];
+    struct sst_surface_plane *planes = planes_of_view(p, buffer[SST_GPU_REFINE_NORMALS_PLANES]);
 
-    for (int i = 0; i < p->width * p->height; i++) {
-        const uint32_t label = view[i] >> 16, q = view[i] & 0xFFFF;
+    for (int i = 0; i < p->width * p->rows; i++) {
+        const uint32_t pixel = view[p->top * p->width + i], label = pixel >> 16, q = pixel & 0xFFFF;
         const bool inside = label >= 1 && label <= SST_GPU_REFINE_LABELS && sst_gpu_whole(p->mixed) >> (label - 1) & 1;
         const struct sst_surface_plane *best = NULL;
         float n[4] = { 0 };
@@ -350,7 +377,7 @@ void refine_normals_reference(const void *push, void *const *buffer, const uint3
             continue;
         if (q != NONE)
             best = sst_surface_choose(planes, p->width, p->height, p->radius, p->frame.score_max, (int)q, i % p->width,
-                                      i / p->width, at);
+                                      p->top + i / p->width, at);
         if (best && sst_surface_normal(n, best, at[0], at[1], &p->frame))
             n[3] = 1;
         memcpy(out[i], n, sizeof(n));
@@ -361,6 +388,7 @@ void refine_normals_reference(const void *push, void *const *buffer, const uint3
         for (int c = 0; c < 3; c++)
             add_to(regions[label - 1].sum_q20[c], n[3] != 0 ? sst_surface_q20(n[c]) : 0);
     }
+    free(planes);
 }
 
 /* --- labels ------------------------------------------------------------------------------------------------------- */
@@ -394,16 +422,18 @@ void refine_assign_reference(const void *push, void *const *buffer, const uint32
     const int pitch = (p->width + 3) / 4 * 4;
     uint8_t *out = buffer[SST_GPU_REFINE_ASSIGN_OUT];
 
-    for (int i = 0; i < pitch * p->height; i++) {
+    for (int i = 0; i < pitch * p->rows; i++) {
         const int x = i % pitch, at = i / pitch * p->width + x;
+        uint32_t own;
         uint64_t mask;
 
         out[i] = 0;
         if (x >= p->width)
             continue;
+        own = view[p->top * p->width + at] >> 16;
         mask = sst_gpu_whole(masks[at]);
         out[i] =
-            (uint8_t)(view[at] >> 16      ? view[at] >> 16
+            (uint8_t)(own                 ? own
                       : !mask             ? 0
                       : is_conflict(mask) ? decide(p, &choices[at], buffer[SST_GPU_REFINE_ASSIGN_MEANS], normals[at])
                                           : (uint32_t)__builtin_ctzll(mask) + 1);

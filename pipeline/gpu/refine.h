@@ -95,10 +95,14 @@ enum sst_gpu_refine_extents_buffer {
     SST_GPU_REFINE_EXTENTS_BUFFERS
 };
 
+/* The shaders below work on bands of a view: rows top .. top + rows - 1 of it. Where [rows] is said, buffers have these
+ * alone. */
+
 /** `refine_mask`: candidates of every pixel without a label; label i + 1 is bit i. */
 struct sst_gpu_refine_mask {
     int32_t width, height;
     uint32_t planar[2], ground[2];
+    int32_t top, rows;
 };
 
 enum sst_gpu_refine_mask_buffer {
@@ -107,8 +111,8 @@ enum sst_gpu_refine_mask_buffer {
     SST_GPU_REFINE_MASK_GROUNDS = 2, /* [SST_GPU_REFINE_LABELS] */
     SST_GPU_REFINE_MASK_SEEN = 3,    /* in and out, uint32_t[4]: labels that compete, and those of conflicts between
                                         objects and grounds */
-    SST_GPU_REFINE_MASK_CHOICE = 4,  /* out: none, for pixels with a conflict */
-    SST_GPU_REFINE_MASK_MASK = 5,    /* out, uint32_t[height][width][2] */
+    SST_GPU_REFINE_MASK_CHOICE = 4,  /* out, [rows][width]: none, for pixels with a conflict */
+    SST_GPU_REFINE_MASK_MASK = 5,    /* out, uint32_t[rows][width][2] */
     SST_GPU_REFINE_MASK_BUFFERS
 };
 
@@ -122,11 +126,12 @@ struct sst_gpu_refine_choice {
 struct sst_gpu_refine_columns {
     int32_t width, height;
     uint32_t label;
+    int32_t top, rows;
 };
 
 enum sst_gpu_refine_columns_buffer {
     SST_GPU_REFINE_COLUMNS_VIEW = 0,
-    SST_GPU_REFINE_COLUMNS_OUT = 1, /* out, uint32_t[height][width]; SST_GPU_REFINE_FAR: none in this column */
+    SST_GPU_REFINE_COLUMNS_OUT = 1, /* out, uint32_t[rows][width]; SST_GPU_REFINE_FAR: none in this column */
     SST_GPU_REFINE_COLUMNS_BUFFERS
 };
 
@@ -137,6 +142,7 @@ struct sst_gpu_refine_compete {
     uint32_t kind;    /* 0: an object, 1: a ground */
     uint32_t corners; /* of the hull; 0: the label is absent from the view */
     uint32_t weigh;   /* 0: all distances count as 0 */
+    int32_t top, rows;
 };
 
 enum sst_gpu_refine_compete_buffer {
@@ -150,6 +156,7 @@ enum sst_gpu_refine_compete_buffer {
 /** `refine_sums`: sums of the disparities in the window's rows of each column, y from the pixel. */
 struct sst_gpu_refine_window {
     int32_t width, height, radius; /* radius up to 63 */
+    int32_t top, rows;
 };
 
 struct sst_gpu_refine_sums {
@@ -161,14 +168,14 @@ struct sst_gpu_refine_sums {
 
 enum sst_gpu_refine_sums_buffer {
     SST_GPU_REFINE_SUMS_VIEW = 0,
-    SST_GPU_REFINE_SUMS_OUT = 1, /* out, struct sst_gpu_refine_sums[height][width] */
+    SST_GPU_REFINE_SUMS_OUT = 1, /* out, struct sst_gpu_refine_sums[rows][width] */
     SST_GPU_REFINE_SUMS_BUFFERS
 };
 
 /** `refine_planes`, with struct sst_gpu_refine_window: planes of the windows. */
 enum sst_gpu_refine_planes_buffer {
     SST_GPU_REFINE_PLANES_SUMS = 0,
-    SST_GPU_REFINE_PLANES_OUT = 1, /* out, struct sst_surface_plane[height][width] */
+    SST_GPU_REFINE_PLANES_OUT = 1, /* out, struct sst_surface_plane[rows][width] */
     SST_GPU_REFINE_PLANES_BUFFERS
 };
 
@@ -178,6 +185,8 @@ struct sst_gpu_refine_normals {
     int32_t width, height, radius;
     uint32_t mixed[2], ground[2];
     struct sst_surface_frame frame;
+    int32_t top, rows;
+    int32_t first; /* row of the view where the planes begin; they are there up to `radius` rows around the band */
 };
 
 struct sst_gpu_refine_region {
@@ -189,7 +198,7 @@ enum sst_gpu_refine_normals_buffer {
     SST_GPU_REFINE_NORMALS_MASK = 1,
     SST_GPU_REFINE_NORMALS_PLANES = 2,
     SST_GPU_REFINE_NORMALS_REGIONS = 3, /* in and out, [SST_GPU_REFINE_LABELS] */
-    SST_GPU_REFINE_NORMALS_OUT = 4, /* out, float[height][width][4] where needed: the normal, and 1 if there is one */
+    SST_GPU_REFINE_NORMALS_OUT = 4, /* out, float[rows][width][4] where needed: the normal, and 1 if there is one */
     SST_GPU_REFINE_NORMALS_BUFFERS
 };
 
@@ -198,6 +207,7 @@ struct sst_gpu_refine_assign {
     int32_t width, height;
     uint32_t normals; /* 0: normals do not count */
     float p_distance, p_normal, tau;
+    int32_t top, rows;
 };
 
 struct sst_gpu_refine_mean {
@@ -211,7 +221,7 @@ enum sst_gpu_refine_assign_buffer {
     SST_GPU_REFINE_ASSIGN_CHOICE = 2,
     SST_GPU_REFINE_ASSIGN_NORMALS = 3,
     SST_GPU_REFINE_ASSIGN_MEANS = 4, /* struct sst_gpu_refine_mean[SST_GPU_REFINE_LABELS] */
-    SST_GPU_REFINE_ASSIGN_OUT = 5,   /* out, uint8_t[height][width rounded up to 4] */
+    SST_GPU_REFINE_ASSIGN_OUT = 5,   /* out, uint8_t[rows][width rounded up to 4] */
     SST_GPU_REFINE_ASSIGN_BUFFERS
 };
 

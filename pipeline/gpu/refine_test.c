@@ -33,27 +33,62 @@ struct test {
     uint8_t out[TEST_PITCH * TEST_HEIGHT];
 };
 
-static const struct sst_gpu_refine_mask mask_push = {
-    TEST_WIDTH, TEST_HEIGHT, { 0, 1U << (GROUND - 33) }, { 0, 1U << (GROUND - 33) }
+/* Rows of a view that are worked on. */
+struct band {
+    int top, rows;
 };
-static const struct sst_gpu_refine_columns columns_push = { TEST_WIDTH, TEST_HEIGHT, OTHER };
-static const struct sst_gpu_refine_window window = { TEST_WIDTH, TEST_HEIGHT, TEST_RADIUS };
+
+#define BANDS 2
+static const struct band bands[BANDS] = { { 0, TEST_HEIGHT }, { 13, 15 } };
+
+/* With the rows that windows reach. */
+static struct band around(struct band b)
+{
+    const int top = sst_max_int(b.top - TEST_RADIUS, 0), end = sst_min_int(b.top + b.rows + TEST_RADIUS, TEST_HEIGHT);
+
+    return (struct band){ top, end - top };
+}
+
+static struct sst_gpu_refine_mask mask_push(struct band b)
+{
+    return (struct sst_gpu_refine_mask){ TEST_WIDTH, TEST_HEIGHT,           { 0, 1U << (GROUND - 33) },
+                                         { 0, 1U << (GROUND - 33) }, b.top, b.rows };
+}
+
+static struct sst_gpu_refine_columns columns_push(struct band b)
+{
+    return (struct sst_gpu_refine_columns){ TEST_WIDTH, TEST_HEIGHT, OTHER, b.top, b.rows };
+}
+
+static struct sst_gpu_refine_window window_push(struct band b)
+{
+    const struct band all = around(b);
+
+    return (struct sst_gpu_refine_window){ TEST_WIDTH, TEST_HEIGHT, TEST_RADIUS, all.top, all.rows };
+}
+
+#define COMPETE 3
 
 /* Which label competes, with the columns of OTHER or as one that is absent. */
-static const struct sst_gpu_refine_compete compete_push[] = {
-    { TEST_WIDTH, TEST_HEIGHT, OBJECT, 0, 0, 1 },
-    { TEST_WIDTH, TEST_HEIGHT, OTHER, 0, CORNERS, 1 },
-    { TEST_WIDTH, TEST_HEIGHT, GROUND, 1, CORNERS, 1 },
-};
+static struct sst_gpu_refine_compete compete_push(int i, struct band b)
+{
+    static const uint32_t labels[COMPETE] = { OBJECT, OTHER, GROUND }, corners[COMPETE] = { 0, CORNERS, CORNERS };
 
-static struct sst_gpu_refine_normals normals_push(void)
+    return (struct sst_gpu_refine_compete){ TEST_WIDTH, TEST_HEIGHT, labels[i], labels[i] == GROUND, corners[i], 1, b.top,
+                                            b.rows };
+}
+
+static struct sst_gpu_refine_normals normals_push(struct band b)
 {
     return (struct sst_gpu_refine_normals){ TEST_WIDTH,
                                             TEST_HEIGHT,
                                             TEST_RADIUS,
                                             { objects[0] | grounds[0], objects[1] | grounds[1] },
                                             { grounds[0], grounds[1] },
-                                            { 320, 21, 18, 2.5F, 1.5F } };
+                                            { 320, 21, 18, 2.5F, 1.5F },
+                                            b.top,
+                                            b.rows,
+                                            around(b).top };
 }
 
 /* A slanted floor with noise, an upright thing in front, something far nearer and steeper; gaps in labels and
@@ -91,22 +126,28 @@ static void run(gpu_reference_fn *reference, const void *push, void *const *buff
     reference(push, buffer, (const uint32_t[3]){ 1, 1, 1 });
 }
 
-/* The steps before the one under test. @param steps  how many of the seven @return NULL: no memory */
-static struct test *make_test(int steps)
+/* The steps before the one under test, of a band. @param steps  how many of the seven @return NULL: no memory */
+static struct test *make_band(int steps, struct band b)
 {
-    const struct sst_gpu_refine_normals normals = normals_push();
+    const struct sst_gpu_refine_mask mask = mask_push(b);
+    const struct sst_gpu_refine_columns columns = columns_push(b);
+    const struct sst_gpu_refine_window window = window_push(b);
+    const struct sst_gpu_refine_normals normals = normals_push(b);
     struct test *t = calloc(1, sizeof(*t));
 
     if (!t)
         return NULL;
     make_view(t);
     if (steps > 0)
-        run(refine_mask_reference, &mask_push,
+        run(refine_mask_reference, &mask,
             (void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask });
     if (steps > 1)
-        run(refine_columns_reference, &columns_push, (void *const[]){ t->view, t->columns });
-    for (size_t i = 0; steps > 2 && i < ARRAY_LEN(compete_push); i++)
-        run(refine_compete_reference, &compete_push[i], (void *const[]){ t->mask, t->columns, t->hull, t->choice });
+        run(refine_columns_reference, &columns, (void *const[]){ t->view, t->columns });
+    for (int i = 0; steps > 2 && i < COMPETE; i++) {
+        const struct sst_gpu_refine_compete compete = compete_push(i, b);
+
+        run(refine_compete_reference, &compete, (void *const[]){ t->mask, t->columns, t->hull, t->choice });
+    }
     if (steps > 3)
         run(refine_sums_reference, &window, (void *const[]){ t->view, t->sums });
     if (steps > 4)
@@ -116,6 +157,11 @@ static struct test *make_test(int steps)
     for (int i = 0; i < SST_GPU_REFINE_LABELS; i++)
         t->means[i] = (struct sst_gpu_refine_mean){ { i % 2 ? 0.1F : -0.3F, 0.4F, 0.8F }, i != OBJECT - 1 };
     return t;
+}
+
+static struct test *make_test(int steps)
+{
+    return make_band(steps, bands[0]);
 }
 
 static struct sst_gpu_work work_of(enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y)
@@ -262,106 +308,130 @@ int refine_extents_self_test(struct sst_gpu *g)
     return err;
 }
 
+/* A self-test of whole views and bands. */
+static int test_bands(struct sst_gpu *g, int (*test)(struct sst_gpu *g, struct test *t, struct band b), int steps)
+{
+    int err = 0;
+
+    for (int i = 0; i < BANDS && !err; i++) {
+        struct test *t = make_band(steps, bands[i]);
+
+        err = t ? test(g, t, bands[i]) : -ENOMEM;
+        free(t);
+    }
+    return err;
+}
+
+static int test_mask(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_mask push = mask_push(b);
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_MASK, &push);
+
+    return gpu_compare(g, &work, (const void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask },
+                       (const size_t[]){ sizeof(t->view), sizeof(t->table), sizeof(t->ground), sizeof(t->seen),
+                                         sizeof(t->choice), sizeof(t->mask) },
+                       SST_GPU_REFINE_MASK_MASK, NULL);
+}
+
 int refine_mask_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_MASK, &mask_push);
-    struct test *t = make_test(0);
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask },
-                        (const size_t[]){ sizeof(t->view), sizeof(t->table), sizeof(t->ground), sizeof(t->seen),
-                                          sizeof(t->choice), sizeof(t->mask) },
-                        SST_GPU_REFINE_MASK_MASK, NULL)
-          : -ENOMEM;
+    return test_bands(g, test_mask, 0);
+}
 
-    free(t);
-    return err;
+static int test_columns(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_columns push = columns_push(b);
+    const struct sst_gpu_work work =
+        work_of(SST_GPU_REFINE_COLUMNS, &push, gpu_groups(TEST_WIDTH, SST_GPU_REFINE_COLUMN_GROUP), 1);
+
+    return gpu_compare(g, &work, (const void *const[]){ t->view, t->columns },
+                       (const size_t[]){ sizeof(t->view), sizeof(t->columns) }, SST_GPU_REFINE_COLUMNS_OUT, NULL);
 }
 
 int refine_columns_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_work work =
-        work_of(SST_GPU_REFINE_COLUMNS, &columns_push, gpu_groups(TEST_WIDTH, SST_GPU_REFINE_COLUMN_GROUP), 1);
-    struct test *t = make_test(0);
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->columns },
-                        (const size_t[]){ sizeof(t->view), sizeof(t->columns) }, SST_GPU_REFINE_COLUMNS_OUT, NULL)
-          : -ENOMEM;
-
-    free(t);
-    return err;
+    return test_bands(g, test_columns, 0);
 }
 
-int refine_compete_self_test(struct sst_gpu *g)
+static int test_compete(struct sst_gpu *g, struct test *t, struct band b)
 {
-    struct test *t = make_test(2);
-    int err = t ? 0 : -ENOMEM;
+    int err = 0;
 
-    for (size_t i = 0; i < ARRAY_LEN(compete_push) && !err; i++) {
-        const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_COMPETE, &compete_push[i]);
+    for (int i = 0; i < COMPETE && !err; i++) {
+        const struct sst_gpu_refine_compete push = compete_push(i, b);
+        const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_COMPETE, &push);
 
         err = gpu_compare(g, &work, (const void *const[]){ t->mask, t->columns, t->hull, t->choice },
                           (const size_t[]){ sizeof(t->mask), sizeof(t->columns), sizeof(t->hull), sizeof(t->choice) },
                           SST_GPU_REFINE_COMPETE_CHOICE, t->choice);
     }
-    free(t);
     return err;
+}
+
+int refine_compete_self_test(struct sst_gpu *g)
+{
+    return test_bands(g, test_compete, 2);
+}
+
+static int test_sums(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_window push = window_push(b);
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_SUMS, &push);
+
+    return gpu_compare(g, &work, (const void *const[]){ t->view, t->sums },
+                       (const size_t[]){ sizeof(t->view), sizeof(t->sums) }, SST_GPU_REFINE_SUMS_OUT, NULL);
 }
 
 int refine_sums_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_SUMS, &window);
-    struct test *t = make_test(0);
-    const int err = t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->sums },
-                                    (const size_t[]){ sizeof(t->view), sizeof(t->sums) }, SST_GPU_REFINE_SUMS_OUT, NULL)
-                      : -ENOMEM;
+    return test_bands(g, test_sums, 0);
+}
 
-    free(t);
-    return err;
+static int test_planes(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_window push = window_push(b);
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_PLANES, &push);
+
+    return gpu_compare(g, &work, (const void *const[]){ t->sums, t->planes },
+                       (const size_t[]){ sizeof(t->sums), sizeof(t->planes) }, SST_GPU_REFINE_PLANES_OUT, NULL);
 }
 
 int refine_planes_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_PLANES, &window);
-    struct test *t = make_test(4);
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->sums, t->planes },
-                        (const size_t[]){ sizeof(t->sums), sizeof(t->planes) }, SST_GPU_REFINE_PLANES_OUT, NULL)
-          : -ENOMEM;
+    return test_bands(g, test_planes, 4);
+}
 
-    free(t);
-    return err;
+static int test_normals(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_normals push = normals_push(b);
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_NORMALS, &push);
+
+    return gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals },
+                       (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->planes), sizeof(t->regions),
+                                         sizeof(t->normals) },
+                       SST_GPU_REFINE_NORMALS_OUT, NULL);
 }
 
 int refine_normals_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_refine_normals push = normals_push();
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_NORMALS, &push);
-    struct test *t = make_test(5);
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals },
-                        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->planes), sizeof(t->regions),
-                                          sizeof(t->normals) },
-                        SST_GPU_REFINE_NORMALS_OUT, NULL)
-          : -ENOMEM;
+    return test_bands(g, test_normals, 5);
+}
 
-    free(t);
-    return err;
+static int test_assign(struct sst_gpu *g, struct test *t, struct band b)
+{
+    const struct sst_gpu_refine_assign push = { TEST_WIDTH, TEST_HEIGHT, 1, 10, 1, 1, b.top, b.rows };
+    const struct sst_gpu_work work =
+        work_of(SST_GPU_REFINE_ASSIGN, &push, gpu_groups(TEST_PITCH / 4, SST_GPU_REFINE_WIDTH),
+                gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
+
+    return gpu_compare(g, &work,
+                       (const void *const[]){ t->view, t->mask, t->choice, t->normals, t->means, t->out },
+                       (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->choice), sizeof(t->normals),
+                                         sizeof(t->means), sizeof(t->out) },
+                       SST_GPU_REFINE_ASSIGN_OUT, NULL);
 }
 
 int refine_assign_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_refine_assign push = { TEST_WIDTH, TEST_HEIGHT, 1, 10, 1, 1 };
-    const struct sst_gpu_work work =
-        work_of(SST_GPU_REFINE_ASSIGN, &push, gpu_groups(TEST_PITCH / 4, SST_GPU_REFINE_WIDTH),
-                gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
-    struct test *t = make_test(6);
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->choice, t->normals, t->means, t->out },
-                        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->choice), sizeof(t->normals),
-                                          sizeof(t->means), sizeof(t->out) },
-                        SST_GPU_REFINE_ASSIGN_OUT, NULL)
-          : -ENOMEM;
-
-    free(t);
-    return err;
+    return test_bands(g, test_assign, 6);
 }

@@ -24,6 +24,7 @@ layout(std430, push_constant) uniform Constants {
     int width, height;
     uint use_normals;
     float p_distance, p_normal, tau;
+    int top, rows;
 };
 
 // sst_surface_reciprocal()
@@ -91,7 +92,7 @@ uint decide(uint i)
 
 uint label_of(uint i)
 {
-    const uint own = view[i] >> 16;
+    const uint own = view[uint(top * width) + i] >> 16;
     const uvec2 mask = masks[i];
     const int count = bitCount(mask.x) + bitCount(mask.y);
 
@@ -107,7 +108,7 @@ void main()
     const int words = (width + 3) / 4, x = 4 * int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
     uint four = 0;
 
-    if (x >= width || y >= height)
+    if (x >= width || y >= rows)
         return;
     for (int k = 0; k < 4 && x + k < width; k++)
         four |= label_of(uint(y * width + x + k)) << 8 * k;

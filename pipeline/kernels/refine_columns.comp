@@ -1,4 +1,5 @@
-// Vertical distances to the nearest pixel with a label, a thread per column: one sweep down, one up. Buffers and
+// Vertical distances to the nearest pixel with a label, a thread per column: one sweep down, one up, of which
+// the rows of a band are kept. Buffers and
 // constants: pipeline/gpu/refine.h. Definition: refine_columns_reference().
 #version 450
 
@@ -10,6 +11,7 @@ layout(std430, binding = 1) buffer Columns { uint columns[]; };
 layout(std430, push_constant) uniform Constants {
     int width, height;
     uint label;
+    int top, rows;
 };
 
 const uint FAR = 1u << 20;
@@ -21,12 +23,17 @@ void main()
 
     if (x >= width)
         return;
-    for (int y = 0; y < height; y++) {
+    for (int y = 0; y < top; y++)
         d = view[y * width + x] >> 16 == label ? 0 : min(d + 1, FAR);
-        columns[y * width + x] = d;
+    for (int row = 0; row < rows; row++) {
+        d = view[(top + row) * width + x] >> 16 == label ? 0 : min(d + 1, FAR);
+        columns[row * width + x] = d;
     }
-    for (int y = height - 2; y >= 0; y--) {
-        d = min(d + 1, columns[y * width + x]);
-        columns[y * width + x] = d;
+    d = FAR;
+    for (int y = height - 1; y >= top + rows; y--)
+        d = view[y * width + x] >> 16 == label ? 0 : min(d + 1, FAR);
+    for (int row = rows - 1; row >= 0; row--) {
+        d = min(d + 1, columns[row * width + x]);
+        columns[row * width + x] = d;
     }
 }

@@ -17,6 +17,7 @@ layout(std430, binding = 3) buffer Choices { Choice choices[]; };
 layout(std430, push_constant) uniform Constants {
     int width, height;
     uint label, kind, corners, weigh;
+    int top, rows;
 };
 
 const uint FAR = 1u << 20;
@@ -67,7 +68,7 @@ void main()
     uint nearest2 = 1, farthest2 = 1;
     uvec2 mask;
 
-    if (at.x >= width || at.y >= height)
+    if (at.x >= width || at.y >= rows)
         return;
     mask = masks[i];
     if (((label > 32 ? mask.y >> (label - 33) : mask.x >> (label - 1)) & 1) == 0 ||
@@ -75,7 +76,7 @@ void main()
         return;
     if (corners != 0) {
         nearest2 = nearest_to(at.x, at.y);
-        farthest2 = farthest_to(at);
+        farthest2 = farthest_to(at + ivec2(0, top));
     }
     if (weigh == 0 || farthest2 == 0) {
         nearest2 = 0;

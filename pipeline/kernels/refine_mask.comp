@@ -21,6 +21,7 @@ layout(std430, binding = 5) writeonly buffer Masks { uvec2 masks[]; };
 layout(std430, push_constant) uniform Constants {
     int width, height;
     uvec2 planar, ground;
+    int top, rows;
 };
 
 const uint NONE = 0xFFFF;
@@ -41,14 +42,14 @@ uint on_planes(uint bits, uint of_planes, uint first, uvec2 at, uint q)
 
 void main()
 {
-    const uvec2 at = gl_GlobalInvocationID.xy;
-    const uint i = at.y * uint(width) + at.x;
+    const uvec2 at = gl_GlobalInvocationID.xy + uvec2(0, top);
+    const uint i = gl_GlobalInvocationID.y * uint(width) + at.x;
 
     if (gl_LocalInvocationIndex < 4)
         found[gl_LocalInvocationIndex] = 0;
     barrier();
-    if (at.x < uint(width) && at.y < uint(height)) {
-        const uint pixel = view[i];
+    if (at.x < uint(width) && gl_GlobalInvocationID.y < uint(rows)) {
+        const uint pixel = view[at.y * uint(width) + at.x];
         uvec2 mask = pixel < NONE ? table[pixel] : uvec2(0);
 
         mask.x = on_planes(mask.x, planar.x, 0, at, pixel);

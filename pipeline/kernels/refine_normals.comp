@@ -15,6 +15,7 @@ layout(std430, push_constant) uniform Constants {
     int width, height, radius;
     uint mixed_low, mixed_high, ground_low, ground_high;
     float focal_px, cx, cy, zero_px, score_max;
+    int top, rows, first;
 };
 
 const uint NONE = 0xFFFF, LABELS = 64, SUMS = 5;
@@ -56,7 +57,7 @@ bool choose(uint q, ivec2 at, out vec4 best, out ivec2 centre)
 
         if (to.x < 0 || to.y < 0 || to.x >= width || to.y >= height)
             continue;
-        p = planes[to.y * width + to.x];
+        p = planes[(to.y - first) * width + to.x];
         if (p.w < least) {
             precise float off = ((p.z + p.x * float(away.x)) + p.y * float(away.y)) - d;
             precise float square = off * off;
@@ -116,8 +117,8 @@ void add_to_region(uint at, int more)
 
 void look(ivec2 at)
 {
-    const int i = at.y * width + at.x;
-    const uint label = view[i] >> 16, q = view[i] & 0xFFFF;
+    const int i = (at.y - top) * width + at.x;
+    const uint pixel = view[at.y * width + at.x], label = pixel >> 16, q = pixel & 0xFFFF;
     const uvec2 mask = masks[i], ground = uvec2(ground_low, ground_high);
     const bool inside =
         label >= 1 && label <= LABELS && ((label > 32 ? mixed_high >> (label - 33) : mixed_low >> (label - 1)) & 1) != 0;
@@ -142,12 +143,12 @@ void look(ivec2 at)
 
 void main()
 {
-    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, top);
 
     for (uint i = gl_LocalInvocationIndex; i < LABELS * SUMS; i += 256)
         found[i] = 0;
     barrier();
-    if (at.x < width && at.y < height)
+    if (at.x < width && at.y < top + rows)
         look(at);
     barrier();
     for (uint i = gl_LocalInvocationIndex; i < LABELS * SUMS; i += 256) {

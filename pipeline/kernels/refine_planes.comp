@@ -16,7 +16,7 @@ layout(std430, binding = 0) readonly buffer In { Sums sums[]; };
 layout(std430, binding = 1) writeonly buffer Out { vec4 planes[]; }; // a, b, d0, variance
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, radius;
+    int width, height, radius, top, rows;
 };
 
 const float COLLINEAR = 1e-3, NO_PLANE = 1e30;
@@ -146,7 +146,7 @@ void main()
     const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     Window s = Window(0, 0, 0, 0, 0, 0, 0, uvec2(0), uvec2(0), uvec2(0));
 
-    if (at.x >= width || at.y >= height)
+    if (at.x >= width || at.y >= rows)
         return;
     for (int u = max(-radius, -at.x); u <= min(radius, width - 1 - at.x); u++) {
         const Sums c = sums[at.y * width + at.x + u];

@@ -15,17 +15,17 @@ layout(std430, binding = 0) readonly buffer View { uint view[]; };
 layout(std430, binding = 1) writeonly buffer Out { Sums sums[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, radius;
+    int width, height, radius, top, rows;
 };
 
 const uint NONE = 0xFFFF;
 
 void main()
 {
-    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, top);
     Sums s = Sums(0, 0, 0, 0, 0, 0, 0);
 
-    if (at.x >= width || at.y >= height)
+    if (at.x >= width || at.y >= top + rows)
         return;
     for (int v = max(-radius, -at.y); v <= min(radius, height - 1 - at.y); v++) {
         const uint q = view[(at.y + v) * width + at.x] & 0xFFFF;
@@ -41,5 +41,5 @@ void main()
         s.dd_low = uaddCarry(s.dd_low, q * q, carry);
         s.dd_high += carry;
     }
-    sums[at.y * width + at.x] = s;
+    sums[(at.y - top) * width + at.x] = s;
 }

@@ -80,13 +80,13 @@ static void test_faults(void **state)
                                                      1,
                                                      2,
                                                      1,
-                                                     [SST_GPU_REFINE_MASK] = 1,
-                                                     1,
-                                                     3,
-                                                     1,
-                                                     1,
-                                                     1,
-                                                     1,
+                                                     [SST_GPU_REFINE_MASK] = 2,
+                                                     2,
+                                                     6,
+                                                     2,
+                                                     2,
+                                                     2,
+                                                     2,
                                                      [SST_GPU_VOTE] = 1 }; /* of its self-test */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;

@@ -181,6 +181,28 @@ static void test_matches(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* With less memory than a view in work takes as a whole. */
+static void refine_in_bands(const struct sst_lightfield *lf)
+{
+    static const uint64_t memory[] = { 1650000, 850000 };
+
+    for (int i = 0; i < 2; i++) {
+        struct sst_refine_device_report report;
+        struct sst_refine_device *device;
+        struct sst_gpu_shared *shared;
+        struct sst_refine_config cfg;
+
+        assert_true(refine_config(&cfg, i));
+        assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", memory[i]), 0);
+        assert_int_equal(sst_refine_device_create(&device, shared), 0);
+        cfg.device = device;
+        refine_compare(lf, &cfg, &report);
+        assert_int_equal(report.in_parts, 5);
+        sst_refine_device_destroy(device);
+        sst_gpu_shared_destroy(shared);
+    }
+}
+
 /* Labels are refined, voted on and carried, with the bytes of the CPU. */
 static void test_labels(void **state)
 {
@@ -201,6 +223,7 @@ static void test_labels(void **state)
         assert_int_equal(report.views, 5);
         assert_int_equal(report.on_cpu, 0);
     }
+    refine_in_bands(&lf);
     vote_compare(&lf, NULL, device, &report);
     assert_int_equal(report.voted, 5);
     lf.disp_min_px = -6;

@@ -93,6 +93,41 @@ static void test_grounds(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* What does not fit is done in bands, with and without normals and planes of grounds, down to a few rows. */
+static void test_parts(void **state)
+{
+    static const struct {
+        int config;
+        uint64_t memory;
+        int in_parts, dispatches; /* at least */
+    } limits[] = {
+        { 0, 1900000, 0, 0 }, { 0, 1800000, 5, 300 }, { 0, 1550000, 5, 1000 }, { 1, 950000, 5, 200 },
+        { 1, 750000, 5, 1600 }, { 2, 750000, 5, 1000 }, { 3, 850000, 5, 500 }, { 4, 1600000, 5, 400 },
+    };
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    for (size_t i = 0; i < ARRAY_LEN(limits); i++) {
+        assert_true(refine_config(&cfg, limits[i].config));
+        device_open(&d, "dummy", limits[i].memory);
+        cfg.device = d.refine;
+        refine_compare(&lf, &cfg, &report);
+        print_message("configuration %d, %d KB: %d views, %d in parts, %d dispatches\n", limits[i].config,
+                      (int)(limits[i].memory / 1000), (int)report.views, (int)report.in_parts, (int)report.dispatches);
+        assert_int_equal(report.views, 5);
+        assert_int_equal(report.in_parts, limits[i].in_parts);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_true(report.dispatches >= limits[i].dispatches);
+        device_close(&d);
+    }
+    sst_lightfield_fini(&lf);
+}
+
 /* Views that take no part, and a request to stop. */
 static void test_skipped(void **state)
 {
@@ -129,7 +164,7 @@ static void test_fallback(void **state)
     } devices[] = {
         { "lost", 1, "the device is lost", 0, 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
         { "timeout", 20, "the device does not answer", 0, 4, 4 },
-        { "dummy:memory=1", 0, "not enough memory on the device", 0, 1, 0 }, /* one without normals fits */
+        { "dummy:memory=1", 0, "not enough memory on the device", 0, 8, 0 }, /* only counting does not fit */
         { "dummy:buffer=100", 0, "not enough memory on the device", 0, 0, 0 },
         { "dummy", 0, "not enough memory on the device", 700000, 0, 0 },
     };
@@ -159,29 +194,30 @@ static void test_fallback(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* At every step of a view: with planes of grounds, and with normals that decide. */
+/* At every step of a view: with planes of grounds, and with normals that decide; and at some of views in bands. */
 static void test_lost_anywhere(void **state)
 {
+    static const uint64_t memory[] = { 0, 0, 1650000, 850000 };
     struct sst_refine_device_report report;
     struct sst_refine_config cfg;
     struct sst_lightfield lf;
 
     (void)state;
     refine_init(&lf, 1, 3, 93, 61);
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 4; i++) {
         bool all = false;
 
-        assert_true(refine_config(&cfg, i));
-        for (int at = 1; !all; at++) {
+        assert_true(refine_config(&cfg, i % 2));
+        for (int at = 1; !all; at += memory[i] ? 9 : 1) {
             struct device d;
 
-            device_open(&d, after_tests("lost", at), 0);
+            device_open(&d, after_tests("lost", at), memory[i]);
             cfg.device = d.refine;
             refine_compare(&lf, &cfg, &report);
             all = report.failures == 0;
             assert_int_equal(report.views + report.on_cpu, 2);
             assert_true(all || report.on_cpu >= 1);
-            assert_in_range(at, 1, 80);
+            assert_in_range(at, 1, memory[i] ? 200 : 80);
             device_close(&d);
         }
     }
@@ -323,9 +359,10 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_grounds),  cmocka_unit_test(test_skipped),
-        serial_test(test_fallback),        serial_test(test_lost_anywhere), cmocka_unit_test(test_votes),
-        cmocka_unit_test(test_carried),    cmocka_unit_test(test_enlarged), cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_grounds), serial_test(test_parts),
+        cmocka_unit_test(test_skipped),    serial_test(test_fallback),     serial_test(test_lost_anywhere),
+        cmocka_unit_test(test_votes),      cmocka_unit_test(test_carried), cmocka_unit_test(test_enlarged),
+        cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -68,6 +68,7 @@ const char *sst_refine_stage_name(enum sst_refine_stage stage);
 struct sst_refine_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
     int64_t views;               /* refined there */
+    int64_t in_parts;            /* of them: in bands of rows */
     int64_t on_cpu;              /* others */
     int64_t enlarged, enlarged_on_cpu; /* whose labels were found from the network's cells */
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */

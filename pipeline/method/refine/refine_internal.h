@@ -93,6 +93,7 @@ struct sst_refine_device {
     bool has_table;                           /* REFINE_KEPT_TABLE holds the candidates of this refinement */
     struct refine_pixels view[SST_MAX_VIEWS]; /* least recently used ones make room */
     int in_work;                              /* view that is refined */
+    int rows;                                 /* of a band that it is refined in; 0: of the whole view */
     int64_t turn;                             /* of the view in work: views of this turn stay */
     int64_t stage;                            /* sst_refine_device_labels_changed() */
 };
@@ -125,6 +126,11 @@ void refine_device_drop(struct sst_refine_device *d, enum refine_kept which);
 
 /** Free all memory that a view needs only while it is in work, but results. @return whether there was any */
 bool refine_device_drop_kept(struct sst_refine_device *d);
+
+/* --- device_steps.c --- */
+
+/** Refine a view; its labels change only if nothing fails. @return 0, or an error of the device */
+SST_MUST_CHECK int refine_device_steps(struct sst_refine_device *d, const struct refine_job *job, int view);
 
 /* --- device_count.c --- */
 
