@@ -21,8 +21,8 @@ struct sst_gpu_clear_view {
     uint32_t first; /* its pixel (0, top) in the buffers of pixels, disparities, valid pixels and masks; a multiple of
                        4 */
     uint32_t flags; /* enum sst_gpu_clear_view_flag */
-    int32_t top, end; /* rows that are there: all from which rays may land in the rows of the picture, those beside them,
-                         and those in which such rays have their colours */
+    int32_t top, end; /* rows that are there: all from which rays may land in the rows of the picture, those beside
+                         them, and those in which such rays have their colours */
 };
 
 enum sst_gpu_clear_view_flag {

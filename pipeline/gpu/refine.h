@@ -198,7 +198,7 @@ enum sst_gpu_refine_normals_buffer {
     SST_GPU_REFINE_NORMALS_MASK = 1,
     SST_GPU_REFINE_NORMALS_PLANES = 2,
     SST_GPU_REFINE_NORMALS_REGIONS = 3, /* in and out, [SST_GPU_REFINE_LABELS] */
-    SST_GPU_REFINE_NORMALS_OUT = 4, /* out, float[rows][width][4] where needed: the normal, and 1 if there is one */
+    SST_GPU_REFINE_NORMALS_OUT = 4,     /* out, float[rows][width][4] where needed: the normal, and 1 if there is one */
     SST_GPU_REFINE_NORMALS_BUFFERS
 };
 

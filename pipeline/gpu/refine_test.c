@@ -51,8 +51,9 @@ static struct band around(struct band b)
 
 static struct sst_gpu_refine_mask mask_push(struct band b)
 {
-    return (struct sst_gpu_refine_mask){ TEST_WIDTH, TEST_HEIGHT,           { 0, 1U << (GROUND - 33) },
-                                         { 0, 1U << (GROUND - 33) }, b.top, b.rows };
+    return (struct sst_gpu_refine_mask){
+        TEST_WIDTH, TEST_HEIGHT, { 0, 1U << (GROUND - 33) }, { 0, 1U << (GROUND - 33) }, b.top, b.rows
+    };
 }
 
 static struct sst_gpu_refine_columns columns_push(struct band b)
@@ -74,8 +75,8 @@ static struct sst_gpu_refine_compete compete_push(int i, struct band b)
 {
     static const uint32_t labels[COMPETE] = { OBJECT, OTHER, GROUND }, corners[COMPETE] = { 0, CORNERS, CORNERS };
 
-    return (struct sst_gpu_refine_compete){ TEST_WIDTH, TEST_HEIGHT, labels[i], labels[i] == GROUND, corners[i], 1, b.top,
-                                            b.rows };
+    return (struct sst_gpu_refine_compete){ TEST_WIDTH, TEST_HEIGHT, labels[i], labels[i] == GROUND,
+                                            corners[i], 1,           b.top,     b.rows };
 }
 
 static struct sst_gpu_refine_normals normals_push(struct band b)
@@ -139,8 +140,7 @@ static struct test *make_band(int steps, struct band b)
         return NULL;
     make_view(t);
     if (steps > 0)
-        run(refine_mask_reference, &mask,
-            (void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask });
+        run(refine_mask_reference, &mask, (void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask });
     if (steps > 1)
         run(refine_columns_reference, &columns, (void *const[]){ t->view, t->columns });
     for (int i = 0; steps > 2 && i < COMPETE; i++) {
@@ -406,10 +406,10 @@ static int test_normals(struct sst_gpu *g, struct test *t, struct band b)
     const struct sst_gpu_refine_normals push = normals_push(b);
     const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_NORMALS, &push);
 
-    return gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals },
-                       (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->planes), sizeof(t->regions),
-                                         sizeof(t->normals) },
-                       SST_GPU_REFINE_NORMALS_OUT, NULL);
+    return gpu_compare(
+        g, &work, (const void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals },
+        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->planes), sizeof(t->regions), sizeof(t->normals) },
+        SST_GPU_REFINE_NORMALS_OUT, NULL);
 }
 
 int refine_normals_self_test(struct sst_gpu *g)
@@ -424,8 +424,7 @@ static int test_assign(struct sst_gpu *g, struct test *t, struct band b)
         work_of(SST_GPU_REFINE_ASSIGN, &push, gpu_groups(TEST_PITCH / 4, SST_GPU_REFINE_WIDTH),
                 gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
 
-    return gpu_compare(g, &work,
-                       (const void *const[]){ t->view, t->mask, t->choice, t->normals, t->means, t->out },
+    return gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->choice, t->normals, t->means, t->out },
                        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->choice), sizeof(t->normals),
                                          sizeof(t->means), sizeof(t->out) },
                        SST_GPU_REFINE_ASSIGN_OUT, NULL);

@@ -341,8 +341,8 @@ static void test_pictures(void **state)
         assert_int_equal(report.on_cpu, i && !devices[i].in_parts ? FIELD_CLEAR : 0);
         assert_int_equal(report.failures, 0);
         assert_int_equal(report.verified_on_cpu, 1);
-        assert_string_equal(report.why, report.on_cpu ? "not enough memory on the device for a part of a clear picture"
-                                                      : "");
+        assert_string_equal(report.why,
+                            report.on_cpu ? "not enough memory on the device for a part of a clear picture" : "");
         if (devices[i].chunks)
             assert_in_range(report.chunks, devices[i].chunks, 8);
         if (devices[i].uploads)

@@ -78,7 +78,7 @@ static void test_memory(void **state)
         uint64_t memory;
         int in_parts, on_cpu, dispatches; /* at most; 0: any number */
     } limits[] = {
-        { 0, 0, 0, 12 },       { (uint64_t)1000 << 10, 4, 0, 30 },
+        { 0, 0, 0, 12 },        { (uint64_t)1000 << 10, 4, 0, 30 },
         { 600 << 10, 4, 0, 0 }, { 400 << 10, 4, 0, 0 },
         { 320 << 10, 4, 0, 0 }, { 100 << 10, 0, 4, 0 },
     };

@@ -1,9 +1,10 @@
-/* Label refinement of a view on a device: its pixels go there once, its labels come back. The CPU sees sums over grounds and
- * regions, from which it makes planes and mean normals, and the outermost pixels of regions in each row, for hulls.
+/* Label refinement of a view on a device: its pixels go there once, its labels come back. The CPU sees sums over
+ * grounds and regions, from which it makes planes and mean normals, and the outermost pixels of regions in each row,
+ * for hulls.
  *
- * What is kept for each pixel on the way is much larger than the view, so that where it does not fit, that is done in bands
- * of rows: first to find which labels compete anywhere, then for the sums of regions' normals, last for labels. What a band
- * needs of the steps before is computed again. */
+ * What is kept for each pixel on the way is much larger than the view, so that where it does not fit, that is done in
+ * bands of rows: first to find which labels compete anywhere, then for the sums of regions' normals, last for labels.
+ * What a band needs of the steps before is computed again. */
 #include <errno.h>
 #include <string.h>
 
@@ -19,8 +20,8 @@ struct work {
     struct refine_grounds grounds;
     uint32_t *extents; /* [classes][height] on the host, if labels compete */
     int width, height;
-    int top, rows; /* band in work */
-    int most;      /* rows of a band; the height: there is one band */
+    int top, rows;        /* band in work */
+    int most;             /* rows of a band; the height: there is one band */
     uint64_t seen, mixed; /* labels that compete; those of conflicts between objects and grounds */
     bool normals;
 };
@@ -111,7 +112,8 @@ static int find_candidates(const struct work *w)
     return err ? err : dispatch_rows(w, SST_GPU_REFINE_MASK, &push, w->rows, kept, ARRAY_LEN(kept));
 }
 
-/* Rows that the windows of the band's pixels, or of those at their sides, have their middle in. @return the first one */
+/* Rows that the windows of the band's pixels, or of those at their sides, have their middle in. @return the first one
+ */
 static int rows_around(const struct work *w, int *rows)
 {
     const int radius = w->job->cfg->normal_window / 2, top = sst_max_int(w->top - radius, 0);
@@ -130,12 +132,9 @@ static int find_normals(const struct work *w)
     const int radius = w->job->cfg->normal_window / 2;
     const size_t pixels = (size_t)w->width * (size_t)sst_min_int(w->most + 2 * radius, w->height);
     struct sst_gpu_refine_window window = { .width = w->width, .height = w->height, .radius = radius };
-    struct sst_gpu_refine_normals push = { .width = w->width,
-                                           .height = w->height,
-                                           .radius = radius,
-                                           .frame = w->job->frame,
-                                           .top = w->top,
-                                           .rows = w->rows };
+    struct sst_gpu_refine_normals push = {
+        .width = w->width, .height = w->height, .radius = radius, .frame = w->job->frame, .top = w->top, .rows = w->rows
+    };
     int err = refine_device_keep(w->d, REFINE_KEPT_SUMS, pixels * sizeof(struct sst_gpu_refine_sums));
 
     window.top = push.first = rows_around(w, &window.rows);
@@ -191,10 +190,14 @@ static int compete(const struct work *w, int label)
                                              REFINE_KEPT_CHOICE };
     const struct sst_gpu_refine_columns of = { w->width, w->height, (uint32_t)label, w->top, w->rows };
     const int corners = upload_hull(w, label);
-    const struct sst_gpu_refine_compete push = { w->width,          w->height,
-                                                 (uint32_t)label,   (uint32_t)(w->job->ground >> (label - 1) & 1),
-                                                 (uint32_t)corners, w->job->cfg->p_distance > 0,
-                                                 w->top,            w->rows };
+    const struct sst_gpu_refine_compete push = { w->width,
+                                                 w->height,
+                                                 (uint32_t)label,
+                                                 (uint32_t)(w->job->ground >> (label - 1) & 1),
+                                                 (uint32_t)corners,
+                                                 w->job->cfg->p_distance > 0,
+                                                 w->top,
+                                                 w->rows };
     const uint32_t groups = (uint32_t)(w->width + SST_GPU_REFINE_COLUMN_GROUP - 1) / SST_GPU_REFINE_COLUMN_GROUP;
     int err = corners < 0 ? corners : refine_device_keep(w->d, REFINE_KEPT_COLUMNS, columns_bytes(w));
 
@@ -236,14 +239,9 @@ static int assign(const struct work *w, uint8_t *labels)
                                       REFINE_KEPT_CHOICE, w->normals ? REFINE_KEPT_SUMS : THE_VIEW,
                                       REFINE_KEPT_MEANS,  REFINE_KEPT_OUT };
     const struct sst_refine_config *cfg = w->job->cfg;
-    const struct sst_gpu_refine_assign push = { w->width,
-                                                w->height,
-                                                w->normals,
-                                                (float)cfg->p_distance,
-                                                (float)cfg->p_normal,
-                                                (float)cfg->tau,
-                                                w->top,
-                                                w->rows };
+    const struct sst_gpu_refine_assign push = {
+        w->width, w->height, w->normals, (float)cfg->p_distance, (float)cfg->p_normal, (float)cfg->tau, w->top, w->rows
+    };
     const size_t pitch = pitch_of(w);
     const uint32_t x = (uint32_t)(pitch / 4 + SST_GPU_REFINE_WIDTH - 1) / SST_GPU_REFINE_WIDTH;
     const uint32_t y = (uint32_t)(w->rows + SST_GPU_REFINE_HEIGHT - 1) / SST_GPU_REFINE_HEIGHT;
@@ -364,8 +362,8 @@ static int rows_that_fit(const struct work *w, uint64_t bytes)
     return (int)sst_clamp_double((double)(rows < limit ? rows : limit), 0, w->height);
 }
 
-/* After a view did not fit: bands of fewer rows, of about the same height, and room for another view beside them if it is
- * not dear. @return false: not even one fits */
+/* After a view did not fit: bands of fewer rows, of about the same height, and room for another view beside them if it
+ * is not dear. @return false: not even one fits */
 static bool shrink(struct work *w)
 {
     const uint64_t view = 2 * sizeof(uint32_t) * (uint64_t)w->width * (uint64_t)w->height;

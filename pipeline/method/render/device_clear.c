@@ -1,5 +1,5 @@
-/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. Here with all views there at once;
- * what does not fit is done in parts: device_parts.c. */
+/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. Here with all views there at
+ * once; what does not fit is done in parts: device_parts.c. */
 #include <errno.h>
 #include <string.h>
 

@@ -1,8 +1,8 @@
-/* Clear pictures on a device that does not hold all views and their landed rays: in bands of the picture's rows. Of each
- * view only those rows are uploaded from which rays may land in the band, with what such rays are made of.
+/* Clear pictures on a device that does not hold all views and their landed rays: in bands of the picture's rows. Of
+ * each view only those rows are uploaded from which rays may land in the band, with what such rays are made of.
  *
- * A ray of stored disparity q moves by floor(q b + c) rows, which is monotonic in q, so that the smallest and the largest
- * disparity bound from where rays come:
+ * A ray of stored disparity q moves by floor(q b + c) rows, which is monotonic in q, so that the smallest and the
+ * largest disparity bound from where rays come:
  *
  *      view                      picture
  *      top - most - BESIDE   .
@@ -20,8 +20,8 @@
 #include "base/clock.h"
 #include "pipeline/method/render/render_internal.h"
 
-#define BESIDE     3  /* rows around those from which rays land: neighbours, and pixels that colours are made of */
-#define FEW        16 /* rows: shorter bands upload the same rows again and again */
+#define BESIDE 3  /* rows around those from which rays land: neighbours, and pixels that colours are made of */
+#define FEW    16 /* rows: shorter bands upload the same rows again and again */
 
 /* How far the rows of each view move. */
 struct moves {
@@ -113,8 +113,7 @@ static int create_parts(struct render_device *d, const struct needs *n)
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &p->out, 4 * n->pixels);
     if (!err && !d->clear_params)
-        err = sst_gpu_buffer_create(d->gpu, &d->clear_params,
-                                    SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view));
+        err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view));
     if (err) {
         device_drop_parts(d);
         return err;
@@ -132,8 +131,8 @@ static bool is_there(const struct device_parts *p, const struct needs *n)
            p->landed_pixels >= n->landed_pixels && p->pixels >= n->pixels;
 }
 
-/* Bands of about the same height, with what they need on the device: half of its memory, so that pictures of other kinds
- * find their views there again; all of it where that is little. @param rows  in: at most; out: of a band */
+/* Bands of about the same height, with what they need on the device: half of its memory, so that pictures of other
+ * kinds find their views there again; all of it where that is little. @param rows  in: at most; out: of a band */
 static int make_parts(struct render_device *d, const struct device_clear *c, const struct moves *m, int *rows)
 {
     int err = -ENOMEM;
