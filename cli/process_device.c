@@ -72,6 +72,9 @@ static json_t *refinement_json(const struct sst_refine_device_report *d)
     }
     if (root) {
         json_object_set_new(root, "in_parts", json_integer((json_int_t)d->in_parts));
+        json_object_set_new(root, "enlarged_in_parts", json_integer((json_int_t)d->enlarged_in_parts));
+        json_object_set_new(root, "voted_in_parts", json_integer((json_int_t)d->voted_in_parts));
+        json_object_set_new(root, "carried_in_parts", json_integer((json_int_t)d->carried_in_parts));
         json_object_set_new(root, "enlarged", json_integer((json_int_t)d->enlarged));
         json_object_set_new(root, "enlarged_on_cpu", json_integer((json_int_t)d->enlarged_on_cpu));
         json_object_set_new(root, "stages_on_cpu", stages);

@@ -12,19 +12,19 @@
 #define SAME     64 /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR  24 /* levels: views vote where their colours differ by at most this in every channel */
 
-/* Index of the pixel of another view that shows the surface of pixel i; -1: it does not. */
-static int place_of(const struct sst_gpu_shift *s, const uint32_t *there, const uint32_t *own, int width, int height,
-                    int i)
+/* Index of the pixel of another view, of so many rows, that shows the surface of pixel i, of n; -1: it does not. */
+static int place_of(const struct sst_gpu_shift *s, const uint32_t *there, const uint32_t *own, int n, int width,
+                    int rows, int i)
 {
-    const int n = width * height, d = (int)(own[i] & 0xFFFF);
+    const int d = (int)(own[i] & 0xFFFF);
     const int x = i % width + s->across + ((s->across_part + d * s->across_step) >> 16);
     const int y = i / width + s->down + ((s->down_part + d * s->down_step) >> 16);
     int at;
 
-    if (x < 0 || y < 0 || x >= width || y >= height)
+    if (x < 0 || y < 0 || x >= width || y >= rows)
         return -1;
     at = y * width + x;
-    if (abs((int)(there[at] & 0xFFFF) - d) > SAME || gpu_colour_step(there[n + at], own[n + i]) > SIMILAR)
+    if (abs((int)(there[at] & 0xFFFF) - d) > SAME || gpu_colour_step(there[width * rows + at], own[n + i]) > SIMILAR)
         return -1;
     return at;
 }
@@ -67,7 +67,7 @@ void vote_reference(const void *push, void *const *buffer, const uint32_t groups
 
         for (int k = 0; k < p->count; k++) {
             const uint32_t *there = buffer[SST_GPU_VOTE_VOTERS + k];
-            const int at = place_of(&p->shift[k], there, own, p->width, p->height, i);
+            const int at = place_of(&p->shift[k], there, own, n, p->width, p->rows[k], i);
 
             vote[k] = at < 0 ? 0 : there[at] >> 16;
         }
@@ -87,11 +87,11 @@ void label_carry_reference(const void *push, void *const *buffer, const uint32_t
 
         for (int k = 0; k < p->count && !label && is_seen(own, n, i); k++) {
             const uint32_t *there = buffer[SST_GPU_VOTE_VOTERS + k];
-            const int at = place_of(&p->shift[k], there, own, p->width, p->height, i);
+            const int at = place_of(&p->shift[k], there, own, n, p->width, p->rows[k], i);
 
             if (at >= 0 && (p->mode == SST_GPU_CARRY_SHOWN || there[at] >> 16)) {
                 label = p->mode == SST_GPU_CARRY_SHOWN ? 1 : there[at] >> 16;
-                entropy = p->mode == SST_GPU_CARRY_ENTROPIES ? there[2 * n + at] : INFINITE;
+                entropy = p->mode == SST_GPU_CARRY_ENTROPIES ? there[2 * p->width * p->rows[k] + at] : INFINITE;
             }
         }
         out[i] = label;
@@ -134,6 +134,7 @@ struct test {
     uint32_t view[1 + SST_GPU_VOTERS][TEST_PLANES][TEST_PIXELS], out[2][TEST_PIXELS];
 };
 
+static const int32_t test_rows[SST_GPU_VOTERS] = { TEST_HEIGHT, 9, TEST_HEIGHT, 17 };
 static const struct sst_gpu_shift test_shift[SST_GPU_VOTERS] = { { 0, 32768, 1030, 0, 30000, -20 },
                                                                  { -1, 40000, -1020, 0, 32768, 10 },
                                                                  { 0, 32000, 7, 1, 32768, 1024 },
@@ -180,6 +181,7 @@ int vote_self_test(struct sst_gpu *g)
     int err;
 
     memcpy(push.shift, test_shift, sizeof(test_shift));
+    memcpy(push.rows, test_rows, sizeof(test_rows));
     err = t ? compare_views(g, SST_GPU_VOTE, &push, t) : -ENOMEM;
     free(t);
     return err;
@@ -192,6 +194,7 @@ int label_carry_self_test(struct sst_gpu *g)
     int err = t ? 0 : -ENOMEM;
 
     memcpy(push.shift, test_shift, sizeof(test_shift));
+    memcpy(push.rows, test_rows, sizeof(test_rows));
     for (int mode = SST_GPU_CARRY_LABELS; mode <= SST_GPU_CARRY_SHOWN && !err; mode++) {
         push.mode = (uint32_t)mode;
         err = compare_views(g, SST_GPU_LABEL_CARRY, &push, t);

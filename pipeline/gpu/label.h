@@ -14,7 +14,8 @@
 
 #define SST_GPU_VOTERS 4
 
-/** A view is uint32_t[2 or 3][height][width]. The first plane is that of the shaders of refine.h. */
+/** A view is uint32_t[2 or 3][height][width], or has some of its rows only. The first plane is that of the shaders of
+ * refine.h. */
 enum sst_gpu_label_plane {
     SST_GPU_PLANE_LABELS = 0,    /* disparity | label << 16 */
     SST_GPU_PLANE_COLOURS = 1,   /* R | G << 8 | B << 16 | valid << 24 */
@@ -24,6 +25,7 @@ enum sst_gpu_label_plane {
 struct sst_gpu_vote {
     int32_t width, height, count;               /* of voters beside the view itself */
     struct sst_gpu_shift shift[SST_GPU_VOTERS]; /* from the view's pixels to the voter's */
+    int32_t rows[SST_GPU_VOTERS];               /* of the voter: surfaces of the view are nowhere else in its picture */
 };
 
 enum sst_gpu_vote_buffer {
@@ -38,6 +40,7 @@ struct sst_gpu_label_carry {
     int32_t width, height, count;
     uint32_t mode; /* enum sst_gpu_carry_mode */
     struct sst_gpu_shift shift[SST_GPU_VOTERS];
+    int32_t rows[SST_GPU_VOTERS];
 };
 
 enum sst_gpu_carry_mode {

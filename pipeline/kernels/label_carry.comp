@@ -9,6 +9,7 @@ layout(std430, push_constant) uniform Constants {
     int width, height, count;
     uint mode;
     Shift shift[4];
+    int rows[4];
 };
 
 const uint ENTROPIES = 1, SHOWN = 2, INFINITE = 0x7F800000u;
@@ -25,13 +26,13 @@ void main()
     here = own[n + i];
     d = int(own[i] & 0xFFFF);
     for (int k = 0; k < count && label == 0 && d != NONE && here >> 24 != 0; k++) {
-        const int there = place_of(k, shift[k], ivec2(width, height), at, d, here);
+        const int there = place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
 
         if (there < 0)
             continue;
         label = mode == SHOWN ? 1 : word_of(k, there) >> 16;
         if (label != 0 && mode == ENTROPIES)
-            entropy = word_of(k, 2 * n + there);
+            entropy = word_of(k, 2 * width * rows[k] + there);
     }
     result[i] = label;
     if (mode == ENTROPIES)

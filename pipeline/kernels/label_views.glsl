@@ -26,7 +26,7 @@ ivec3 colour(uint v)
     return ivec3(v & 0xFF, (v >> 8) & 0xFF, (v >> 16) & 0xFF);
 }
 
-// Index of the pixel of another view that shows the surface of pixel (x, y), with disparity d; -1: it does not.
+// Index of the pixel of another view, of this size, that shows the surface of pixel (x, y), with disparity d; -1: it does not.
 int place_of(int voter, Shift s, ivec2 size, ivec2 at, int d, uint own_colour)
 {
     const int x = at.x + s.across + ((s.across_part + d * s.across_step) >> 16);

@@ -8,6 +8,7 @@
 layout(std430, push_constant) uniform Constants {
     int width, height, count;
     Shift shift[4];
+    int rows[4];
 };
 
 uint count_of(uint label, uint vote[4])
@@ -33,7 +34,7 @@ void main()
     best = own[i] >> 16;
     if (d != NONE && here >> 24 != 0) {
         for (int k = 0; k < count; k++) {
-            const int there = place_of(k, shift[k], ivec2(width, height), at, d, here);
+            const int there = place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
 
             vote[k] = there < 0 ? 0 : word_of(k, there) >> 16;
         }

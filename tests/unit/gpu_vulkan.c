@@ -203,6 +203,29 @@ static void refine_in_bands(const struct sst_lightfield *lf)
     }
 }
 
+/* With less than the views of a vote, and of carried labels, take. */
+static void exchange_in_bands(const struct sst_lightfield *lf, int views)
+{
+    const bool carried[6] = { false, true, false, true, false };
+    struct sst_refine_device_report report;
+    struct sst_refine_device *device;
+    struct sst_lightfield near = *lf;
+    struct sst_gpu_shared *shared;
+
+    assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", 92000), 0);
+    assert_int_equal(sst_refine_device_create(&device, shared), 0);
+    vote_compare(lf, NULL, device, &report);
+    assert_int_equal(report.voted_in_parts, views);
+    near.disp_min_px = -6;
+    carry_compare(&near, carried, 0, device, &report);
+    assert_true(report.carried_in_parts > 0);
+    assert_int_equal(report.carried_on_cpu, 0);
+    enlarge_compare(lf, 0, device, &report);
+    assert_int_equal(report.enlarged_in_parts, 2);
+    sst_refine_device_destroy(device);
+    sst_gpu_shared_destroy(shared);
+}
+
 /* Labels are refined, voted on and carried, with the bytes of the CPU. */
 static void test_labels(void **state)
 {
@@ -226,6 +249,7 @@ static void test_labels(void **state)
     refine_in_bands(&lf);
     vote_compare(&lf, NULL, device, &report);
     assert_int_equal(report.voted, 5);
+    exchange_in_bands(&lf, 5);
     lf.disp_min_px = -6;
     carry_compare(&lf, carried, 0, device, &report);
     assert_int_equal(report.carried, 6);

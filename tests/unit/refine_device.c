@@ -230,12 +230,13 @@ static void test_votes(void **state)
     static const struct {
         int lost;
         uint64_t memory;
-        int voted, failures;
+        int voted, in_parts, failures;
     } devices[] = {
-        { 0, 0, 8, 0 },
-        { 0, 6 * 93 * 61 * 8, 8, 0 }, /* five views and the result */
-        { 0, 4 * 93 * 61 * 8, 0, 0 }, /* not enough for one vote */
-        { 2, 0, 4, 4 },               /* the second one of each opening */
+        { 0, 0, 8, 0, 0 },
+        { 0, 6 * 93 * 61 * 8, 8, 0, 0 }, /* five views and the result */
+        { 0, 4 * 93 * 61 * 8, 8, 8, 0 }, /* rows of them */
+        { 0, 110000, 8, 8, 0 },
+        { 2, 0, 4, 0, 4 },    /* the second one of each opening */
     };
     const bool skip[9] = { false, false, false, false, true };
     struct sst_refine_device_report report;
@@ -253,6 +254,7 @@ static void test_votes(void **state)
         print_message("%lld voted, %lld on the CPU, %lld failures, %lld uploads\n", (long long)report.voted,
                       (long long)report.voted_on_cpu, (long long)report.failures, (long long)report.uploads);
         assert_int_equal(report.voted, devices[i].voted);
+        assert_int_equal(report.voted_in_parts, devices[i].in_parts);
         assert_int_equal(report.voted + report.voted_on_cpu, 8);
         assert_int_equal(report.failures, devices[i].failures);
         assert_true(i || report.uploads == 8);
@@ -279,12 +281,13 @@ static void test_carried(void **state)
     static const struct {
         int lost;
         uint64_t memory;
-        int carried, failures;
+        int carried, in_parts, failures;
     } devices[] = {
-        { 0, 0, 12, 0 },
-        { 0, 8 * 93 * 61 * 8, 12, 0 }, /* few views at once, with entropies */
-        { 0, 3 * 93 * 61 * 8, 0, 0 },  /* not enough for one */
-        { 3, 0, 7, 5 },                /* the third one of each opening */
+        { 0, 0, 12, 0, 0 },
+        { 0, 8 * 93 * 61 * 8, 12, 0, 0 },  /* few views at once, with entropies */
+        { 0, 3 * 93 * 61 * 8, 12, 12, 0 }, /* rows of them */
+        { 0, 110000, 12, 12, 0 },
+        { 3, 0, 7, 0, 5 },    /* the third one of each opening */
     };
     const bool carried[9] = { true, false, true, false, false, true, true, true };
     struct sst_refine_device_report report;
@@ -304,6 +307,7 @@ static void test_carried(void **state)
                       (long long)report.carried_on_cpu, (long long)report.failures, (long long)report.uploads,
                       report.why);
         assert_int_equal(report.carried, devices[i].carried);
+        assert_int_equal(report.carried_in_parts, devices[i].in_parts);
         assert_int_equal(report.carried + report.carried_on_cpu, 12);
         assert_int_equal(report.failures, devices[i].failures);
         assert_int_equal(report.stages_on_cpu, report.carried_on_cpu ? 1U << SST_REFINE_STAGE_CARRY : 0);
@@ -318,8 +322,11 @@ static void test_enlarged(void **state)
     static const struct {
         int lost;
         uint64_t memory;
-        int enlarged, failures;
-    } devices[] = { { 0, 0, 2, 0 }, { 0, 92000, 0, 0 }, { 1, 0, 0, 1 }, { 2, 0, 1, 1 } };
+        int enlarged, in_parts, failures;
+    } devices[] = {
+        { 0, 0, 2, 0, 0 }, { 0, 92000, 2, 2, 0 }, { 1, 0, 0, 0, 1 },
+        { 2, 0, 1, 0, 1 },
+    };
     struct sst_refine_device_report report;
     struct sst_lightfield lf;
     struct device d;
@@ -330,11 +337,35 @@ static void test_enlarged(void **state)
         device_open(&d, devices[i].lost ? after_tests("lost", devices[i].lost) : "dummy", devices[i].memory);
         enlarge_compare(&lf, 0, d.refine, &report);
         assert_int_equal(report.enlarged, devices[i].enlarged);
-        assert_int_equal(report.enlarged_on_cpu, i != 0);
+        print_message("%d enlarged, %d in parts\n", (int)report.enlarged, (int)report.enlarged_in_parts);
+        assert_int_equal(report.enlarged_in_parts, devices[i].in_parts);
+        assert_int_equal(report.enlarged_on_cpu, devices[i].enlarged < 2);
         assert_int_equal(report.failures, devices[i].failures);
-        assert_int_equal(report.stages_on_cpu, i ? 1U << SST_REFINE_STAGE_ENTROPY : 0);
+        assert_int_equal(report.stages_on_cpu, devices[i].enlarged < 2 ? 1U << SST_REFINE_STAGE_ENTROPY : 0);
         device_close(&d);
     }
+    sst_lightfield_fini(&lf);
+}
+
+/* Not one row fits. */
+static void test_no_row(void **state)
+{
+    struct sst_refine_device_report report;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 7000, 16);
+    device_open(&d, "dummy", 92000);
+    vote_compare(&lf, NULL, d.refine, &report);
+    assert_int_equal(report.voted, 0);
+    assert_int_equal(report.voted_on_cpu, 5);
+    assert_int_equal(report.failures, 0);
+    assert_string_equal(report.why, "not enough memory on the device");
+    enlarge_compare(&lf, 0, d.refine, &report);
+    assert_int_equal(report.enlarged_on_cpu, 1);
+    assert_int_equal(report.failures, 0);
+    device_close(&d);
     sst_lightfield_fini(&lf);
 }
 
@@ -362,7 +393,7 @@ int main(void)
         cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_grounds), serial_test(test_parts),
         cmocka_unit_test(test_skipped),    serial_test(test_fallback),     serial_test(test_lost_anywhere),
         cmocka_unit_test(test_votes),      cmocka_unit_test(test_carried), cmocka_unit_test(test_enlarged),
-        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_no_row),     cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -27,7 +27,7 @@ static void drop(void *arg)
     for (int i = 0; i < REFINE_KEPT; i++)
         refine_device_drop(d, (enum refine_kept)i);
     d->has_table = false;
-    d->rows = 0;
+    d->rows = d->band_rows = 0;
     refine_drop_views(d);
 }
 
@@ -95,6 +95,7 @@ void sst_refine_device_destroy(struct sst_refine_device *d)
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->corners);
     sst_mem_kept_fini(&d->extents);
+    sst_mem_kept_fini(&d->result);
     free(d);
 }
 

@@ -32,19 +32,24 @@ static int fill(struct sst_refine_device *d, const struct sst_refine_carry *c)
     return refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
 }
 
-static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
-                 const struct sst_refine_carry *c)
+enum sst_gpu_carry_mode refine_carry_mode(const struct sst_refine_carry *c, bool entropies)
+{
+    return c->shown ? SST_GPU_CARRY_SHOWN : entropies ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS;
+}
+
+static int carry_whole(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                       const struct sst_refine_carry *c)
 {
     const size_t bytes = (size_t)c->lf->width * (size_t)c->lf->height * sizeof(uint32_t);
     struct sst_gpu_label_carry push = { .width = c->lf->width,
                                         .height = c->lf->height,
                                         .count = c->count,
-                                        .mode = c->shown  ? SST_GPU_CARRY_SHOWN
-                                                : entropy ? SST_GPU_CARRY_ENTROPIES
-                                                          : SST_GPU_CARRY_LABELS };
+                                        .mode = refine_carry_mode(c, entropy) };
     struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
 
+    for (int i = 0; i < SST_GPU_VOTERS; i++)
+        push.rows[i] = c->lf->height;
     err = err ? err : refine_device_voters(d, &work, push.shift, c);
     if (c->fill)
         err = err ? err : refine_device_keep(d, REFINE_KEPT_FILLED, bytes);
@@ -54,6 +59,18 @@ static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct s
     if (entropy)
         return err ? err : refine_device_entropies(d, label, entropy);
     return err ? err : refine_device_labels(d, c->fill ? REFINE_KEPT_FILLED : REFINE_KEPT_OUT, label);
+}
+
+static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                 const struct sst_refine_carry *c)
+{
+    int err = d->band_rows ? -ENOMEM : carry_whole(d, label, entropy, c);
+
+    if (err != -ENOMEM)
+        return err;
+    err = refine_device_exchange(d, label, entropy, c, false);
+    d->report.carried_in_parts += !err;
+    return err;
 }
 
 bool sst_refine_device_carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,

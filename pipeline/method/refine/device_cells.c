@@ -1,4 +1,5 @@
 /* Labels of pixels from those of a network's cells on a device, and the threshold of their entropies. */
+#include <errno.h>
 #include <math.h>
 
 #include "base/clock.h"
@@ -13,13 +14,12 @@ static float limit_of(double eps_h)
     return (double)limit < eps_h ? nextafterf(limit, INFINITY) : limit;
 }
 
-static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_cells *cells,
-                   struct sst_map_u8 *label, struct sst_map_f32 *entropy, double eps_h)
+static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_enlarge *e,
+                         const struct sst_label_cells *cells, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                         const struct sst_gpu_label_cells *push)
 {
     const size_t bytes = (size_t)label->width * (size_t)label->height * sizeof(uint32_t);
-    const struct sst_gpu_label_cells push = { label->width,   label->height,   cells->width,   cells->height,
-                                              cells->classes, limit_of(eps_h), entropy != NULL };
-    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = &push };
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
 
     d->turn++;
@@ -34,6 +34,20 @@ static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge 
     if (entropy)
         return err ? err : refine_device_entropies(d, label, entropy);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, label);
+}
+
+static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_cells *cells,
+                   struct sst_map_u8 *label, struct sst_map_f32 *entropy, double eps_h)
+{
+    const struct sst_gpu_label_cells push = { label->width,   label->height,   cells->width,   cells->height,
+                                              cells->classes, limit_of(eps_h), entropy != NULL };
+    int err = d->band_rows ? -ENOMEM : enlarge_whole(d, e, cells, label, entropy, &push);
+
+    if (err != -ENOMEM)
+        return err;
+    err = refine_device_enlarge(d, label, entropy, e, cells, &push);
+    d->report.enlarged_in_parts += !err;
+    return err;
 }
 
 bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,

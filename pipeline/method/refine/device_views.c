@@ -61,9 +61,10 @@ static int create_view(struct sst_refine_device *d, struct refine_pixels *v, siz
     return err;
 }
 
-static void pack_labels(uint32_t *to, const struct sst_view *v, int width, int height)
+/* Rows top .. end - 1 of a plane. */
+static void pack_labels(uint32_t *to, const struct sst_view *v, int width, int top, int end)
 {
-    for (int y = 0; y < height; y++, to += width) {
+    for (int y = top; y < end; y++, to += width) {
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
         const uint8_t *label = v->label.data ? sst_map_u8_row(&v->label, y) : NULL;
 
@@ -72,9 +73,9 @@ static void pack_labels(uint32_t *to, const struct sst_view *v, int width, int h
     }
 }
 
-static void pack_colours(uint32_t *to, const struct sst_view *v, int width, int height)
+static void pack_colours(uint32_t *to, const struct sst_view *v, int width, int top, int end)
 {
-    for (int y = 0; y < height; y++, to += width) {
+    for (int y = top; y < end; y++, to += width) {
         const uint8_t *r = sst_image_row(&v->image, 0, y), *g = sst_image_row(&v->image, 1, y);
         const uint8_t *b = sst_image_row(&v->image, 2, y);
         const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
@@ -84,18 +85,42 @@ static void pack_colours(uint32_t *to, const struct sst_view *v, int width, int 
     }
 }
 
-static void pack_entropies(uint32_t *to, const struct sst_map_f32 *e, int width, int height)
+static void pack_entropies(uint32_t *to, const struct sst_map_f32 *e, int width, int top, int end)
 {
-    for (int y = 0; y < height; y++, to += width)
+    for (int y = top; y < end; y++, to += width)
         memcpy(to, sst_map_f32_row(e, y), (size_t)width * sizeof(*to));
 }
 
-/* A plane from d->words. */
-static int upload_plane(struct sst_refine_device *d, const struct refine_pixels *v, enum sst_gpu_label_plane plane,
-                        size_t bytes)
+/* A plane of some rows, by way of d->words. */
+static int upload_plane(struct sst_refine_device *d, struct sst_gpu_buffer *to, const struct sst_view *v,
+                        const struct sst_map_f32 *entropies, enum sst_gpu_label_plane plane, int width, int top, int end)
 {
+    const size_t bytes = (size_t)width * (size_t)(end - top) * sizeof(uint32_t);
+    uint32_t *words = sst_mem_keep(&d->words, bytes, 1);
+
+    if (!words)
+        return -ENOMEM;
+    if (plane == SST_GPU_PLANE_LABELS)
+        pack_labels(words, v, width, top, end);
+    else if (plane == SST_GPU_PLANE_COLOURS)
+        pack_colours(words, v, width, top, end);
+    else
+        pack_entropies(words, entropies, width, top, end);
     d->report.upload_bytes += (int64_t)bytes;
-    return sst_gpu_upload(d->gpu, v->buffer, (size_t)plane * bytes, d->words.data, bytes);
+    return sst_gpu_upload(d->gpu, to, (size_t)plane * bytes, words, bytes);
+}
+
+/* @param planes  bits */
+static int upload_rows(struct sst_refine_device *d, struct sst_gpu_buffer *to, const struct sst_view *v,
+                       const struct sst_map_f32 *entropies, unsigned planes, int width, int top, int end)
+{
+    int err = 0;
+
+    for (int i = SST_GPU_PLANE_LABELS; i <= SST_GPU_PLANE_ENTROPIES && !err; i++) {
+        if (planes >> i & 1)
+            err = upload_plane(d, to, v, entropies, (enum sst_gpu_label_plane)i, width, top, end);
+    }
+    return err;
 }
 
 /* @param planes  those that are wanted @return those that are to be uploaded */
@@ -104,32 +129,6 @@ static unsigned missing(const struct sst_refine_device *d, const struct refine_p
     planes &= ~(v->labels == d->stage ? 1U << SST_GPU_PLANE_LABELS : 0U);
     planes &= ~(v->colours ? 1U << SST_GPU_PLANE_COLOURS : 0U);
     return planes & ~(v->entropies == d->stage ? 1U << SST_GPU_PLANE_ENTROPIES : 0U);
-}
-
-static int upload_planes(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, unsigned planes,
-                         const struct sst_map_f32 *entropies)
-{
-    const size_t bytes = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
-    struct refine_pixels *v = &d->view[view];
-    uint32_t *words = sst_mem_keep(&d->words, bytes, 1);
-    int err = words ? 0 : -ENOMEM;
-
-    if (!err && planes & 1U << SST_GPU_PLANE_LABELS) {
-        pack_labels(words, &lf->views[view], lf->width, lf->height);
-        err = upload_plane(d, v, SST_GPU_PLANE_LABELS, bytes);
-        v->labels = d->stage;
-    }
-    if (!err && planes & 1U << SST_GPU_PLANE_COLOURS) {
-        pack_colours(words, &lf->views[view], lf->width, lf->height);
-        err = upload_plane(d, v, SST_GPU_PLANE_COLOURS, bytes);
-        v->colours = true;
-    }
-    if (!err && planes & 1U << SST_GPU_PLANE_ENTROPIES) {
-        pack_entropies(words, entropies, lf->width, lf->height);
-        err = upload_plane(d, v, SST_GPU_PLANE_ENTROPIES, bytes);
-        v->entropies = d->stage;
-    }
-    return err;
 }
 
 int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, unsigned planes,
@@ -147,9 +146,28 @@ int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield 
     v->used = d->turn;
     planes = missing(d, v, planes | (entropies ? 1U << SST_GPU_PLANE_ENTROPIES : 0U));
     d->report.uploads += planes != 0;
-    err = err ? err : upload_planes(d, lf, view, planes, entropies);
-    if (err)
+    err = err ? err : upload_rows(d, v->buffer, &lf->views[view], entropies, planes, lf->width, 0, lf->height);
+    if (err) {
         drop_view(d, view);
+    } else {
+        v->labels = planes >> SST_GPU_PLANE_LABELS & 1 ? d->stage : v->labels;
+        v->colours = v->colours || planes >> SST_GPU_PLANE_COLOURS & 1;
+        v->entropies = planes >> SST_GPU_PLANE_ENTROPIES & 1 ? d->stage : v->entropies;
+    }
+    d->report.upload_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+int refine_device_rows(struct sst_refine_device *d, enum refine_kept which, const struct sst_lightfield *lf, int view,
+                       unsigned planes, const struct sst_map_f32 *entropies, int top, int end)
+{
+    const size_t plane = (size_t)lf->width * (size_t)(end - top) * sizeof(uint32_t);
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = refine_device_keep(d, which, (entropies ? 3 : 2) * plane);
+
+    planes |= entropies ? 1U << SST_GPU_PLANE_ENTROPIES : 0U;
+    err = err ? err : upload_rows(d, d->kept[which], &lf->views[view], entropies, planes, lf->width, top, end);
+    d->report.uploads++;
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return err;
 }

@@ -11,8 +11,7 @@
 
 _Static_assert((int)SST_GPU_VOTERS == SST_REFINE_VOTERS, "one buffer each");
 
-/* @return 0, -EOVERFLOW */
-static int set_shift(struct sst_gpu_shift *out, const struct sst_refine_voter *v)
+int refine_set_shift(struct sst_gpu_shift *out, const struct sst_refine_voter *v)
 {
     if (llabs(v->across.step) > STEP_MOST || llabs(v->down.step) > STEP_MOST ||
         llabs(v->across.at >> 16) > SHIFT_MOST || llabs(v->down.at >> 16) > SHIFT_MOST)
@@ -59,7 +58,7 @@ int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
         const int from = i < c->count ? c->sources[i].view : c->view;
 
         if (i < c->count) {
-            err = set_shift(&shift[i], &c->sources[i]);
+            err = refine_set_shift(&shift[i], &c->sources[i]);
             err = err ? err : refine_device_view(d, c->lf, from, planes, c->entropies ? &c->entropies[from] : NULL);
         }
         work->buffer[SST_GPU_VOTE_VOTERS + i] = d->view[from].buffer;
@@ -69,28 +68,40 @@ int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
     return err;
 }
 
-static int vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf, int view,
-                const struct sst_refine_voter *voters, int count)
+static int vote_whole(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_refine_carry *c)
 {
-    const struct sst_refine_carry from = { .lf = lf, .view = view, .sources = voters, .count = count };
-    struct sst_gpu_vote push = { .width = out->width, .height = out->height, .count = count };
+    struct sst_gpu_vote push = { .width = out->width, .height = out->height, .count = c->count };
     struct sst_gpu_work work = { .shader = SST_GPU_VOTE, .push = &push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (size_t)out->width * (size_t)out->height * sizeof(uint32_t));
 
-    err = err ? err : refine_device_voters(d, &work, push.shift, &from);
+    for (int i = 0; i < SST_GPU_VOTERS; i++)
+        push.rows[i] = out->height;
+    err = err ? err : refine_device_voters(d, &work, push.shift, c);
     err = err ? err : refine_device_dispatch(d, &work, out->width, out->height);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, out);
+}
+
+static int vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_refine_carry *c)
+{
+    int err = d->band_rows ? -ENOMEM : vote_whole(d, out, c);
+
+    if (err != -ENOMEM)
+        return err;
+    err = refine_device_exchange(d, out, NULL, c, true);
+    d->report.voted_in_parts += !err;
+    return err;
 }
 
 bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf,
                             int view, const struct sst_refine_voter *voters, int count)
 {
+    const struct sst_refine_carry c = { .lf = lf, .view = view, .sources = voters, .count = count };
     const int64_t start_ns = sst_clock_now_ns();
     bool done;
     int err;
 
     if (refine_device_begin(d, &err))
-        err = vote(d, out, lf, view, voters, count);
+        err = vote(d, out, &c);
     done = refine_device_end(d, err, "views vote");
     d->report.voted += done;
     d->report.voted_on_cpu += !done;

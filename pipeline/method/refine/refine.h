@@ -73,6 +73,7 @@ struct sst_refine_device_report {
     int64_t enlarged, enlarged_on_cpu; /* whose labels were found from the network's cells */
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
     int64_t carried, carried_on_cpu; /* that labels were carried to, once each time */
+    int64_t enlarged_in_parts, voted_in_parts, carried_in_parts; /* of them: in bands of rows */
     int64_t failures;            /* times that the device failed */
     char why[128];               /* the last that something was on the CPU */
     unsigned stages_on_cpu;      /* bits by enum sst_refine_stage: those that were needed */

@@ -78,6 +78,11 @@ enum refine_kept {
     REFINE_KEPT_FILLED,
     REFINE_KEPT_CELLS,
     REFINE_KEPT_PLACES,
+    REFINE_KEPT_BAND,   /* rows of a view that gets labels */
+    REFINE_KEPT_FIRST,  /* and of those that it gets them from: SST_REFINE_VOTERS */
+    REFINE_KEPT_SECOND,
+    REFINE_KEPT_THIRD,
+    REFINE_KEPT_FOURTH,
     REFINE_KEPT
 };
 
@@ -85,7 +90,7 @@ struct sst_refine_device {
     struct sst_gpu_shared *shared;
     struct sst_gpu_user user;
     struct sst_refine_device_report report;
-    struct sst_mem_kept words, corners, extents; /* of the host */
+    struct sst_mem_kept words, corners, extents, result; /* of the host */
     /* under the lock of shared */
     struct sst_gpu *gpu; /* in work */
     struct sst_gpu_buffer *kept[REFINE_KEPT];
@@ -94,6 +99,7 @@ struct sst_refine_device {
     struct refine_pixels view[SST_MAX_VIEWS]; /* least recently used ones make room */
     int in_work;                              /* view that is refined */
     int rows;                                 /* of a band that it is refined in; 0: of the whole view */
+    int band_rows;                            /* the same of votes, carried labels and labels from cells */
     int64_t turn;                             /* of the view in work: views of this turn stay */
     int64_t stage;                            /* sst_refine_device_labels_changed() */
 };
@@ -158,6 +164,11 @@ SST_MUST_CHECK int refine_device_grounds(struct sst_refine_device *d, const stru
 SST_MUST_CHECK int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
                                       unsigned planes, const struct sst_map_f32 *entropies);
 
+/** Rows top .. end - 1 of a view's planes, in memory of this turn. @param planes, entropies  as above */
+SST_MUST_CHECK int refine_device_rows(struct sst_refine_device *d, enum refine_kept which,
+                                      const struct sst_lightfield *lf, int view, unsigned planes,
+                                      const struct sst_map_f32 *entropies, int top, int end);
+
 /** Free the view that was used least recently, but none of this turn. @return whether there was one */
 bool refine_drop_oldest(struct sst_refine_device *d);
 
@@ -173,6 +184,24 @@ void refine_drop_views(struct sst_refine_device *d);
  */
 SST_MUST_CHECK int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
                                         struct sst_gpu_shift *shift, const struct sst_refine_carry *c);
+
+/** @return 0, -EOVERFLOW: likewise */
+SST_MUST_CHECK int refine_set_shift(struct sst_gpu_shift *out, const struct sst_refine_voter *v);
+
+/** What the shader `label_carry` is to carry. */
+enum sst_gpu_carry_mode refine_carry_mode(const struct sst_refine_carry *c, bool entropies);
+
+/* --- device_bands.c: where not all views fit that take part --- */
+
+/** Votes, or carried labels. @param label, entropy, c  as of sst_refine_device_carry() @return as refine_device_voters();
+ * -ENOMEM: not even a row fits */
+SST_MUST_CHECK int refine_device_exchange(struct sst_refine_device *d, struct sst_map_u8 *label,
+                                          struct sst_map_f32 *entropy, const struct sst_refine_carry *c, bool vote);
+
+/** Labels from cells. @param push  of the whole view */
+SST_MUST_CHECK int refine_device_enlarge(struct sst_refine_device *d, struct sst_map_u8 *label,
+                                         struct sst_map_f32 *entropy, const struct sst_refine_enlarge *e,
+                                         const struct sst_label_cells *cells, const struct sst_gpu_label_cells *push);
 
 /** Dispatch over all pixels of a view, in groups of 32 x 8. @param work  its groups are set */
 SST_MUST_CHECK int refine_device_dispatch(struct sst_refine_device *d, struct sst_gpu_work *work, int width,
