@@ -27,14 +27,15 @@ struct sst_gpu_blend_view {
     float aperture;
     uint32_t first; /* its pixel (0, 0) in the buffers of pixels, disparities and valid pixels; a multiple of 4 */
     uint32_t flags; /* enum sst_gpu_blend_view_flag */
-    uint32_t zero;
+    uint32_t index; /* of pipeline/gpu/verify.h */
 };
 
 enum sst_gpu_blend_view_flag {
-    SST_GPU_VIEW_RIGHT = 1,  /* the columns x + ix + 1 count: fx > 0 */
-    SST_GPU_VIEW_BELOW = 2,  /* likewise the rows */
-    SST_GPU_VIEW_VALID = 4,  /* only where all pixels that count are valid */
-    SST_GPU_VIEW_LABELS = 8, /* the view has labels; else W_s = 1 and ends[0] counts */
+    SST_GPU_VIEW_RIGHT = 1,       /* the columns x + ix + 1 count: fx > 0 */
+    SST_GPU_VIEW_BELOW = 2,       /* likewise the rows */
+    SST_GPU_VIEW_VALID = 4,       /* only where all pixels that count are valid */
+    SST_GPU_VIEW_LABELS = 8,      /* the view has labels; else W_s = 1 and ends[0] counts */
+    SST_GPU_VIEW_CONFIDENCE = 16, /* the view has confidences (verify.h) */
 };
 
 /** By label. */

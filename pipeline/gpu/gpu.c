@@ -208,10 +208,8 @@ static int note(struct sst_gpu *g, int err)
     return err;
 }
 
-/* Variants whose self-test a device did not survive, by number. */
-static SST_ATOMIC(uint64_t) deadly;
-
-_Static_assert(SST_GPU_SHADERS <= 64, "bits of `deadly`");
+/* Variants whose self-test a device did not survive. */
+static SST_ATOMIC(bool) deadly[SST_GPU_SHADERS];
 
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
@@ -243,7 +241,7 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, gpu_shaders[shader].name,
                         sst_gpu_error(err));
         if (sst_gpu_is_variant(shader) && err != -ENOMEM)
-            deadly |= UINT64_C(1) << shader;
+            deadly[shader] = true;
         return note(g, err);
     }
     return err;
@@ -254,7 +252,7 @@ static bool is_wanted(const struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     const char *named = getenv("SST_GPU_VARIANT");
 
-    if (!sst_gpu_can(&g->info, shader) || deadly & UINT64_C(1) << shader)
+    if (!sst_gpu_can(&g->info, shader) || deadly[shader])
         return false;
     return named && *named ? !strcmp(named, gpu_shaders[shader].variant) : sst_gpu_is_fast(&g->info, shader);
 }

@@ -192,6 +192,18 @@ gpu_self_test_fn refine_ground_sums_self_test;
 gpu_self_test_fn refine_ground_misses_self_test;
 gpu_self_test_fn refine_ground_limit_self_test;
 gpu_self_test_fn refine_extents_self_test;
+gpu_reference_fn verify_share_reference;
+gpu_reference_fn verify_screen_reference;
+gpu_reference_fn verify_unexplained_reference;
+gpu_reference_fn verify_rays_reference;
+gpu_reference_fn verify_mode_reference;
+gpu_reference_fn verify_blend_reference;
+gpu_self_test_fn verify_share_self_test;
+gpu_self_test_fn verify_screen_self_test;
+gpu_self_test_fn verify_unexplained_self_test;
+gpu_self_test_fn verify_rays_self_test;
+gpu_self_test_fn verify_mode_self_test;
+gpu_self_test_fn verify_blend_self_test;
 gpu_self_test_fn limits_self_test;
 
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */

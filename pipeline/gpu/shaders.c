@@ -18,6 +18,7 @@
 #include "pipeline/gpu/subpixel.h"
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/gpu/sweep.h"
+#include "pipeline/gpu/verify.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -151,6 +152,18 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              label_fill_reference, label_fill_self_test },
     [SST_GPU_LABEL_CELLS] = { "label_cells", SST_GPU_LABEL_CELLS_BUFFERS, sizeof(struct sst_gpu_label_cells),
                               label_cells_reference, label_cells_self_test },
+    [SST_GPU_VERIFY_SHARE] = { "verify_share", SST_GPU_SHARE_BUFFERS, sizeof(struct sst_gpu_verify),
+                               verify_share_reference, verify_share_self_test },
+    [SST_GPU_VERIFY_SCREEN] = { "verify_screen", SST_GPU_SCREEN_BUFFERS, sizeof(struct sst_gpu_verify),
+                                verify_screen_reference, verify_screen_self_test },
+    [SST_GPU_VERIFY_UNEXPLAINED] = { "verify_unexplained", SST_GPU_UNEXPLAINED_BUFFERS, sizeof(struct sst_gpu_verify),
+                                     verify_unexplained_reference, verify_unexplained_self_test },
+    [SST_GPU_VERIFY_RAYS] = { "verify_rays", SST_GPU_RAYS_BUFFERS, sizeof(struct sst_gpu_verify), verify_rays_reference,
+                              verify_rays_self_test },
+    [SST_GPU_VERIFY_MODE] = { "verify_mode", SST_GPU_MODE_BUFFERS, sizeof(struct sst_gpu_verify), verify_mode_reference,
+                              verify_mode_self_test },
+    [SST_GPU_VERIFY_BLEND] = { "verify_blend", SST_GPU_MIX_BUFFERS, sizeof(struct sst_gpu_verify),
+                               verify_blend_reference, verify_blend_self_test },
     [SST_GPU_LIMITS] = { "limits", SST_GPU_LIMITS_BUFFERS, sizeof(struct sst_gpu_limits), limits_reference,
                          limits_self_test },
 };

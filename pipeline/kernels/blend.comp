@@ -1,20 +1,11 @@
 // The rays of views summed into a picture: blend_rays, blend_plain, blend_support and blend_finish of kernels.h for all
 // views and rows. Buffers and constants: pipeline/gpu/blend.h. Definition: blend_*_ref.c.
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 4) in;
 
-struct Label {
-    uint row, ends;
-};
-
-struct View {
-    int ix, iy, nx, ny;
-    int x0, x1, y0, y1;
-    int tap[4];
-    float aperture;
-    uint first, flags, zero;
-};
+#include "blend_view.glsl"
 
 layout(std430, binding = 0) readonly buffer Params { Label label[256]; View view[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
@@ -32,62 +23,10 @@ layout(std430, push_constant) uniform Constants {
 };
 
 const uint FIRST = 1, LAST = 2, WEIGHTED = 4, SUMMED = 8, BY_LABEL = 16, WEIGHTS = 32;
-const uint VIEW_RIGHT = 1, VIEW_BELOW = 2, VIEW_VALID = 4, VIEW_LABELS = 8;
 const uint PIXEL_SUPPORTED = 1, PIXEL_BELOW = 2;
-const uint COLUMN_SHIFT = 4, COLUMN_BITS = 12;
-const float LEVEL = 16384.0, TINY = 1e-37, FLOOR = 1e-28;
+const float TINY = 1e-37, FLOOR = 1e-28;
 
-// sst_exp2_neg(). `precise`: no multiplication is fused with a sum, as on the CPU.
-float exp2_neg(float u)
-{
-    const float magic = 12582912.0;
-    precise float m = u + magic;
-    precise float r = (m - magic) - u;
-    precise float p = power[0] + r * (power[1] + r * (power[2] + r * (power[3] + r * power[4])));
-
-    return uintBitsToFloat(floatBitsToUint(p) - (floatBitsToUint(m) << 23));
-}
-
-uint disparity(uint at)
-{
-    return (disp[at >> 1] >> ((at & 1) * 16)) & 0xFFFF;
-}
-
-bool is_valid(uint at)
-{
-    return ((valid[at >> 2] >> ((at & 3) * 8)) & 0xFF) != 0;
-}
-
-bool seen(uint at, uint right, uint below)
-{
-    return is_valid(at) && is_valid(at + right) && is_valid(at + below) && is_valid(at + right + below);
-}
-
-ivec3 colour(uint p)
-{
-    return ivec3(p & 0xFF, (p >> 8) & 0xFF, (p >> 16) & 0xFF);
-}
-
-// Colour in 1/LEVEL.
-ivec3 level(uint v, uint at, uint right, uint below)
-{
-    return colour(pixel[at]) * view[v].tap[0] + colour(pixel[at + right]) * view[v].tap[1] +
-           colour(pixel[at + below]) * view[v].tap[2] + colour(pixel[at + right + below]) * view[v].tap[3];
-}
-
-// A W_s W_d of a ray.
-float weigh(float aperture, uint d, uint name, bool labels)
-{
-    precise float apart = (float(d) - focus_whole) - focus_part;
-    precise float near = ((d - first) & 0xFFFF) < count ? exp2_neg(apart * apart * scale) : 0.0;
-    precise float w_d = near + c1;
-    float w_s = 1.0;
-
-    if (labels)
-        w_s = table[(label[name].row << COLUMN_BITS) + (d >> COLUMN_SHIFT)];
-    precise float w = aperture * w_s * w_d;
-    return w;
-}
+#include "blend_ray.glsl"
 
 void main()
 {

@@ -6,24 +6,11 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "pipeline/kernels/verify_ref.h"
 #include "pipeline/method/render/render_internal.h"
 
-/* Chosen by the figures in docs/design/live.md. */
-#define DOUBT            0.5f  /* added to all weights, which are 0..1 ... */
-#define DOUBT_LEAST      0.3f  /* ... or, where a disparity has a confidence, from this for 255 on ... */
-#define DOUBT_MOST       2.3f  /* ... to this for 0 */
-#define ENOUGH           0.2f  /* of a pixel's rays that the maps assign to the focus: nothing to verify */
-#define FRONT_LOW        0.25f /* of a pixel's rays that end in front: no occluder ... */
-#define FRONT_HIGH       0.5f  /* ... to certainly one */
-#define UNEXPLAINED_LOW  0.1f  /* of all views: rays that end in front, unexplained: reliable maps ... */
-#define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
-#define AGREE_LOW        0.1f  /* of all votes: chance ... */
-#define AGREE_HIGH       0.2f  /* ... to certainly a surface */
-#define AGREED_GAIN      24    /* in sst_render_plan.agreed, so that its 8 bits cover what occurs */
-#define SCREEN_STEP      4     /* a cell is verified if, of every 4th pixel of every 4th row left to votes ... */
-#define SCREEN_SHARE     8     /* ... one in 8 has more than UNEXPLAINED_LOW */
-#define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
-#define CANDIDATES       2     /* one ray in this many proposes its colour */
+#define AGREED_GAIN  24  /* in sst_render_plan.agreed, so that its 8 bits cover what occurs */
+#define FRONT_SIGMAS 0.5 /* in front: nearer than the focus by this many sigma_d */
 /* Votes for a colour are sums in 16 bits. */
 #define ALL_VOTES (65535 / (SST_AGREE_MODE / 2))
 /* Cells that are processed together; rows hold a pixel on both sides, in whole blocks of 64. */
@@ -133,8 +120,7 @@ int sst_verifier_create(struct sst_verifier **out, const struct sst_render_plan 
     if (!v)
         return -ENOMEM;
     v->views = (size_t)p->count;
-    for (int k = 0; k < p->count; k++)
-        v->all += (float)p->tap[k].aperture;
+    v->all = sst_verify_numbers(p).all;
     v->memory = sst_mem_alloc(3 * 6 * n, 1);
     if (!v->memory) {
         free(v);
@@ -195,28 +181,25 @@ static void count_rays(struct rays *rays, const struct sst_render_plan *p, int x
     }
 }
 
-/* 0 up to low, rising to 1 from high on. */
-static float ramp(float v, float low, float high)
-{
-    return fminf(fmaxf((v - low) / (high - low), 0), 1);
-}
-
-/* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus. */
-static float open_share(const struct rays *r, float assigned)
-{
-    if (!(r->there > 0))
-        return 0;
-    return fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
-}
-
 bool sst_verify_may_open(float front, float there)
 {
-    return front > FRONT_LOW * there;
+    return front > SST_VERIFY_FRONT_LOW * there;
 }
 
 int sst_verify_nearest(const struct sst_render_plan *p)
 {
     return front_of(p, FRONT_SIGMAS);
+}
+
+struct sst_verify_numbers sst_verify_numbers(const struct sst_render_plan *p)
+{
+    const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
+    struct sst_verify_numbers n = { 0, most / (255 * (1 + SST_VERIFY_DOUBT)), most, front_of(p, FRONT_SIGMAS),
+                                    front_of(p, SST_END_SIGMAS) };
+
+    for (int k = 0; k < p->count; k++)
+        n.all += (float)p->tap[k].aperture;
+    return n;
 }
 
 double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ray, int count)
@@ -232,10 +215,10 @@ double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ra
         rays.front += islessequal(ray[i].disp_px, limit_px) ? 0 : aperture;
         assigned += aperture * (float)(ray[i].w_depth * ray[i].w_label);
     }
-    return (double)open_share(&rays, assigned);
+    return (double)sst_verify_share(rays.there, rays.front, assigned);
 }
 
-/* True if more than UNEXPLAINED_LOW of the rays of output pixel (x, y) are unexplained. */
+/* True if more than SST_VERIFY_UNEXPLAINED_LOW of the rays of output pixel (x, y) are unexplained. */
 static bool contradicted(const struct sst_verifier *v, const struct sst_render_plan *p, int x, int y)
 {
     const int nearest = front_of(p, SST_END_SIGMAS);
@@ -251,7 +234,7 @@ static bool contradicted(const struct sst_verifier *v, const struct sst_render_p
         if (disp > nearest && (disp == SST_DISP_NONE || explainer_contradicts(p->explainer, k, x + t->nx, y + t->ny)))
             unexplained += (float)t->aperture;
     }
-    return unexplained > UNEXPLAINED_LOW * v->all;
+    return unexplained > SST_VERIFY_UNEXPLAINED_LOW * v->all;
 }
 
 /* True if a sample of the pixels left to votes finds enough for which that is so. */
@@ -262,15 +245,15 @@ static bool screen_cell(const struct sst_verifier *v, const struct sst_render_pl
 
     if (explainer_prepare(p->explainer))
         return false; /* no memory: as without verification */
-    for (int row = y + SCREEN_STEP / 2; row < end; row += SCREEN_STEP) {
-        for (int i = x + SCREEN_STEP / 2; i < to; i += SCREEN_STEP) {
+    for (int row = y + SST_VERIFY_SCREEN_STEP / 2; row < end; row += SST_VERIFY_SCREEN_STEP) {
+        for (int i = x + SST_VERIFY_SCREEN_STEP / 2; i < to; i += SST_VERIFY_SCREEN_STEP) {
             if (v->share[row - y][i - left] > 0) {
                 found += contradicted(v, p, i, row);
                 n++;
             }
         }
     }
-    return SCREEN_SHARE * found > n;
+    return SST_VERIFY_SCREEN_SHARE * found > n;
 }
 
 /* Compute the fractions left to votes in a cell. @return true if any is above 0 and the cell is worth the time */
@@ -285,12 +268,12 @@ static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, f
         for (int i = x; i < to; i++)
             least = fminf(least, weight[row - y][i - left]);
     }
-    if (!(least < ENOUGH * v->all))
+    if (!(least < SST_VERIFY_ENOUGH * v->all))
         return false;
     for (int row = y; row < end; row++) {
         count_rays(rays, p, x, to, row);
         for (int i = x; i < to; i++) {
-            const float share = open_share(&rays[i - x], weight[row - y][i - left]);
+            const float share = sst_verify_share(rays[i - x].there, rays[i - x].front, weight[row - y][i - left]);
 
             v->share[row - y][i - left] = share;
             open = open || share > 0;
@@ -306,7 +289,7 @@ static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, f
  * @return false: the view has no confidences, and nothing was added */
 static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int n, int y)
 {
-    const float least = DOUBT_LEAST * (float)t->aperture, step = (DOUBT_MOST - DOUBT_LEAST) / 255 * (float)t->aperture;
+    const float aperture = (float)t->aperture;
     const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1);
     const uint8_t *confidence;
 
@@ -318,7 +301,7 @@ static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int 
     for (int i = 0; i < to - from; i++) {
         float *w = &weight[from - x + i];
 
-        *w = *w < 0 ? *w : *w + least + step * (float)(255 - confidence[i]);
+        *w = *w < 0 ? *w : sst_verify_doubt(*w, aperture, confidence[i]);
     }
     return true;
 }
@@ -355,18 +338,12 @@ static void count_unexplained(struct sst_verifier *v, struct row *r, const struc
     }
 }
 
-/* Sum over 3x3 values; the first columns are those to the left. */
-static float sum3(const float *above, const float *at, const float *below)
-{
-    return above[0] + above[1] + above[2] + at[0] + at[1] + at[2] + below[0] + below[1] + below[2];
-}
-
 /* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and the similarity of each ray to the
  * colour with most votes. */
 static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, int x, int to, int y)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
-    const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
+    const struct sst_verify_numbers numbers = sst_verify_numbers(p);
     struct row *r = &v->row[(y + 3) % 3]; /* the row above the picture is a row without rays */
     uint8_t *const mode[3] = { v->mode[0], v->mode[1], v->mode[2] };
     const size_t n = (size_t)(to - x), stride = (n + 63) / 64 * 64;
@@ -375,7 +352,7 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     memset(r->unexplained, 0, sizeof(r->unexplained));
     for (size_t k = 0; k < v->views; k++) {
         const struct sst_render_tap *t = &p->tap[k];
-        struct sst_voting voting = { p->rarity, 0, most / (255 * (1 + DOUBT)), most };
+        struct sst_voting voting = { p->rarity, 0, numbers.scale, numbers.most };
         uint8_t *colour = r->colour + k * 3 * stride, *vote = r->vote + k * stride;
         const struct sst_render_samples take = { { colour, colour + stride, colour + 2 * stride }, v->weight };
 
@@ -385,12 +362,12 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
         if (p->explainer)
             count_unexplained(v, r, p, (int)k, x, (int)n, y);
         if (!add_doubt(v->weight, t, x, (int)n, y))
-            voting.doubt = DOUBT * (float)t->aperture;
+            voting.doubt = SST_VERIFY_DOUBT * (float)t->aperture;
         kernels->agree_votes(vote, (const uint8_t *const *)take.colour, v->weight, &voting, stride);
         for (size_t i = 0; i < n; i++)
             r->total[i] += vote[i];
     }
-    kernels->agree_mode(mode, r->colour, r->vote, v->views, CANDIDATES, stride);
+    kernels->agree_mode(mode, r->colour, r->vote, v->views, SST_VERIFY_CANDIDATES, stride);
     for (size_t k = 0; k < v->views; k++) {
         const uint8_t *colour = r->colour + k * 3 * stride;
         const uint8_t *const planes[3] = { colour, colour + stride, colour + 2 * stride };
@@ -417,7 +394,7 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
     float sums[4][STRIDE] = { { 0 } };
     float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
 
-    const float most = 9 * (float)p->count * (float)sst_min_int(ALL_VOTES / p->count, 255);
+    const float most = 9 * (float)p->count * sst_verify_numbers(p).most;
 
     for (size_t k = 0; k < v->views; k++) {
         const uint16_t *const near[3] = { rows[0]->near + k * stride, rows[1]->near + k * stride,
@@ -432,19 +409,21 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
 
         if (!(share[i] > 0) || !(sums[3][i] > 0))
             continue;
-        total = sum3(rows[0]->total + i, rows[1]->total + i, rows[2]->total + i);
-        by = share[i] * ramp(sums[3][i] / (SST_AGREE_NEAR * total), AGREE_LOW, AGREE_HIGH);
+        total = sst_verify_sum3(rows[0]->total + i, rows[1]->total + i, rows[2]->total + i);
+        by = share[i] *
+             sst_verify_ramp(sums[3][i] / (SST_AGREE_NEAR * total), SST_VERIFY_AGREE_LOW, SST_VERIFY_AGREE_HIGH);
         if (p->explainer) {
-            const float open = sum3(rows[0]->unexplained + i, rows[1]->unexplained + i, rows[2]->unexplained + i);
+            const float open =
+                sst_verify_sum3(rows[0]->unexplained + i, rows[1]->unexplained + i, rows[2]->unexplained + i);
 
-            by *= ramp(open / (9 * v->all), UNEXPLAINED_LOW, UNEXPLAINED_HIGH);
+            by *= sst_verify_ramp(open / (9 * v->all), SST_VERIFY_UNEXPLAINED_LOW, SST_VERIFY_UNEXPLAINED_HIGH);
         }
         if (p->agreed)
             note_agreed(p->agreed, x + i, y, AGREED_GAIN * sums[3][i] / (SST_AGREE_NEAR * most), by);
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;
 
-            *at = (uint8_t)(by * (sums[c][i] / sums[3][i]) + (1 - by) * (float)*at + 0.5f);
+            *at = sst_verify_mix(by, sums[c][i], sums[3][i], *at);
         }
     }
 }

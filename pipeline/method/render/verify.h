@@ -55,6 +55,15 @@ bool sst_verify_may_open(float front, float there);
 /** The largest stored disparity that does not end in front, by that measure. */
 int sst_verify_nearest(const struct sst_render_plan *p);
 
+/** What the verification of a picture is computed with. */
+struct sst_verify_numbers {
+    float all;                /* sum of all apertures */
+    float scale, most;        /* as in struct sst_voting */
+    int nearest, nearest_end; /* largest stored disparities that do not end in front: of rays that make an occluder, and
+                                 of those that are explained or not */
+};
+struct sst_verify_numbers sst_verify_numbers(const struct sst_render_plan *p);
+
 /** Fraction of a pixel that the maps leave to votes: the product of the first two factors (SST_VERIFY_ON).
  *  @param rays  of sst_render_pixel_exact() */
 double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *rays, int count);
