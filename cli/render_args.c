@@ -384,6 +384,7 @@ json_t *cli_render_device_json(const struct render_input *in)
                      "pictures", (json_int_t)d.pictures, "verified_on_cpu", (json_int_t)d.verified_on_cpu, "on_cpu",
                      (json_int_t)d.on_cpu, "failures", (json_int_t)d.failures);
     json_object_set_new(root, "why_cpu", d.on_cpu ? cli_text_json(d.why) : json_null());
+    json_object_set_new(root, "why_verified_on_cpu", d.verified_on_cpu ? cli_text_json(d.why_verified) : json_null());
     json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
                                            (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
                                            (json_int_t)d.upload_bytes));
@@ -405,8 +406,11 @@ void cli_render_report_device(const struct render_input *in)
     if (d.on_cpu)
         sst_log_warning("%lld of %lld pictures were rendered on the CPU instead of %s: %s", (long long)d.on_cpu,
                         (long long)(d.on_cpu + d.pictures), d.name, d.why);
+    else if (d.verified_on_cpu)
+        sst_log_warning("%s: the rays of %lld of %lld pictures were verified on the CPU: %s", d.name,
+                        (long long)d.verified_on_cpu, (long long)d.pictures, d.why_verified);
     else
-        sst_log_info("rendered on %s%s", d.name, d.verified_on_cpu ? ", rays verified on the CPU" : "");
+        sst_log_info("rendered on %s", d.name);
 }
 
 void cli_render_close(struct render_input *in)

@@ -17,7 +17,7 @@
 static struct sst_map_u8 field_masks[FIELD_VIEWS]; /* of what a clear picture removes; the last view has none */
 
 /* 3x3 views with measured offsets: blocks of five labels, each in its depth, with noise; unknown disparities, unlabeled
- * pixels; one view partly invalid, one without labels, one absent. */
+ * pixels; one view partly invalid, one without labels, one without confidences, one absent. */
 static inline void field_init(struct sst_lightfield *lf)
 {
     uint64_t seed = 11;
@@ -45,6 +45,8 @@ static inline void field_init(struct sst_lightfield *lf)
             assert_int_equal(sst_map_u8_init(&v->label, FIELD_WIDTH, FIELD_HEIGHT), 0);
         if (i == 1)
             assert_int_equal(sst_map_u8_init(&v->valid, FIELD_WIDTH, FIELD_HEIGHT), 0);
+        if (i != 6)
+            assert_int_equal(sst_map_u8_init(&v->confidence, FIELD_WIDTH, FIELD_HEIGHT), 0);
         for (int y = 0; y < FIELD_HEIGHT; y++) {
             for (int x = 0; x < FIELD_WIDTH; x++) {
                 const int label = (x / 13 + y / 11 * 3 + i) % 5;
@@ -56,6 +58,8 @@ static inline void field_init(struct sst_lightfield *lf)
                 sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(known ? sst_disp_q6(lf, d) : SST_DISP_NONE);
                 if (v->label.data)
                     sst_map_u8_row(&v->label, y)[x] = (uint8_t)label;
+                if (v->confidence.data)
+                    sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)(x * 7 + y * 13 + i * 5);
                 if (v->valid.data)
                     sst_map_u8_row(&v->valid, y)[x] = (x * y) % 17 > 3 ? 255 : 0;
             }
@@ -70,12 +74,13 @@ static inline void field_fini(struct sst_lightfield *lf)
         sst_map_u16_fini(&lf->views[i].disp);
         sst_map_u8_fini(&lf->views[i].label);
         sst_map_u8_fini(&lf->views[i].valid);
+        sst_map_u8_fini(&lf->views[i].confidence);
         sst_map_u8_fini(&field_masks[i]);
     }
     free(lf->views);
 }
 
-#define FIELD_PICTURES 11
+#define FIELD_PICTURES 13
 #define FIELD_CLEAR    2 /* of them are clear pictures, the last ones */
 
 /* Ways to render that use different parts of the shader, and of the CPU after it. */
@@ -112,7 +117,7 @@ static inline struct sst_render_config field_config(int i)
         cfg.c1 = cfg.c2 = 0;
         cfg.sigma_px = 0.05;
         break;
-    case 7: /* rays verified after blending */
+    case 7: /* verified rays */
         cfg.verify = SST_VERIFY_ON;
         cfg.focus_px = -1.5;
         break;
@@ -120,11 +125,21 @@ static inline struct sst_render_config field_config(int i)
         cfg.focus_px = 6.5;
         cfg.max_views = 5;
         break;
-    case 9: /* by depth, at the place of a camera */
+    case 9: /* rays verified where the maps do not explain them */
+        cfg.verify = SST_VERIFY_AUTO;
+        cfg.focus_px = -1.5;
+        break;
+    case 10: /* verified rays, where weights underflow */
+        cfg.c1 = cfg.c2 = 0;
+        cfg.sigma_px = 0.05;
+        cfg.verify = SST_VERIFY_ON;
+        cfg.focus_px = -1.5;
+        break;
+    case 11: /* by depth, at the place of a camera */
         cfg.method = SST_RENDER_CLEAR;
         cfg.cut_px = 5;
         break;
-    case 10: /* by label and mask, between the cameras, of few rays */
+    case 12: /* by label and mask, between the cameras, of few rays */
         cfg.method = SST_RENDER_CLEAR;
         cfg.remove_label = 4;
         cfg.remove = field_masks;

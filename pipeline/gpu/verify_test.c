@@ -9,21 +9,22 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/verify_ref.h"
 
-#define WIDTH      77
-#define HEIGHT     19
-#define PITCH      80
-#define VIEWS      5
-#define VIEW_PX    (PITCH * HEIGHT)
-#define LABELS     3
-#define TOP        8  /* rows 8 .. 18 of the picture are rendered, ... */
-#define ROWS       11 /* the last two not a whole cell, */
-#define FROM       10 /* and rows 10 .. 17 of them verified */
-#define TO         18
-#define PLANE      (ROWS * WIDTH)
-#define RAYS       ((TO - FROM + 2) * WIDTH)
-#define CELLS      (2 * 3)
-#define RAY_VIEWS  27 /* of the shaders that read rays: more than one pass of candidates, and no even number */
-#define NEAR_WORDS ((RAY_VIEWS + 1) / 2)
+#define WIDTH       77
+#define HEIGHT      19
+#define PITCH       80
+#define VIEWS       5
+#define VIEW_PX     (PITCH * HEIGHT)
+#define LABELS      3
+#define TOP         8  /* rows 8 .. 18 of the picture are rendered, ... */
+#define ROWS        11 /* the last two not a whole cell, */
+#define FROM        10 /* and rows 10 .. 17 of them verified */
+#define TO          18
+#define PLANE       (ROWS * WIDTH)
+#define RAYS        ((TO - FROM + 2) * WIDTH)
+#define CELLS       (2 * 3)
+#define DISPARITIES 1000 /* stored ones are below, or unknown */
+#define RAY_VIEWS   27   /* of the shaders that read rays: more than one pass of candidates, and no even number */
+#define NEAR_WORDS  ((RAY_VIEWS + 1) / 2)
 
 struct test {
     struct sst_gpu_verify push;
@@ -35,7 +36,7 @@ struct test {
     uint32_t pixel[VIEWS * VIEW_PX];
     uint16_t disp[VIEWS * VIEW_PX];
     uint8_t valid[VIEWS * VIEW_PX], confidence[VIEWS * VIEW_PX];
-    float table[LABELS * SST_BLEND_COLUMNS], disp_px[65536];
+    float table[LABELS * SST_BLEND_COLUMNS], disp_px[DISPARITIES];
     float sums[4 * PLANE], share[3 * PLANE], totals[2 * RAYS];
     uint32_t out[PLANE], cells[CELLS], rays[RAY_VIEWS * RAYS], near[NEAR_WORDS * RAYS];
 };
@@ -115,7 +116,7 @@ static void set_maps(struct test *t, uint32_t *state)
         t->valid[i] = gpu_random(state) % 8 ? 255 : 0;
         t->confidence[i] = (uint8_t)gpu_random(state);
     }
-    for (int i = 0; i < 65536; i++)
+    for (int i = 0; i < DISPARITIES; i++)
         t->disp_px[i] = (float)i / 64 - 11.7F;
 }
 
@@ -199,7 +200,7 @@ int verify_screen_self_test(struct sst_gpu *g)
                                             sizeof(t->disp_px), sizeof(t->share), sizeof(t->cells) },
                           SST_GPU_SCREEN_CELLS, NULL);
         for (int k = 0; k < VIEWS * VIEW_PX; k++)
-            t->disp[k] = t->disp[k] == 0xFFFF ? 0xFFFE : t->disp[k];
+            t->disp[k] = t->disp[k] == 0xFFFF ? DISPARITIES - 1 : t->disp[k];
     }
     free(t);
     return err;

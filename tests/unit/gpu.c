@@ -313,6 +313,9 @@ static void test_shapes(void **state)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
+#define ROOM      "a device needs room for the rays that it verifies"
+#define UNDERFLOW "weights underflow in pixels that are left to votes"
+
 /* Whatever fits on the device at once: the same bytes. */
 static void test_pictures(void **state)
 {
@@ -321,12 +324,15 @@ static void test_pictures(void **state)
         uint64_t memory;
         int chunks, uploads; /* 0: any number */
         int in_parts;        /* clear pictures that are not there at once */
+        int verified_on_cpu;
+        const char *why_verified;
     } devices[] = {
-        { "dummy", 0, 1, 24, 0 },                           /* once, and twice more for larger tables of labels */
-        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR },       /* several chunks, and bands of the picture */
-        { "dummy:buffer=100", 0, 8, 24, 0 },                /* one view each, and no part of a clear picture */
-        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR },         /* views are replaced */
-        { "dummy", (uint64_t)400 << 10, 0, 0, FIELD_CLEAR } /* one at a time, by the configuration */
+        /* once, twice more for larger tables of labels, and with confidences */
+        { "dummy", 0, 1, 32, 0, 1, UNDERFLOW },
+        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 2, UNDERFLOW }, /* several chunks, and bands of the picture */
+        { "dummy:buffer=100", 0, 8, 32, 0, 2, UNDERFLOW },          /* one view each, and no part of a clear picture */
+        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 2, UNDERFLOW },   /* views are replaced */
+        { "dummy", (uint64_t)400 << 10, 0, 0, FIELD_CLEAR, 3, ROOM } /* one at a time, by the configuration */
     };
     struct sst_render_device_report report;
     struct sst_lightfield lf;
@@ -340,7 +346,8 @@ static void test_pictures(void **state)
         assert_int_equal(report.in_parts, devices[i].in_parts);
         assert_int_equal(report.on_cpu, i && !devices[i].in_parts ? FIELD_CLEAR : 0);
         assert_int_equal(report.failures, 0);
-        assert_int_equal(report.verified_on_cpu, 1);
+        assert_int_equal(report.verified_on_cpu, devices[i].verified_on_cpu);
+        assert_string_equal(report.why_verified, devices[i].why_verified);
         assert_string_equal(report.why,
                             report.on_cpu ? "not enough memory on the device for a part of a clear picture" : "");
         if (devices[i].chunks)
@@ -360,8 +367,8 @@ static void test_fallback(void **state)
         const char *name, *why;
         int pictures, failures;
     } devices[] = {
-        { "dummy:lost=13", "the device is lost", 0, 4 },                /* always at the first picture: 0, 1, 3, 7 */
-        { "dummy:timeout=15", "the device does not answer", 6, 4 },     /* every third: each time after a success */
+        { "dummy:lost=13", "the device is lost", 0, 4 },            /* always at the first picture: 0, 1, 3, 7 */
+        { "dummy:timeout=15", "the device does not answer", 6, 6 }, /* every third, and in the tests of other shaders */
         { "dummy:buffer=55", "not enough memory on the device", 0, 4 }, /* not one view */
     };
     struct sst_render_device_report report;
@@ -410,11 +417,55 @@ static void test_clear_refused(void **state)
 
     (void)state;
     field_init(&lf);
-    assert_int_equal(field_compare(&lf, "dummy:wrong=24", 0, &report), 0);
+    assert_int_equal(field_compare(&lf, "dummy:wrong=46", 0, &report), 0);
     assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
     assert_int_equal(report.on_cpu, FIELD_CLEAR);
     assert_int_equal(report.failures, 0);
     assert_string_equal(report.why, "a shader is refused");
+    field_fini(&lf);
+}
+
+/* Where a shader of verified rays is refused, those rays are the CPU's; the pictures are not. */
+static void test_verify_refused(void **state)
+{
+    static const struct {
+        const char *name;
+        int verified_on_cpu;
+    } devices[] = { { "dummy:wrong=24", 3 }, { "dummy:wrong=33", 2 } }; /* all, or where the maps are to explain rays */
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        assert_int_equal(field_compare(&lf, devices[i].name, 0, &report), 0);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.verified_on_cpu, devices[i].verified_on_cpu);
+        assert_string_equal(report.why_verified, i ? UNDERFLOW : "a shader is refused");
+    }
+    field_fini(&lf);
+}
+
+/* A device that is lost while it verifies rays: the picture is the CPU's. */
+static void test_verify_lost(void **state)
+{
+    static const int dispatch[] = { 28, 29, 30, 31, 37, 38, 39, 40, 41, 42 }; /* of both verified pictures */
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (size_t i = 0; i < ARRAY_LEN(dispatch); i++) {
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:%s=%d", i % 2 ? "lost" : "timeout", dispatch[i]);
+        print_message("%s\n", name);
+        assert_int_equal(field_compare(&lf, name, 0, &report), 0);
+        assert_in_range(report.on_cpu, 1, 5); /* each time that the device is opened again */
+        assert_in_range(report.failures, 1, 4);
+        assert_string_equal(report.why, i % 2 ? "the device is lost" : "the device does not answer");
+    }
     field_fini(&lf);
 }
 
@@ -522,6 +573,8 @@ int main(void)
         cmocka_unit_test(test_fallback),
         cmocka_unit_test(test_refused),
         serial_test(test_clear_refused),
+        serial_test(test_verify_refused),
+        serial_test(test_verify_lost),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
         cmocka_unit_test(test_no_cache),
     };

@@ -126,6 +126,7 @@ static void all_sets_have_the_cpus_picture(void **state SST_UNUSED)
         assert_int_equal(report.pictures, 20);
         assert_int_equal(report.in_parts, m ? 5 : 0); /* clear ones */
         assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.verified_on_cpu, 0);
         close_pair(&p);
     }
 }

@@ -31,6 +31,7 @@ void device_drop(struct render_device *d)
     device_drop_clear(d);
     device_drop_parts(d);
     device_drop_frames(d);
+    device_drop_verify(d);
     d->chunks = d->slots = d->rows = 0;
     d->table_rows = 0;
     d->full = false;
@@ -44,6 +45,7 @@ static void close_gpu(struct render_device *d)
     sst_gpu_close(d->gpu);
     d->gpu = NULL;
     d->clear_tested = false;
+    d->verify.small = d->verify.split = false;
 }
 
 /* Of a device that was just opened. */
@@ -131,12 +133,18 @@ static int open_first(struct render_device *d)
  * @return 0, -EINPROGRESS, or an error */
 static int open_beside(struct render_device *d, char why[SST_LOG_MAX])
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_BLEND, SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND };
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_BLEND,       SST_GPU_CLEAR_LAND,   SST_GPU_CLEAR_BLEND,
+                                                   SST_GPU_BLEND,       SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS,
+                                                   SST_GPU_VERIFY_MODE, SST_GPU_VERIFY_BLEND };
+    const size_t first = d->clears ? 0 : 3; /* `blend`, those of clear pictures, `blend`, those of verified rays */
     const struct sst_gpu_opening what = { .name = d->name,
                                           .cfg = d->cfg,
-                                          .shaders = shaders,
+                                          .shaders = shaders + first,
                                           .needed = 1,
-                                          .count = d->clears ? ARRAY_LEN(shaders) : 1,
+                                          .count = (d->verify.wanted ? ARRAY_LEN(shaders)
+                                                    : d->clears      ? 3
+                                                                     : 4) -
+                                                   first,
                                           .work = "render" };
     const int err = sst_gpu_open_beside(&d->opener, &what, &d->gpu, why);
 
@@ -204,6 +212,7 @@ void render_device_destroy(struct render_device *d)
     for (int i = 0; i < DEVICE_SPANS; i++)
         free(d->frames.ready[i].list.xy_q8);
     free(d->frames.kept);
+    free(d->verify.cell);
     free(d->chunk);
     free(d->slot);
     pthread_mutex_destroy(&d->lock);
@@ -233,24 +242,35 @@ static void note_error(struct render_device *d, int err)
     }
 }
 
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, int top, int end,
-                         const uint32_t **words, const float **weights)
+/* Note that rays of a picture are verified on the CPU, and why; live that is logged once. */
+static void note_unverified(struct render_device *d)
+{
+    d->report.verified_on_cpu++;
+    if (d->changes && strcmp(d->report.why_verified, d->verify.why))
+        sst_log_warning("%s: %s; rays are verified on the CPU", d->report.name, d->verify.why);
+    snprintf(d->report.why_verified, sizeof(d->report.why_verified), "%s", d->verify.why);
+}
+
+bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
+                         int end, const uint32_t **words, const float **weights)
 {
     const int64_t start_ns = sst_clock_now_ns();
+    bool verified = false;
     int err;
 
     pthread_mutex_lock(&d->lock);
-    err = may_try(d) ? device_render_picture(d, p, top, end) : 1;
+    err = may_try(d) ? device_render_picture(d, p, cells, top, end, &verified) : 1;
     if (err) {
         note_error(d, err);
         pthread_mutex_unlock(&d->lock);
         return false;
     }
     note_success(d);
-    d->report.verified_on_cpu += p->verifier != NULL;
+    if (p->verifier && !verified)
+        note_unverified(d);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     *words = d->words.data;
-    *weights = p->verifier ? d->weights.data : NULL;
+    *weights = p->verifier && !verified ? d->weights.data : NULL;
     return true;
 }
 

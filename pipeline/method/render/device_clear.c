@@ -185,7 +185,7 @@ static bool may_fit(const struct render_device *d, const struct device_clear *c)
     const uint64_t pixels = (uint64_t)c->count * device_view_pixels(d);
 
     return (!d->too_many || c->count < d->too_many) && 4 * pixels <= sst_gpu_get_info(d->gpu)->buffer_bytes &&
-           (DEVICE_PIXEL_BYTES + 4 + (c->remove != NULL)) * pixels <= d->limit_bytes;
+           (DEVICE_PIXEL_BYTES + d->doubts + 4 + (c->remove != NULL)) * pixels <= d->limit_bytes;
 }
 
 int device_render_clear(struct render_device *d, struct device_clear *c)

@@ -102,7 +102,7 @@ static int fit(const struct render_device *d, const struct device_clear *c, cons
 static int create_parts(struct render_device *d, const struct needs *n)
 {
     struct device_parts *p = &d->parts;
-    int err = device_create_chunk(d, &p->rows, n->view_pixels);
+    int err = device_create_chunk(d, &p->rows, n->view_pixels, false);
 
     if (!err && n->mask_pixels)
         err = sst_gpu_buffer_create(d->gpu, &p->masks, n->mask_pixels);

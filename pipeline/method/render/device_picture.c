@@ -3,6 +3,7 @@
  * Pictures too large for a buffer are made in bands of rows. The order of the views' rays, and so the bytes, stay the
  * same. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,37 +14,30 @@
 #define SUM_BYTES 20                                  /* of a pixel of the picture: four sums and the result */
 #define ROW_BYTES (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
 
-/* Views whose rays the next dispatch sums. */
-struct batch {
-    const struct sst_render_plan *p;
-    struct sst_gpu_blend push;
-    int chunk;               /* that they lie in, or the last ones did */
-    bool begun;              /* views of the band were summed before */
-    struct device_taps taps; /* that overlap the picture's rows */
-    struct sst_gpu_blend_view view[SST_MAX_VIEWS];
-};
-
 static uint32_t flags_of(const struct sst_render_plan *p)
 {
     return (p->weighted ? SST_GPU_BLEND_WEIGHTED : 0U) | (p->summed ? SST_GPU_BLEND_SUMMED : 0U) |
            (p->table ? SST_GPU_BLEND_BY_LABEL : 0U) | (p->verifier ? SST_GPU_BLEND_WEIGHTS : 0U);
 }
 
-static void begin_batch(struct batch *b, const struct render_device *d, const struct sst_render_plan *p)
+static void begin_batch(struct device_batch *b, const struct render_device *d, const struct sst_render_plan *p)
 {
     b->p = p;
     b->chunk = 0;
     b->begun = false;
-    b->push = (struct sst_gpu_blend){ .width = d->lf->width,
-                                      .pitch = d->pitch,
-                                      .flags = flags_of(p),
-                                      .focus_whole_q6 = p->blend.focus_whole_q6,
-                                      .focus_part_q6 = p->blend.focus_part_q6,
-                                      .scale = p->blend.scale,
-                                      .c1 = p->blend.c1,
-                                      .first = p->blend.first,
-                                      .count = p->blend.count };
-    memcpy(b->push.power, p->blend.power, sizeof(b->push.power));
+    b->push = (struct sst_gpu_verify){ .height = d->lf->height,
+                                       .count = (uint32_t)p->count,
+                                       .explained = p->explainer != NULL };
+    b->push.blend = (struct sst_gpu_blend){ .width = d->lf->width,
+                                            .pitch = d->pitch,
+                                            .flags = flags_of(p),
+                                            .focus_whole_q6 = p->blend.focus_whole_q6,
+                                            .focus_part_q6 = p->blend.focus_part_q6,
+                                            .scale = p->blend.scale,
+                                            .c1 = p->blend.c1,
+                                            .first = p->blend.first,
+                                            .count = p->blend.count };
+    memcpy(b->push.blend.power, p->blend.power, sizeof(b->push.blend.power));
     b->taps.count = 0;
     b->taps.sampled = p->sampled;
     b->taps.threads = sst_thread_count(p->cfg.threads);
@@ -63,6 +57,8 @@ int device_make_bands(struct render_device *d)
     d->rows = (int)sst_clamp_double((double)((quarter < largest ? quarter : largest) / row_bytes), 0, d->lf->height);
     if (!d->rows)
         return -ENOMEM;
+    if (d->rows < d->lf->height && d->rows > SST_RENDER_CELL_HEIGHT)
+        d->rows -= d->rows % SST_RENDER_CELL_HEIGHT;
     err = sst_gpu_buffer_create(d->gpu, &d->sums, (size_t)d->rows * (size_t)d->lf->width * 16);
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &d->out, (size_t)d->rows * (size_t)d->lf->width * 4);
@@ -106,11 +102,19 @@ static int upload_labels(struct render_device *d, const struct sst_render_plan *
                             : sst_gpu_upload(d->gpu, d->table, 0, p->table, sst_render_plan_table_rows(p) * ROW_BYTES);
 }
 
+void device_batch_sent(struct render_device *d, struct device_batch *b)
+{
+    for (int i = 0; i < d->slots; i++)
+        d->slot[i].pending = false;
+    b->push.blend.views = 0;
+    b->begun = true;
+}
+
 /* Sum the rays of the views gathered. @param last  of the band */
-static int send_batch(struct render_device *d, struct batch *b, bool last)
+static int send_blend(struct render_device *d, struct device_batch *b, bool last)
 {
     const struct device_chunk *c = &d->chunk[b->chunk];
-    struct sst_gpu_blend push = b->push;
+    struct sst_gpu_blend push = b->push.blend;
     const struct sst_gpu_work work = {
         .shader = SST_GPU_BLEND,
         .push = &push,
@@ -126,19 +130,18 @@ static int send_batch(struct render_device *d, struct batch *b, bool last)
                              push.views * sizeof(b->view[0]));
     if (!err)
         err = sst_gpu_dispatch(d->gpu, &work);
-    for (int i = 0; i < d->slots; i++)
-        d->slot[i].pending = false;
-    b->push.views = 0;
-    b->begun = true;
+    device_batch_sent(d, b);
     d->report.dispatches++;
     return err;
 }
 
 /* Pixels that were sampled at the rays, each from its frame, are taken as they are. */
-static struct sst_gpu_blend_view describe(const struct render_device *d, const struct sst_render_tap *t,
-                                          const struct device_slot *s, bool sampled)
+static struct sst_gpu_blend_view describe(const struct render_device *d, const struct device_batch *b, int k,
+                                          const struct device_slot *s)
 {
-    const double fx = sampled && t->frame ? 0 : t->fx, fy = sampled && t->frame ? 0 : t->fy;
+    const struct sst_render_tap *t = &b->p->tap[k];
+    const bool sampled = b->p->sampled && t->frame;
+    const double fx = sampled ? 0 : t->fx, fy = sampled ? 0 : t->fy;
     struct sst_gpu_blend_view v = { .ix = t->ix,
                                     .iy = t->iy,
                                     .nx = t->nx,
@@ -148,19 +151,21 @@ static struct sst_gpu_blend_view describe(const struct render_device *d, const s
                                     .y0 = t->y0,
                                     .y1 = t->y1,
                                     .aperture = (float)t->aperture,
-                                    .first = (uint32_t)((size_t)s->index * device_view_pixels(d)) };
+                                    .first = (uint32_t)((size_t)s->index * device_view_pixels(d)),
+                                    .index = (uint32_t)k };
     int16_t tap[4];
 
     sst_blend_set_taps(tap, fx, fy);
     for (int i = 0; i < 4; i++)
         v.tap[i] = tap[i];
     v.flags = (fx > 0 ? SST_GPU_VIEW_RIGHT : 0U) | (fy > 0 ? SST_GPU_VIEW_BELOW : 0U) |
-              (t->frame || t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U);
+              (t->frame || t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U) |
+              (d->doubts && t->v->confidence.data ? SST_GPU_VIEW_CONFIDENCE : 0U);
     return v;
 }
 
 /* A slot for one more view; the batch is sent if it reads all there are. */
-static int find_room(struct render_device *d, struct batch *b, struct device_slot **out)
+static int find_room(struct render_device *d, struct device_batch *b, struct device_slot **out)
 {
     struct device_slot *s = device_free_slot(d);
     int err = 0;
@@ -171,19 +176,21 @@ static int find_room(struct render_device *d, struct batch *b, struct device_slo
             return err;
         s = device_free_slot(d);
     }
-    err = s ? 0 : send_batch(d, b, false);
+    err = s ? 0 : b->send(d, b, false);
     *out = s ? s : device_free_slot(d);
     return err;
 }
 
-/* Put a view on the device, where it is not there yet, and its rays into the batch. */
-static int add_tap(struct render_device *d, struct batch *b, const struct sst_render_tap *t)
+int device_add_tap(struct render_device *d, struct device_batch *b, int k)
 {
+    const struct sst_render_tap *t = &b->p->tap[k];
+    int err = device_ready_frames(d, &b->taps, k);
     struct device_slot *s = device_find_slot(d, t->view);
-    int err = s ? 0 : find_room(d, b, &s);
 
-    if (!err && b->push.views && b->chunk != s->chunk)
-        err = send_batch(d, b, false);
+    if (!err && !s)
+        err = find_room(d, b, &s);
+    if (!err && b->push.blend.views && b->chunk != s->chunk)
+        err = b->send(d, b, false);
     if (!err)
         err = device_place_view(d, s, t, b->p->sampled, b->taps.threads);
     if (err)
@@ -191,56 +198,102 @@ static int add_tap(struct render_device *d, struct batch *b, const struct sst_re
     s->used = ++d->turn;
     s->pending = true;
     b->chunk = s->chunk;
-    b->view[b->push.views++] = describe(d, t, s, b->p->sampled);
+    b->view[b->push.blend.views++] = describe(d, b, k, s);
     return 0;
 }
 
-static int render_band(struct render_device *d, struct batch *b, int top, int rows)
+static int render_band(struct render_device *d, struct device_batch *b, int top, int rows)
 {
     const size_t n = (size_t)rows * (size_t)d->lf->width, at = (size_t)top * (size_t)d->lf->width;
     int64_t start_ns;
     int err = 0;
 
     b->begun = false;
-    b->push.top = top;
-    b->push.rows = rows;
+    b->send = send_blend;
+    b->push.blend.top = top;
+    b->push.blend.rows = rows;
     for (int k = 0; k < b->p->count && !err; k++) {
         const struct sst_render_tap *t = &b->p->tap[k];
 
-        if (t->x0 >= t->x1 || t->y0 >= top + rows || t->y1 <= top)
-            continue;
-        err = device_ready_frames(d, &b->taps, k);
-        if (!err)
-            err = add_tap(d, b, t);
+        if (t->x0 < t->x1 && t->y0 < top + rows && t->y1 > top)
+            err = device_add_tap(d, b, k);
     }
     if (!err)
-        err = send_batch(d, b, true);
+        err = send_blend(d, b, true);
+    if (!err && b->verify)
+        err = device_verify_band(d, b);
     if (!err)
         err = sst_gpu_wait(d->gpu);
     start_ns = sst_clock_now_ns();
     if (!err)
         err = sst_gpu_download(d->gpu, (uint32_t *)d->words.data + at, d->out, 0, 4 * n);
-    if (!err && b->p->verifier)
+    if (!err && b->p->verifier && !b->verify)
         err = sst_gpu_download(d->gpu, (float *)d->weights.data + at, d->sums, 12 * n, 4 * n);
     d->report.download_ns += sst_clock_now_ns() - start_ns;
     return err;
 }
 
-int device_render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end)
+/* All but the views, which may use all the memory. */
+static int make_all(struct render_device *d, const struct device_batch *b)
+{
+    int err = make_room(d, b->p, &b->taps);
+
+    if (err || !b->verify)
+        return err;
+    err = device_make_verify(d, b);
+    if (err != -ENOMEM || !d->slots)
+        return err;
+    device_drop(d);
+    err = make_room(d, b->p, &b->taps);
+    return err ? err : device_make_verify(d, b);
+}
+
+/* Blend, and verify as b->verify says. */
+static int render_rows(struct render_device *d, struct device_batch *b, int top, int end)
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
-    struct batch b;
-    int err;
+    int err = make_all(d, b);
 
-    begin_batch(&b, d, p);
-    err = make_room(d, p, &b.taps);
-    if (!err && (!sst_mem_keep(&d->words, n, 4) || (p->verifier && !sst_mem_keep(&d->weights, n, 4))))
+    if (!err && (!sst_mem_keep(&d->words, n, 4) || (b->p->verifier && !b->verify && !sst_mem_keep(&d->weights, n, 4))))
         err = -ENOMEM;
     if (!err)
-        err = upload_labels(d, p);
+        err = upload_labels(d, b->p);
     if (!err && !d->slots)
         err = device_grow(d); /* a dispatch names buffers even where no view overlaps */
     for (int y = top; y < end && !err; y += d->rows)
-        err = render_band(d, &b, y, sst_min_int(d->rows, end - y));
+        err = render_band(d, b, y, sst_min_int(d->rows, end - y));
+    return err;
+}
+
+/* Note why rays are not verified on the device. @return false: it failed for another reason */
+static bool note_unverified(struct render_device *d, int err)
+{
+    d->verify.small = d->verify.small || err == -ENOMEM;
+    d->verify.split = d->verify.split || err == -EOVERFLOW;
+    snprintf(d->verify.why, sizeof(d->verify.why), "%s",
+             err == -EAGAIN      ? "weights underflow in pixels that are left to votes"
+             : err == -ENOTSUP   ? "a shader is refused"
+             : err == -EOVERFLOW ? DEVICE_VERIFY_SPLIT
+                                 : DEVICE_VERIFY_SMALL);
+    return err == -EAGAIN || err == -ENOTSUP || err == -EOVERFLOW || err == -ENOMEM;
+}
+
+int device_render_picture(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
+                          int end, bool *verified)
+{
+    struct device_batch b;
+    int err;
+
+    begin_batch(&b, d, p);
+    b.cells = cells;
+    b.verify = p->verifier && device_can_verify(d, p);
+    err = render_rows(d, &b, top, end);
+    if (err && b.verify && note_unverified(d, err)) {
+        device_drop_verify(d);
+        d->full = false;
+        b.verify = false;
+        err = render_rows(d, &b, top, end);
+    }
+    *verified = b.verify;
     return err;
 }

@@ -18,16 +18,18 @@ size_t device_view_pixels(const struct render_device *d)
     return (size_t)d->pitch * (size_t)d->lf->height;
 }
 
-int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels)
+int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident)
 {
     int err;
 
-    *c = (struct device_chunk){ NULL, NULL, NULL };
+    *c = (struct device_chunk){ NULL };
     err = sst_gpu_buffer_create(d->gpu, &c->pixels, 4 * pixels);
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
+    if (!err && confident)
+        err = sst_gpu_buffer_create(d->gpu, &c->confidence, pixels);
     if (err)
         device_destroy_chunk(d, c);
     return err;
@@ -38,13 +40,14 @@ void device_destroy_chunk(struct render_device *d, struct device_chunk *c)
     sst_gpu_buffer_destroy(d->gpu, c->pixels);
     sst_gpu_buffer_destroy(d->gpu, c->disp);
     sst_gpu_buffer_destroy(d->gpu, c->valid);
-    *c = (struct device_chunk){ NULL, NULL, NULL };
+    sst_gpu_buffer_destroy(d->gpu, c->confidence);
+    *c = (struct device_chunk){ NULL };
 }
 
 /* A chunk of n views, with their slots. */
 static int add_chunk(struct render_device *d, int n)
 {
-    const int err = device_create_chunk(d, &d->chunk[d->chunks], (size_t)n * device_view_pixels(d));
+    const int err = device_create_chunk(d, &d->chunk[d->chunks], (size_t)n * device_view_pixels(d), d->doubts);
 
     if (err)
         return err;
@@ -60,7 +63,7 @@ int device_grow(struct render_device *d)
     int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
 
     n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
-    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / (DEVICE_PIXEL_BYTES * device_view_pixels(d))));
+    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d))));
     for (; n > 0 && err == -ENOMEM; n /= 2)
         err = add_chunk(d, n);
     d->full = err == -ENOMEM;
@@ -72,7 +75,7 @@ struct packing {
     int pitch, top, end; /* rows */
     uint32_t *pixels;
     uint16_t *disp;
-    uint8_t *valid;
+    uint8_t *valid, *confidence; /* confidence: NULL if it is not wanted */
 };
 
 static int pack_rows(void *arg, int index, int worker SST_UNUSED)
@@ -94,6 +97,8 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
             memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
         if (p->v->valid.data)
             memcpy(p->valid + at, sst_map_u8_row(&p->v->valid, y), width);
+        if (p->confidence)
+            memcpy(p->confidence + at, sst_map_u8_row(&p->v->confidence, y), width);
     }
     return 0;
 }
@@ -102,8 +107,8 @@ int device_upload_rows(struct render_device *d, const struct device_chunk *c, si
                        int top, int end, int threads)
 {
     const size_t n = (size_t)(end - top) * (size_t)d->pitch;
-    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES);
-    struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL };
+    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
+    struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL, NULL };
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
@@ -111,6 +116,7 @@ int device_upload_rows(struct render_device *d, const struct device_chunk *c, si
         return -ENOMEM;
     p.disp = (uint16_t *)(void *)(memory + 4 * n);
     p.valid = memory + 6 * n;
+    p.confidence = c->confidence && v->confidence.data ? memory + 7 * n : NULL;
     err = sst_parallel_for((end - top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
     if (!err)
         err = sst_gpu_upload(d->gpu, c->pixels, 4 * at, p.pixels, 4 * n);
@@ -118,9 +124,12 @@ int device_upload_rows(struct render_device *d, const struct device_chunk *c, si
         err = sst_gpu_upload(d->gpu, c->disp, 2 * at, p.disp, 2 * n);
     if (!err && v->valid.data)
         err = sst_gpu_upload(d->gpu, c->valid, at, p.valid, n);
+    if (!err && p.confidence)
+        err = sst_gpu_upload(d->gpu, c->confidence, at, p.confidence, n);
     if (err)
         return err;
-    d->report.upload_bytes += (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0)));
+    d->report.upload_bytes +=
+        (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0) + (p.confidence ? 1U : 0)));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return 0;
 }
@@ -136,7 +145,8 @@ static int upload_rows(struct render_device *d, const struct device_slot *s, int
 /* Which maps a view has, as bits. */
 static unsigned maps_of(const struct sst_view *v)
 {
-    return (v->disp.data ? 1U : 0) | (v->label.data ? 2U : 0) | (v->valid.data ? 4U : 0);
+    return (v->disp.data ? 1U : 0) | (v->label.data ? 2U : 0) | (v->valid.data ? 4U : 0) |
+           (v->confidence.data ? 8U : 0);
 }
 
 /* Serial number of the last change in a row of tiles. */
@@ -211,13 +221,40 @@ static int refresh_view(struct render_device *d, struct device_slot *s, int thre
     return 0;
 }
 
+/* Confidences of a view that is made from a frame, if they are wanted. */
+static int upload_confidence(struct render_device *d, struct device_slot *s, int view)
+{
+    const struct sst_map_u8 *map = &d->lf->views[view].confidence;
+    const size_t n = device_view_pixels(d);
+    uint8_t *memory;
+    int err;
+
+    if (!d->doubts || !map->data || s->confident == view + 1)
+        return 0;
+    s->confident = 0;
+    memory = sst_mem_keep(&d->packed, n, 1);
+    if (!memory)
+        return -ENOMEM;
+    for (int y = 0; y < map->height; y++)
+        memcpy(memory + (size_t)y * (size_t)d->pitch, sst_map_u8_row(map, y), (size_t)map->width);
+    err = sst_gpu_upload(d->gpu, d->chunk[s->chunk].confidence, (size_t)s->index * n, memory, n);
+    if (err)
+        return err;
+    s->confident = view + 1;
+    d->report.upload_bytes += (int64_t)n;
+    return 0;
+}
+
 int device_place_view(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled,
                       int threads)
 {
     const int view = t->view;
 
-    if (t->frame)
-        return device_place_frame(d, s, t, sampled);
+    if (t->frame) {
+        const int err = device_place_frame(d, s, t, sampled);
+
+        return err ? err : upload_confidence(d, s, view);
+    }
     return s->view == view ? refresh_view(d, s, threads) : upload_view(d, s, view, threads);
 }
 

@@ -10,7 +10,7 @@
 #define LEVELS   24  /* difference of colours that agree, at least ... */
 #define NOISE    2.5 /* ... and this many lower quartiles */
 #define SPACINGS 1.5 /* distance of the views around */
-#define AROUND   8   /* at most */
+#define AROUND   SST_GPU_VERIFY_AROUND /* at most */
 #define SAMPLES  256 /* rows and columns from which noise is measured, over all views */
 #define PART     64  /* positions between pixels */
 
@@ -19,6 +19,7 @@ struct neighbour {
     const struct sst_image *image;
     const struct sst_map_u8 *valid; /* without data: all */
     float bx, by; /* pixels that a point moves by from the other view to this one, per pixel of disparity */
+    int tap;
 };
 
 struct explainer {
@@ -39,12 +40,13 @@ struct explainer {
 
 enum known { UNKNOWN = 0, EXPLAINED = 1, CONTRADICTED = 2 };
 
-static struct neighbour neighbour(const struct explainer *e, const struct sst_render_tap *t, const struct sst_view *of)
+static struct neighbour neighbour(const struct explainer *e, int tap, const struct sst_view *of)
 {
+    const struct sst_render_tap *t = &e->plan->tap[tap];
     const struct sst_raw_view *raw = e->plan->lf->images_raw ? &e->renderer->raw[t->view] : NULL;
 
     return (struct neighbour){ raw ? &raw->rectified : &t->v->image, raw ? &raw->seen : &t->v->valid,
-                               (float)(of->bx - t->v->bx), (float)(of->by - t->v->by) };
+                               (float)(of->bx - t->v->bx), (float)(of->by - t->v->by), tap };
 }
 
 static void find_around(struct explainer *e, int k)
@@ -53,13 +55,13 @@ static void find_around(struct explainer *e, int k)
     const struct sst_view *v = p->tap[k].v;
     struct tap *t = &e->tap[k];
 
-    t->image = neighbour(e, &p->tap[k], v).image;
+    t->image = neighbour(e, k, v).image;
     t->disp = &v->disp;
     for (int i = 0; i < p->count && t->count < AROUND; i++) {
         const struct sst_view *other = p->tap[i].v;
 
         if (i != k && hypot(v->bx - other->bx, v->by - other->by) <= SPACINGS)
-            t->around[t->count++] = neighbour(e, &p->tap[i], v);
+            t->around[t->count++] = neighbour(e, i, v);
     }
 }
 
@@ -177,6 +179,19 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
             atomic_store_explicit(&e->known[at], known, memory_order_relaxed);
     }
     return known == CONTRADICTED;
+}
+
+int explainer_levels(const struct explainer *e)
+{
+    return e->levels;
+}
+
+int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_near *out)
+{
+    for (int i = 0; i < e->tap[k].count; i++)
+        out[i] = (struct sst_gpu_verify_near){ e->tap[k].around[i].bx, e->tap[k].around[i].by,
+                                               (uint32_t)e->tap[k].around[i].tap, 0 };
+    return e->tap[k].count;
 }
 
 /* --- preparation -------------------------------------------------------------------------------------------------- */

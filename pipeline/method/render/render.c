@@ -427,7 +427,8 @@ static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
 static int render_band(void *arg, int index, int worker)
 {
     const struct picture *pic = arg;
-    struct sst_verifier *verifier = pic->plan->verifier ? pic->plan->verifier[worker] : NULL;
+    const bool verify = pic->plan->verifier && !(pic->words && !pic->weights); /* else a device has done it */
+    struct sst_verifier *verifier = verify ? pic->plan->verifier[worker] : NULL;
     float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
     uint8_t support[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
     const bool count = pic->valid || pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID;
@@ -509,8 +510,8 @@ static int render_anywhere(struct sst_renderer *r, struct picture *pic, struct s
     if (r->device && pic->cells)
         find_rows(pic->plan, pic->cells, &top, &end);
     if (r->device && top < end)
-        begun = render_device_begin(r->device, pic->plan, top, end, &pic->words, &pic->weights);
-    if (own && own->pending && (!begun || own->verifier || has_weak_pixels(pic)))
+        begun = render_device_begin(r->device, pic->plan, pic->cells, top, end, &pic->words, &pic->weights);
+    if (own && own->pending && (!begun || pic->weights || has_weak_pixels(pic)))
         err = render_need_frames(own, r);
     if (!err)
         err = r->device || pic->cells ? render_bands(pic) : render_skipping(r, pic);

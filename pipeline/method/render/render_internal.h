@@ -13,6 +13,7 @@
 #include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
+#include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
 
@@ -31,6 +32,13 @@ SST_MUST_CHECK int explainer_prepare(struct explainer *e);
 
 /** True if the pixel (x, y) of the view of tap k, whose disparity is known, is unexplained. */
 bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
+
+/** Differences of colours that do not agree, once prepared; sum of R, G, B. */
+int explainer_levels(const struct explainer *e);
+
+/** The views around that of tap k. @param out  [SST_GPU_VERIFY_AROUND], `view` the number of a tap @return their number
+ */
+int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_near *out);
 
 /* --- frames.c: raw frames --- */
 
@@ -65,15 +73,16 @@ SST_MUST_CHECK int render_device_create(struct render_device **out, const struct
 void render_device_destroy(struct render_device *d);
 
 /**
- * Blend the rays of all pixels of the rows top .. end-1.
+ * Blend the rays of all pixels of the rows top .. end-1, top a multiple of SST_RENDER_CELL_HEIGHT, and verify them.
  *
+ * @param cells    as of sst_render_plan_render(): others need not be verified
  * @param words    out, [height * width] R, G, B, enum sst_gpu_blend_pixel, from the lowest byte up
- * @param weights  out, sums of weights likewise, if the plan verifies; else NULL
+ * @param weights  out, sums of weights likewise, if the caller has to verify the rays, which is counted; else NULL
  * @return false: not done, which is counted, and logged where the device failed; true: both are valid until
  * render_device_end()
  */
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, int top, int end,
-                         const uint32_t **words, const float **weights);
+bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
+                         int end, const uint32_t **words, const float **weights);
 void render_device_end(struct render_device *d);
 
 /** Views of a clear picture, nearest to the viewpoint first. */
@@ -96,7 +105,8 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
-/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_clear.c, device_parts.c. */
+/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
+ * device_parts.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -111,12 +121,14 @@ struct device_slot {
     double disp_min_px;
     unsigned maps;
     double part_x, part_y; /* of a view made from a frame: its pixels were sampled this far right of and below theirs */
+    int confident;         /* likewise: the view whose confidences are here, and one more; 0: none */
 };
 
-#define DEVICE_PIXEL_BYTES 7 /* of a pixel of a view: colour and label, disparity, valid */
+#define DEVICE_PIXEL_BYTES 7U /* of a pixel of a view: colour and label, disparity, valid; one more with confidence */
 
 struct device_chunk {
     struct sst_gpu_buffer *pixels, *disp, *valid;
+    struct sst_gpu_buffer *confidence; /* NULL: not wanted */
 };
 
 /** Clear pictures in bands of rows: of each view the rows that a band needs. */
@@ -147,6 +159,20 @@ struct device_frames {
     size_t frame_bytes, places_bytes, light_bytes, list_bytes; /* room in the buffers */
     struct device_frame ready[DEVICE_SPANS];
     int spans;
+};
+
+#define DEVICE_VERIFY_SMALL "a device needs room for the rays that it verifies"
+#define DEVICE_VERIFY_SPLIT "what the maps explain needs all views in one buffer, and room for its tables"
+
+/** What rays are verified with; all NULL and 0 until there is a picture to verify. */
+struct device_verify {
+    struct sst_gpu_buffer *params, *cells, *share, *rays, *near, *totals, *views, *disp_px;
+    int count, rows;    /* views and rows of the picture that `rays` holds */
+    double disp_min_px; /* that disp_px is for; NAN: not uploaded */
+    bool small, split;  /* there is no room for the rays, or for all views in one buffer: not tried again */
+    uint32_t *cell;     /* host memory of `cells`; owned */
+    bool wanted;        /* verified pictures are */
+    char why[128];      /* the last picture was not verified on the device; "": it was */
 };
 
 struct render_device {
@@ -180,7 +206,9 @@ struct render_device {
     int too_many; /* views of a clear picture that cannot be there as a whole, together; 0: none yet */
     struct device_parts parts;
     struct device_frames frames;
-    int rows;          /* of the picture that sums and out hold */
+    struct device_verify verify;
+    bool doubts;       /* chunks have confidences */
+    int rows;          /* of the picture that sums and out hold: all, or whole cells where there is room for one */
     size_t table_rows; /* that table holds */
     /* host memory, reused */
     struct sst_mem_kept packed, words, weights;
@@ -232,16 +260,50 @@ SST_MUST_CHECK int device_place_frame(struct render_device *d, struct device_slo
 /** Buffers of a band of the picture, as many rows as fit: sums and results use at most a quarter of the memory. */
 SST_MUST_CHECK int device_make_bands(struct render_device *d);
 
-/** Buffers for this many pixels. @return 0, or an error, and there are none */
-SST_MUST_CHECK int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels);
+/** Buffers for this many pixels. @param confident  with confidences @return 0, or an error, and there are none */
+SST_MUST_CHECK int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident);
 void device_destroy_chunk(struct render_device *d, struct device_chunk *c);
 
 /** Upload the rows top .. end-1 of a view, of which the first one begins at pixel `at` of the chunk. */
 SST_MUST_CHECK int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at,
                                       const struct sst_view *v, int top, int end, int threads);
 
-/** Blend the rows top .. end-1 into d->words, and d->weights if rays are verified. */
-SST_MUST_CHECK int device_render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end);
+/** Views whose rays the next dispatch of `send` reads. */
+struct device_batch {
+    const struct sst_render_plan *p;
+    const uint8_t *cells; /* of the picture that are wanted; NULL: all */
+    int (*send)(struct render_device *d, struct device_batch *b, bool last);
+    struct sst_gpu_verify push; /* of which `blend` has a part of its own */
+    int chunk;                  /* that the views lie in, or the last ones did */
+    bool begun;                 /* a dispatch of these rows was sent before */
+    bool verify;                /* rays are verified, on the device */
+    struct device_taps taps;
+    struct sst_gpu_blend_view view[SST_MAX_VIEWS];
+};
+
+/** Blend the rows top .. end-1 into d->words, and verify them.
+ *  @param verified  out, false: rays are not verified, d->weights are valid and d->verify.why has the reason, if any
+ * were to be */
+SST_MUST_CHECK int device_render_picture(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells,
+                                         int top, int end, bool *verified);
+
+/** Put a view on the device, where it is not there yet, and its rays into the batch, which is sent if it has no room.
+ */
+SST_MUST_CHECK int device_add_tap(struct render_device *d, struct device_batch *b, int k);
+
+/** The batch was sent: begin the next one. */
+void device_batch_sent(struct render_device *d, struct device_batch *b);
+
+/** True if the rays of the picture can be verified; else d->verify.why is set. */
+bool device_can_verify(struct render_device *d, const struct sst_render_plan *p);
+
+/** Buffers and tables to verify the picture, before there are views. @return -ENOTSUP: a shader is refused */
+SST_MUST_CHECK int device_make_verify(struct render_device *d, const struct device_batch *b);
+void device_drop_verify(struct render_device *d);
+
+/** Verify the rays of a band that was blended. @return -EAGAIN: a pixel left to votes has no colour; -EOVERFLOW: the
+ * views lie in several buffers */
+SST_MUST_CHECK int device_verify_band(struct render_device *d, struct device_batch *b);
 
 /** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge.
  * @return -EAGAIN: it has to be made in parts, and c->pending */

@@ -1,0 +1,473 @@
+/* Rays verified on a device, of a band of the picture that was blended: which pixels the maps leave to votes, then the
+ * votes of some rows at a time, as many as there is room for.
+ *
+ * The CPU looks at the cells once: without pixels left to votes nothing else is done, and only their rows are gone
+ * through. What the maps explain (SST_VERIFY_AUTO) compares colours of views with those around them, which lie in one
+ * buffer; votes are gathered view by view, wherever these lie. */
+#include "pipeline/gpu/verify.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/kernels/verify_ref.h"
+#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/verify.h"
+
+_Static_assert(SST_GPU_VERIFY_VIEWS == SST_MAX_VIEWS &&
+                   sizeof(((struct sst_gpu_verify_params *)0)->rarity) == SST_AGREE_BINS,
+               "views and colours of a picture");
+_Static_assert(SST_VERIFY_CELL_WIDTH == SST_RENDER_CELL_WIDTH && SST_VERIFY_CELL_HEIGHT == SST_RENDER_CELL_HEIGHT,
+               "cells are those of pictures");
+
+#define PARAMS_BYTES (sizeof(struct sst_gpu_verify_params) + SST_MAX_VIEWS * sizeof(struct sst_gpu_blend_view))
+#define DISP_PX      65535 /* stored disparities */
+#define LEAST_ROWS   3     /* one that is verified, and those around it */
+
+static int cell_cols(const struct render_device *d)
+{
+    return (d->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+}
+
+static int cell_rows(const struct render_device *d)
+{
+    return (d->lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+}
+
+/* --- what is needed ----------------------------------------------------------------------------------------------- */
+
+bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
+{
+    const char *why = NULL;
+
+    d->verify.wanted = true;
+    for (int k = 0; k < p->count && p->explainer; k++)
+        why = p->tap[k].frame ? "what the maps explain is tested in frames" : why;
+    if (p->agreed)
+        why = "how many rays agree is wanted";
+    if (d->verify.small)
+        why = DEVICE_VERIFY_SMALL;
+    if (d->verify.split && p->explainer)
+        why = DEVICE_VERIFY_SPLIT;
+    snprintf(d->verify.why, sizeof(d->verify.why), "%s", why ? why : "");
+    return !why;
+}
+
+void device_drop_verify(struct render_device *d)
+{
+    struct device_verify *v = &d->verify;
+    struct sst_gpu_buffer **const all[] = { &v->params, &v->cells,  &v->share, &v->rays,
+                                            &v->near,   &v->totals, &v->views, &v->disp_px };
+
+    for (size_t i = 0; i < ARRAY_LEN(all); i++) {
+        sst_gpu_buffer_destroy(d->gpu, *all[i]);
+        *all[i] = NULL;
+    }
+    v->count = v->rows = 0;
+}
+
+static int prepare(struct render_device *d, bool explained)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,
+                                                   SST_GPU_VERIFY_MODE,   SST_GPU_VERIFY_BLEND,
+                                                   SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED };
+    const size_t n = explained ? ARRAY_LEN(shaders) : ARRAY_LEN(shaders) - 2;
+    int err = 0;
+
+    for (size_t i = 0; i < n && !err; i++)
+        err = sst_gpu_prepare(d->gpu, shaders[i]);
+    return err;
+}
+
+/* Room for the rays of `rows` rows of the picture, those around them included. */
+static int make_rays(struct render_device *d, int count, int rows)
+{
+    const size_t n = (size_t)rows * (size_t)d->lf->width;
+    struct device_verify *v = &d->verify;
+    int err = sst_gpu_buffer_create(d->gpu, &v->rays, 4 * n * (size_t)count);
+
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &v->near, 4 * n * (size_t)((count + 1) / 2));
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &v->totals, 8 * n);
+    if (err)
+        return err;
+    v->count = count;
+    v->rows = rows;
+    return 0;
+}
+
+/* As many rows as a quarter of the memory and the largest buffer hold; LEAST_ROWS even if they need more. */
+static int find_rows(const struct render_device *d, int count)
+{
+    const double row_bytes = (double)d->lf->width * (4 * count + 4 * ((count + 1) / 2) + 8);
+    const double most = fmax((double)sst_gpu_free_bytes(d->gpu) / 4 / row_bytes, LEAST_ROWS);
+    const double largest = (double)sst_gpu_get_info(d->gpu)->buffer_bytes / (4.0 * d->lf->width * count);
+
+    return (int)sst_clamp_double(fmin(most, largest), 0, d->lf->height);
+}
+
+/* What the maps explain is tested with. @return -EOVERFLOW: there is no room */
+static int make_explained(struct render_device *d)
+{
+    struct device_verify *v = &d->verify;
+    int err = 0;
+
+    if (!v->views)
+        err = sst_gpu_buffer_create(d->gpu, &v->views, SST_MAX_VIEWS * sizeof(struct sst_gpu_verify_view));
+    if (!err && !v->disp_px) {
+        err = sst_gpu_buffer_create(d->gpu, &v->disp_px, DISP_PX * sizeof(float));
+        v->disp_min_px = NAN;
+    }
+    return err == -ENOMEM ? -EOVERFLOW : err;
+}
+
+static int make_buffers(struct render_device *d, const struct sst_render_plan *p)
+{
+    struct device_verify *v = &d->verify;
+    int err = 0, rows;
+
+    if (!v->params)
+        err = sst_gpu_buffer_create(d->gpu, &v->params, PARAMS_BYTES);
+    if (!err && !v->cells)
+        err = sst_gpu_buffer_create(d->gpu, &v->cells, 4 * (size_t)cell_cols(d) * (size_t)cell_rows(d));
+    if (!err && !v->share)
+        err = sst_gpu_buffer_create(d->gpu, &v->share, 12 * (size_t)d->rows * (size_t)d->lf->width);
+    if (err || p->count <= v->count)
+        return err;
+    sst_gpu_buffer_destroy(d->gpu, v->rays);
+    sst_gpu_buffer_destroy(d->gpu, v->near);
+    sst_gpu_buffer_destroy(d->gpu, v->totals);
+    v->rays = v->near = v->totals = NULL;
+    v->count = 0;
+    rows = find_rows(d, p->count);
+    return rows < sst_min_int(LEAST_ROWS, d->lf->height) ? -ENOMEM : make_rays(d, p->count, rows);
+}
+
+/* True if chunks lack the confidences that the picture's views have. */
+static bool lacks_confidences(const struct render_device *d, const struct sst_render_plan *p)
+{
+    bool any = false;
+
+    for (int k = 0; k < p->count; k++)
+        any = any || p->tap[k].v->confidence.data;
+    return any && !d->doubts;
+}
+
+/* Rarities of colours, and rows of labels. */
+static int upload_params(struct render_device *d, const struct sst_render_plan *p)
+{
+    struct sst_gpu_verify_params params;
+
+    for (int i = 0; i < 256; i++)
+        params.label[i] = (struct sst_gpu_blend_label){
+            p->table ? (uint32_t)((size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS) : 0, p->ends[i]
+        };
+    memcpy(params.rarity, p->rarity, sizeof(params.rarity));
+    return sst_gpu_upload(d->gpu, d->verify.params, 0, &params, sizeof(params));
+}
+
+static int upload_cells(struct render_device *d, const uint8_t *cells)
+{
+    const size_t n = (size_t)cell_cols(d) * (size_t)cell_rows(d);
+    uint32_t *word = d->verify.cell;
+
+    for (size_t i = 0; i < n; i++)
+        word[i] = !cells || cells[i] ? SST_GPU_CELL_WANTED : 0;
+    return sst_gpu_upload(d->gpu, d->verify.cells, 0, word, 4 * n);
+}
+
+int device_make_verify(struct render_device *d, const struct device_batch *b)
+{
+    int err = prepare(d, b->p->explainer);
+
+    if (!err && d->rows < d->lf->height && d->rows % SST_RENDER_CELL_HEIGHT)
+        err = -ENOMEM; /* not one row of cells */
+    if (!err && !d->verify.cell) {
+        d->verify.cell = calloc((size_t)cell_cols(d) * (size_t)cell_rows(d), sizeof(*d->verify.cell));
+        err = d->verify.cell ? 0 : -ENOMEM;
+    }
+    if (!err && lacks_confidences(d, b->p)) {
+        d->doubts = true;
+        err = d->slots ? -ENOMEM : 0; /* make room first: the views come again with them */
+    }
+    if (!err)
+        err = make_buffers(d, b->p);
+    if (!err && b->p->explainer)
+        err = make_explained(d);
+    if (!err)
+        err = upload_params(d, b->p);
+    return err ? err : upload_cells(d, b->cells);
+}
+
+/* --- dispatches --------------------------------------------------------------------------------------------------- */
+
+/* @param rows  of pixels, by groups of 4 */
+static int dispatch(struct render_device *d, enum sst_gpu_shader shader, const struct sst_gpu_verify *push,
+                    struct sst_gpu_buffer *const *buffer, int buffers, int rows)
+{
+    struct sst_gpu_work work = {
+        .shader = shader,
+        .push = push,
+        .groups = { (uint32_t)(push->blend.width + SST_GPU_BLEND_GROUP_WIDTH - 1) / SST_GPU_BLEND_GROUP_WIDTH,
+                    (uint32_t)(rows + SST_GPU_BLEND_GROUP_HEIGHT - 1) / SST_GPU_BLEND_GROUP_HEIGHT, 1 }
+    };
+
+    if (shader == SST_GPU_VERIFY_SCREEN) {
+        work.groups[0] = (uint32_t)cell_cols(d);
+        work.groups[1] = (uint32_t)(rows + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+    }
+    memcpy(work.buffer, buffer, (size_t)buffers * sizeof(*buffer));
+    d->report.dispatches++;
+    return sst_gpu_dispatch(d->gpu, &work);
+}
+
+static int upload_views(struct render_device *d, const struct device_batch *b)
+{
+    return b->push.blend.views ? sst_gpu_upload(d->gpu, d->verify.params, sizeof(struct sst_gpu_verify_params), b->view,
+                                                b->push.blend.views * sizeof(b->view[0]))
+                               : 0;
+}
+
+static int send_share(struct render_device *d, struct device_batch *b, bool last)
+{
+    const struct device_verify *v = &d->verify;
+    struct sst_gpu_verify push = b->push;
+    int err = upload_views(d, b);
+
+    push.blend.flags = (b->begun ? 0U : SST_GPU_BLEND_FIRST) | (last ? SST_GPU_BLEND_LAST : 0U);
+    if (!err)
+        err = dispatch(
+            d, SST_GPU_VERIFY_SHARE, &push,
+            (struct sst_gpu_buffer *[]){ v->params, d->chunk[b->chunk].disp, d->sums, d->out, v->share, v->cells },
+            SST_GPU_SHARE_BUFFERS, push.blend.rows);
+    device_batch_sent(d, b);
+    return err;
+}
+
+static int send_rays(struct render_device *d, struct device_batch *b, bool last SST_UNUSED)
+{
+    const struct device_chunk *c = &d->chunk[b->chunk];
+    const struct device_verify *v = &d->verify;
+    int err = upload_views(d, b);
+
+    if (!err)
+        err = dispatch(d, SST_GPU_VERIFY_RAYS, &b->push,
+                       (struct sst_gpu_buffer *[]){ v->params, c->pixels, c->disp, c->valid, d->table,
+                                                    c->confidence ? c->confidence : c->valid, v->share, v->rays },
+                       SST_GPU_RAYS_BUFFERS, (int)b->push.rays / b->push.blend.width);
+    device_batch_sent(d, b);
+    return err;
+}
+
+/* Only have the views there. */
+static int send_nothing(struct render_device *d, struct device_batch *b, bool last SST_UNUSED)
+{
+    device_batch_sent(d, b);
+    return 0;
+}
+
+static void begin(struct device_batch *b, int (*send)(struct render_device *, struct device_batch *, bool))
+{
+    b->send = send;
+    b->begun = false;
+}
+
+/* --- pixels left to votes ----------------------------------------------------------------------------------------- */
+
+static int find_share(struct render_device *d, struct device_batch *b)
+{
+    const struct sst_gpu_blend *push = &b->push.blend;
+    int err = 0;
+
+    begin(b, send_share);
+    for (int k = 0; k < b->p->count && !err; k++) {
+        const struct sst_render_tap *t = &b->p->tap[k];
+
+        if (t->x0 < t->x1 && t->y0 < push->top + push->rows && t->y1 > push->top)
+            err = device_add_tap(d, b, k);
+    }
+    return err ? err : send_share(d, b, true);
+}
+
+/* The rows of the band that have open cells: none if from = to. @return -EAGAIN: a pixel left to votes has no colour */
+static int find_open(struct render_device *d, struct device_batch *b)
+{
+    const int cols = cell_cols(d), first = b->push.blend.top / SST_RENDER_CELL_HEIGHT;
+    const int rows = (b->push.blend.rows + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+    uint32_t *cell = d->verify.cell;
+    int err = sst_gpu_download(d->gpu, cell, d->verify.cells, 4 * (size_t)first * (size_t)cols,
+                               4 * (size_t)rows * (size_t)cols);
+
+    b->push.from = b->push.to = b->push.blend.top;
+    for (int i = 0; i < rows * cols && !err; i++) {
+        const int y = b->push.blend.top + i / cols * SST_RENDER_CELL_HEIGHT;
+
+        if (cell[i] & SST_GPU_CELL_BELOW)
+            err = -EAGAIN;
+        if (!(cell[i] & SST_GPU_CELL_OPEN))
+            continue;
+        if (b->push.from == b->push.to)
+            b->push.from = y;
+        b->push.to = sst_min_int(y + SST_RENDER_CELL_HEIGHT, b->push.blend.top + b->push.blend.rows);
+    }
+    return err;
+}
+
+/* Disparities in pixels by what is stored, as explainer_contradicts() has them. */
+static int upload_disp_px(struct render_device *d)
+{
+    float *px;
+    int err;
+
+    if (!isnan(d->verify.disp_min_px) && !(fabs(d->verify.disp_min_px - d->lf->disp_min_px) > 0))
+        return 0;
+    px = malloc(DISP_PX * sizeof(*px));
+    if (!px)
+        return -ENOMEM;
+    for (int i = 0; i < DISP_PX; i++)
+        px[i] = (float)sst_disp_px(d->lf, (uint16_t)i);
+    err = sst_gpu_upload(d->gpu, d->verify.disp_px, 0, px, DISP_PX * sizeof(*px));
+    free(px);
+    if (!err)
+        d->verify.disp_min_px = d->lf->disp_min_px;
+    return err;
+}
+
+/* Have all views in one buffer. @return -EOVERFLOW: they do not fit */
+static int gather_views(struct render_device *d, struct device_batch *b)
+{
+    int chunk = -1, err = 0;
+
+    begin(b, send_nothing);
+    for (int k = 0; k < b->p->count && !err; k++)
+        err = device_add_tap(d, b, k);
+    device_batch_sent(d, b);
+    for (int k = 0; k < b->p->count && !err; k++) {
+        const struct device_slot *s = device_find_slot(d, b->p->tap[k].view);
+
+        if (!s || (chunk >= 0 && s->chunk != chunk))
+            err = -EOVERFLOW;
+        else
+            chunk = s->chunk;
+    }
+    return err;
+}
+
+/* The views with those around them. */
+static int upload_around(struct render_device *d, struct device_batch *b)
+{
+    struct sst_gpu_verify_view *view = calloc((size_t)b->p->count, sizeof(*view));
+    int err = view ? 0 : -ENOMEM;
+
+    b->push.blend.views = 0;
+    for (int k = 0; k < b->p->count && !err; k++) {
+        err = device_add_tap(d, b, k);
+        view[k].at = b->view[k];
+        view[k].around = (uint32_t)explainer_around(b->p->explainer, k, view[k].near);
+    }
+    device_batch_sent(d, b);
+    if (!err)
+        err = sst_gpu_upload(d->gpu, d->verify.views, 0, view, (size_t)b->p->count * sizeof(*view));
+    free(view);
+    return err;
+}
+
+/* A shader that asks what the maps explain. @param last  its last buffer */
+static int dispatch_explained(struct render_device *d, const struct device_batch *b, enum sst_gpu_shader shader,
+                              struct sst_gpu_buffer *last, int rows)
+{
+    const struct device_chunk *c = &d->chunk[device_find_slot(d, b->p->tap[0].view)->chunk];
+    const struct device_verify *v = &d->verify;
+    struct sst_gpu_verify push = b->push;
+
+    push.nearest = sst_verify_numbers(b->p).nearest_end;
+    push.levels = explainer_levels(b->p->explainer);
+    return dispatch(d, shader, &push,
+                    (struct sst_gpu_buffer *[]){ v->views, c->pixels, c->disp, c->valid, v->disp_px, v->share, last },
+                    SST_GPU_SCREEN_BUFFERS, rows);
+}
+
+/* Close the cells of which the maps explain most rays. */
+static int screen(struct render_device *d, struct device_batch *b)
+{
+    int err = gather_views(d, b);
+
+    if (!err)
+        err = explainer_prepare(b->p->explainer);
+    if (!err)
+        err = upload_disp_px(d);
+    if (!err)
+        err = upload_around(d, b);
+    return err ? err : dispatch_explained(d, b, SST_GPU_VERIFY_SCREEN, d->verify.cells, b->push.blend.rows);
+}
+
+/* --- votes -------------------------------------------------------------------------------------------------------- */
+
+/* The rays of all views. */
+static int gather_rays(struct render_device *d, struct device_batch *b)
+{
+    const int top = sst_max_int(b->push.from - 1, 0), end = top + (int)b->push.rays / b->push.blend.width;
+    int err = 0;
+
+    begin(b, send_rays);
+    for (int k = 0; k < b->p->count && !err; k++) {
+        const struct sst_render_tap *t = &b->p->tap[k];
+
+        if (t->x0 < t->x1 && t->y0 < end && t->y1 > top)
+            err = device_add_tap(d, b, k);
+        else /* no rays here: the view need not be there */
+            b->view[b->push.blend.views++] = (struct sst_gpu_blend_view){ .index = (uint32_t)k };
+    }
+    return err ? err : send_rays(d, b, true);
+}
+
+/* Verify the rows from .. to - 1. */
+static int vote(struct render_device *d, struct device_batch *b)
+{
+    const int rows = sst_min_int(b->push.to + 1, d->lf->height) - sst_max_int(b->push.from - 1, 0);
+    const struct device_verify *v = &d->verify;
+    int err;
+
+    b->push.rays = (uint32_t)rows * (uint32_t)d->lf->width;
+    err = gather_rays(d, b);
+    if (!err && b->p->explainer)
+        err = dispatch_explained(d, b, SST_GPU_VERIFY_UNEXPLAINED, v->totals, rows);
+    if (!err)
+        err =
+            dispatch(d, SST_GPU_VERIFY_MODE, &b->push,
+                     (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals }, SST_GPU_MODE_BUFFERS, rows);
+    if (!err)
+        err = dispatch(d, SST_GPU_VERIFY_BLEND, &b->push,
+                       (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals, d->out },
+                       SST_GPU_MIX_BUFFERS, b->push.to - b->push.from);
+    return err;
+}
+
+int device_verify_band(struct render_device *d, struct device_batch *b)
+{
+    const struct sst_verify_numbers numbers = sst_verify_numbers(b->p);
+    int err, end;
+
+    b->push.nearest = numbers.nearest;
+    b->push.all = numbers.all;
+    b->push.scale = numbers.scale;
+    b->push.most = numbers.most;
+    b->push.doubt_step = SST_VERIFY_DOUBT_STEP;
+    err = find_share(d, b);
+    if (!err)
+        err = find_open(d, b);
+    end = b->push.to;
+    if (!err && b->push.from < end && b->p->explainer)
+        err = screen(d, b);
+    while (!err && b->push.from < end) {
+        b->push.to = sst_min_int(b->push.from + d->verify.rows - 2, end);
+        if (d->verify.rows == d->lf->height)
+            b->push.to = end;
+        err = vote(d, b);
+        b->push.from = b->push.to;
+    }
+    return err;
+}
