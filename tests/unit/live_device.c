@@ -101,7 +101,7 @@ static struct sst_render_config settings(int i)
 
 static void all_sets_have_the_cpus_picture(void **state SST_UNUSED)
 {
-    static const uint64_t memory[] = { 0, 450000 }; /* all views; a few at a time */
+    static const uint64_t memory[] = { 0, 600000 }; /* all views; a few at a time */
     struct sst_render_device_report report;
     struct pair p;
 
