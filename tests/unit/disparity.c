@@ -295,7 +295,7 @@ static void support_arms(void **state SST_UNUSED)
 
     for (int y = 0; y < 3; y++)
         sst_image_row(&img, 0, y)[3] = sst_image_row(&img, 0, y)[4] = 120;
-    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20, 1), 0);
     row_is(&s.left, 1, "01201");
     row_is(&s.right, 1, "21010");
     for (int y = 0; y < 3; y++) {
@@ -305,14 +305,14 @@ static void support_arms(void **state SST_UNUSED)
         assert_int_equal(sst_map_u16_row(&s.count, y)[4], 6); /* three rows of 1 + 1 + 0 */
     }
     sst_disparity_support_fini(&s);
-    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 21), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 21, 1), 0);
     row_is(&s.left, 0, "01222");
     row_is(&s.right, 2, "22210");
     sst_disparity_support_fini(&s);
     /* An arm that was stopped does not go on behind the obstacle. */
     for (int y = 0; y < 3; y++)
         sst_image_row(&img, 0, y)[4] = 100;
-    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20, 1), 0);
     row_is(&s.left, 0, "01200");
     row_is(&s.right, 0, "21000");
     sst_disparity_support_fini(&s);
@@ -327,7 +327,7 @@ static void aggregation_of_three_pixels(void **state SST_UNUSED)
     struct sst_volume v;
 
     /* Halves go up: (10 + 21) / 2 = 15.5, 91 / 3 = 30.3, 81 / 2 = 40.5; then 46 / 2, 87 / 3, 71 / 2. */
-    assert_int_equal(sst_disparity_support_init(&s, &img, 1, 5), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 1, 5, 1), 0);
     assert_int_equal(sst_volume_init(&v, 3, 1, 0, 2), 0);
     memset(v.cost, SST_COST_MAX, v.width_padded * v.steps_padded);
     for (int rounds = 0; rounds < 3; rounds++) {
@@ -351,7 +351,7 @@ static void aggregation_of_equal_costs(void **state SST_UNUSED)
     struct sst_support s;
     struct sst_volume v;
 
-    assert_int_equal(sst_disparity_support_init(&s, &img, SST_SUPPORT_MAX_ARM, 5), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, SST_SUPPORT_MAX_ARM, 5, 1), 0);
     assert_int_equal(sst_volume_init(&v, 13, 40, 0, 32), 0);
     for (int base = 0; base < 256; base += 32) {
         for (size_t i = 0; i < v.width_padded * 40 * 32; i++)

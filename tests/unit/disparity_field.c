@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/disparity/stage.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -349,6 +349,32 @@ static void any_number_of_threads(void **state SST_UNUSED)
     }
 }
 
+/* Threads that share a volume: the same bytes, in bands and columns of all sizes. */
+static void threads_share_a_volume(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *preset;
+        size_t volumes;
+        int threads, width, height;
+    } cases[] = { { "balanced", 1, 2, 150, 141 }, { "balanced", 1, 5, 61, 97 }, { "balanced", 2, 7, 130, 70 },
+                  { "preview", 1, 3, 300, 194 },  { "balanced", 1, 4, 40, 20 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        struct sst_disparity_config cfg = preset(cases[i].preset, -5, 45);
+        struct sst_lightfield one = field(2, 3, cases[i].width, cases[i].height, LOOK_PLANES);
+        struct sst_lightfield many = field(2, 3, cases[i].width, cases[i].height, LOOK_PLANES);
+
+        cfg.threads = 1;
+        assert_int_equal(sst_disparity_lightfield(&one, &cfg, NULL, NULL), 0);
+        cfg.threads = cases[i].threads;
+        cfg.volume_bytes = cases[i].volumes < 2 ? 1 : 2 * sst_volume_bytes(cases[i].width, cases[i].height, 51);
+        assert_int_equal(sst_disparity_lightfield(&many, &cfg, NULL, NULL), 0);
+        same_maps(&one, &many);
+        sst_lightfield_fini(&one);
+        sst_lightfield_fini(&many);
+    }
+}
+
 /* With little memory: the same bytes, between pixels in quarters (12 px are searched) and in halves. */
 static void frugal(void **state SST_UNUSED)
 {
@@ -454,6 +480,7 @@ int main(void)
         serial_test(range_of_leaves),
         serial_test(range_of_views_that_are_not_aligned),
         cmocka_unit_test(any_number_of_threads),
+        serial_test(threads_share_a_volume),
         cmocka_unit_test(frugal),
         serial_test(a_view_on_its_own),
         cmocka_unit_test(bad_settings_change_nothing),

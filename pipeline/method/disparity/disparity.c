@@ -11,8 +11,10 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-/* Memory limit of the cost volumes of views that are matched at once. */
-#define VOLUME_BUDGET_BYTES ((size_t)6 << 30)
+/* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
+#define SHARED_BYTES ((size_t)3 << 29)
+/* ... and of others. */
+#define VOLUME_BYTES ((size_t)6 << 30)
 /* Up to this range steps are quarter pixels, up to twice this range half pixels. */
 #define FINE_RANGE_PX 24
 /* Up to this many pixels a view is matched in quarter-pixel phases. */
@@ -124,18 +126,19 @@ static int make_volume(const struct disparity_run *run, struct sst_volume *v)
 }
 
 /* One network per worker, each with its share of the threads: views side by side need no waiting between layers. */
-static int open_networks(struct disparity_run *run, int workers, int threads)
+static int open_networks(struct disparity_run *run, int threads)
 {
     int err = 0;
 
     if (!(run->cfg->cost & SST_COST_MCCNN))
         return 0;
-    run->nets = calloc((size_t)workers, sizeof(*run->nets));
+    run->networks = run->workers;
+    run->nets = calloc((size_t)run->networks, sizeof(*run->nets));
     if (!run->nets)
         return -ENOMEM;
-    for (int i = 0; !err && i < workers; i++)
-        err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / workers);
-    for (int i = 0; !err && i < workers; i++)
+    for (int i = 0; !err && i < run->networks; i++)
+        err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / run->networks);
+    for (int i = 0; !err && i < run->networks; i++)
         sst_network_use_device(run->nets[i], run->cfg->networks);
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
@@ -286,69 +289,105 @@ static int match_others(struct disparity_run *run, int workers)
     return err;
 }
 
-static int make_volumes(struct disparity_run *run, int workers)
+/* Views at once, and threads for each. */
+static void count_workers(struct disparity_run *run, int threads)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+    const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
+    const bool shared = !run->coarse && !cfg->frugal && !cfg->raw && cfg->joint && cfg->paths == 4 &&
+                        !(cfg->support_arm && cfg->support_after);
+    const size_t bytes = !shared ? VOLUME_BYTES : cfg->volume_bytes ? cfg->volume_bytes : SHARED_BYTES;
+    const int most = cfg->frugal ? 1 : sst_min_int(run->nets ? run->networks : threads, run->lf->cols);
+
+    run->workers = (int)(bytes / each) < most ? sst_max_int((int)(bytes / each), 1) : most;
+    run->inner = shared ? threads / run->workers : 1;
+}
+
+static void free_volumes(struct disparity_run *run)
+{
+    for (int i = 0; i < run->workers; i++)
+        sst_volume_fini(&run->volumes[i]);
+    for (int i = 0; i < run->workers * run->inner; i++)
+        sst_volume_fini(&run->parts[i]);
+}
+
+static int make_volumes(struct disparity_run *run, int threads)
 {
     int err = 0;
 
-    for (int i = 0; i < workers; i++)
-        sst_volume_fini(&run->volumes[i]);
-    for (int i = 0; !err && i < workers; i++)
+    free_volumes(run);
+    count_workers(run, threads);
+    for (int i = 0; !err && i < run->workers; i++)
         err = make_volume(run, &run->volumes[i]);
+    for (int i = 0; !err && run->inner > 1 && i < run->workers * run->inner; i++)
+        err = sst_volume_share(&run->parts[i], &run->volumes[i / run->inner]);
     return err;
 }
 
 /* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
  */
-static int choose_ranges(struct disparity_run *run, int workers)
+static int choose_ranges(struct disparity_run *run, int threads)
 {
     double error;
-    int err = make_volumes(run, workers);
+    int err = make_volumes(run, threads);
 
     if (err || !run->coarse)
         return err;
-    err = run_measure_ranges(run, workers, &error);
+    err = run_measure_ranges(run, run->workers, &error);
     if (!err && islessequal(error, run->cfg->range_error)) {
         if (run->cfg->report)
             run->cfg->report->ranges_error = error;
         return 0;
     }
     run_free_coarse(run);
-    return err ? err : make_volumes(run, workers);
+    for (int i = 0; i < run->workers; i++)
+        sst_tiles_fini(&run->tiles[i]);
+    return err ? err : make_volumes(run, threads);
+}
+
+/* Allocate for as many workers as there may be. */
+static int allocate_workers(struct disparity_run *run, int threads)
+{
+    run->volumes = calloc((size_t)threads, sizeof(*run->volumes));
+    run->parts = calloc((size_t)threads, sizeof(*run->parts));
+    run->tiles = calloc((size_t)threads, sizeof(*run->tiles));
+    return run->volumes && run->parts && run->tiles ? 0 : -ENOMEM;
+}
+
+/* Free what the first pass alone needs. */
+static void free_first(struct disparity_run *run)
+{
+    if (run->volumes && run->parts)
+        free_volumes(run);
+    for (int i = 0; run->tiles && i < run->workers; i++)
+        sst_tiles_fini(&run->tiles[i]);
+    for (int i = 0; run->nets && i < run->networks; i++)
+        sst_network_close(run->nets[i]);
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
+        sst_descriptor_fini(&run->desc[view]);
+    free(run->volumes);
+    free(run->parts);
+    free(run->tiles);
+    free(run->nets);
 }
 
 static int run_all(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
-    const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
-    const int most = run->cfg->frugal ? 1 : sst_min_int(threads, run->lf->cols);
-    const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, most);
     int err = run_make_coarse(run, threads);
 
     if (err)
         return err;
-    run->volumes = calloc((size_t)workers, sizeof(*run->volumes));
-    run->tiles = calloc((size_t)workers, sizeof(*run->tiles));
-    if (!run->volumes || !run->tiles) {
-        free(run->volumes);
-        free(run->tiles);
-        return -ENOMEM;
+    err = allocate_workers(run, threads);
+    if (!err) {
+        count_workers(run, threads);
+        err = open_networks(run, threads);
     }
-    err = open_networks(run, workers, threads);
-    err = err ? err : choose_ranges(run, workers);
-    err = err ? err : run_match(run, workers, progress, progress_arg);
+    err = err ? err : choose_ranges(run, threads);
+    err = err ? err : run_match(run, run->workers, progress, progress_arg);
     if (run->carried && run->rounds)
-        err = err ? err : match_others(run, workers);
-    for (int i = 0; i < workers; i++) {
-        sst_volume_fini(&run->volumes[i]);
-        sst_tiles_fini(&run->tiles[i]);
-        if (run->nets)
-            sst_network_close(run->nets[i]);
-    }
-    for (int view = 0; view < views; view++)
-        sst_descriptor_fini(&run->desc[view]);
-    free(run->volumes);
-    free(run->tiles);
-    free(run->nets);
+        err = err ? err : match_others(run, run->workers);
+    free_first(run);
     run_report_ranges(run);
     err = err ? err : finish_maps(run, threads);
     for (int view = 0; !err && view < views; view++) {

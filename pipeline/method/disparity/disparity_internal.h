@@ -15,7 +15,8 @@ struct disparity_run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
     struct sst_disparity_config census; /* what cfg points to with census_suffices */
-    struct sst_network **nets;          /* [workers]; NULL without features */
+    struct sst_network **nets;          /* [networks], one a worker; NULL without features */
+    int networks;
     bool fill;
     bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */
     bool others;                   /* the views that were to be carried are matched after all */
@@ -31,8 +32,11 @@ struct disparity_run {
     struct sst_map_u8 *status;     /* [views] */
     struct sst_map_u16 *filled;    /* [views] */
     struct sst_volume shape;       /* without memory: disparities, steps and phases of a whole view's volume */
-    struct sst_volume *volumes;    /* [workers] of whole views, or with `coarse` of tiles */
-    struct sst_tiles *tiles;       /* [workers] */
+    int workers;                   /* views that are matched at once */
+    int inner;                     /* threads that match a view; more than 1: of whole views, without `coarse` */
+    struct sst_volume *volumes;    /* [threads], [workers] in use: of whole views, or with `coarse` of tiles */
+    struct sst_volume *parts;      /* [threads], [workers][inner] in use: volumes that share those */
+    struct sst_tiles *tiles;       /* [threads], [workers] in use */
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
     struct sst_disparity_device *device; /* that views are matched on; NULL: on the CPU */

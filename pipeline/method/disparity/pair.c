@@ -15,7 +15,6 @@
 #include "pipeline/method/network/network.h"
 
 #define BAND        48 /* rows of a band */
-#define FILTER_HALO 5  /* rows beyond a band that the median (2) and the bilateral filter (3) read */
 #define MOST_NETS   2
 #define SPECK       121 /* pixels, the largest support region: smaller surfaces are false more often than not */
 #define AGREE_Q6    48  /* both images confirm each other within it: 3/4 px */
@@ -94,7 +93,7 @@ static int describe_job(void *arg, int index, int worker)
 
     err = err ? err : sst_descriptor_init(&p->desc[index], img, 1, cfg->cost, p->nets[worker]);
     if (!err && index == 0 && cfg->support_arm)
-        err = sst_disparity_support_init(&p->support, &p->desc[0].image, cfg->support_arm, cfg->support_tau);
+        err = sst_disparity_support_init(&p->support, &p->desc[0].image, cfg->support_arm, cfg->support_tau, 1);
     if (!err && index == 1)
         err = sst_descriptor_add_phases(&p->desc[1], sst_volume_phases(&p->shape, 1, 0));
     return !err && goes_coarser(p) ? init_quarter(&p->quarter[index], &p->desc[index].image) : err;
@@ -194,22 +193,9 @@ static int winner_job(void *arg, int index, int worker)
 /* Filter rows y0 .. y1-1 of one map. */
 static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
 {
-    const struct sst_map_u16 *raw = &p->raw[which];
-    const int top = sst_max_int(y0 - FILTER_HALO, 0), end = sst_min_int(y1 + FILTER_HALO, raw->height);
-    const struct sst_map_u8 luma = sst_map_u8_rows(&p->desc[which].luma, top, end - top);
-    struct sst_map_u16 own = { .width = raw->width, .height = end - top, .stride = raw->stride };
-    int err;
-
-    own.data = sst_mem_keep(&w->rows, (size_t)own.height, own.stride);
-    if (!own.data)
-        return -ENOMEM;
-    memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
     /* At half size the filtered right map confirms fewer of the true disparities. */
-    err = which && p->rows > 1 ? 0 : sst_disparity_median5(&own, &w->lines);
-    err = err ? err : sst_disparity_bilateral(&own, &luma, which ? 0 : p->cfg->bilateral_tau);
-    if (!err)
-        memcpy(sst_map_u16_row(&p->disp[which], y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
-    return err;
+    return sst_disparity_smooth_rows(&p->disp[which], &p->raw[which], &p->desc[which].luma, y0, y1,
+                                     !which || p->rows == 1, which ? 0 : p->cfg->bilateral_tau, &w->rows, &w->lines);
 }
 
 /* Mark the pixels of row y of the left map that the right map does not confirm within one pixel. */

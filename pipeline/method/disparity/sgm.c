@@ -40,13 +40,14 @@ static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx
         sst_colour_step_row(out + x0, img, y, x0, y + dy, x0 + dx, x1 - x0);
 }
 
-/* Paths along rows y0 .. y0 + rows - 1. */
-static void sweep_along(struct sst_volume *v, const struct sst_image *img, int y0, int rows, int dir, struct paths *p)
+/* Paths along rows y0 .. y0 + rows - 1. @param top  row of the image that the volume begins with */
+static void sweep_along(struct sst_volume *v, const struct sst_image *img, int top, int y0, int rows, int dir,
+                        struct paths *p)
 {
     const size_t n = (size_t)v->width, row_cells = v->width_padded * v->steps_padded, at = (size_t)y0 * row_cells;
 
     for (int r = 0; r < rows; r++)
-        penalty_row(p->penalty + (size_t)r * n, img, y0 + r, -dir, 0);
+        penalty_row(p->penalty + (size_t)r * n, img, top + y0 + r, -dir, 0);
     sst_kernels_get()->sgm_along_rows(p->line, v->sum + at, v->cost + at, row_cells, p->penalty, n, p->by_step.p1,
                                       p->by_step.p2, dir, dir > 0, (size_t)rows, n, v->steps_padded);
 }
@@ -69,7 +70,7 @@ static void sweep(struct sst_volume *v, const struct sst_image *img, int slants,
         const uint8_t *cost = v->cost + (size_t)y * row_cells;
 
         if (i % SST_SGM_ROWS == 0)
-            sweep_along(v, img, dir > 0 ? y : y - rows + 1, rows, dir, p);
+            sweep_along(v, img, 0, dir > 0 ? y : y - rows + 1, rows, dir, p);
         for (int s = 0; s < slants; s++) {
             const int dx = slants == 1 ? 0 : s - 1;
             uint16_t *swap = p->last[s];
@@ -101,5 +102,59 @@ int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const s
     sst_disparity_sgm_penalties_init(&p.by_step, cfg);
     sweep(v, img, slants, 1, &p);
     sweep(v, img, slants, -1, &p);
+    return 0;
+}
+
+int sst_disparity_sgm_along(struct sst_volume *v, const struct sst_image *img, int top,
+                            const struct sst_disparity_sgm_penalties *penalties)
+{
+    const size_t line = sst_sgm_line(v), n = (size_t)v->width;
+    uint16_t *rows = sst_mem_keep(&v->lines, 2 * SST_SGM_ROWS * line + n * SST_SGM_ROWS, sizeof(uint16_t));
+    struct paths p = { .by_step = *penalties };
+
+    if (!rows)
+        return -ENOMEM;
+    memset(rows, 0, 2 * SST_SGM_ROWS * line * sizeof(*rows));
+    p.penalty = (uint8_t *)(rows + 2 * SST_SGM_ROWS * line);
+    for (int y = 0; y < v->height; y += SST_SGM_ROWS) {
+        const int some = sst_min_int(SST_SGM_ROWS, v->height - y);
+
+        for (int dir = 1; dir >= -1; dir -= 2) {
+            p.line = rows + (dir > 0 ? 0 : SST_SGM_ROWS * line);
+            sweep_along(v, img, top, y, some, dir, &p);
+        }
+    }
+    return 0;
+}
+
+int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img, int x0, int n,
+                           const struct sst_disparity_sgm_penalties *penalties, struct sst_mem_kept *scratch)
+{
+    const size_t nd = v->steps_padded, row_cells = v->width_padded * nd;
+    const size_t line = ((size_t)n + 2) * (nd + 2 * SST_SGM_PAD);
+    uint16_t *now = sst_mem_keep(scratch, 2 * line + (size_t)n, sizeof(*now)), *last;
+    uint8_t *penalty;
+
+    if (!now)
+        return -ENOMEM;
+    last = now + line;
+    penalty = (uint8_t *)(last + line);
+    for (int dir = 1; dir >= -1; dir -= 2) {
+        memset(last, 0, line * sizeof(*last));
+        for (int i = 0; i < v->height; i++) {
+            const int y = dir > 0 ? i : v->height - 1 - i;
+            const size_t at = (size_t)y * row_cells + (size_t)x0 * nd;
+            uint16_t *swap = last;
+
+            if (i)
+                sst_colour_step_row(penalty, img, y, x0, y - dir, x0, n);
+            else
+                memset(penalty, 0, (size_t)n);
+            sst_kernels_get()->sgm_across_row(now, last, v->sum + at, v->cost + at, penalty, penalties->p1,
+                                              penalties->p2, 0, 0, (size_t)n, nd);
+            last = now;
+            now = swap;
+        }
+    }
     return 0;
 }

@@ -9,6 +9,7 @@
 
 #define MARGIN           4 /* repeated columns of the median's rows */
 #define BILATERAL_RADIUS 3 /* the standard normal density is below 0.005 of its peak beyond it */
+#define FILTER_HALO      5 /* rows beyond a band that the median (2) and the bilateral filter (3) read */
 
 int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
 {
@@ -106,6 +107,26 @@ int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *lu
     sst_mem_free(disp_ring);
     sst_mem_free(luma_ring);
     return 0;
+}
+
+int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_map_u16 *raw, const struct sst_map_u8 *luma,
+                              int y0, int y1, bool median, int tau, struct sst_mem_kept *rows,
+                              struct sst_mem_kept *lines)
+{
+    const int top = sst_max_int(y0 - FILTER_HALO, 0), end = sst_min_int(y1 + FILTER_HALO, raw->height);
+    const struct sst_map_u8 part = sst_map_u8_rows(luma, top, end - top);
+    struct sst_map_u16 own = { .width = raw->width, .height = end - top, .stride = raw->stride };
+    int err;
+
+    own.data = sst_mem_keep(rows, (size_t)own.height, own.stride);
+    if (!own.data)
+        return -ENOMEM;
+    memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
+    err = median ? sst_disparity_median5(&own, lines) : 0;
+    err = err ? err : sst_disparity_bilateral(&own, &part, tau);
+    if (!err)
+        memcpy(sst_map_u16_row(out, y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
+    return err;
 }
 
 void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,

@@ -129,12 +129,16 @@ struct sst_volume {
     size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
     uint16_t *sum;             /* the same shape: summed path costs; allocated by sst_disparity_sgm() */
+    bool borrowed;             /* cost and sum are another volume's */
     void *scratch;             /* of sst_volume_fill(), see volume.c */
     struct sst_mem_kept lines; /* scratch of the other steps */
 };
 
 SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
 void sst_volume_fini(struct sst_volume *v);
+
+/** A volume with the memory of another one, which must outlive it, and scratch of its own. @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_volume_share(struct sst_volume *out, const struct sst_volume *of);
 
 /**
  * Restrict the volume to a window of a view: only that is matched, against whole neighbours.
@@ -165,11 +169,22 @@ struct sst_support {
     struct sst_map_u16 count;
 };
 
-SST_MUST_CHECK int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
+SST_MUST_CHECK int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau,
+                                              int threads);
 void sst_disparity_support_fini(struct sst_support *s);
 
 /** Replace every cost by its mean over the pixel's support region; `rounds` times. */
 SST_MUST_CHECK int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds);
+
+/**
+ * One round of that in a band of a view's rows.
+ *
+ * @param v             of this band: its y0 is the band's first row
+ * @param above, below  costs of the SST_SUPPORT_MAX_ARM rows beside it before they were replaced, each as wide as the
+ * volume's; NULL: the view ends there
+ */
+SST_MUST_CHECK int sst_disparity_support_band(struct sst_volume *v, const struct sst_support *s, const uint8_t *above,
+                                              const uint8_t *below);
 
 /**
  * Semi-global optimisation of v->cost into v->sum along 4 or 8 paths (paper: energy E(D); Hirschmueller 2008, with the
@@ -184,6 +199,21 @@ struct sst_disparity_sgm_penalties {
 };
 
 void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
+
+/**
+ * The parts of the optimisation along 4 paths, in this order: the paths along all rows of a volume, the first sums; then
+ * those down and up its columns x0 .. x0 + n - 1, added. Several threads may compute bands of rows, then columns, at
+ * once.
+ *
+ * @param top      row of the image that the volume begins with
+ * @param scratch  of the thread
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_sgm_along(struct sst_volume *v, const struct sst_image *img, int top,
+                                           const struct sst_disparity_sgm_penalties *penalties);
+SST_MUST_CHECK int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img, int x0, int n,
+                                          const struct sst_disparity_sgm_penalties *penalties,
+                                          struct sst_mem_kept *scratch);
 
 /* Pixels of a tile: with the longest support regions around them, 64x48. */
 #define SST_TILE_WIDTH  54
@@ -304,6 +334,29 @@ void sst_volume_requantise(struct sst_volume *v);
 SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
                                      struct sst_map_u8 *confidence);
 
+/** How several threads match a view in one volume. */
+struct sst_volume_search {
+    const struct sst_disparity_config *cfg; /* 4 paths; penalties, bilateral filter, cancel */
+    const struct sst_descriptor *ref;
+    const struct sst_neighbour *neighbours;
+    int count;
+    const struct sst_support *support;
+    int rounds; /* of aggregation */
+    int threads;
+    struct sst_map_u16 *disp;      /* out, filtered */
+    struct sst_map_u8 *confidence; /* out */
+};
+
+/**
+ * Fill a volume, aggregate, optimise, pick and filter the winners, with the bytes of one thread.
+ *
+ * @param v     of the whole view
+ * @param part  [in->threads] from sst_volume_share() of v
+ * @return 0, -ENOMEM, -ECANCELED
+ */
+SST_MUST_CHECK int sst_volume_search(struct sst_volume *v, struct sst_volume *part,
+                                     const struct sst_volume_search *in);
+
 /** 5x5 median, borders repeated. In place. @param lines  scratch */
 SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
 
@@ -313,6 +366,19 @@ SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem
  * D(p): averaging across a depth edge would create points in empty space.
  */
 SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
+
+/**
+ * Both filters of rows y0 .. y1-1, on their own; the rows around them are read.
+ *
+ * @param out     rows y0 .. y1-1 are written; not `raw`
+ * @param median  false: the bilateral filter alone
+ * @param tau     0: the median alone
+ * @param rows, lines  scratch
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_map_u16 *raw,
+                                             const struct sst_map_u8 *luma, int y0, int y1, bool median, int tau,
+                                             struct sst_mem_kept *rows, struct sst_mem_kept *lines);
 
 /** Its weight g at a distance, 4096 at none. */
 int sst_disparity_bilateral_weight(int dx, int dy);

@@ -3,11 +3,13 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/disparity/stage.h"
 
 /* Rows of column sums in the ring: one above the highest arm, the row itself, and those of the lowest arm. */
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
+#define BAND 48 /* rows of a job */
 
 void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n)
 {
@@ -74,32 +76,56 @@ static void count_row(struct sst_support *s, int y)
                    sst_map_u8_row(&s->left, j), sst_map_u8_row(&s->right, j), w);
 }
 
-int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
+/* Arms, or pixels, of all rows. */
+struct all_rows {
+    struct sst_support *s;
+    const struct sst_image *img;
+    int arm, tau;
+};
+
+static int arms_job(void *arg, int band, int worker SST_UNUSED)
 {
-    const int w = img->width, h = img->height;
+    const struct all_rows *a = arg;
+    struct sst_support *s = a->s;
+
+    for (int y = band * BAND; y < sst_min_int((band + 1) * BAND, a->img->height); y++) {
+        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&s->count, y); /* unused until the counts are computed */
+
+        arm_row(sst_map_u8_row(&s->left, y), scratch, a->img, y, -1, 0, a->arm, a->tau);
+        arm_row(sst_map_u8_row(&s->right, y), scratch, a->img, y, 1, 0, a->arm, a->tau);
+        arm_row(sst_map_u8_row(&s->up, y), scratch, a->img, y, 0, -1, a->arm, a->tau);
+        arm_row(sst_map_u8_row(&s->down, y), scratch, a->img, y, 0, 1, a->arm, a->tau);
+    }
+    return 0;
+}
+
+static int counts_job(void *arg, int band, int worker SST_UNUSED)
+{
+    const struct all_rows *a = arg;
+
+    for (int y = band * BAND; y < sst_min_int((band + 1) * BAND, a->img->height); y++)
+        count_row(a->s, y);
+    return 0;
+}
+
+int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau, int threads)
+{
+    const int w = img->width, h = img->height, bands = (h + BAND - 1) / BAND;
     struct sst_support made = { 0 };
+    struct all_rows all = { &made, img, arm, tau };
     int err = sst_map_u8_init(&made.left, w, h);
 
     err = err ? err : sst_map_u8_init(&made.right, w, h);
     err = err ? err : sst_map_u8_init(&made.up, w, h);
     err = err ? err : sst_map_u8_init(&made.down, w, h);
     err = err ? err : sst_map_u16_init(&made.count, w, h);
-    if (err) {
+    err = err ? err : sst_parallel_for(bands, threads, arms_job, &all);
+    err = err ? err : sst_parallel_for(bands, threads, counts_job, &all);
+    if (err)
         sst_disparity_support_fini(&made);
-        return err;
-    }
-    for (int y = 0; y < h; y++) {
-        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&made.count, y); /* unused until the counts are computed */
-
-        arm_row(sst_map_u8_row(&made.left, y), scratch, img, y, -1, 0, arm, tau);
-        arm_row(sst_map_u8_row(&made.right, y), scratch, img, y, 1, 0, arm, tau);
-        arm_row(sst_map_u8_row(&made.up, y), scratch, img, y, 0, -1, arm, tau);
-        arm_row(sst_map_u8_row(&made.down, y), scratch, img, y, 0, 1, arm, tau);
-    }
-    for (int y = 0; y < h; y++)
-        count_row(&made, y);
-    *s = made;
-    return 0;
+    else
+        *s = made;
+    return err;
 }
 
 void sst_disparity_support_fini(struct sst_support *s)
@@ -122,11 +148,22 @@ static void clip_arms(uint8_t *left, uint8_t *right, const struct sst_volume *v,
     }
 }
 
-int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
+/* Costs of row y of a band: of the volume, or of the rows beside it as they were. */
+static const uint8_t *costs_of(const struct sst_volume *v, int y, const uint8_t *above, const uint8_t *below)
+{
+    const size_t row_cells = v->width_padded * v->steps_padded;
+
+    if (y < 0)
+        return above + (size_t)(y + SST_SUPPORT_MAX_ARM) * row_cells;
+    return y < v->height ? v->cost + (size_t)y * row_cells : below + (size_t)(y - v->height) * row_cells;
+}
+
+int sst_disparity_support_band(struct sst_volume *v, const struct sst_support *s, const uint8_t *above,
+                               const uint8_t *below)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
-    const int arm = SST_SUPPORT_MAX_ARM;
+    const int arm = SST_SUPPORT_MAX_ARM, first = above ? -arm : 0, end = v->height + (below ? arm : 0);
     uint16_t *ring = sst_mem_keep(&v->lines, RING * row_cells + (n + 1) * nd + n, sizeof(uint16_t)), *prefix;
     uint8_t *left, *right;
 
@@ -135,23 +172,31 @@ int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_suppo
     prefix = ring + RING * row_cells;
     left = (uint8_t *)(prefix + (n + 1) * nd);
     right = left + n;
-    for (int round = 0; round < rounds; round++) {
-        memset(ring + (RING - 1) * row_cells, 0, row_cells * sizeof(*ring)); /* the row above the first */
-        for (int next = 0, y = 0; y < v->height; y++) {
-            const uint16_t *rows[RING], *const *at = rows + arm + 1;
+    /* the row above the first */
+    memset(ring + (size_t)((first - 1 + 2 * RING) % RING) * row_cells, 0, row_cells * sizeof(*ring));
+    for (int next = first, y = 0; y < v->height; y++) {
+        const uint16_t *rows[RING], *const *at = rows + arm + 1;
 
-            for (; next < v->height && next <= y + arm; next++) {
-                clip_arms(left, right, v, s, next);
-                k->support_sum_row(ring + (size_t)(next % RING) * row_cells,
-                                   ring + (size_t)((next + RING - 1) % RING) * row_cells, prefix,
-                                   v->cost + (size_t)next * row_cells, left, right, n, nd);
-            }
-            for (int j = -arm - 1; j <= arm; j++)
-                rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
-            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, v->y0 + y) + v->x0,
-                                sst_map_u8_row(&s->down, v->y0 + y) + v->x0,
-                                sst_map_u16_row(&s->count, v->y0 + y) + v->x0, n, nd);
+        for (; next < end && next <= y + arm; next++) {
+            clip_arms(left, right, v, s, next);
+            k->support_sum_row(ring + (size_t)((next + RING) % RING) * row_cells,
+                               ring + (size_t)((next + 2 * RING - 1) % RING) * row_cells, prefix,
+                               costs_of(v, next, above, below), left, right, n, nd);
         }
+        for (int j = -arm - 1; j <= arm; j++)
+            rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
+        k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, v->y0 + y) + v->x0,
+                            sst_map_u8_row(&s->down, v->y0 + y) + v->x0, sst_map_u16_row(&s->count, v->y0 + y) + v->x0,
+                            n, nd);
     }
     return 0;
+}
+
+int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
+{
+    int err = 0;
+
+    for (int round = 0; !err && round < rounds; round++)
+        err = sst_disparity_support_band(v, s, NULL, NULL);
+    return err;
 }

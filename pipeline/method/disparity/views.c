@@ -159,6 +159,24 @@ int run_gather_neighbours(struct disparity_run *run, int view, int first, int la
     return err ? err : count;
 }
 
+/* Match one view on several threads, and filter its map. */
+static int search_shared(struct disparity_run *run, struct sst_volume *v, int view,
+                         const struct sst_neighbour *neighbours, int count, const struct sst_support *support)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+    const struct sst_volume_search in = { .cfg = cfg,
+                                          .ref = &run->desc[view],
+                                          .neighbours = neighbours,
+                                          .count = count,
+                                          .support = support,
+                                          .rounds = cfg->support_arm ? cfg->support_before : 0,
+                                          .threads = run->inner,
+                                          .disp = &run->disp[view],
+                                          .confidence = &run->confidence[view] };
+
+    return sst_volume_search(v, &run->parts[(v - run->volumes) * run->inner], &in);
+}
+
 /* Match one view against the neighbours of the sides in first..last into disp and confidence. */
 static int match_sides(struct disparity_run *run, struct sst_volume *v, int view, int first, int last,
                        const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
@@ -176,6 +194,8 @@ static int match_sides(struct disparity_run *run, struct sst_volume *v, int view
             run_drop_phases(run);
         return err;
     }
+    if (run->inner > 1)
+        return search_shared(run, v, view, neighbours, count, support);
     sst_volume_fill(v, &run->desc[view], neighbours, count);
     if (cfg->frugal)
         run_drop_phases(run);
@@ -251,7 +271,8 @@ static int match_job(void *arg, int index, int worker)
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
-            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau,
+                                       run->inner);
     if (!err)
         err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
                                             &run->disp[view], &run->confidence[view])
@@ -261,9 +282,9 @@ static int match_job(void *arg, int index, int worker)
         memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
         return 0;
     }
-    if (!err && !run->cfg->raw)
+    if (!err && !run->cfg->raw && run->inner == 1)
         err = sst_disparity_median5(&run->disp[view], &run->volumes[worker].lines);
-    if (!err && !run->cfg->raw)
+    if (!err && !run->cfg->raw && run->inner == 1)
         err = sst_disparity_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
     if (!err)
         forget_unseen(&run->disp[view], &run->desc[view].seen);
@@ -425,18 +446,19 @@ static int match_batch(void *arg, const int *index, int count)
     struct disparity_run *run = m->run;
     int view[SST_MAX_VIEWS], err;
     struct batch batch = { run, view };
+    const int describing = run->nets ? m->threads : m->threads * run->inner; /* a network is one worker's */
     bool left = false;
 
     for (int i = 0; i < count; i++)
         view[i] = m->view[index[i]];
     forget_far(run, view, count);
     run->costs = !run->device;
-    err = run_describe_for(run, view, count, m->threads);
+    err = run_describe_for(run, view, count, describing);
     if (run->cfg->device)
         err = err ? err : match_batch_on_device(run, view, count, &left);
     if (left && !run->costs) {
         run->costs = true;
-        err = err ? err : run_describe_for(run, view, count, m->threads);
+        err = err ? err : run_describe_for(run, view, count, describing);
     }
     err = err ? err : sst_parallel_for(count, m->threads, match_job, &batch);
     if (m->progress)

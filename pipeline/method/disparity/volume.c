@@ -64,6 +64,19 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     return 0;
 }
 
+int sst_volume_share(struct sst_volume *out, const struct sst_volume *of)
+{
+    struct sst_volume made = *of;
+
+    made.borrowed = true;
+    made.lines = (struct sst_mem_kept){ 0 };
+    made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
+    if (!made.scratch)
+        return -ENOMEM;
+    *out = made;
+    return 0;
+}
+
 void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height)
 {
     v->x0 = x0;
@@ -76,8 +89,10 @@ void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int heig
 
 void sst_volume_fini(struct sst_volume *v)
 {
-    sst_mem_free(v->cost);
-    sst_mem_free(v->sum);
+    if (!v->borrowed) {
+        sst_mem_free(v->cost);
+        sst_mem_free(v->sum);
+    }
     sst_mem_free(v->scratch);
     sst_mem_kept_fini(&v->lines);
     *v = (struct sst_volume){ 0 };

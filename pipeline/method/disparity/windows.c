@@ -198,7 +198,7 @@ static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED
         return err;
     if (run->cfg->support_arm)
         err = sst_disparity_support_init(&c.support, &run->desc[view].image, run->cfg->support_arm,
-                                         run->cfg->support_tau);
+                                         run->cfg->support_tau, c.workers);
     for (int i = 0; !err && i < 3; i++)
         err = compare_ranges(&c, last * (2 * i + 1) / 6, &off);
     sst_disparity_support_fini(&c.support);
