@@ -8,6 +8,8 @@
 #define DIRECTIONS 16
 #define BLOCK      64 /* pixels of a row that are projected together */
 #define CELLS      64 /* a row or column of cells at most */
+#define ARRIVED    1  /* added to a disparity that is projected onto a pixel; 0: none is */
+#define BARRED     UINT16_MAX /* in its place where no pixel is left: no disparity is larger */
 
 /* A neighbour, and where a pixel of the view under check lies in it. */
 struct neighbour {
@@ -142,7 +144,21 @@ static bool reaches_wanted(const struct wanted *w, const uint16_t *d, int x, int
                       sst_min_int(y_least, y_most), sst_max_int(y_least, y_most));
 }
 
-/* Project the correct pixels of a neighbour into this view, to where pixels are left; the nearest surface wins. */
+/* Let disparities arrive where pixels are left, and nowhere else: most pixels of a neighbour then write nothing. */
+static void open_wanted(struct sst_map_u16 *out, const struct sst_map_u16 *disp, const struct sst_map_u8 *status)
+{
+    for (int y = 0; y < disp->height; y++) {
+        const uint16_t *d = sst_map_u16_row(disp, y);
+        const uint8_t *s = sst_map_u8_row(status, y);
+        uint16_t *to = sst_map_u16_row(out, y);
+
+        for (int x = 0; x < disp->width; x++)
+            to[x] = (uint16_t)(is_wanted(s[x], d[x]) ? 0 : BARRED);
+    }
+}
+
+/* Project the correct pixels of a neighbour into this view, to where pixels are left; the nearest surface wins.
+ * @param out  from open_wanted() */
 static void project(struct sst_map_u16 *out, const struct wanted *w, const struct sst_checked_view *n,
                     double disp_min_px)
 {
@@ -158,12 +174,11 @@ static void project(struct sst_map_u16 *out, const struct wanted *w, const struc
             const int x = sst_shifted(xn, across, d[xn]), y = sst_shifted(yn, down, d[xn]);
             uint16_t *at;
 
-            if (ok[xn] != SST_DISPARITY_CORRECT || (unsigned)x >= (unsigned)out->width ||
-                (unsigned)y >= (unsigned)out->height)
+            if ((unsigned)x >= (unsigned)out->width || (unsigned)y >= (unsigned)out->height)
                 continue;
             at = &sst_map_u16_row(out, y)[x];
-            if (*at == SST_DISP_NONE || d[xn] > *at)
-                *at = d[xn];
+            if (d[xn] + ARRIVED > *at && ok[xn] == SST_DISPARITY_CORRECT)
+                *at = (uint16_t)(d[xn] + ARRIVED);
         }
     }
 }
@@ -178,7 +193,7 @@ static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
         uint16_t *d = sst_map_u16_row(disp, y);
 
         for (int x = 0; x < disp->width; x++)
-            d[x] = is_wanted(s[x], d[x]) ? p[x] : d[x];
+            d[x] = (uint16_t)(!is_wanted(s[x], d[x]) ? d[x] : p[x] ? p[x] - ARRIVED : (int)SST_DISP_NONE);
     }
 }
 
@@ -273,7 +288,7 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
 
         if (!count_wanted(&wanted, disp_q6, status))
             break;
-        memset(scratch->data, 0xFF, scratch->stride * (size_t)scratch->height);
+        open_wanted(scratch, disp_q6, status);
         for (; i < end; i++)
             project(scratch, &wanted, &views[i], disp_min_px);
         copy_projected(disp_q6, status, scratch);
