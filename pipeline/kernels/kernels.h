@@ -716,9 +716,14 @@ typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size
 
 /* --- live (pipeline/live/) --- */
 
-/** Extremes of stored disparities, of those of before and of n more: span[0] the smallest one, span[1] the largest one
- *  below `end`, 0: none. @param end  0 .. 0xFFFF */
-typedef void sst_disp_span_fn(uint16_t span[2], const uint16_t *disp, int end, size_t n);
+/**
+ * Extremes of stored disparities, of those of before and of `rows` rows of n more: span[0] the smallest one, span[1] the
+ * largest one below `end`, 0: none.
+ *
+ * @param disp  rows are `stride` bytes apart
+ * @param end   0 .. 0xFFFF
+ */
+typedef void sst_disp_span_fn(uint16_t span[2], const uint16_t *disp, size_t stride, int end, size_t n, size_t rows);
 
 #define SST_SCORE_SLOTS 8
 #define SST_SCORE_SLACK 1  /* levels, and the usual difference: do not count */

@@ -4,27 +4,33 @@
 #include <emmintrin.h>
 #endif
 
-#define SPAN_LANES 16 /* rows of a tile are 16 to 50 values */
+/* Rows are 16 to 50 values: with blocks of 32, those of 16 would be left to the reference. */
+#define SPAN_LANES 16
 typedef uint16_t KERNEL(span_values) __attribute__((vector_size(2 * SPAN_LANES)));
 
-static void KERNEL(disp_span)(uint16_t span[2], const uint16_t *disp, int end, size_t n)
+/* Columns of blocks, so that extremes stay in registers. */
+static void KERNEL(disp_span)(uint16_t span[2], const uint16_t *disp, size_t stride, int end, size_t n, size_t rows)
 {
     const KERNEL(span_values) zero = { 0 }, above = zero + (uint16_t)end;
     KERNEL(span_values) least = zero + span[0], most = zero + span[1];
 
     if (n < SPAN_LANES) {
-        sst_disp_span_ref(span, disp, end, n);
+        sst_disp_span_ref(span, disp, stride, end, n, rows);
         return;
     }
     for (size_t x = 0; x < n; x += SPAN_LANES) {
-        KERNEL(span_values) at, known, less, more;
+        const uint16_t *row = disp + (n - x < SPAN_LANES ? n - SPAN_LANES : x);
 
-        memcpy(&at, disp + (n - x < SPAN_LANES ? n - SPAN_LANES : x), sizeof(at));
-        known = at & (KERNEL(span_values))(at < above);
-        less = (KERNEL(span_values))(at < least);
-        more = (KERNEL(span_values))(known > most);
-        least = (at & less) | (least & ~less);
-        most = (known & more) | (most & ~more);
+        for (size_t y = 0; y < rows; y++, row += stride / sizeof(*row)) {
+            KERNEL(span_values) at, known, less, more;
+
+            memcpy(&at, row, sizeof(at));
+            known = at & (KERNEL(span_values))(at < above);
+            less = (KERNEL(span_values))(at < least);
+            more = (KERNEL(span_values))(known > most);
+            least = (at & less) | (least & ~less);
+            most = (known & more) | (most & ~more);
+        }
     }
     for (int i = 0; i < SPAN_LANES; i++) {
         span[0] = least[i] < span[0] ? least[i] : span[0];

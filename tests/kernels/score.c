@@ -12,22 +12,25 @@ static unsigned below(unsigned n)
     return (unsigned)(sst_random_u64(&seed) % n);
 }
 
-static void check_span(const struct sst_kernels *k, size_t n, const char *name)
+static void check_span(const struct sst_kernels *k, size_t n, size_t rows, const char *name)
 {
     const int end[] = { 0, 1, 2000, 40000, 65534, 65535 };
+    const size_t stride = n + below(3); /* values; the last row ends the buffer */
 
     for (size_t i = 0; i < ARRAY_LEN(end); i++) {
-        uint16_t *disp = guard_random(n * sizeof(*disp), &seed), want[2] = { UINT16_MAX, 0 },
+        const size_t values = (rows - 1) * stride + n;
+        uint16_t *disp = guard_random(values * sizeof(*disp), &seed), want[2] = { UINT16_MAX, 0 },
                  got[2] = { UINT16_MAX, 0 };
 
-        for (size_t x = 0; x < n; x++)
+        for (size_t x = 0; x < values; x++)
             disp[x] = (uint16_t)(below(4) ? below(3000) : below(3) ? disp[x] : 0xFFFF);
         if (!below(3))
             want[0] = got[0] = want[1] = got[1] = (uint16_t)below(3000);
-        sst_disp_span_ref(want, disp, end[i], n);
-        k->disp_span(got, disp, end[i], n);
+        sst_disp_span_ref(want, disp, stride * sizeof(*disp), end[i], n, rows);
+        k->disp_span(got, disp, stride * sizeof(*disp), end[i], n, rows);
         if (memcmp(want, got, sizeof(want)))
-            fail_msg("%s, span of %zu below %d: %u..%u, not %u..%u", name, n, end[i], got[0], got[1], want[0], want[1]);
+            fail_msg("%s, span of %zu rows of %zu below %d: %u..%u, not %u..%u", name, rows, n, end[i], got[0], got[1],
+                     want[0], want[1]);
     }
     guard_free_all();
 }
@@ -82,7 +85,7 @@ static void scores_equal_reference(void **state SST_UNUSED)
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
         for (size_t n = 1; n < 150; n++) {
-            check_span(&k, n, name);
+            check_span(&k, n, 1 + n % 5, name);
             for (int learns = 0; learns < 2; learns++) {
                 check_score(&k, n, 0, learns, name);
                 check_score(&k, n, 30, learns, name);

@@ -17,6 +17,7 @@
 #define TURNS        3         /* a cell whose rays changed is rendered within this number of sets, ... */
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
+#define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
 
@@ -200,11 +201,17 @@ static int count_turns(struct picture_behind *b, int64_t t_ns)
     return sst_clamp_int((int)((TURN_NS + b->step_ns / 2) / b->step_ns), TURNS, MOST_TURNS);
 }
 
+/* The run of cells that a cell belongs to. */
+static int run_of(const struct picture_behind *b, int at)
+{
+    return at / b->cols * ((b->cols + RUN - 1) / RUN) + at % b->cols / RUN;
+}
+
 /* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
     return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= b->turns ||
-           (at % b->cols + at / b->cols + b->round) % b->turns == 0;
+           (run_of(b, at) + b->round) % b->turns == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -250,13 +257,13 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
 /* The plane that a cell is tried on in this round; -1: none. */
 static int candidate(const struct picture_behind *b, int at)
 {
-    const int col = at % b->cols, row = at / b->cols, plane = b->cell[at].plane;
+    const int run = run_of(b, at), plane = b->cell[at].plane;
 
     if (!b->cell[at].holes || b->cell[at].stale)
         return -1;
     if (b->round < START_ROUNDS)
-        return (col + row + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
-    if ((at + b->round) % (EXPLORE * b->turns))
+        return (run + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
+    if ((run + b->round) % (EXPLORE * b->turns))
         return -1;
     return (plane + (b->round / (EXPLORE * b->turns) % 2 ? 1 : b->planned - 1)) % b->planned;
 }

@@ -52,11 +52,10 @@ void scene_composer_fini(struct scene_composer *c)
 
 static struct scene_span tile_span(const struct sst_map_u16 *disp, int x0, int x1, int y0, int y1)
 {
-    const struct sst_kernels *kernels = sst_kernels_get();
     uint16_t most[2] = { SST_DISP_NONE, 0 };
 
-    for (int y = y0; y < y1; y++)
-        kernels->disp_span(most, sst_map_u16_row(disp, y) + x0, SST_DISP_NONE, (size_t)(x1 - x0));
+    sst_kernels_get()->disp_span(most, sst_map_u16_row(disp, y0) + x0, disp->stride, SST_DISP_NONE, (size_t)(x1 - x0),
+                                 (size_t)(y1 - y0));
     return (struct scene_span){ most[0], most[1] };
 }
 

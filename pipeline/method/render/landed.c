@@ -130,8 +130,8 @@ static struct span span_of(const struct clear *c, const struct clear_view *v, st
     const uint16_t end = (uint16_t)sst_clamp_int(sst_min_int(c->bins, c->cut_q6 + 1), 0, SST_DISP_NONE);
     uint16_t most[2] = { UINT16_MAX, 0 };
 
-    for (int y = r.y0; y < r.y1; y++)
-        c->kernels->disp_span(most, sst_map_u16_row(&v->tap->v->disp, y) + r.x0, end, (size_t)(r.x1 - r.x0));
+    c->kernels->disp_span(most, sst_map_u16_row(&v->tap->v->disp, r.y0) + r.x0, v->tap->v->disp.stride, end,
+                          (size_t)(r.x1 - r.x0), (size_t)(r.y1 - r.y0));
     return most[0] < end ? (struct span){ most[0], most[1] } : (struct span){ 1, 0 };
 }
 
