@@ -717,8 +717,8 @@ typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size
 /* --- live (pipeline/live/) --- */
 
 /**
- * Extremes of stored disparities, of those of before and of `rows` rows of n more: span[0] the smallest one, span[1] the
- * largest one below `end`, 0: none.
+ * Extremes of stored disparities, of those of before and of `rows` rows of n more: span[0] the smallest one, span[1]
+ * the largest one below `end`, 0: none.
  *
  * @param disp  rows are `stride` bytes apart
  * @param end   0 .. 0xFFFF

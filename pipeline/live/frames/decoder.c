@@ -24,8 +24,8 @@ struct decoder {
     int width, height;
     size_t stride;
     /* of the last frame */
-    uint8_t *pixels;        /* [height][stride] */
-    uint8_t *line;          /* [stride] a row of a part */
+    uint8_t *pixels;        /* [height][stride], or parts of it, one after the other ... */
+    size_t used;            /* ... of which these bytes are taken */
     struct sst_image image; /* of raw formats */
     char fault[JMSG_LENGTH_MAX];
     bool refused;
@@ -323,39 +323,52 @@ static int cut_part(struct decoder *d, const struct decoder_frame *frame, struct
     return 0;
 }
 
-int decoder_decode_part(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
-                        const int box[4], const uint8_t **pixels, size_t *stride)
+/* Decode a part behind those in memory. @return 0, -EBADMSG, -ENOTSUP; may escape */
+static int decode_part(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
+                       struct decoder_part *p)
 {
-    const int w = index->mcu_width, h = index->mcu_height, above = index->tall;
+    const int w = index->mcu_width, h = index->mcu_height, above = index->tall, *box = p->box;
     /* With the neighbours for chroma interpolation. */
     const struct sst_jpeg_part part = { sst_max_int(box[0] / w - 1, 0), sst_max_int(box[1] / h - above, 0),
                                         sst_min_int((box[2] + w - 1) / w + 1, index->mcus_x),
                                         sst_min_int((box[3] + h - 1) / h + above, index->mcus_y) };
-    int err;
+    size_t skipped;
+    int err = cut_part(d, frame, index, &part);
 
-    if (setjmp(d->escape)) {
-        jpeg_abort_decompress(&d->jpeg);
-        return -EBADMSG;
-    }
-    err = cut_part(d, frame, index, &part);
     if (err)
         return err;
     d->jpeg.out_color_space = JCS_EXT_RGBX;
     d->jpeg.dct_method = JDCT_ISLOW;
     jpeg_start_decompress(&d->jpeg);
-    while (d->jpeg.output_scanline < d->jpeg.output_height && !d->refused) {
-        const int y = part.y0 * h + (int)d->jpeg.output_scanline;
-        JSAMPROW line = d->line;
+    p->stride = sst_mem_stride(d->jpeg.output_width, 4);
+    if (p->stride * d->jpeg.output_height > d->stride * (size_t)d->height - d->used)
+        err = -ENOTSUP;
+    while (!err && d->jpeg.output_scanline < d->jpeg.output_height && !d->refused) {
+        JSAMPROW line = d->pixels + d->used + d->jpeg.output_scanline * p->stride;
 
         (void)jpeg_read_scanlines(&d->jpeg, &line, 1);
-        if (y >= box[1] && y < box[3])
-            memcpy(d->pixels + (size_t)y * d->stride + 4 * (size_t)box[0], line + 4 * (size_t)(box[0] - part.x0 * w),
-                   4 * (size_t)(box[2] - box[0]));
     }
-    jpeg_abort_decompress(&d->jpeg);
-    *pixels = d->pixels;
-    *stride = d->stride;
-    return d->refused ? -EBADMSG : 0;
+    skipped = (size_t)(box[1] - part.y0 * h) * p->stride + 4 * (size_t)(box[0] - part.x0 * w);
+    p->pixels = d->pixels + d->used + skipped;
+    d->used += p->stride * d->jpeg.output_height;
+    return d->refused ? -EBADMSG : err;
+}
+
+int decoder_decode_parts(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
+                         struct decoder_part *part, int parts)
+{
+    volatile int err = 0;
+
+    d->used = 0;
+    if (setjmp(d->escape)) {
+        jpeg_abort_decompress(&d->jpeg);
+        return -EBADMSG;
+    }
+    for (int i = 0; i < parts && !err; i++) {
+        err = decode_part(d, frame, index, &part[i]);
+        jpeg_abort_decompress(&d->jpeg);
+    }
+    return err;
 }
 
 static int open_jpeg(struct decoder *d)
@@ -397,8 +410,7 @@ int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height)
     d->height = height;
     d->stride = sst_mem_stride((size_t)width, 4);
     d->pixels = sst_mem_alloc((size_t)height, d->stride);
-    d->line = sst_mem_alloc(1, d->stride);
-    if (!d->pixels || !d->line)
+    if (!d->pixels)
         err = -ENOMEM;
     else
         err = jpeg ? open_jpeg(d) : sst_image_init(&d->image, width, height);
@@ -418,7 +430,6 @@ void decoder_destroy(struct decoder *d)
     sst_jpeg_means_destroy(d->means);
     sst_image_fini(&d->image);
     sst_mem_free(d->pixels);
-    sst_mem_free(d->line);
     free(d);
 }
 

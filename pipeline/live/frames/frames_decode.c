@@ -12,14 +12,15 @@
 
 /* --- decoding ----------------------------------------------------------------------------------------------------- */
 
-/* Split the pixels of a run of tiles into colour planes. */
+/* Split the pixels of a run of tiles into colour planes. @param pixels  of (x0, y0) */
 static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
 {
     for (int y = y0; y < y1; y++) {
-        const uint8_t *from = pixels + (size_t)y * stride;
-        uint8_t *r = sst_image_row(image, 0, y), *g = sst_image_row(image, 1, y), *b = sst_image_row(image, 2, y);
+        const uint8_t *from = pixels + (size_t)(y - y0) * stride;
+        uint8_t *restrict r = sst_image_row(image, 0, y) + x0, *restrict g = sst_image_row(image, 1, y) + x0;
+        uint8_t *restrict b = sst_image_row(image, 2, y) + x0;
 
-        for (int x = x0; x < x1; x++) {
+        for (int x = 0; x < x1 - x0; x++) {
             r[x] = from[4 * x];
             g[x] = from[4 * x + 1];
             b[x] = from[4 * x + 2];
@@ -27,28 +28,30 @@ static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, cons
     }
 }
 
-static void store_pixels(struct sst_liveframes *f, int k, const uint8_t *pixels, size_t stride)
+/* Take the dirty tiles of a part, whose sides are those of tiles. */
+static void store_part(struct sst_liveframes *f, int k, const struct decoder_part *p)
 {
+    const int left = p->box[0] / SST_LIVE_TILE, right = (p->box[2] + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     struct live_view *v = &f->view[k];
 
-    for (int row = 0; row < f->raw_rows; row++) {
-        const int y0 = row * SST_LIVE_TILE, y1 = sst_min_int(y0 + SST_LIVE_TILE, f->cfg->height);
-        const uint8_t *dirty = v->dirty + (size_t)row * (size_t)f->raw_cols;
+    for (int y0 = p->box[1]; y0 < p->box[3]; y0 += SST_LIVE_TILE) {
+        const uint8_t *dirty = v->dirty + (size_t)(y0 / SST_LIVE_TILE) * (size_t)f->raw_cols;
+        const int y1 = sst_min_int(y0 + SST_LIVE_TILE, p->box[3]);
 
-        for (int col = 0, end; col < f->raw_cols; col = end + 1) {
+        for (int col = left, end; col < right; col = end + 1) {
             const int x0 = col * SST_LIVE_TILE;
+            const uint8_t *from = p->pixels + (size_t)(y0 - p->box[1]) * p->stride + 4 * (size_t)(x0 - p->box[0]);
             int x1;
 
-            for (end = col; end < f->raw_cols && dirty[end];)
+            for (end = col; end < right && dirty[end];)
                 end++;
             x1 = sst_min_int(end * SST_LIVE_TILE, f->cfg->width);
             if (end == col)
                 continue;
             if (v->sampler)
-                sst_sampler_put(v->sampler, x0, y0, x1 - x0, y1 - y0, pixels + (size_t)y0 * stride + 4 * (size_t)x0,
-                                stride);
+                sst_sampler_put(v->sampler, x0, y0, x1 - x0, y1 - y0, from, p->stride);
             else
-                unpack(&f->lf->views[k].image, x0, y0, x1, y1, pixels, stride);
+                unpack(&f->lf->views[k].image, x0, y0, x1, y1, from, p->stride);
         }
     }
 }
@@ -121,8 +124,8 @@ static bool find_parts(const struct sst_liveframes *f, const struct live_view *v
     return area < (last - first) * f->raw_cols;
 }
 
-/* Decode the dirty tiles by parts. @return 0, -ENOTSUP (decode what lies between them, too), -EBADMSG */
-static int decode_parts(struct sst_liveframes *f, int k, struct decoder *d, const uint8_t **pixels, size_t *stride)
+/* Decode the dirty tiles by parts. @return their number; or -ENOTSUP (decode what lies between them, too), -EBADMSG */
+static int decode_parts(struct sst_liveframes *f, int k, struct decoder *d, struct decoder_part part[MOST_PARTS])
 {
     struct live_view *v = &f->view[k];
     const struct decoder_frame frame = frame_of(f, k);
@@ -130,13 +133,27 @@ static int decode_parts(struct sst_liveframes *f, int k, struct decoder *d, cons
     int err = v->index.valid && find_parts(f, v, &p) ? 0 : -ENOTSUP;
 
     for (int i = 0; !err && i < p.count; i++) {
-        const int box[4] = { p.box[i][0] * SST_LIVE_TILE, p.box[i][1] * SST_LIVE_TILE,
-                             sst_min_int(p.box[i][2] * SST_LIVE_TILE, f->cfg->width),
-                             sst_min_int(p.box[i][3] * SST_LIVE_TILE, f->cfg->height) };
-
-        err = decoder_decode_part(d, &frame, &v->index, box, pixels, stride);
+        part[i] = (struct decoder_part){ .box = { p.box[i][0] * SST_LIVE_TILE, p.box[i][1] * SST_LIVE_TILE,
+                                                  sst_min_int(p.box[i][2] * SST_LIVE_TILE, f->cfg->width),
+                                                  sst_min_int(p.box[i][3] * SST_LIVE_TILE, f->cfg->height) } };
     }
-    return err;
+    err = err ? err : decoder_decode_parts(d, &frame, &v->index, part, p.count);
+    return err ? err : p.count;
+}
+
+/* Decode the smallest rectangle that has all dirty tiles. @return 1; or as decoder_decode() */
+static int decode_all(struct sst_liveframes *f, int k, struct decoder *d, struct decoder_part *part)
+{
+    const struct decoder_frame frame = frame_of(f, k);
+    const int *box = part->box;
+    int err;
+
+    bounds(f, &f->view[k], part->box);
+    err = decoder_decode(d, &frame, box[0], box[1], box[2], box[3], &part->pixels, &part->stride);
+    if (err)
+        return err;
+    part->pixels += (size_t)box[1] * part->stride + 4 * (size_t)box[0];
+    return 1;
 }
 
 static int decode(void *arg, int index, int worker)
@@ -144,24 +161,23 @@ static int decode(void *arg, int index, int worker)
     struct sst_liveframes *f = arg;
     const int k = f->list[index];
     struct live_view *v = &f->view[k];
-    const struct decoder_frame frame = frame_of(f, k);
-    const uint8_t *pixels;
-    size_t stride;
-    int box[4], err;
+    struct decoder *d = f->decoder[worker];
+    struct decoder_part part[MOST_PARTS];
+    int parts;
 
     if (atomic_load(&f->cancelled))
         return -ECANCELED;
-    bounds(f, v, box);
-    err = decode_parts(f, k, f->decoder[worker], &pixels, &stride);
-    if (err)
-        err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
-    if (err == -EBADMSG) {
-        frames_reject(v, f->decoder[worker]);
+    parts = decode_parts(f, k, d, part);
+    if (parts < 0)
+        parts = decode_all(f, k, d, part);
+    if (parts == -EBADMSG) {
+        frames_reject(v, d);
         return 0;
     }
-    if (err)
-        return err;
-    store_pixels(f, k, pixels, stride);
+    if (parts < 0)
+        return parts;
+    for (int i = 0; i < parts; i++)
+        store_part(f, k, &part[i]);
     if (f->cfg->skip_change)
         detector_accept(&v->watch, v->dirty);
     v->decoded = v->made = true;

@@ -65,14 +65,20 @@ SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_fr
 SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
                                   const uint8_t **pixels, size_t *stride);
 
+/** Pixels of a part of a frame, borrowed until the next call for another frame. */
+struct decoder_part {
+    int box[4];            /* px of the frame: left, top, right, bottom */
+    const uint8_t *pixels; /* of (left, top), as those of decoder_decode() */
+    size_t stride;         /* bytes */
+};
+
 /**
- * Decode a part of a JPEG frame whose index is valid: as decoder_decode(), without the rest of the frame.
- * @param box  pixels: left, top, right, bottom; other pixels of the last frame stay
- * @return as there, or -ENOTSUP
+ * Decode parts of a JPEG frame whose index is valid: as decoder_decode(), without the rest of the frame.
+ * @param part  in: boxes that lie apart; out: pixels
+ * @return as there, or -ENOTSUP (also: they take more memory than a frame)
  */
-SST_MUST_CHECK int decoder_decode_part(struct decoder *d, const struct decoder_frame *frame,
-                                       struct sst_jpeg_index *index, const int box[4], const uint8_t **pixels,
-                                       size_t *stride);
+SST_MUST_CHECK int decoder_decode_parts(struct decoder *d, const struct decoder_frame *frame,
+                                        struct sst_jpeg_index *index, struct decoder_part *part, int parts);
 
 /** Why the last frame was rejected. */
 const char *decoder_fault(const struct decoder *d);
