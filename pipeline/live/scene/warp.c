@@ -208,6 +208,31 @@ static void collect(struct scene_composer *c, const struct sst_view *v, const st
     }
 }
 
+/* Cells x0-1 .. x1 of a row for upsampling; outside of the picture the border cells. */
+struct strip {
+    uint16_t *disp, *green4; /* of cell x0 */
+    uint8_t *label;
+};
+
+/* Memory for three rows of cells and two of pixels. */
+struct enlarger {
+    struct strip row[3]; /* by y modulo 3 */
+    uint16_t *disp;      /* [2 width] */
+    uint8_t *label;
+};
+
+static struct enlarger enlarger_of(const struct scene_composer *c)
+{
+    const size_t cells = STRIP_CELLS(c->width);
+    uint16_t *at = c->strips;
+    uint8_t *bytes = (uint8_t *)(at + 6 * cells + 2 * (size_t)c->width);
+    struct enlarger e = { .disp = at + 6 * cells, .label = bytes + 3 * cells };
+
+    for (size_t i = 0; i < 3; i++)
+        e.row[i] = (struct strip){ at + 2 * i * cells + 1, at + (2 * i + 1) * cells + 1, bytes + i * cells + 1 };
+    return e;
+}
+
 /* True for a single cell in a gap between cells of a nearer surface, a and b on both sides. */
 static bool shows_through(int d, int a, int b)
 {
@@ -215,33 +240,78 @@ static bool shows_through(int d, int a, int b)
            b > d + STEP_Q6;
 }
 
-/* Close gaps of one cell: slanted surfaces get wider from view to view. */
+/* Close a gap of one cell. @return it was one */
+static bool close_gap(struct scene_composer *c, const struct scene_rect *r, int x, int y)
+{
+    uint16_t *d = sst_map_u16_row(&c->maps.disp, y);
+    uint8_t *l = sst_map_u8_row(&c->maps.label, y);
+    int up, down;
+
+    if (x > r->x0 && x + 1 < r->x1 && shows_through(d[x], d[x - 1], d[x + 1])) {
+        const int from = d[x - 1] < d[x + 1] ? x - 1 : x + 1;
+
+        l[x] = l[from];
+        d[x] = d[from];
+        return true;
+    }
+    if (y == r->y0 || y + 1 == r->y1)
+        return false;
+    up = sst_map_u16_row(&c->maps.disp, y - 1)[x];
+    down = sst_map_u16_row(&c->maps.disp, y + 1)[x];
+    if (!shows_through(d[x], up, down))
+        return false;
+    l[x] = sst_map_u8_row(&c->maps.label, up < down ? y - 1 : y + 1)[x];
+    d[x] = (uint16_t)sst_min_int(up, down);
+    return true;
+}
+
+/* Mark cells that lie deeper than both neighbours along the row, or than both across, which are rows without any: d
+ * itself. */
+static void mark_gaps(uint8_t *restrict gap, const uint16_t *restrict d, const uint16_t *restrict up,
+                      const uint16_t *restrict down, int n)
+{
+    for (int x = 0; x < n; x++) {
+        const uint16_t along = d[x - 1] < d[x + 1] ? d[x - 1] : d[x + 1], across = up[x] < down[x] ? up[x] : down[x];
+        const uint16_t least = along > across ? along : across;
+
+        gap[x] = (least > d[x]) & ((uint16_t)(least - d[x]) > STEP_Q6);
+    }
+}
+
+/* Close gaps of one cell: slanted surfaces get wider from view to view. Few cells are gaps, so those that may be are
+ * marked first. Only one closed to its left can turn a cell that is not marked into one. */
 static void close_gaps(struct scene_composer *c, const struct scene_rect *r)
 {
+    uint8_t *gap = enlarger_of(c).label; /* not needed yet */
+
     for (int y = r->y0; y < r->y1; y++) {
         const uint8_t *tiles = c->changed + y / SST_SCENE_CELLS * c->cols;
-        uint16_t *d = sst_map_u16_row(&c->maps.disp, y);
-        uint8_t *l = sst_map_u8_row(&c->maps.label, y);
+        const bool inside = y > r->y0 && y + 1 < r->y1;
+        const uint16_t *d = sst_map_u16_row(&c->maps.disp, y);
+        const uint16_t *up = inside ? sst_map_u16_row(&c->maps.disp, y - 1) : d;
+        const uint16_t *down = inside ? sst_map_u16_row(&c->maps.disp, y + 1) : d;
+        bool closed = false;
 
+        memset(gap + r->x0, 0, (size_t)(r->x1 - r->x0));
+        for (int x0 = r->x0, x1; x0 < r->x1; x0 = x1) {
+            const int from = sst_max_int(x0, r->x0 + 1);
+
+            x1 = sst_min_int((x0 / SST_SCENE_CELLS + 1) * SST_SCENE_CELLS, r->x1);
+            if (tiles[x0 / SST_SCENE_CELLS])
+                mark_gaps(gap + from, d + from, up + from, down + from, sst_min_int(x1, r->x1 - 1) - from);
+        }
+        /* The ends of the row have one neighbour along it. */
+        gap[r->x0] = tiles[r->x0 / SST_SCENE_CELLS] != 0;
+        gap[r->x1 - 1] = tiles[(r->x1 - 1) / SST_SCENE_CELLS] != 0;
         for (int x = r->x0; x < r->x1; x++) {
-            if (!tiles[x / SST_SCENE_CELLS]) {
-                x |= SST_SCENE_CELLS - 1;
-                continue;
-            }
-            if (x > r->x0 && x + 1 < r->x1 && shows_through(d[x], d[x - 1], d[x + 1])) {
-                const int from = d[x - 1] < d[x + 1] ? x - 1 : x + 1;
+            if (!closed || !tiles[x / SST_SCENE_CELLS]) {
+                const uint8_t *next = memchr(gap + x, 1, (size_t)(r->x1 - x));
 
-                l[x] = l[from];
-                d[x] = d[from];
-            } else if (y > r->y0 && y + 1 < r->y1) {
-                const int up = sst_map_u16_row(&c->maps.disp, y - 1)[x],
-                          down = sst_map_u16_row(&c->maps.disp, y + 1)[x];
-
-                if (shows_through(d[x], up, down)) {
-                    l[x] = sst_map_u8_row(&c->maps.label, up < down ? y - 1 : y + 1)[x];
-                    d[x] = (uint16_t)sst_min_int(up, down);
-                }
+                if (!next)
+                    break;
+                x = (int)(next - gap);
             }
+            closed = close_gap(c, r, x, y);
         }
     }
 }
@@ -292,31 +362,6 @@ static void fill(struct scene_composer *c, const struct scene_rect *r)
                n * sizeof(uint16_t));
         memcpy(sst_map_u8_row(&c->maps.label, j) + r->x0, sst_map_u8_row(&c->maps.label, known) + r->x0, n);
     }
-}
-
-/* Cells x0-1 .. x1 of a row for upsampling; outside of the picture the border cells. */
-struct strip {
-    uint16_t *disp, *green4; /* of cell x0 */
-    uint8_t *label;
-};
-
-/* Memory for three rows of cells and two of pixels. */
-struct enlarger {
-    struct strip row[3]; /* by y modulo 3 */
-    uint16_t *disp;      /* [2 width] */
-    uint8_t *label;
-};
-
-static struct enlarger enlarger_of(const struct scene_composer *c)
-{
-    const size_t cells = STRIP_CELLS(c->width);
-    uint16_t *at = c->strips;
-    uint8_t *bytes = (uint8_t *)(at + 6 * cells + 2 * (size_t)c->width);
-    struct enlarger e = { .disp = at + 6 * cells, .label = bytes + 3 * cells };
-
-    for (size_t i = 0; i < 3; i++)
-        e.row[i] = (struct strip){ at + 2 * i * cells + 1, at + (2 * i + 1) * cells + 1, bytes + i * cells + 1 };
-    return e;
 }
 
 /* Four times the mean green of 2x2 px. */
