@@ -18,11 +18,8 @@
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
-#define EXPLORE      3 /* one cell in this many times as many is tried on another plane */
-/* At the start, until every cell has been tried on all planes, one cell in this number has its turn and is tried, which
- * takes not much longer than a set later on. */
-#define START_TURNS  3
-#define START_ROUNDS (START_TURNS * PICTURE_PLANES)
+#define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
+#define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
 
 void picture_behind_fini(struct picture_behind *b)
 {
@@ -210,10 +207,10 @@ static int run_of(const struct picture_behind *b, int at)
     return at / b->cols * ((b->cols + RUN - 1) / RUN) + at % b->cols / RUN;
 }
 
-/* Is a stale cell rendered in this round? In the first one and in exact mode all of them are. */
+/* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return !b->round || !live->cfg.skip_change || b->cell[at].stale >= b->turns ||
+    return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= b->turns ||
            (run_of(b, at) + b->round) % b->turns == 0;
 }
 
@@ -237,8 +234,6 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
         return false;
     mark_stale(b, live);
     b->turns = count_turns(b, live->focus.t_ns);
-    if (b->round < START_ROUNDS)
-        b->turns = START_TURNS;
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
             b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane && b->cell[i].stale && has_turn(b, live, i);
@@ -267,7 +262,7 @@ static int candidate(const struct picture_behind *b, int at)
     if (!b->cell[at].holes || b->cell[at].stale)
         return -1;
     if (b->round < START_ROUNDS)
-        return (run + b->round) % START_TURNS ? -1 : (1 + b->round / START_TURNS) % b->planned;
+        return (run + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
     if ((run + b->round) % (EXPLORE * b->turns))
         return -1;
     return (plane + (b->round / (EXPLORE * b->turns) % 2 ? 1 : b->planned - 1)) % b->planned;
