@@ -62,8 +62,8 @@ int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *i
 {
     /* The window reaches 4 columns and 3 rows, a phase between two pixels one more to the left and up. Narrow parts are
      * widened: the kernel is slow for less than CENSUS_NARROW columns. */
-    const int left = sst_max_int(sst_min_int(x0 - 5, x1 + 4 - CENSUS_NARROW), 0);
-    const int right = sst_min_int(sst_max_int(x1 + 4, left + CENSUS_NARROW), desc->width);
+    const int end = sst_min_int(x1 + 4, desc->width), left = sst_max_int(sst_min_int(x0 - 5, end - CENSUS_NARROW), 0);
+    const int right = sst_min_int(sst_max_int(end, left + CENSUS_NARROW), desc->width);
     int err = 0;
 
     sst_image_halve_part(&desc->image, img, x0, y0, x1, y1);
