@@ -355,7 +355,7 @@ static void test_no_row(void **state)
     struct device d;
 
     (void)state;
-    refine_init(&lf, 2, 3, 7000, 16);
+    refine_init(&lf, 2, 3, 12000, 16); /* a row of a view is larger than the memory */
     device_open(&d, "dummy", 92000);
     vote_compare(&lf, NULL, d.refine, &report);
     assert_int_equal(report.voted, 0);
