@@ -206,6 +206,25 @@ gpu_self_test_fn verify_mode_self_test;
 gpu_self_test_fn verify_blend_self_test;
 gpu_self_test_fn limits_self_test;
 
+/* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
+ *
+ * Without rounds it copies; with rounds each of 16 sums of an invocation is multiplied and increased once a round. */
+
+/** Buffers, by binding. */
+enum sst_gpu_limits_buffer {
+    SST_GPU_LIMITS_FROM = 0, /* float [count][4] */
+    SST_GPU_LIMITS_TO = 1,   /* out, float [count][4] */
+    SST_GPU_LIMITS_BUFFERS
+};
+
+/** The layout of pipeline/kernels/limits.comp (std430). */
+struct sst_gpu_limits {
+    uint32_t count, rounds;
+};
+
+#define SST_GPU_LIMITS_GROUP    256
+#define SST_GPU_LIMITS_PRODUCTS 16 /* of one round and four floats */
+
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */
 
 struct sst_hypothesis_test;

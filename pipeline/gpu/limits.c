@@ -1,6 +1,4 @@
 /* The shader `limits`: its reference and self-test. */
-#include "pipeline/gpu/limits.h"
-
 #include "pipeline/gpu/gpu_internal.h"
 
 #define TEST_COUNT 700

@@ -10,7 +10,6 @@
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/label.h"
-#include "pipeline/gpu/limits.h"
 #include "pipeline/gpu/match.h"
 #include "pipeline/gpu/net.h"
 #include "pipeline/gpu/rectify.h"

@@ -7,8 +7,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
-#include "pipeline/gpu/gpu.h"
-#include "pipeline/gpu/limits.h"
+#include "pipeline/gpu/gpu_internal.h"
 
 #define RUNS        7
 #define COPIES      8 /* dispatches of a run */
