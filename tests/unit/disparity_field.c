@@ -356,8 +356,11 @@ static void threads_share_a_volume(void **state SST_UNUSED)
         const char *preset;
         size_t volumes;
         int threads, width, height;
-    } cases[] = { { "balanced", 1, 2, 150, 141 }, { "balanced", 1, 5, 61, 97 }, { "balanced", 2, 7, 130, 70 },
-                  { "preview", 1, 3, 300, 194 },  { "balanced", 1, 4, 40, 20 } };
+    } cases[] = { { "balanced", 1, 2, 150, 141 },
+                  { "balanced", 1, 5, 61, 97 },
+                  { "balanced", 2, 7, 130, 70 },
+                  { "preview", 1, 3, 300, 194 },
+                  { "balanced", 1, 4, 40, 20 } };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         struct sst_disparity_config cfg = preset(cases[i].preset, -5, 45);

@@ -109,9 +109,9 @@ static int down_job(void *arg, int band, int worker)
     const struct shared *s = arg;
     const int x0 = band * columns_of(s), n = sst_min_int(columns_of(s), s->whole->width - x0), err = cancelled(s);
 
-    return err || n <= 0 ? err
-                         : sst_disparity_sgm_down(s->whole, &s->in->ref->image, x0, n, &s->penalties,
-                                                  &s->part[worker].lines);
+    return err || n <= 0
+               ? err
+               : sst_disparity_sgm_down(s->whole, &s->in->ref->image, x0, n, &s->penalties, &s->part[worker].lines);
 }
 
 static int winner_job(void *arg, int band, int worker)

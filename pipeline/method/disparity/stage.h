@@ -201,9 +201,9 @@ struct sst_disparity_sgm_penalties {
 void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
 
 /**
- * The parts of the optimisation along 4 paths, in this order: the paths along all rows of a volume, the first sums; then
- * those down and up its columns x0 .. x0 + n - 1, added. Several threads may compute bands of rows, then columns, at
- * once.
+ * The parts of the optimisation along 4 paths, in this order: the paths along all rows of a volume, the first sums;
+ * then those down and up its columns x0 .. x0 + n - 1, added. Several threads may compute bands of rows, then columns,
+ * at once.
  *
  * @param top      row of the image that the volume begins with
  * @param scratch  of the thread
@@ -354,8 +354,7 @@ struct sst_volume_search {
  * @param part  [in->threads] from sst_volume_share() of v
  * @return 0, -ENOMEM, -ECANCELED
  */
-SST_MUST_CHECK int sst_volume_search(struct sst_volume *v, struct sst_volume *part,
-                                     const struct sst_volume_search *in);
+SST_MUST_CHECK int sst_volume_search(struct sst_volume *v, struct sst_volume *part, const struct sst_volume_search *in);
 
 /** 5x5 median, borders repeated. In place. @param lines  scratch */
 SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);

@@ -270,9 +270,8 @@ static int match_job(void *arg, int index, int worker)
     if (!err && run->matched[view])
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
-        err =
-            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau,
-                                       run->inner);
+        err = sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau,
+                                         run->inner);
     if (!err)
         err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
                                             &run->disp[view], &run->confidence[view])
