@@ -83,14 +83,16 @@ void label_carry_reference(const void *push, void *const *buffer, const uint32_t
     const int n = p->width * p->height;
 
     for (int i = 0; i < n; i++) {
-        uint32_t label = 0, entropy = INFINITE;
+        uint32_t label = p->more ? out[i] : 0, entropy = INFINITE;
 
+        if (label)
+            continue;
         for (int k = 0; k < p->count && !label && is_seen(own, n, i); k++) {
             const uint32_t *there = buffer[SST_GPU_VOTE_VOTERS + k];
             const int at = place_of(&p->shift[k], there, own, n, p->width, p->rows[k], i);
 
-            if (at >= 0 && (p->mode == SST_GPU_CARRY_SHOWN || there[at] >> 16)) {
-                label = p->mode == SST_GPU_CARRY_SHOWN ? 1 : there[at] >> 16;
+            if (at >= 0 && there[at] >> 16) {
+                label = there[at] >> 16;
                 entropy = p->mode == SST_GPU_CARRY_ENTROPIES ? there[2 * p->width * p->rows[k] + at] : INFINITE;
             }
         }
@@ -98,6 +100,52 @@ void label_carry_reference(const void *push, void *const *buffer, const uint32_t
         if (p->mode == SST_GPU_CARRY_ENTROPIES)
             out[n + i] = entropy;
     }
+}
+
+/* Of the first labelled pixels in eight directions, the label of the most similar one; 0: all are out of reach. */
+static uint32_t find_similar(const uint32_t *own, const uint32_t *from, int width, int height, int i)
+{
+    static const int step[8][2] = {
+        { -1, 0 }, { 1, 0 }, { 0, -1 }, { 0, 1 }, { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 }
+    };
+    const int n = width * height;
+    uint32_t least = UINT32_MAX, label = 0;
+
+    for (int k = 0; k < 8; k++) {
+        for (int s = 1; s <= SST_GPU_FILL_REACH; s++) {
+            const int x = i % width + s * step[k][0], y = i / width + s * step[k][1], at = y * width + x;
+            uint32_t off = 0;
+
+            if (x < 0 || y < 0 || x >= width || y >= height)
+                break;
+            if (!from[at])
+                continue;
+            for (int c = 0; c < 24; c += 8)
+                off += (uint32_t)abs((int)(own[n + i] >> c & 0xFF) - (int)(own[n + at] >> c & 0xFF)) << 16;
+            off |= (uint32_t)abs((int)(own[i] & 0xFFFF) - (int)(own[at] & 0xFFFF));
+            if (off < least) {
+                least = off;
+                label = from[at];
+            }
+            break;
+        }
+    }
+    return label;
+}
+
+/* Of the labelled pixels to the left and right, the label of that with the nearer disparity; 0: there is none. */
+static uint32_t find_in_row(const uint32_t *own, const uint32_t *from, int width, int i)
+{
+    const int row = i - i % width, end = row + width, d = (int)(own[i] & 0xFFFF);
+    int left = i, right = i;
+
+    while (left >= row && !from[left])
+        left--;
+    while (right < end && !from[right])
+        right++;
+    if (left >= row && right < end)
+        return abs(d - (int)(own[left] & 0xFFFF)) <= abs(d - (int)(own[right] & 0xFFFF)) ? from[left] : from[right];
+    return left >= row ? from[left] : right < end ? from[right] : 0;
 }
 
 void label_fill_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
@@ -108,18 +156,8 @@ void label_fill_reference(const void *push, void *const *buffer, const uint32_t 
     const int n = p->width * p->height;
 
     for (int i = 0; i < n; i++) {
-        const int row = i - i % p->width, end = row + p->width, d = (int)(own[i] & 0xFFFF);
-        int left = i, right = i;
-
-        while (left >= row && !from[left])
-            left--;
-        while (right < end && !from[right])
-            right++;
-        if (left >= row && right < end)
-            out[i] =
-                abs(d - (int)(own[left] & 0xFFFF)) <= abs(d - (int)(own[right] & 0xFFFF)) ? from[left] : from[right];
-        else
-            out[i] = left >= row ? from[left] : right < end ? from[right] : 0;
+        out[i] = from[i] ? from[i] : find_similar(own, from, p->width, p->height, i);
+        out[i] = out[i] ? out[i] : find_in_row(own, from, p->width, i);
         out[i] &= own[n + i] >> 24;
     }
 }
@@ -140,7 +178,7 @@ static const struct sst_gpu_shift test_shift[SST_GPU_VOTERS] = { { 0, 32768, 103
                                                                  { 0, 32000, 7, 1, 32768, 1024 },
                                                                  { 3, 30000, 1000, -2, 32768, -1100 } };
 
-/* Views, and labels with gaps to fill. */
+/* Views, and labels of some pixels. */
 static struct test *make_test(void)
 {
     struct test *t = calloc(1, sizeof(*t));
@@ -195,26 +233,54 @@ int label_carry_self_test(struct sst_gpu *g)
 
     memcpy(push.shift, test_shift, sizeof(test_shift));
     memcpy(push.rows, test_rows, sizeof(test_rows));
-    for (int mode = SST_GPU_CARRY_LABELS; mode <= SST_GPU_CARRY_SHOWN && !err; mode++) {
-        push.mode = (uint32_t)mode;
+    for (uint32_t i = 0; i < 4 && !err; i++) {
+        push.mode = i & 1 ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS;
+        push.more = i >> 1;
         err = compare_views(g, SST_GPU_LABEL_CARRY, &push, t);
     }
     free(t);
     return err;
 }
 
+#define FILL_WIDTH  150 /* more than the reach */
+#define FILL_HEIGHT 9
+#define FILL_PIXELS (FILL_WIDTH * FILL_HEIGHT)
+
+struct fill_test {
+    uint32_t own[2][FILL_PIXELS], from[FILL_PIXELS], out[FILL_PIXELS];
+};
+
+/* Many labels on the left, one in the last column, a row without any. */
+static void make_fill_test(struct fill_test *t)
+{
+    uint32_t state = 9;
+
+    for (int i = 0; i < FILL_PIXELS; i++) {
+        const int x = i % FILL_WIDTH, y = i / FILL_WIDTH;
+
+        t->own[SST_GPU_PLANE_LABELS][i] = gpu_random(&state) % 20 ? 150 + gpu_random(&state) % 90 : NONE;
+        t->own[SST_GPU_PLANE_COLOURS][i] = (gpu_random(&state) & 0x1F1F1F) | (gpu_random(&state) % 15 ? 255U << 24 : 0);
+        t->from[i] = (x < 20 && y != 3 && !(gpu_random(&state) % 5)) || (x == FILL_WIDTH - 1 && y == 4)
+                         ? 1 + gpu_random(&state) % 9
+                         : 0;
+    }
+}
+
 int label_fill_self_test(struct sst_gpu *g)
 {
-    const struct sst_gpu_label_fill push = { TEST_WIDTH, TEST_HEIGHT };
+    const struct sst_gpu_label_fill push = { FILL_WIDTH, FILL_HEIGHT };
     const struct sst_gpu_work work = { .shader = SST_GPU_LABEL_FILL,
                                        .push = &push,
-                                       .groups = { gpu_groups(TEST_WIDTH, 32), gpu_groups(TEST_HEIGHT, 8), 1 } };
-    struct test *t = make_test();
-    const int err = t ? gpu_compare(g, &work, (const void *const[]){ t->view[0], t->out[0], t->out[1] },
-                                    (const size_t[]){ sizeof(t->view[0]), sizeof(t->out[0]), sizeof(t->out[1]) },
-                                    SST_GPU_LABEL_FILL_OUT, NULL)
-                      : -ENOMEM;
+                                       .groups = { gpu_groups(FILL_WIDTH, 32), gpu_groups(FILL_HEIGHT, 8), 1 } };
+    struct fill_test *t = calloc(1, sizeof(*t));
+    int err = t ? 0 : -ENOMEM;
 
+    if (t) {
+        make_fill_test(t);
+        err = gpu_compare(g, &work, (const void *const[]){ t->own, t->from, t->out },
+                          (const size_t[]){ sizeof(t->own), sizeof(t->from), sizeof(t->out) }, SST_GPU_LABEL_FILL_OUT,
+                          NULL);
+    }
     free(t);
     return err;
 }

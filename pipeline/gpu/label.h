@@ -39,6 +39,7 @@ enum sst_gpu_vote_buffer {
 struct sst_gpu_label_carry {
     int32_t width, height, count;
     uint32_t mode; /* enum sst_gpu_carry_mode */
+    uint32_t more; /* not 0: pixels that the output has a label of stay as they are */
     struct sst_gpu_shift shift[SST_GPU_VOTERS];
     int32_t rows[SST_GPU_VOTERS];
 };
@@ -46,11 +47,13 @@ struct sst_gpu_label_carry {
 enum sst_gpu_carry_mode {
     SST_GPU_CARRY_LABELS = 0,    /* of sources that have one there */
     SST_GPU_CARRY_ENTROPIES = 1, /* likewise, and their entropies in a second plane of the output, infinite without */
-    SST_GPU_CARRY_SHOWN = 2,     /* 1 where any source shows the surface, labelled or not */
 };
 
-/** `label_fill`: pixels without a label get that of the labelled pixel to their left or right whose disparity is nearer
- * to theirs; those that are not valid none. */
+/** `label_fill`: pixels without a label get that of the most similar colour, then of the nearest disparity, among the
+ * first labelled pixels in eight directions, up to SST_GPU_FILL_REACH pixels away; without any, that of the labelled
+ * pixel to their left or right whose disparity is nearer to theirs. Those that are not valid get none. */
+#define SST_GPU_FILL_REACH 64
+
 struct sst_gpu_label_fill {
     int32_t width, height;
 };

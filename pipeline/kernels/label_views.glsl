@@ -12,7 +12,7 @@ layout(std430, binding = 1) readonly buffer First { uint first[]; };
 layout(std430, binding = 2) readonly buffer Second { uint second[]; };
 layout(std430, binding = 3) readonly buffer Third { uint third[]; };
 layout(std430, binding = 4) readonly buffer Fourth { uint fourth[]; };
-layout(std430, binding = 5) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 5) buffer Out { uint result[]; };
 
 const int NONE = 0xFFFF, SAME = 64, SIMILAR = 24;
 

@@ -221,22 +221,22 @@ static void labels_are_carried_by_good_maps_only(void **state SST_UNUSED)
     assert_int_equal(sst_process(&lf, &cfg, NULL, &report), 0);
     assert_true(report.labels_skipped > 50 && report.labels_error < 1);
 
-    for (int i = 0; i < PIXELS; i++) /* disparities of one view that no other one has */
-        sst_map_u16_row(&lf.views[lf.ref_view].disp, i / WIDTH)[i % WIDTH] = i % 8 ? 0 : 400;
+    for (int k = 0; k < SIDE * SIDE; k++) { /* disparities that no other view has */
+        for (int i = 0; i < PIXELS && lf.views[k].present; i++)
+            sst_map_u16_row(&lf.views[k].disp, i / WIDTH)[i % WIDTH] = (uint16_t)(i / 3 % 3 ? 0 : 400 + 100 * k);
+    }
     assert_int_equal(sst_process(&lf, &cfg, NULL, &report), 0);
     assert_true(isnan(report.labels_skipped) && isnan(report.labels_error));
     sst_lightfield_fini(&lf);
 }
 
-/* Carried labels: the key views' are the network's, the others' mostly the same, and no pixel outside a view has one.
- */
-static void labels_of_key_views_are_carried(void **state SST_UNUSED)
+/* Carried labels are mostly those of the network, and no pixel outside a view has one. */
+static void labels_of_some_views_are_carried(void **state SST_UNUSED)
 {
     struct sst_process_config all = config(2), some = config(3), one = config(1);
     struct sst_process_report report, exact;
     struct sst_lightfield whole, carried, again;
     int same = 0, n = 0, unlabelled = 0;
-    bool skipped[SIDE * SIDE];
 
     some.skip_labels = one.skip_labels = true;
     copy_views(&whole);
@@ -247,10 +247,9 @@ static void labels_of_key_views_are_carried(void **state SST_UNUSED)
     assert_int_equal(sst_process(&again, &one, NULL, NULL), 0);
     assert_same_maps(&carried, &again);
     assert_true(isnan(exact.labels_skipped) && isnan(exact.labels_error));
-    assert_true(sst_disparity_keys(&whole, 3, skipped) < 8);
     assert_true(report.labels_skipped > 0 && report.labels_skipped < 100);
     for (int k = 0; k < SIDE * SIDE - 1; k++) {
-        for (int i = 0; i < PIXELS && skipped[k]; i++) {
+        for (int i = 0; i < PIXELS; i++) {
             const uint8_t want = sst_map_u8_row(&whole.views[k].label, i / WIDTH)[i % WIDTH];
             const uint8_t got = sst_map_u8_row(&carried.views[k].label, i / WIDTH)[i % WIDTH];
 
@@ -323,7 +322,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(labels_without_extras_are_the_same),
         cmocka_unit_test(labels_are_carried_by_good_maps_only),
-        cmocka_unit_test(labels_of_key_views_are_carried),
+        cmocka_unit_test(labels_of_some_views_are_carried),
         cmocka_unit_test(most_views_decide_on_a_label),
         cmocka_unit_test(external_maps_are_kept),
         cmocka_unit_test(a_cancelled_run_stops),

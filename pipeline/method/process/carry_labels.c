@@ -8,10 +8,8 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES    SST_REFINE_VOTERS /* nearest key views that labels come from */
-#define SAME_Q6    64                /* 1/64 px: disparities of one surface differ by at most this */
-#define SIMILAR    24                /* levels: a label stays with a colour whose channels all differ by at most this */
-#define REACH_MOST 32768.0           /* px; sources that are farther away are left out */
+#define SOURCES    SST_REFINE_SOURCES /* nearest labelled views that labels come from */
+#define REACH_MOST 32768.0            /* px; sources that are farther away are left out */
 
 struct job {
     const struct process_carry *c;
@@ -22,7 +20,7 @@ struct job {
     const int *batch; /* of view: what is done at once */
 };
 
-/* The nearest key views other than the view itself, the nearest first. @return their number */
+/* The nearest labelled views other than the view itself, the nearest first. @return their number */
 static int sources_of(const struct process_carry *c, int view, struct sst_refine_voter source[SOURCES])
 {
     const struct sst_lightfield *lf = c->lf;
@@ -50,37 +48,6 @@ static int sources_of(const struct process_carry *c, int view, struct sst_refine
     return n;
 }
 
-static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
-{
-    for (int c = 0; c < 3; c++) {
-        if (abs(sst_image_row(a, c, ya)[xa] - sst_image_row(b, c, yb)[xb]) > SIMILAR)
-            return false;
-    }
-    return true;
-}
-
-struct place {
-    int x, y;
-};
-
-static inline struct place place_in(const struct sst_refine_voter *s, int x, int y, int d)
-{
-    return (struct place){ sst_shifted(x, s->across, d), sst_shifted(y, s->down, d) };
-}
-
-/* Does a source show the surface of pixel (x, y)? @param at  where it would */
-static inline bool shows(const struct sst_view *there, const struct sst_view *own, int x, int y, int d, struct place at)
-{
-    return (unsigned)at.x < (unsigned)own->image.width && (unsigned)at.y < (unsigned)own->image.height &&
-           abs(sst_map_u16_row(&there->disp, at.y)[at.x] - d) <= SAME_Q6 &&
-           similar(&own->image, x, y, &there->image, at.x, at.y);
-}
-
-static bool is_seen(const struct sst_view *v, int x, int y)
-{
-    return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
-}
-
 /* What is gathered of a view. */
 struct gathered {
     struct sst_map_u8 *label;
@@ -96,7 +63,7 @@ struct gathered {
  * @param at       out: where */
 static inline int find_source(uint8_t *nearest, bool known, const struct sst_lightfield *lf,
                               const struct sst_refine_voter *source, int n, const struct sst_view *own, int x, int y,
-                              struct place *at)
+                              struct process_place *at)
 {
     const int d = sst_map_u16_row(&own->disp, y)[x];
 
@@ -105,8 +72,8 @@ static inline int find_source(uint8_t *nearest, bool known, const struct sst_lig
     for (int i = known ? *nearest : 0; i < n; i++) {
         const struct sst_view *there = &lf->views[source[i].view];
 
-        *at = place_in(&source[i], x, y, d);
-        if (!(known && i == *nearest) && !shows(there, own, x, y, d, *at))
+        *at = process_place_in(&source[i], x, y, d);
+        if (!(known && i == *nearest) && !process_shows(there, own, x, y, d, *at))
             continue;
         *nearest = !known && *nearest == n ? (uint8_t)i : *nearest;
         if (sst_map_u8_row(&there->label, at->y)[at->x] != SST_LABEL_NONE)
@@ -128,8 +95,9 @@ static void gather_labels(const struct process_carry *c, int view, const struct 
 
         for (int x = 0; x < out->label->width; x++) {
             uint8_t first = out->known ? nearest[x] : (uint8_t)n;
-            struct place at = { 0, 0 };
-            const int i = is_seen(own, x, y) ? find_source(&first, out->known, c->lf, source, n, own, x, y, &at) : n;
+            struct process_place at = { 0, 0 };
+            const int i =
+                process_is_seen(own, x, y) ? find_source(&first, out->known, c->lf, source, n, own, x, y, &at) : n;
             const struct sst_view *there = i < n ? &c->lf->views[source[i].view] : NULL;
 
             to[x] = there ? sst_map_u8_row(&there->label, at.y)[at.x] : (uint8_t)SST_LABEL_NONE;
@@ -138,33 +106,6 @@ static void gather_labels(const struct process_carry *c, int view, const struct 
             if (nearest)
                 nearest[x] = first;
         }
-    }
-}
-
-/* Columns from .. end - 1 have no label; those beside them have one, unless they are outside. */
-static void fill_run(uint8_t *label, const uint16_t *d, int from, int end, int width)
-{
-    for (int x = from; x < end; x++) {
-        const bool left = from > 0 && (end == width || abs(d[x] - d[from - 1]) <= abs(d[x] - d[end]));
-
-        label[x] = left ? label[from - 1] : label[end];
-    }
-}
-
-static void fill_view(struct sst_view *v)
-{
-    for (int y = 0; y < v->label.height; y++) {
-        const uint16_t *d = sst_map_u16_row(&v->disp, y);
-        uint8_t *label = sst_map_u8_row(&v->label, y);
-
-        for (int x = 0, end; x < v->label.width; x = end + 1) {
-            for (end = x; end < v->label.width && label[end] == SST_LABEL_NONE; end++)
-                ;
-            if (end > x && (x > 0 || end < v->label.width))
-                fill_run(label, d, x, end, v->label.width);
-        }
-        for (int x = 0; v->valid.data && x < v->label.width; x++)
-            label[x] &= sst_map_u8_row(&v->valid, y)[x];
     }
 }
 
@@ -211,9 +152,7 @@ static int carry_job(void *arg, int index, int worker SST_UNUSED)
     if (err)
         return err;
     gather_labels(j->c, view, &gathered);
-    if (j->fill)
-        fill_view(own);
-    return 0;
+    return j->fill ? process_fill_labels(own) : 0;
 }
 
 static int carry_batch(void *arg, const int *index, int count)
@@ -281,45 +220,5 @@ int process_carry_error(const struct process_carry *c, int view, double *percent
     }
     *percent = n ? 100.0 * (double)off / (double)n : NAN;
     sst_map_u8_fini(&gathered);
-    return err;
-}
-
-/* Write 1 where a source shows the surface, else 0. */
-static void find_shown(const struct process_carry *c, int view, struct sst_map_u8 *shown)
-{
-    const struct sst_view *own = &c->lf->views[view];
-    struct sst_refine_voter source[SOURCES];
-    const int n = sources_of(c, view, source);
-
-    for (int y = 0; y < shown->height; y++) {
-        for (int x = 0; x < shown->width; x++) {
-            const int d = sst_map_u16_row(&own->disp, y)[x];
-            bool found = false;
-
-            for (int i = 0; i < n && is_seen(own, x, y) && !found; i++)
-                found = shows(&c->lf->views[source[i].view], own, x, y, d, place_in(&source[i], x, y, d));
-            sst_map_u8_row(shown, y)[x] = found;
-        }
-    }
-}
-
-int process_carry_shown(const struct process_carry *c, int view, double *share)
-{
-    const struct sst_view *own = &c->lf->views[view];
-    struct sst_refine_carry how = { .shown = true };
-    struct sst_map_u8 shown = { 0 };
-    int64_t seen = 0, all = 0;
-    const int err = sst_map_u8_init(&shown, c->lf->width, c->lf->height);
-
-    if (!err && !(c->device && carry_on_device(c, view, &shown, NULL, &how)))
-        find_shown(c, view, &shown);
-    for (int y = 0; !err && y < shown.height; y++) {
-        for (int x = 0; x < shown.width; x++) {
-            seen += is_seen(own, x, y);
-            all += sst_map_u8_row(&shown, y)[x];
-        }
-    }
-    *share = seen ? (double)all / (double)seen : 0;
-    sst_map_u8_fini(&shown);
     return err;
 }

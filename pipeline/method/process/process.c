@@ -13,9 +13,11 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define LABEL_SPACING 3 /* one view in so many is labelled by the network */
-#define LABEL_SHOWN                                                                                                    \
-    0.96 /* of the reference view's pixels: other key views must show so many, unless maps were carried */
+#define SHOWN_LEAST       0.9  /* of all views' pixels: labelled views must show so many, unless maps were carried */
+#define LABELLED_LEAST    5    /* views, where there are so many */
+#define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
+#define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
+#define DIFFER_MANY       0.03 /* all are, unless maps were carried */
 #define JITTER_PX         6.0 /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
 
@@ -28,6 +30,7 @@ struct run {
     struct sst_segmenter **segmenters; /* [threads] */
     bool judge;                        /* the report is wanted */
     bool *carried;                     /* [views] labels are carried over; NULL: no view's are */
+    bool *labelled;                    /* [views] the network has labelled it */
     struct sst_map_u8 *source;         /* [views] where from; with `carried` */
 };
 
@@ -125,6 +128,11 @@ static void unlabel_unseen(struct sst_view *v)
     }
 }
 
+static bool is_to_label(const struct run *run, int view)
+{
+    return run->lf->views[view].present && !(run->carried && run->carried[view]) && !run->labelled[view];
+}
+
 static int segment_view(void *arg, int view, int worker)
 {
     struct run *run = arg;
@@ -135,7 +143,7 @@ static int segment_view(void *arg, int view, int worker)
 
     if (worker == 0)
         show_progress(run, "labels", (double)view / views_of(run));
-    if (!v->present || (run->carried && run->carried[view]))
+    if (!is_to_label(run, view))
         return 0;
     if (cancelled(run))
         return -ECANCELED;
@@ -153,7 +161,7 @@ static void segmented_maps(void *arg, int view, struct sst_share_maps *out)
 {
     const struct run *run = arg;
 
-    if (!run->lf->views[view].present || (run->carried && run->carried[view]))
+    if (!is_to_label(run, view))
         return;
     sst_share_add_u8(out, &run->lf->views[view].label);
     if (run->entropy)
@@ -196,13 +204,6 @@ static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_ma
     sst_share_add_values(out, &m->value, sizeof(m->value));
 }
 
-static int measure_shown(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
-{
-    struct measured *m = arg;
-
-    return process_carry_shown(&m->carry, m->carry.lf->ref_view, &m->value);
-}
-
 static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct measured *m = arg;
@@ -210,52 +211,83 @@ static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSE
     return process_carry_error(&m->carry, m->carry.lf->ref_view, &m->value);
 }
 
-/* Labels go to the right surfaces only where maps are good enough to find those in other views: where they could be
- * carried themselves, or nearly all pixels of the reference view are found. */
-static int can_carry(struct run *run, bool *can)
-{
-    const struct sst_lightfield *lf = run->lf;
-    struct measured shown = { carry_of(run), 0 };
-    int err = 0;
+/* The choice of one process, for all. */
+struct choice {
+    struct run *run;
+    int least;
+    struct process_cover cover;
+};
 
-    *can = false;
-    if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view])
-        return 0; /* a reference view on its own has nothing to be carried from or to */
-    for (int k = 0; k < views_of(run); k++) {
-        if (lf->views[k].present && !lf->views[k].disp.data)
-            return 0;
-    }
-    *can = isgreater(run->report->skipped.views_skipped, 0);
-    if (*can)
-        return 0;
-    err = sst_share_for(run->cfg->share, 1, 1, measure_shown, &shown, measured_values);
-    *can = !err && shown.value >= LABEL_SHOWN;
-    return err;
+static int find_choice(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
+{
+    struct choice *c = arg;
+
+    return process_choose_labelled(c->run->carried, &c->cover, c->run->lf, c->least, c->run->cfg->threads);
 }
 
-/* Choose the views that the network labels. */
-static int choose_keys(struct run *run)
+static void choice_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
 {
-    const struct sst_lightfield *lf = run->lf;
-    const int spacing = run->cfg->disparity.key_spacing;
-    int keys, present = 0, err;
-    bool can;
+    struct choice *c = arg;
+
+    sst_share_add_values(out, c->run->carried, (size_t)views_of(c->run) * sizeof(*c->run->carried));
+    sst_share_add_values(out, &c->cover, sizeof(c->cover));
+}
+
+static int count_present(const struct run *run)
+{
+    int present = 0;
 
     for (int k = 0; k < views_of(run); k++)
-        present += lf->views[k].present;
+        present += run->lf->views[k].present;
+    return present;
+}
+
+static bool has_carried_maps(const struct run *run)
+{
+    return isgreater(run->report->skipped.views_skipped, 0);
+}
+
+/* All views that have no labels yet are the network's. */
+static void carry_nothing(struct run *run)
+{
+    free(run->carried);
+    run->carried = NULL;
+    run->report->labels_skipped = NAN;
+}
+
+/* Choose the views that the network labels. Labels go to the right surfaces only where maps are good enough to find
+ * those in other views: where they could be carried themselves, or nearly all pixels are found.
+ * @param least  views */
+static int choose_labelled(struct run *run, int least)
+{
+    const int present = count_present(run);
+    struct choice choice = { .run = run, .least = least };
+    const int err = sst_share_for(run->cfg->share, 1, 1, find_choice, &choice, choice_values);
+
+    if (err || choice.cover.labelled < 2 || choice.cover.labelled >= present ||
+        !(has_carried_maps(run) || choice.cover.shown >= SHOWN_LEAST)) {
+        carry_nothing(run);
+        return err;
+    }
+    run->report->labels_skipped = 100.0 * (present - choice.cover.labelled) / present;
+    return 0;
+}
+
+/* The first choice, by the maps. */
+static int choose_first(struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    bool can = lf->views[lf->ref_view].present;
+
+    for (int k = 0; k < views_of(run); k++)
+        can &= !lf->views[k].present || lf->views[k].disp.data;
+    if (!can)
+        return 0;
     run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
     run->source = calloc((size_t)views_of(run), sizeof(*run->source));
     if (!run->carried || !run->source)
         return -ENOMEM;
-    keys = sst_disparity_keys(lf, spacing > 1 ? spacing : LABEL_SPACING, run->carried);
-    err = can_carry(run, &can);
-    if (can) {
-        run->report->labels_skipped = 100.0 * (present - keys) / present;
-        return err;
-    }
-    free(run->carried);
-    run->carried = NULL;
-    return err;
+    return choose_labelled(run, lf->disparity_tested ? LABELLED_TESTED : LABELLED_LEAST);
 }
 
 /* The carried views' labels, and what this changes. */
@@ -273,10 +305,9 @@ static int carry_views(struct run *run)
 }
 
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
-static int segment_views(struct run *run, double *eps_h)
+static int open_segmenters(struct run *run, int workers)
 {
     const struct sst_process_config *cfg = run->cfg;
-    const int workers = sst_clamp_int(cfg->threads, 1, views_of(run));
     int err = 0;
 
     run->segmenters = cfg->segmenters ? cfg->segmenters : calloc((size_t)workers, sizeof(*run->segmenters));
@@ -288,16 +319,56 @@ static int segment_views(struct run *run, double *eps_h)
         if (!err)
             sst_segmenter_use_device(run->segmenters[i], cfg->networks);
     }
-    err = err ? err : sst_share_for(cfg->share, views_of(run), workers, segment_view, run, segmented_maps);
-    if (!err) {
-        run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
-        *eps_h = cfg->eps_h >= 0 ? cfg->eps_h : sst_segmenter_eps_h(run->segmenters[0]);
-    }
-    if (cfg->segmenters)
-        return err;
-    for (int i = 0; i < workers; i++)
+    return err;
+}
+
+static void close_segmenters(struct run *run, int workers)
+{
+    if (run->cfg->segmenters)
+        return;
+    for (int i = 0; run->segmenters && i < workers; i++)
         sst_segmenter_close(run->segmenters[i]);
     free(run->segmenters);
+}
+
+/* The network's labels of the views that have none yet. */
+static int segment_views(struct run *run, int workers)
+{
+    const int err = sst_share_for(run->cfg->share, views_of(run), workers, segment_view, run, segmented_maps);
+
+    for (int k = 0; k < views_of(run); k++)
+        run->labelled[k] = run->lf->views[k].present && !(run->carried && run->carried[k]);
+    return err;
+}
+
+/* Where the labels of one surface differ between views, so they do between views that are not labelled: then more views
+ * vote, or all keep their own. */
+static int segment_more(struct run *run, int workers, double eps_h)
+{
+    const double differ = run->carried ? process_labels_differ(run->lf, run->carried, run->entropy, eps_h) : 0;
+    int err = 0;
+
+    if (differ < DIFFER_SOME)
+        return 0;
+    if (differ > DIFFER_MANY && !has_carried_maps(run))
+        carry_nothing(run);
+    else
+        err = log_oom(choose_labelled(run, count_present(run)));
+    return err ? err : segment_views(run, workers);
+}
+
+static int segment(struct run *run, double *eps_h)
+{
+    const int workers = sst_clamp_int(run->cfg->threads, 1, views_of(run));
+    int err = open_segmenters(run, workers);
+
+    err = err ? err : segment_views(run, workers);
+    if (!err) {
+        run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
+        *eps_h = run->cfg->eps_h >= 0 ? run->cfg->eps_h : sst_segmenter_eps_h(run->segmenters[0]);
+        err = segment_more(run, workers, *eps_h);
+    }
+    close_segmenters(run, workers);
     return err;
 }
 
@@ -329,6 +400,9 @@ static int allocate(struct run *run)
             return -ENOMEM;
         run->extras->views = (int)views;
     }
+    run->labelled = calloc(views, sizeof(*run->labelled));
+    if (!run->labelled)
+        return -ENOMEM;
     if (run->extras || run->cfg->hand_label || run->cfg->eps_h >= 0) {
         run->entropy = calloc(views, sizeof(*run->entropy));
         return run->entropy ? 0 : -ENOMEM;
@@ -342,8 +416,8 @@ static int label_views(struct run *run)
     int err = log_oom(allocate(run));
 
     if (run->cfg->skip_labels && run->report->parallax != SST_PARALLAX_NONE)
-        err = err ? err : log_oom(choose_keys(run));
-    err = err ? err : segment_views(run, &eps_h);
+        err = err ? err : log_oom(choose_first(run));
+    err = err ? err : segment(run, &eps_h);
     err = err ? err : carry_views(run);
     if (run->extras)
         err = err ? err : sst_parallel_for(views_of(run), run->cfg->threads, copy_extras, run);
@@ -527,6 +601,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
         sst_map_u8_fini(&run.source[view]);
     free(run.source);
     free(run.carried);
+    free(run.labelled);
     return err;
 }
 

@@ -1,15 +1,84 @@
-/* pipeline/method/process/process_internal.h - labels carried from key views to the others, and voted on. */
+/* pipeline/method/process/process_internal.h - which views are labelled; labels carried from them to the others, and
+ * voted on. */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
+
+#include <stdlib.h>
 
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/refine/refine.h"
 
 struct sst_share;
 
-/** Labels carried from key views to others. */
+#define PROCESS_SAME_Q6 64 /* 1/64 px: disparities of one surface differ by at most this */
+#define PROCESS_SIMILAR 24 /* levels: colours of one surface differ by at most this in every channel */
+
+struct process_place {
+    int x, y;
+};
+
+/** Where another view would show the surface of pixel (x, y), whose stored disparity is d. */
+static inline struct process_place process_place_in(const struct sst_refine_voter *s, int x, int y, int d)
+{
+    return (struct process_place){ sst_shifted(x, s->across, d), sst_shifted(y, s->down, d) };
+}
+
+static inline bool process_similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
+{
+    for (int c = 0; c < 3; c++) {
+        if (abs(sst_image_row(a, c, ya)[xa] - sst_image_row(b, c, yb)[xb]) > PROCESS_SIMILAR)
+            return false;
+    }
+    return true;
+}
+
+/** Does a view show the surface of pixel (x, y), disparity d, of another one? @param at  process_place_in() */
+static inline bool process_shows(const struct sst_view *there, const struct sst_view *own, int x, int y, int d,
+                                 struct process_place at)
+{
+    return (unsigned)at.x < (unsigned)own->image.width && (unsigned)at.y < (unsigned)own->image.height &&
+           abs(sst_map_u16_row(&there->disp, at.y)[at.x] - d) <= PROCESS_SAME_Q6 &&
+           process_similar(&own->image, x, y, &there->image, at.x, at.y);
+}
+
+/** A pixel that has a disparity and lies inside the raw frame. */
+static inline bool process_is_seen(const struct sst_view *v, int x, int y)
+{
+    return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
+}
+
+/** What is known of the views that are labelled, from samples of all views' pixels. */
+struct process_cover {
+    int labelled; /* views */
+    double shown; /* share of the pixels of all views whose surface one of the labelled views shows */
+};
+
+/**
+ * Choose the views that the network labels: the reference view, then each time the one that shows most of what those
+ * before it do not, until one more would show little, or a third of the views are labelled; then those farthest from
+ * all chosen ones, up to `least`; then views of which hardly anything is shown. A surface is shown where disparity and
+ * colour are those of the pixel.
+ *
+ * @param lf       images and disparities of all present views, the reference view among them
+ * @param carried  out, [views] true: not labelled; absent views are
+ * @return 0, -ENOMEM. The same choice for any number of threads; with a greater `least` the same views and more.
+ */
+SST_MUST_CHECK int process_choose_labelled(bool *carried, struct process_cover *cover, const struct sst_lightfield *lf,
+                                           int least, int threads);
+
+/**
+ * Share of the samples that a labelled view and another one label differently, of those that both show and label with
+ * certainty: network and maps agree where it is small.
+ *
+ * @param entropy  [views] of the labels, which are certain below eps_h; NULL: all that there are
+ * @return 0..1; 0 where no surface is labelled twice
+ */
+double process_labels_differ(const struct sst_lightfield *lf, const bool *carried, const struct sst_map_f32 *entropy,
+                             double eps_h);
+
+/** Labels carried from labelled views to others. */
 struct process_carry {
-    struct sst_lightfield *lf; /* disparities of all present views, labels of the key views */
+    struct sst_lightfield *lf; /* disparities of all present views, labels of the labelled views */
     const bool *carried;       /* [views] the others */
     struct sst_share *share;   /* with other processes, by views; or NULL */
     int threads;
@@ -19,23 +88,32 @@ struct process_carry {
 };
 
 /**
- * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
- * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a
- * label there; else none. views[].label of them is made here.
+ * Give the carried views the labels of the labelled ones: each pixel gets that of the place where its disparity puts
+ * it, in the nearest of eight labelled views that shows the same surface (disparity within a pixel, colours alike) and
+ * has a label there; else none. views[].label of them is made here.
  *
  * @param entropy  [views] of the labels, made here for the carried views, infinite where they have none; or NULL
- * @param fill     then the pixels without a label get that of the labelled pixel to their left or right whose disparity
- *                 is nearer to theirs, those that are not valid none; entropy is NULL
+ * @param fill     then process_fill_labels() does the rest; entropy is NULL
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill);
 
-/** Percent of a key view's labels that differ from those that the other key views carry to it, where there are both.
+/**
+ * Give the pixels of a view that have no label one of its labelled pixels: of the first ones that are met in the row,
+ * the column and the two diagonals, up to PROCESS_FILL_REACH pixels away, that of the most similar colour (sum of the
+ * channels' differences), then of the nearest disparity; where there is none that near, that of the labelled pixel to
+ * the left or right in the row whose disparity is nearer. Pixels that are not valid get none.
+ *
+ * @param v  label, disp and image
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int process_fill_labels(struct sst_view *v);
+
+#define PROCESS_FILL_REACH 64
+
+/** Percent of a labelled view's labels that differ from those that the others carry to it, where there are both.
  *  NaN: none to compare. */
 SST_MUST_CHECK int process_carry_error(const struct process_carry *c, int view, double *percent);
-
-/** Share of a view's pixels whose surfaces its sources among the key views show: what could be carried to it. */
-SST_MUST_CHECK int process_carry_shown(const struct process_carry *c, int view, double *share);
 
 /**
  * Let the views vote about the label of every surface: each pixel gets the label that most of its own view and the

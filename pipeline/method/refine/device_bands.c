@@ -84,7 +84,7 @@ struct exchange {
     const struct sst_refine_carry *c;
     bool vote;
     int planes;
-    struct sst_gpu_shift shift[SST_GPU_VOTERS];
+    struct sst_gpu_shift shift[SST_REFINE_SOURCES];
 };
 
 struct rows {
@@ -121,24 +121,25 @@ static struct rows rows_of(const struct exchange *x, int i, const int32_t span[2
     return (struct rows){ first, sst_clamp_int(top + rows + sst_max_int(at[0], at[1]), first, height) };
 }
 
-/* Upload the band and the rows of its sources. @param rows  out: of each source */
-static int upload_band(struct sst_refine_device *d, const struct exchange *x, struct sst_gpu_work *work,
-                       struct sst_gpu_shift *shift, int32_t *rows, int top, int n)
+/* Upload the rows of sources `first` and up to SST_GPU_VOTERS - 1 more. @param rows  out: of each source */
+static int upload_sources(struct sst_refine_device *d, const struct exchange *x, int first, struct sst_gpu_work *work,
+                          struct sst_gpu_shift *shift, int32_t *rows, int top, int n)
 {
     const struct sst_refine_carry *c = x->c;
     int32_t span[2];
     const bool any = find_span(&c->lf->views[c->view].disp, top, n, span);
-    int err = refine_device_rows(d, REFINE_KEPT_BAND, c->lf, c->view, PLANES, NULL, top, top + n);
+    int err = 0;
 
     for (int i = 0; i < SST_GPU_VOTERS && !err; i++) {
         const enum refine_kept which = (enum refine_kept)(REFINE_KEPT_BAND + 1 + i);
-        const struct rows r = any && i < c->count ? rows_of(x, i, span, top, n) : (struct rows){ 0, 0 };
+        const bool is_one = first + i < c->count;
+        const struct rows r = any && is_one ? rows_of(x, first + i, span, top, n) : (struct rows){ 0, 0 };
 
-        shift[i] = x->shift[i];
+        shift[i] = is_one ? x->shift[first + i] : (struct sst_gpu_shift){ 0 };
         shift[i].down += top - r.top;
         rows[i] = r.end - r.top;
         if (rows[i]) {
-            const int from = c->sources[i].view;
+            const int from = c->sources[first + i].view;
 
             err = refine_device_rows(d, which, c->lf, from, PLANES, c->entropies ? &c->entropies[from] : NULL, r.top,
                                      r.end);
@@ -161,29 +162,53 @@ static int fill_band(struct sst_refine_device *d, int width, int rows)
     return err ? err : refine_device_dispatch(d, &work, width, rows);
 }
 
+/* Votes, or labels of up to SST_GPU_VOTERS sources at once: later ones give labels to pixels that have none yet. */
+static int gather_band(struct sst_refine_device *d, const struct exchange *x, int top, int rows)
+{
+    const int width = x->c->lf->width;
+    int err = 0;
+
+    for (int first = 0; !err && (first < x->c->count || first == 0); first += SST_GPU_VOTERS) {
+        const int count = sst_min_int(x->c->count - first, SST_GPU_VOTERS);
+        struct sst_gpu_vote vote = { .width = width, .height = rows, .count = count };
+        struct sst_gpu_label_carry carry = { .width = width,
+                                             .height = rows,
+                                             .count = count,
+                                             .mode = x->planes > 1 ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS,
+                                             .more = first > 0 };
+        struct sst_gpu_work work = { .shader = x->vote ? SST_GPU_VOTE : SST_GPU_LABEL_CARRY };
+
+        err = upload_sources(d, x, first, &work, vote.shift, vote.rows, top, rows);
+        memcpy(carry.shift, vote.shift, sizeof(carry.shift));
+        memcpy(carry.rows, vote.rows, sizeof(carry.rows));
+        work.push = x->vote ? (const void *)&vote : &carry;
+        work.buffer[SST_GPU_VOTE_OUT] = d->kept[REFINE_KEPT_OUT];
+        err = err ? err : refine_device_dispatch(d, &work, width, rows);
+    }
+    return err;
+}
+
+/* Gaps are filled from rows beyond the band, which are carried as well. */
 static int exchange_band(struct sst_refine_device *d, void *arg, int top, int rows)
 {
     const struct exchange *x = arg;
-    const int width = x->c->lf->width;
-    struct sst_gpu_vote vote = { .width = width, .height = rows, .count = x->c->count };
-    struct sst_gpu_label_carry carry = { .width = width,
-                                         .height = rows,
-                                         .count = x->c->count,
-                                         .mode = refine_carry_mode(x->c, x->planes > 1) };
-    struct sst_gpu_work work = { .shader = x->vote ? SST_GPU_VOTE : SST_GPU_LABEL_CARRY };
-    int err = upload_band(d, x, &work, vote.shift, vote.rows, top, rows);
+    const int width = x->c->lf->width, reach = x->c->fill ? SST_GPU_FILL_REACH : 0;
+    const int from = sst_max_int(top - reach, 0), n = sst_min_int(top + rows + reach, x->c->lf->height) - from;
+    int err = refine_device_rows(d, REFINE_KEPT_BAND, x->c->lf, x->c->view, PLANES, NULL, from, from + n);
 
-    memcpy(carry.shift, vote.shift, sizeof(carry.shift));
-    memcpy(carry.rows, vote.rows, sizeof(carry.rows));
-    work.push = x->vote ? (const void *)&vote : &carry;
     err = err ? err
               : refine_device_keep(d, REFINE_KEPT_OUT,
-                                   (size_t)x->planes * (size_t)width * (size_t)rows * sizeof(uint32_t));
-    work.buffer[SST_GPU_VOTE_OUT] = d->kept[REFINE_KEPT_OUT];
-    err = err ? err : refine_device_dispatch(d, &work, width, rows);
+                                   (size_t)x->planes * (size_t)width * (size_t)n * sizeof(uint32_t));
+    err = err ? err : gather_band(d, x, from, n);
     if (x->c->fill)
-        err = err ? err : fill_band(d, width, rows);
-    return err ? err : download(d, x->c->fill ? REFINE_KEPT_FILLED : REFINE_KEPT_OUT, width, rows, x->planes);
+        err = err ? err : fill_band(d, width, n);
+    err = err ? err : download(d, x->c->fill ? REFINE_KEPT_FILLED : REFINE_KEPT_OUT, width, n, x->planes);
+    if (!err && reach) {
+        uint32_t *words = d->words.data;
+
+        memmove(words, words + (size_t)(top - from) * (size_t)width, (size_t)rows * (size_t)width * sizeof(*words));
+    }
+    return err;
 }
 
 int refine_device_exchange(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,

@@ -32,28 +32,39 @@ static int fill(struct sst_refine_device *d, const struct sst_refine_carry *c)
     return refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
 }
 
-enum sst_gpu_carry_mode refine_carry_mode(const struct sst_refine_carry *c, bool entropies)
+/* From up to SST_GPU_VOTERS sources at once: later ones give labels to pixels that have none yet. */
+static int gather(struct sst_refine_device *d, const struct sst_refine_carry *c)
 {
-    return c->shown ? SST_GPU_CARRY_SHOWN : entropies ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS;
+    int err = 0;
+
+    for (int first = 0; !err && (first < c->count || first == 0); first += SST_GPU_VOTERS) {
+        struct sst_refine_carry part = *c;
+        struct sst_gpu_label_carry push = { .width = c->lf->width,
+                                            .height = c->lf->height,
+                                            .count = sst_min_int(c->count - first, SST_GPU_VOTERS),
+                                            .mode = c->entropies ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS,
+                                            .more = first > 0 };
+        struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };
+
+        for (int i = 0; i < SST_GPU_VOTERS; i++)
+            push.rows[i] = c->lf->height;
+        part.sources = c->sources + first;
+        part.count = push.count;
+        err = refine_device_voters(d, &work, push.shift, &part);
+        err = err ? err : refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
+    }
+    return err;
 }
 
 static int carry_whole(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
                        const struct sst_refine_carry *c)
 {
     const size_t bytes = (size_t)c->lf->width * (size_t)c->lf->height * sizeof(uint32_t);
-    struct sst_gpu_label_carry push = { .width = c->lf->width,
-                                        .height = c->lf->height,
-                                        .count = c->count,
-                                        .mode = refine_carry_mode(c, entropy) };
-    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
 
-    for (int i = 0; i < SST_GPU_VOTERS; i++)
-        push.rows[i] = c->lf->height;
-    err = err ? err : refine_device_voters(d, &work, push.shift, c);
+    err = err ? err : gather(d, c);
     if (c->fill)
         err = err ? err : refine_device_keep(d, REFINE_KEPT_FILLED, bytes);
-    err = err ? err : refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
     if (c->fill)
         err = err ? err : fill(d, c);
     if (entropy)

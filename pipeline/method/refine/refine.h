@@ -99,7 +99,8 @@ struct sst_refine_voter {
     struct sst_shift across, down; /* from that view's pixels to the voter's */
 };
 
-#define SST_REFINE_VOTERS 4
+#define SST_REFINE_VOTERS  4
+#define SST_REFINE_SOURCES 8
 
 /**
  * Begin a stage: labels or entropies have changed, and are uploaded again, with the disparities, for each view that is
@@ -139,11 +140,10 @@ bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, s
 struct sst_refine_carry {
     const struct sst_lightfield *lf;
     int view;
-    const struct sst_refine_voter *sources; /* the nearest first; at most SST_REFINE_VOTERS */
+    const struct sst_refine_voter *sources; /* the nearest first; at most SST_REFINE_SOURCES */
     int count;
     const struct sst_map_f32 *entropies; /* [views] of the sources, which are carried too; or NULL */
-    bool fill;                           /* then what has no label gets one, see process_carry_labels() */
-    bool shown;                          /* no labels, but 1 where any source shows the surface */
+    bool fill;                           /* then what has no label gets one, see process_fill_labels() */
 };
 
 /**

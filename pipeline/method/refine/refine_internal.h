@@ -188,9 +188,6 @@ SST_MUST_CHECK int refine_device_voters(struct sst_refine_device *d, struct sst_
 /** @return 0, -EOVERFLOW: likewise */
 SST_MUST_CHECK int refine_set_shift(struct sst_gpu_shift *out, const struct sst_refine_voter *v);
 
-/** What the shader `label_carry` is to carry. */
-enum sst_gpu_carry_mode refine_carry_mode(const struct sst_refine_carry *c, bool entropies);
-
 /* --- device_bands.c: where not all views fit that take part --- */
 
 /** Votes, or carried labels. @param label, entropy, c  as of sst_refine_device_carry() @return as refine_device_voters();
