@@ -254,7 +254,7 @@ static void test_labels(void **state)
     exchange_in_bands(&lf, 5);
     lf.disp_min_px = -6;
     carry_compare(&lf, carried, 0, device, &report);
-    assert_int_equal(report.carried, 6);
+    assert_int_equal(report.carried, 5);
     enlarge_compare(&lf, 0, device, &report);
     assert_int_equal(report.enlarged, 2);
     sst_refine_device_destroy(device);
