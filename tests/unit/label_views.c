@@ -7,7 +7,7 @@
 
 #define WIDTH  96
 #define HEIGHT 64
-#define GAPS   200 /* width of the view with gaps: more than twice the reach */
+#define GAPS   200  /* width of the view with gaps: more than twice the reach */
 #define FAR    6400 /* 1/64 px: no view shows what another one has there */
 
 /* Views of a grey wall of disparity 0. */
@@ -186,7 +186,7 @@ static void test_gaps(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_least), cmocka_unit_test(test_shown), cmocka_unit_test(test_apart),
+        cmocka_unit_test(test_least),  cmocka_unit_test(test_shown), cmocka_unit_test(test_apart),
         cmocka_unit_test(test_differ), cmocka_unit_test(test_gaps),
     };
 
