@@ -7,6 +7,8 @@
 
 #include "pipeline/gpu/gpu_internal.h"
 
+_Static_assert(sizeof(struct sst_gpu_label_carry) <= 128, "every device has so many bytes of constants");
+
 #define NONE     65535
 #define INFINITE 0x7F800000U
 #define SAME     64 /* 1/64 px: disparities of one surface differ by at most this */
@@ -83,7 +85,7 @@ void label_carry_reference(const void *push, void *const *buffer, const uint32_t
     const int n = p->width * p->height;
 
     for (int i = 0; i < n; i++) {
-        uint32_t label = p->more ? out[i] : 0, entropy = INFINITE;
+        uint32_t label = p->flags & SST_GPU_CARRY_MORE ? out[i] : 0, entropy = INFINITE;
 
         if (label)
             continue;
@@ -93,11 +95,11 @@ void label_carry_reference(const void *push, void *const *buffer, const uint32_t
 
             if (at >= 0 && there[at] >> 16) {
                 label = there[at] >> 16;
-                entropy = p->mode == SST_GPU_CARRY_ENTROPIES ? there[2 * p->width * p->rows[k] + at] : INFINITE;
+                entropy = p->flags & SST_GPU_CARRY_ENTROPIES ? there[2 * p->width * p->rows[k] + at] : INFINITE;
             }
         }
         out[i] = label;
-        if (p->mode == SST_GPU_CARRY_ENTROPIES)
+        if (p->flags & SST_GPU_CARRY_ENTROPIES)
             out[n + i] = entropy;
     }
 }
@@ -233,11 +235,8 @@ int label_carry_self_test(struct sst_gpu *g)
 
     memcpy(push.shift, test_shift, sizeof(test_shift));
     memcpy(push.rows, test_rows, sizeof(test_rows));
-    for (uint32_t i = 0; i < 4 && !err; i++) {
-        push.mode = i & 1 ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS;
-        push.more = i >> 1;
+    for (push.flags = 0; push.flags < 4 && !err; push.flags++)
         err = compare_views(g, SST_GPU_LABEL_CARRY, &push, t);
-    }
     free(t);
     return err;
 }

@@ -35,18 +35,18 @@ enum sst_gpu_vote_buffer {
     SST_GPU_VOTE_BUFFERS
 };
 
-/** `label_carry`, from the nearest source that shows the surface of a pixel; buffers as of `vote`. */
+/** `label_carry`, from the nearest source that shows the surface of a pixel and has a label there; buffers as of
+ * `vote`. */
 struct sst_gpu_label_carry {
     int32_t width, height, count;
-    uint32_t mode; /* enum sst_gpu_carry_mode */
-    uint32_t more; /* not 0: pixels that the output has a label of stay as they are */
+    uint32_t flags; /* enum sst_gpu_carry_flag */
     struct sst_gpu_shift shift[SST_GPU_VOTERS];
     int32_t rows[SST_GPU_VOTERS];
 };
 
-enum sst_gpu_carry_mode {
-    SST_GPU_CARRY_LABELS = 0,    /* of sources that have one there */
-    SST_GPU_CARRY_ENTROPIES = 1, /* likewise, and their entropies in a second plane of the output, infinite without */
+enum sst_gpu_carry_flag {
+    SST_GPU_CARRY_ENTROPIES = 1, /* of the sources, too, in a second plane of the output, infinite without */
+    SST_GPU_CARRY_MORE = 2,      /* pixels that the output has a label of stay as they are */
 };
 
 /** `label_fill`: pixels without a label get that of the most similar colour, then of the nearest disparity, among the

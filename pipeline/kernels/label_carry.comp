@@ -7,12 +7,12 @@
 
 layout(std430, push_constant) uniform Constants {
     int width, height, count;
-    uint mode, more;
+    uint flags;
     Shift shift[4];
     int rows[4];
 };
 
-const uint ENTROPIES = 1, INFINITE = 0x7F800000u;
+const uint ENTROPIES = 1, MORE = 2, INFINITE = 0x7F800000u;
 
 void main()
 {
@@ -21,7 +21,7 @@ void main()
     uint label = 0, entropy = INFINITE, here;
     int d;
 
-    if (at.x >= width || at.y >= height || (more != 0 && result[i] != 0))
+    if (at.x >= width || at.y >= height || ((flags & MORE) != 0 && result[i] != 0))
         return;
     here = own[n + i];
     d = int(own[i] & 0xFFFF);
@@ -31,10 +31,10 @@ void main()
         if (there < 0)
             continue;
         label = word_of(k, there) >> 16;
-        if (label != 0 && mode == ENTROPIES)
+        if (label != 0 && (flags & ENTROPIES) != 0)
             entropy = word_of(k, 2 * width * rows[k] + there);
     }
     result[i] = label;
-    if (mode == ENTROPIES)
+    if ((flags & ENTROPIES) != 0)
         result[n + i] = entropy;
 }

@@ -279,15 +279,16 @@ static void test_votes(void **state)
 static void test_carried(void **state)
 {
     static const struct {
-        int lost;
+        int width, height, lost;
         uint64_t memory;
         int carried, in_parts, failures;
     } devices[] = {
-        { 0, 0, 7, 0, 0 },
-        { 0, 8 * 93 * 61 * 8, 7, 0, 0 }, /* few views at once, with entropies */
-        { 0, 3 * 93 * 61 * 8, 7, 7, 0 }, /* rows of them */
-        { 0, 110000, 7, 7, 0 },
-        { 3, 0, 2, 0, 4 }, /* the third one of each opening */
+        { 93, 61, 0, 0, 7, 0, 0 },
+        { 93, 61, 0, 8 * 93 * 61 * 8, 7, 0, 0 }, /* few views at once, with entropies */
+        { 93, 61, 0, 3 * 93 * 61 * 8, 5, 5, 0 }, /* rows of them; gaps are filled from all of so few */
+        { 93, 61, 0, 110000, 5, 5, 0 },
+        { 24, 260, 0, 260000, 7, 7, 0 }, /* gaps are filled from a part of the rows */
+        { 93, 61, 3, 0, 2, 0, 4 },       /* the third one of each opening */
     };
     const bool carried[9] = { true, false, true, false, false, false, false, true, false };
     struct sst_refine_device_report report;
@@ -295,12 +296,12 @@ static void test_carried(void **state)
     struct device d;
 
     (void)state;
-    refine_init(&lf, 3, 3, 93, 61);
-    lf.disp_min_px = -6;
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         const char *name = devices[i].lost ? after_tests("lost", devices[i].lost) : "dummy";
 
         print_message("%s, %d bytes\n", name, (int)devices[i].memory);
+        refine_init(&lf, 3, 3, devices[i].width, devices[i].height);
+        lf.disp_min_px = -6;
         device_open(&d, name, devices[i].memory);
         carry_compare(&lf, carried, 4, d.refine, &report);
         print_message("%lld carried, %lld on the CPU, %lld failures, %lld uploads: %s\n", (long long)report.carried,
@@ -312,8 +313,8 @@ static void test_carried(void **state)
         assert_int_equal(report.failures, devices[i].failures);
         assert_int_equal(report.stages_on_cpu, report.carried_on_cpu ? 1U << SST_REFINE_STAGE_CARRY : 0);
         device_close(&d);
+        sst_lightfield_fini(&lf);
     }
-    sst_lightfield_fini(&lf);
 }
 
 /* Labels from cells: likewise; a device that fails leaves it to the caller. */

@@ -174,8 +174,8 @@ static int gather_band(struct sst_refine_device *d, const struct exchange *x, in
         struct sst_gpu_label_carry carry = { .width = width,
                                              .height = rows,
                                              .count = count,
-                                             .mode = x->planes > 1 ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS,
-                                             .more = first > 0 };
+                                             .flags = (x->planes > 1 ? SST_GPU_CARRY_ENTROPIES : 0U) |
+                                                      (first ? SST_GPU_CARRY_MORE : 0U) };
         struct sst_gpu_work work = { .shader = x->vote ? SST_GPU_VOTE : SST_GPU_LABEL_CARRY };
 
         err = upload_sources(d, x, first, &work, vote.shift, vote.rows, top, rows);

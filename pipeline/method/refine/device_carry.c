@@ -42,8 +42,8 @@ static int gather(struct sst_refine_device *d, const struct sst_refine_carry *c)
         struct sst_gpu_label_carry push = { .width = c->lf->width,
                                             .height = c->lf->height,
                                             .count = sst_min_int(c->count - first, SST_GPU_VOTERS),
-                                            .mode = c->entropies ? SST_GPU_CARRY_ENTROPIES : SST_GPU_CARRY_LABELS,
-                                            .more = first > 0 };
+                                            .flags = (c->entropies ? SST_GPU_CARRY_ENTROPIES : 0U) |
+                                                     (first ? SST_GPU_CARRY_MORE : 0U) };
         struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };
 
         for (int i = 0; i < SST_GPU_VOTERS; i++)
