@@ -211,19 +211,19 @@ gpu_self_test_fn limits_self_test;
  * Without rounds it copies; with rounds each of 16 sums of an invocation is multiplied and increased once a round. */
 
 /** Buffers, by binding. */
-enum sst_gpu_limits_buffer {
-    SST_GPU_LIMITS_FROM = 0, /* float [count][4] */
-    SST_GPU_LIMITS_TO = 1,   /* out, float [count][4] */
-    SST_GPU_LIMITS_BUFFERS
+enum gpu_limits_buffer {
+    GPU_LIMITS_FROM = 0, /* float [count][4] */
+    GPU_LIMITS_TO = 1,   /* out, float [count][4] */
+    GPU_LIMITS_BUFFERS
 };
 
 /** The layout of pipeline/kernels/limits.comp (std430). */
-struct sst_gpu_limits {
+struct gpu_limits {
     uint32_t count, rounds;
 };
 
-#define SST_GPU_LIMITS_GROUP    256
-#define SST_GPU_LIMITS_PRODUCTS 16 /* of one round and four floats */
+#define GPU_LIMITS_GROUP    256
+#define GPU_LIMITS_PRODUCTS 16 /* of one round and four floats */
 
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */
 

@@ -5,9 +5,9 @@
 
 void limits_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
 {
-    const struct sst_gpu_limits *p = push;
-    const float *from = buffer[SST_GPU_LIMITS_FROM];
-    float *to = buffer[SST_GPU_LIMITS_TO];
+    const struct gpu_limits *p = push;
+    const float *from = buffer[GPU_LIMITS_FROM];
+    float *to = buffer[GPU_LIMITS_TO];
 
     for (size_t i = 0; i < 4 * (size_t)p->count; i++) {
         float total = 0;
@@ -33,12 +33,12 @@ int limits_self_test(struct sst_gpu *g)
     for (int i = 0; i < 4 * TEST_COUNT; i++)
         from[i] = (float)(gpu_random(&state) % 7) - 3;
     for (uint32_t rounds = 0; rounds < 6 && !err; rounds += 5) {
-        const struct sst_gpu_limits push = { TEST_COUNT, rounds };
+        const struct gpu_limits push = { TEST_COUNT, rounds };
         const struct sst_gpu_work work = { .shader = SST_GPU_LIMITS, .push = &push, .groups = { 2, 1, 1 } };
         const void *const initial[] = { from, to };
         const size_t bytes[] = { sizeof(from), sizeof(to) };
 
-        err = gpu_compare(g, &work, initial, bytes, SST_GPU_LIMITS_TO, NULL);
+        err = gpu_compare(g, &work, initial, bytes, GPU_LIMITS_TO, NULL);
     }
     return err;
 }

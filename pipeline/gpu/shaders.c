@@ -163,8 +163,7 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                               verify_mode_self_test },
     [SST_GPU_VERIFY_BLEND] = { "verify_blend", SST_GPU_MIX_BUFFERS, sizeof(struct sst_gpu_verify),
                                verify_blend_reference, verify_blend_self_test },
-    [SST_GPU_LIMITS] = { "limits", SST_GPU_LIMITS_BUFFERS, sizeof(struct sst_gpu_limits), limits_reference,
-                         limits_self_test },
+    [SST_GPU_LIMITS] = { "limits", GPU_LIMITS_BUFFERS, sizeof(struct gpu_limits), limits_reference, limits_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

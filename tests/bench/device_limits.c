@@ -49,7 +49,7 @@ static int open_device(struct bench *b, const char *name)
 
 static int run(struct bench *b, uint32_t count, uint32_t rounds, int dispatches, int64_t *ns)
 {
-    const struct sst_gpu_limits push = { count, rounds };
+    const struct gpu_limits push = { count, rounds };
     const struct sst_gpu_work work = {
         .shader = SST_GPU_LIMITS, .push = &push, .buffer = { b->buffer[0], b->buffer[1] }, .groups = { GROUPS, 1, 1 }
     };
@@ -79,7 +79,7 @@ static int copy_rate(struct bench *b, double *best)
 /* TFLOP/s: a multiplication and an addition are two. */
 static int product_rate(struct bench *b, double *best)
 {
-    const uint32_t count = (uint32_t)least(b->bytes / (4 * sizeof(float)), (uint64_t)GROUPS * SST_GPU_LIMITS_GROUP);
+    const uint32_t count = (uint32_t)least(b->bytes / (4 * sizeof(float)), (uint64_t)GROUPS * GPU_LIMITS_GROUP);
     uint32_t rounds = 64;
     int64_t ns = 0;
     int err = run(b, count, rounds, 1, &ns);
@@ -90,7 +90,7 @@ static int product_rate(struct bench *b, double *best)
     }
     for (int i = 0; i < RUNS && !err; i++) {
         err = run(b, count, rounds, 1, &ns);
-        *best = fmax(*best, 2.0 * SST_GPU_LIMITS_PRODUCTS * count * rounds / (double)ns * 1e-3);
+        *best = fmax(*best, 2.0 * GPU_LIMITS_PRODUCTS * count * rounds / (double)ns * 1e-3);
     }
     return err;
 }
