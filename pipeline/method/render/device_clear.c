@@ -198,6 +198,11 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
         return err;
     if (whole)
         err = render_whole(d, c);
+    if (whole && err == -ENOMEM && d->verify.params) { /* what rays are verified with gives way */
+        device_drop_verify(d);
+        d->full = false;
+        err = render_whole(d, c);
+    }
     if (err != -ENOMEM)
         return err;
     if (whole) {
