@@ -13,11 +13,10 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SHOWN_LEAST       0.9  /* of all views' pixels: labelled views must show so many, unless maps were carried */
+#define SHOWN_LEAST       0.995 /* of all views' pixels: labelled views must show so many, unless maps were carried */
 #define LABELLED_LEAST    5    /* views, where there are so many */
 #define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
 #define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
-#define DIFFER_MANY       0.03 /* all are, unless maps were carried */
 #define JITTER_PX         6.0 /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
 
@@ -255,9 +254,9 @@ static void carry_nothing(struct run *run)
     run->report->labels_skipped = NAN;
 }
 
-/* Choose the views that the network labels. Labels go to the right surfaces only where maps are good enough to find
- * those in other views: where they could be carried themselves, or nearly all pixels are found.
- * @param least  views */
+/* Choose the views that the network labels. Labels go to the right surfaces only where maps could be carried, or all
+ * surfaces are found in other views: behind foliage, whose views have a map each, see-through pictures of carried
+ * labels lose up to 2 dB, although more labels are right. @param least  views */
 static int choose_labelled(struct run *run, int least)
 {
     const int present = count_present(run);
@@ -350,10 +349,7 @@ static int segment_more(struct run *run, int workers, double eps_h)
 
     if (differ < DIFFER_SOME)
         return 0;
-    if (differ > DIFFER_MANY && !has_carried_maps(run))
-        carry_nothing(run);
-    else
-        err = log_oom(choose_labelled(run, count_present(run)));
+    err = log_oom(choose_labelled(run, count_present(run)));
     return err ? err : segment_views(run, workers);
 }
 
