@@ -12,7 +12,7 @@
 
 _Static_assert(sizeof(struct sst_gpu_blend_view) == 64 && sizeof(struct sst_gpu_blend_label) == 8,
                "the layout of blend.comp");
-_Static_assert(sizeof(struct sst_gpu_blend) <= 128, "every device has so many bytes of constants");
+_Static_assert(sizeof(struct sst_gpu_blend) <= 128, "Vulkan guarantees 128 bytes of push constants");
 
 /* --- reference ---------------------------------------------------------------------------------------------------- */
 

@@ -13,7 +13,7 @@
 
 _Static_assert(sizeof(struct sst_gpu_verify_view) == 208 && sizeof(struct sst_gpu_verify_params) == 6144,
                "the layout of verify_*.comp");
-_Static_assert(sizeof(struct sst_gpu_verify) <= 128, "every device has so many bytes of constants");
+_Static_assert(sizeof(struct sst_gpu_verify) <= 128, "Vulkan guarantees 128 bytes of push constants");
 
 /* --- pixels left to votes ----------------------------------------------------------------------------------------- */
 

@@ -1,7 +1,6 @@
-/* One identity for what the scene's tracks and the search behind leaves find of one thing. Both see parts of somebody
- * who walks behind a hedge: now the scene's tracks see legs in a gap, now the search sees the whole, now both do, or
- * neither. A part that is new belongs to the identity whose place, depth and motion it fits, also to one that begins in
- * the same set. Two identities that move together turn out to be one. */
+/* Data association between the scene's tracks and the search behind leaves, which both detect parts of a person behind
+ * a hedge. A new detection is assigned to the identity whose position, depth and motion it fits, also to one that
+ * begins in the same set. Two identities that move together are merged. */
 #include <math.h>
 #include <string.h>
 

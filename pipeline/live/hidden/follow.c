@@ -15,7 +15,7 @@
 #define LOST_SETS   2
 #define REACH       0.5 /* of the height: a thing moves by this at once, ... */
 #define SPEED       1.0 /* ... and by this in a second, ... */
-#define REACH_S     1.5 /* ... of which so many count: what is farther away later is another thing, or chance */
+#define REACH_S     1.5 /* ... for at most this time: a candidate farther away belongs to another thing or is noise */
 #define DEPTH_STEPS 4.0 /* planes */
 #define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
 #define IMAGE_SIDES 2.0 /* ... within so many widths of both */

@@ -34,7 +34,8 @@
 #define COVERED_NS  INT64_C(6000000000)
 #define STILL_NS    INT64_C(600000000000) /* without motion: part of the scene */
 #define PAUSE_NS                                                                                                       \
-    1e9 /* a track without a piece for longer, and for PAUSE_SETS intervals, is measured anew from its next piece */
+    1e9 /* after a longer gap, of PAUSE_SETS intervals at least, the displacement is measured from the next piece on   \
+         */
 #define PAUSE_SETS       2.5
 #define MOVING_SETS      3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
 #define MOVING_NS        INT64_C(300000000)
@@ -468,7 +469,7 @@ static bool moves(const struct scene_track *a, const struct scene_tracks *t, dou
 {
     const double dx = a->x - a->from_x, dy = a->y - a->from_y, way = hypot(dx, dy);
     const bool known = is_known(a, t, picture);
-    /* At long intervals, leaves that swing cannot be told from motion in one direction. */
+    /* With long intervals between sets, swinging leaves are indistinguishable from motion in one direction. */
     const bool often = (double)(a->seen_ns - a->way_ns) <= RARE_NS * (double)(a->sets - 1);
     const double far = known && often ? MOVED : MOVED_UNKNOWN, deeper = fabs(a->disp_q6 - a->from_q6);
 
