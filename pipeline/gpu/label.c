@@ -14,8 +14,7 @@ _Static_assert(sizeof(struct sst_gpu_label_carry) <= 128, "Vulkan guarantees 128
 #define SAME     64 /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR  24 /* levels: views vote where their colours differ by at most this in every channel */
 
-/* Index of the pixel of another view that shows the surface of pixel i of n; -1: none does. @param height  rows of that
- * view */
+/* Index of the pixel of another view, which has `rows` rows, that shows the surface of pixel i of n; -1: none does. */
 static int place_of(const struct sst_gpu_shift *s, const uint32_t *there, const uint32_t *own, int n, int width,
                     int rows, int i)
 {
