@@ -21,3 +21,11 @@ void sst_hamming_row_ref(uint8_t *cost, const uint64_t *a, const uint64_t *b, si
     for (size_t x = 0; x < n; x++)
         cost[x] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[x]));
 }
+
+void sst_hamming_steps_row_ref(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n, size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        for (size_t d = 0; d < nd; d++)
+            cost[x * nd + d] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[(ptrdiff_t)x - (ptrdiff_t)d]));
+    }
+}

@@ -41,4 +41,42 @@ static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict
     for (size_t x = 0; x < n; x++)
         cost[x] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[x]));
 }
+
+#if defined(__AVX512VBMI__) && defined(__AVX512VPOPCNTDQ__)
+/* 32 places of a pixel: eight at a time from the last one on, one byte of each lane; the permutation puts them in
+ * order. */
+static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
+                                      size_t n, size_t nd)
+{
+    uint8_t order[64] = { 0 };
+
+    for (int d = 0; d < 32; d++)
+        order[d] = (uint8_t)(8 * (7 - d % 8) + d / 8);
+    const __m512i from = _mm512_loadu_si512(order);
+
+    for (size_t x = 0; x < n; x++) {
+        const __m512i own = _mm512_set1_epi64((int64_t)a[x]);
+
+        for (size_t d = 0; d < nd; d += 32) {
+            const uint64_t *last = b + x - d - 7;
+            __m512i bytes = _mm512_popcnt_epi64(_mm512_xor_si512(own, _mm512_loadu_si512(last - 24)));
+
+            for (int k = 2; k >= 0; k--)
+                bytes = _mm512_or_si512(_mm512_slli_epi64(bytes, 8),
+                                        _mm512_popcnt_epi64(_mm512_xor_si512(own, _mm512_loadu_si512(last - 8 * k))));
+            bytes = _mm512_permutexvar_epi8(from, _mm512_slli_epi64(bytes, 2));
+            _mm256_storeu_si256((__m256i *)(cost + x * nd + d), _mm512_castsi512_si256(bytes));
+        }
+    }
+}
+#else
+static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
+                                      size_t n, size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        for (size_t d = 0; d < nd; d++)
+            cost[x * nd + d] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ *(b + x - d)));
+    }
+}
+#endif
 #endif

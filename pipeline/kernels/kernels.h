@@ -30,6 +30,7 @@ enum sst_cpu_level {
 #define SST_KERNEL_LIST(X)                                                                                             \
     X(census_row)                                                                                                      \
     X(hamming_row)                                                                                                     \
+    X(hamming_steps_row)                                                                                               \
     X(feature_cost_rows)                                                                                               \
     X(cheapest_row)                                                                                                    \
     X(cheapest_mean_row)                                                                                               \
@@ -85,6 +86,10 @@ typedef void sst_census_row_fn(uint64_t *out, const uint8_t *const rows[7], size
 
 /** cost[i] = 4 * popcount(a[i] ^ b[i]), at most 248. */
 typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n);
+
+/** cost[x * nd + d] = 4 * popcount(a[x] ^ b[x - d]): n pixels, each against nd places from its own one to the left.
+ *  b is readable from b - (nd - 1) on. @param nd  a multiple of 32 */
+typedef void sst_hamming_steps_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n, size_t nd);
 
 /**
  * Costs of a stretch of one row of feature vectors against `count` other stretches: with a and b[j] at pixel x,

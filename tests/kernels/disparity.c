@@ -65,6 +65,30 @@ static void census_and_hamming(void **state SST_UNUSED)
     }
 }
 
+static void hamming_by_steps(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 60; n++) {
+        for (size_t nd = 32; nd <= 160; nd += 32) {
+            uint8_t *want = sst_mem_alloc(n, nd), *got = sst_mem_alloc(n, nd);
+            uint64_t *bits = (uint64_t *)random_bytes((2 * n + nd) * sizeof(uint64_t));
+
+            for (size_t i = 0; i < 2 * n + nd; i++)
+                bits[i] >>= 2;
+            sst_hamming_steps_row_ref(want, bits, bits + n + nd - 1, n, nd);
+            FOR_EACH_LEVEL(k, level)
+            {
+                k.hamming_steps_row(got, bits, bits + n + nd - 1, n, nd);
+                same(got, want, n * nd, "hamming_steps_row", level, n);
+            }
+            sst_mem_free(bits);
+            sst_mem_free(want);
+            sst_mem_free(got);
+        }
+    }
+}
+
 /* One centre of 10 with the row above darker: the three bits of rows 0-2 are set, all others are not. */
 static void census_of_known_pixels(void **state SST_UNUSED)
 {
@@ -474,6 +498,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(census_and_hamming),
+        cmocka_unit_test(hamming_by_steps),
         cmocka_unit_test(census_of_known_pixels),
         cmocka_unit_test(feature_costs),
         cmocka_unit_test(feature_costs_of_known_vectors),

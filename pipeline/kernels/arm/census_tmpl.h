@@ -69,3 +69,26 @@ static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict
     for (; x < n; x++)
         cost[x] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[x]));
 }
+
+/* 16 places of a pixel at a time, from the last one on. */
+static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
+                                      size_t n, size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        const uint64x2_t own = vdupq_n_u64(a[x]);
+
+        for (size_t d = 0; d < nd; d += 16) {
+            const uint64_t *last = b + x - d - 15;
+            uint8x16_t bits[8];
+
+            for (size_t i = 0; i < 8; i++)
+                bits[i] = vcntq_u8(vreinterpretq_u8_u64(veorq_u64(own, vld1q_u64(last + 2 * i))));
+            for (int left = 4; left; left /= 2) {
+                for (int i = 0; i < left; i++)
+                    bits[i] = vpaddq_u8(bits[2 * i], bits[2 * i + 1]);
+            }
+            bits[0] = vrev64q_u8(vshlq_n_u8(bits[0], 2));
+            vst1q_u8(cost + x * nd + d, vextq_u8(bits[0], bits[0], 8));
+        }
+    }
+}

@@ -159,6 +159,17 @@ size_t sst_volume_bytes(int width, int height, int steps);
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);
 
+/**
+ * The same bytes in a quarter of the time where a single neighbour without masks is matched by census alone, and its
+ * steps go pixel by pixel to the left and stay within its rows.
+ *
+ * @param cost  out: [height][row][steps_padded]; row is the volume's width at least, the columns beside it cost
+ *              SST_COST_MAX
+ * @return false: it is not of that kind, nothing was written
+ */
+bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref,
+                          const struct sst_neighbour *neighbours, int count, uint8_t *cost, size_t row);
+
 /** Largest difference of a colour channel between pixels of two rows, n of them. */
 void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n);
 

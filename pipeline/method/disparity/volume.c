@@ -292,6 +292,44 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
     }
 }
 
+/* Are the steps pixel by pixel to the left, all within the neighbour's rows? */
+static bool steps_left(const struct sst_volume *v, const struct sst_descriptor *ref,
+                       const struct sst_volume_step *steps)
+{
+    const int first = v->x0 + steps[0].x, padding = (int)v->steps_padded - 1;
+
+    for (int i = 0; i < v->steps; i++) {
+        if (steps[i].x != steps[0].x - i || steps[i].y != 0 || steps[i].phase != steps[0].phase)
+            return false;
+    }
+    return first - padding >= 0 && first + v->width <= ref->width;
+}
+
+bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref,
+                          const struct sst_neighbour *neighbours, int count, uint8_t *cost, size_t row)
+{
+    const struct strip whole = { .v = v, .ref = ref };
+    const size_t steps = (size_t)v->steps, padded = v->steps_padded;
+    struct sst_volume_step *step = (struct sst_volume_step *)v->scratch;
+
+    if (!alone(&whole, neighbours, count))
+        return false;
+    sst_volume_steps(step, v, neighbours->bx, neighbours->by);
+    if (!steps_left(v, ref, step))
+        return false;
+    for (int y = 0; y < v->height; y++) {
+        const size_t at = (size_t)(v->y0 + y) * ref->census_stride + (size_t)v->x0;
+        uint8_t *out = cost + (size_t)y * row * padded;
+
+        sst_kernels_get()->hamming_steps_row(
+            out, ref->census[0] + at, neighbours->desc->census[step->phase] + at + step->x, (size_t)v->width, padded);
+        for (size_t x = 0; steps < padded && x < (size_t)v->width; x++)
+            memset(out + x * padded + steps, SST_COST_MAX, padded - steps);
+        memset(out + (size_t)v->width * padded, SST_COST_MAX, (row - (size_t)v->width) * padded);
+    }
+    return true;
+}
+
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count)
 {
@@ -299,6 +337,8 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
     struct strip s = { .v = v, .ref = ref, .first = v->scratch };
     struct sst_volume_step *steps;
 
+    if (sst_volume_fill_left(v, ref, neighbours, count, v->cost, v->width_padded))
+        return;
     s.second = s.first + tile;
     s.features = s.second + tile;
     s.census = s.features + STRIP * v->steps_padded;
