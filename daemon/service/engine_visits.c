@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/stats.h"
 #include "base/text.h"
 #include "daemon/service/service_internal.h"
 
@@ -18,6 +19,7 @@
 #define DEEPER          0.15 /* logarithm of a ratio of distances: who is that much nearer or farther has come or gone */
 #define DEEPER_HIDDEN   0.45 /* behind leaves depths are those of a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
+#define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from those within this */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)
 {
@@ -120,16 +122,49 @@ static json_t *crossings_json(const struct live_engine *v, const struct visit *a
     return list;
 }
 
+static const struct visit_point *point_of(const struct visit *a, int i)
+{
+    return i < a->points ? &a->path[i] : &a->last;
+}
+
+/* Between leaves a head is seen in one set, legs in the next: the upper quartile of the lower edges around a point in
+ * time is the foot, the mean of the middles the place. */
+static struct visit_point path_point(const struct visit *a, int i)
+{
+    struct visit_point p = *point_of(a, i);
+    const int64_t before_ns = p.t_ns - point_of(a, 0)->t_ns, after_ns = a->last.t_ns - p.t_ns;
+    double y[VISIT_POINTS + 1], x = 0;
+    int n = 0, middles = 0;
+
+    for (int k = 0; a->hidden && k <= a->points; k++) {
+        const struct visit_point *other = point_of(a, k);
+        const int64_t apart_ns = llabs(other->t_ns - p.t_ns);
+
+        if (apart_ns <= PATH_NS)
+            y[n++] = other->y;
+        if (apart_ns <= PATH_NS && apart_ns <= before_ns &&
+            apart_ns <= after_ns) { /* as far before as after: who walks stays in place */
+            x += other->x;
+            middles++;
+        }
+    }
+    if (n)
+        p.y = sst_stats_quantile(y, n, 0.75);
+    if (middles)
+        p.x = x / middles;
+    return p;
+}
+
 static json_t *path_json(const struct live_engine *v, const struct visit *a)
 {
     json_t *list = json_array();
 
     for (int i = 0; i <= a->points; i++) {
-        const struct visit_point *p = i < a->points ? &a->path[i] : &a->last;
+        const struct visit_point p = path_point(a, i);
 
-        json_array_append_new(list, json_pack("[f, f, f, o]", round((double)(p->t_ns - a->from_ns) / 1e7) / 100,
-                                              round(1e4 * p->x) / 1e4, round(1e4 * p->y) / 1e4,
-                                              sst_api_real(engine_distance_m(v, p->disp_px))));
+        json_array_append_new(list, json_pack("[f, f, f, o]", round((double)(p.t_ns - a->from_ns) / 1e7) / 100,
+                                              round(1e4 * p.x) / 1e4, round(1e4 * p.y) / 1e4,
+                                              sst_api_real(engine_distance_m(v, p.disp_px))));
     }
     return list;
 }

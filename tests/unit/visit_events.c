@@ -166,6 +166,38 @@ static void who_is_behind_leaves_is_a_visit(void **state)
     json_decref(o);
 }
 
+/* Behind leaves now the head is seen, now the legs: the path is that of the foot, which walks evenly. */
+static void the_path_behind_leaves_is_even(void **state)
+{
+    static const int hidden_below[] = { 0, 90, 40, 70, 0, 60, 100 };
+    json_t *o, *path, *point;
+    size_t i;
+
+    (void)state;
+    add_zone("hedge", "0,0 1,0 1,1 0,1");
+    for (int k = 0; k <= 28; k++)
+        stand(100 + 16 * k, 440 - hidden_below[k % 7], 10, true, 0);
+    stand(0, 0, 0, false, 0);
+    do {
+        o = next("visit");
+        assert_non_null(o);
+        path = json_object_get(json_object_get(o, "data"), "path");
+        if (json_is_true(json_object_get(json_object_get(o, "data"), "active")))
+            json_decref(o);
+        else
+            break;
+    } while (true);
+    assert_true(json_array_size(path) > 10);
+    json_array_foreach(path, i, point)
+    {
+        const double s = json_number_value(json_array_get(point, 0)), x = json_number_value(json_array_get(point, 1));
+
+        assert_near(x * WIDTH, 100 + 32 * s, 10);
+        assert_near(json_number_value(json_array_get(point, 2)) * HEIGHT, 440, 41);
+    }
+    json_decref(o);
+}
+
 /* Depth alone: who comes nearer, who goes away, and who stands still behind leaves, where depth is known less well. */
 static void directions_in_depth(void **state)
 {
@@ -285,6 +317,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(who_is_behind_leaves_is_a_visit, setup, teardown),
+        cmocka_unit_test_setup_teardown(the_path_behind_leaves_is_even, setup, teardown),
         cmocka_unit_test_setup_teardown(directions_in_depth, setup, teardown),
         cmocka_unit_test_setup_teardown(lines_are_crossed_with_a_direction, setup, teardown),
         cmocka_unit_test_setup_teardown(who_stands_on_a_line_crosses_it_once, setup, teardown),
