@@ -122,6 +122,24 @@ static void test_apart(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Nothing in any raw frame: no view shows more than none, an absent one is not chosen. */
+static void test_nothing_seen(void **state SST_UNUSED)
+{
+    bool carried[SST_MAX_VIEWS];
+    struct process_cover cover;
+    struct sst_lightfield lf;
+
+    wall(&lf, 3, WIDTH, HEIGHT);
+    for (int k = 0; k < 9; k++)
+        assert_int_equal(sst_map_u8_init(&lf.views[k].valid, WIDTH, HEIGHT), 0);
+    lf.views[0].present = false;
+    cover = choose(&lf, 1, carried);
+    assert_int_equal(cover.labelled, 1);
+    assert_true(carried[0] && !carried[lf.ref_view]);
+    lf.views[0].present = true;
+    sst_lightfield_fini(&lf);
+}
+
 static void test_differ(void **state SST_UNUSED)
 {
     const bool carried[4] = { false, true, true, false };
@@ -186,8 +204,8 @@ static void test_gaps(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_least),  cmocka_unit_test(test_shown), cmocka_unit_test(test_apart),
-        cmocka_unit_test(test_differ), cmocka_unit_test(test_gaps),
+        cmocka_unit_test(test_least),        cmocka_unit_test(test_shown),  cmocka_unit_test(test_apart),
+        cmocka_unit_test(test_nothing_seen), cmocka_unit_test(test_differ), cmocka_unit_test(test_gaps),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

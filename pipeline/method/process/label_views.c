@@ -108,10 +108,10 @@ static void choose(struct choice *c, struct process_cover *cover, int view)
         c->left[i] &= !shown[i];
 }
 
-/* The view that shows most of what is left. @return its index, -1: none shows `least` samples */
+/* The view that shows most of what is left. @return its index, -1: none shows `least` samples, or any */
 static int find_best(const struct choice *c, int least)
 {
-    int best = -1, most = least - 1;
+    int best = -1, most = sst_max_int(least - 1, 0);
 
     for (int k = 0; k < c->views; k++) {
         const int gain = c->carried[k] ? count_left(shown_by(c, k, 0), c->left, c->views * c->samples) : 0;
