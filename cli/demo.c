@@ -232,9 +232,9 @@ const struct cli_command cli_demo = {
     .usage = "[--scene S] [--once] [--device D] [-o DIR]",
     .summary = "see through things with no hardware: simulated array, service, live page",
     .detail =
-        "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the address "
-        "of\n"
-        "its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C ends it.\n"
+        "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the\n"
+        "address of its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C\n"
+        "ends it.\n"
         "In the scene hedge a person passes behind leaves once a minute: a visit, which is recorded.\n"
         "--once renders a scene as an array sees it, computes labels and disparities, renders what is behind the\n"
         "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"

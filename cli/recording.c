@@ -255,8 +255,7 @@ const struct cli_command cli_recording = {
     .usage = "DIR [--verify] [--json]",
     .summary = "show what a recording holds: sets, skew, gaps, damage",
     .detail =
-        "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set "
-        "is complete\n"
+        "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set is complete\n"
         "when every camera's frame is present and good. Exit code 3 when a set is damaged or the index has lost sets.",
     .example = "sst recording night --verify",
     .run = run,

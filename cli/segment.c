@@ -341,9 +341,8 @@ const struct cli_command cli_segment = {
     .detail =
         "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
         "--prob and --entropy name folders, too. A damaged image is reported and left out.\n"
-        "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
-        "label\n"
-        "distribution has an entropy (natural log) at or above the threshold stay unlabeled.\n"
+        "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose\n"
+        "label distribution has an entropy (natural log) at or above the threshold stay unlabeled.\n"
         "--device runs the network on a GPU; what it has no shader for, or fails at, is done on the CPU, logged and\n"
         "counted in `device` of --json. Software devices are used only by name (lavapipe).",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
