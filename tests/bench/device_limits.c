@@ -2,6 +2,7 @@
  * JSON object.
  *
  *   device_limits DEVICE */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -39,7 +40,7 @@ static int open_device(struct bench *b, const char *name)
     b->bytes -= b->bytes % (4 * sizeof(float));
     b->data = sst_mem_alloc(b->bytes, 1);
     if (!b->data)
-        return -1;
+        return -ENOMEM;
     for (size_t i = 0; i < b->bytes / sizeof(*b->data); i++)
         b->data[i] = 0.5F;
     for (int i = 0; i < 2 && !err; i++)
