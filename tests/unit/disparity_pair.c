@@ -390,13 +390,55 @@ static void finds_the_shift(void **state SST_UNUSED)
     }
 }
 
+/* A window costs as that part of the whole volume does, also where the other image is half a pixel lower. */
+static void a_window_costs_as_the_whole(void **state SST_UNUSED)
+{
+    enum { LEFT = 90, MIN = 45, SOME = 6 };
+    static const double by[] = { 0, -0.012, 0.012 };
+    struct images p = new_pair(WIDTH, HEIGHT);
+    struct sst_descriptor a, b;
+    struct sst_volume whole, window;
+
+    assert_int_equal(sst_descriptor_init(&a, &p.left, 1, SST_COST_CENSUS, NULL), 0);
+    assert_int_equal(sst_descriptor_init(&b, &p.right, 1, SST_COST_CENSUS, NULL), 0);
+    assert_int_equal(sst_volume_init(&whole, WIDTH, HEIGHT, MIN, SOME), 0);
+    assert_int_equal(sst_volume_init(&window, WIDTH, HEIGHT, MIN, SOME), 0);
+    whole.phase_step = window.phase_step = 1;
+    for (size_t i = 0; i < ARRAY_LEN(by); i++) {
+        const struct sst_neighbour n = { &b, 1, by[i] };
+
+        assert_int_equal(sst_descriptor_add_phases(&b, sst_volume_phases(&whole, n.bx, n.by)), 0);
+        sst_volume_fill(&whole, &a, &n, 1);
+        sst_volume_window(&window, LEFT, 0, WIDTH - LEFT, HEIGHT);
+        sst_volume_fill(&window, &a, &n, 1);
+        for (int y = 0; y < HEIGHT; y++) {
+            const uint8_t *want = whole.cost + ((size_t)y * whole.width_padded + LEFT) * whole.steps_padded;
+            const uint8_t *got = window.cost + (size_t)y * window.width_padded * window.steps_padded;
+
+            for (size_t k = 0; k < (WIDTH - LEFT) * whole.steps_padded; k++)
+                if (want[k] != got[k])
+                    fail_msg("%g, row %d: %d, not %d", by[i], y, got[k], want[k]);
+        }
+    }
+    sst_volume_fini(&whole);
+    sst_volume_fini(&window);
+    sst_descriptor_fini(&a);
+    sst_descriptor_fini(&b);
+    free_pair(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(paths_cross_tiles),        cmocka_unit_test(windows_hold_the_coarse_map),
-        cmocka_unit_test(specks_are_dropped),       cmocka_unit_test(margins_continue_planes),
-        cmocka_unit_test(edges_follow_the_colours), cmocka_unit_test(holes_follow_the_colours),
-        cmocka_unit_test(threads_change_nothing),   serial_test(finds_the_shift),
+        cmocka_unit_test(paths_cross_tiles),
+        cmocka_unit_test(windows_hold_the_coarse_map),
+        cmocka_unit_test(specks_are_dropped),
+        cmocka_unit_test(margins_continue_planes),
+        cmocka_unit_test(edges_follow_the_colours),
+        cmocka_unit_test(holes_follow_the_colours),
+        cmocka_unit_test(threads_change_nothing),
+        cmocka_unit_test(a_window_costs_as_the_whole),
+        serial_test(finds_the_shift),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

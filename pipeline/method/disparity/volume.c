@@ -292,14 +292,16 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
     }
 }
 
-/* Are the steps pixel by pixel to the left, all within the neighbour's rows? */
+/* Are the steps pixel by pixel to the left, all within the neighbour's rows? What is half a pixel or more below or to
+ * the right is nearer to other pixels, of which some lie outside. */
 static bool steps_left(const struct sst_volume *v, const struct sst_descriptor *ref,
                        const struct sst_volume_step *steps)
 {
     const int first = v->x0 + steps[0].x, padding = (int)v->steps_padded - 1;
 
     for (int i = 0; i < v->steps; i++) {
-        if (steps[i].x != steps[0].x - i || steps[i].y != 0 || steps[i].phase != steps[0].phase)
+        if (steps[i].x != steps[0].x - i || steps[i].y != 0 || steps[i].phase != steps[0].phase ||
+            steps[i].near_x != steps[i].x || steps[i].near_y != 0)
             return false;
     }
     return first - padding >= 0 && first + v->width <= ref->width;
