@@ -29,10 +29,16 @@ static bool covers(const struct sst_gpu_blend_view *v, int x, int y)
     return x >= v->x0 && x < v->x1 && y >= v->y0 && y < v->y1;
 }
 
+/* Index of pixel (x, y) of a view, modulo 2^32. */
+static size_t pixel_at(const struct sst_gpu_verify *p, const struct sst_gpu_blend_view *v, int x, int y)
+{
+    return v->first + (uint32_t)y * (uint32_t)p->blend.pitch + (uint32_t)x;
+}
+
 /* Index of the pixel at which the ray of pixel (x, y) has its disparity. */
 static size_t nearest_at(const struct sst_gpu_verify *p, const struct sst_gpu_blend_view *v, int x, int y)
 {
-    return v->first + (size_t)(y + v->ny) * (size_t)p->blend.pitch + (size_t)(x + v->nx);
+    return pixel_at(p, v, x + v->nx, y + v->ny);
 }
 
 static void share_pixel(const struct sst_gpu_verify *p, void *const *buffer, size_t at, size_t plane, int x, int y)
@@ -125,7 +131,7 @@ static int difference(const struct given *in, const struct sst_gpu_blend_view *v
     fy = yp % PART;
     if (x0 + 1 >= in->push->blend.width || y0 + 1 >= in->push->height)
         return -1;
-    at = v->first + (size_t)y0 * pitch + (size_t)x0;
+    at = pixel_at(in->push, v, x0, y0);
     if (v->flags & SST_GPU_VIEW_VALID && !in->valid[at + (size_t)(fy * 2 / PART) * pitch + (size_t)(fx * 2 / PART)])
         return -1;
     for (int c = 0; c < 3; c++) {
@@ -141,7 +147,7 @@ static int difference(const struct given *in, const struct sst_gpu_blend_view *v
 /* True if fewer of the views around agree with pixel (x, y) of view v than do not, or none does. */
 static bool contradicts(const struct given *in, const struct sst_gpu_verify_view *v, int x, int y, uint16_t disp)
 {
-    const uint32_t own = in->pixel[v->at.first + (size_t)y * (size_t)in->push->blend.pitch + (size_t)x];
+    const uint32_t own = in->pixel[pixel_at(in->push, &v->at, x, y)];
     int agree = 0, differ = 0;
 
     for (uint32_t i = 0; i < v->around; i++) {
@@ -178,7 +184,7 @@ static void screen_cell(const struct given *in, void *const *buffer, int x0, int
 {
     const struct sst_gpu_blend *b = &in->push->blend;
     const int x1 = sst_min_int(x0 + SST_VERIFY_CELL_WIDTH, b->width);
-    const int y1 = sst_min_int(y0 + SST_VERIFY_CELL_HEIGHT, b->top + b->rows);
+    const int y1 = sst_min_int(y0 + SST_VERIFY_CELL_HEIGHT, in->push->to);
     uint32_t *cell = cell_at(buffer[SST_GPU_SCREEN_CELLS], in->push, x0, y0);
     float *share = (float *)buffer[SST_GPU_SCREEN_SHARE];
     int left = 0, found = 0;
@@ -205,7 +211,7 @@ void verify_screen_reference(const void *push, void *const *buffer, const uint32
     const struct sst_gpu_verify *p = push;
     const struct given in = given_by(p, buffer);
 
-    for (int y = p->blend.top; y < p->blend.top + p->blend.rows; y += SST_VERIFY_CELL_HEIGHT) {
+    for (int y = p->from; y < p->to; y += SST_VERIFY_CELL_HEIGHT) {
         for (int x = 0; x < p->blend.width; x += SST_VERIFY_CELL_WIDTH)
             screen_cell(&in, buffer, x, y);
     }
@@ -254,7 +260,7 @@ static bool all_valid(const uint8_t *valid, const struct sst_gpu_blend_view *v, 
 /* Index of the first pixel that the colour of a ray is from. */
 static size_t colour_at(const struct sst_gpu_verify *p, const struct sst_gpu_blend_view *v, int x, int y)
 {
-    return v->first + (size_t)(y + v->iy) * (size_t)p->blend.pitch + (size_t)(x + v->ix);
+    return pixel_at(p, v, x + v->ix, y + v->iy);
 }
 
 static void sum_unexplained(const struct sst_gpu_verify *p, void *const *buffer, uint32_t at, int x, int y)

@@ -2,10 +2,11 @@
  * (pipeline/method/render/verify.h).
  *
  * In the order of their dispatches: verify_share finds what fraction of each pixel the maps leave to votes, views that
- * one buffer cannot hold in several dispatches; verify_screen closes cells of 64x8 pixels whose rays the maps explain
- * (SST_VERIFY_AUTO). Then for some rows at a time: verify_rays samples the rays and their votes, again in several
- * dispatches; verify_unexplained sums up what the maps do not explain (SST_VERIFY_AUTO); verify_mode finds the colour
- * with most votes, and how near rays are to it; verify_blend applies that to the picture of `blend`.
+ * one buffer cannot hold in several dispatches; verify_screen closes cells of 64x8 pixels, those of the rows from ..
+ * to - 1 (from a multiple of 8), whose rays the maps explain (SST_VERIFY_AUTO). Then for some rows at a time:
+ * verify_rays samples the rays and their votes, again in several dispatches; verify_unexplained sums up what the maps
+ * do not explain (SST_VERIFY_AUTO); verify_mode finds the colour with most votes, and how near rays are to it;
+ * verify_blend applies that to the picture of `blend`.
  *
  * All give the bits of their references: sums are whole numbers, or of floats in a fixed order, and quotients are
  * rounded to the nearest number. So pictures differ from the reference as those of `blend` do.
@@ -33,7 +34,8 @@ struct sst_gpu_verify_near {
     uint32_t view, zero;
 };
 
-/** A view of verify_screen and verify_unexplained, with those around it. */
+/** A view of verify_screen and verify_unexplained, with those around it. `at.first` is modulo 2^32: where the buffers
+ * have only some rows of a view, its pixel (0, 0) may lie before them. */
 struct sst_gpu_verify_view {
     struct sst_gpu_blend_view at;
     uint32_t around, zero[3];

@@ -29,8 +29,8 @@ bool contradicted(int x, int y)
 void main()
 {
     const int i = int(gl_LocalInvocationID.x), x0 = int(gl_WorkGroupID.x * CELL_WIDTH);
-    const int y0 = top + int(gl_WorkGroupID.y * CELL_HEIGHT);
-    const int x1 = min(x0 + int(CELL_WIDTH), width), y1 = min(y0 + int(CELL_HEIGHT), top + rows);
+    const int y0 = from + int(gl_WorkGroupID.y * CELL_HEIGHT);
+    const int x1 = min(x0 + int(CELL_WIDTH), width), y1 = min(y0 + int(CELL_HEIGHT), to);
     const int x = x0 + STEP / 2 + i % ACROSS * STEP, y = y0 + STEP / 2 + i / ACROSS * STEP;
     const uint cell_at = cell_of(x0, y0);
 

@@ -208,14 +208,18 @@ for options in "--focus 5" "--focus 9" "--focus 5 --verify-rays on --soft"; do
     case "$device $options" in
       "lavapipe --focus 9") device rays.json 'd["verified_on_cpu"] == 0 and d["dispatches"] == 2' ;; # nothing to verify
       "lavapipe --focus 5") device rays.json 'd["verified_on_cpu"] == 0 and d["dispatches"] == 7' ;;
-      "lavapipe --device-memory 1 --focus 5")
-        device rays.json 'd["verified_on_cpu"] == 1 and "in one buffer" in d["why_verified_on_cpu"]'
-        grep -q 'the rays of 1 of 1 pictures were verified on the CPU: what the maps explain' err || fail "rays: $(cat err)"
+      "lavapipe --device-memory 1 --focus 5") # in parts: rows of all views, and no room for all of them
+        device rays.json 'd["verified_on_cpu"] == 0 and d["dispatches"] > 20 and d["uploads"] > 60'
         ;;
       "lavapipe --focus 5 --verify-rays on --soft") device rays.json 'd["verified_on_cpu"] == 0 and d["dispatches"] == 5' ;;
     esac
   done
 done
+"$sst" render cpu_preview --focus 5 -o cpu.png || fail "render --focus 5"
+"$sst" render cpu_preview --focus 5 --device dummy:buffer=100 -o gpu.png --json >rays.json 2>err || fail "rays in small buffers: $(cat err)"
+device rays.json 'd["verified_on_cpu"] == 1 and "some rows of all views" in d["why_verified_on_cpu"]'
+cmp -s cpu.png gpu.png && grep -q 'the rays of 1 of 1 pictures were verified on the CPU: what the maps explain' err ||
+  fail "rays in small buffers: $(cat err)"
 for fault in lost=150:lost timeout=150:answer memory=1:memory; do
   matched accurate dummy:${fault%:*}
   grep -q "views were matched on the CPU instead of dummy: .*${fault#*:}" err || fail "process: ${fault%:*}: $(cat err)"

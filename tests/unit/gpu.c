@@ -329,9 +329,10 @@ static void test_pictures(void **state)
     } devices[] = {
         /* once, twice more for larger tables of labels, and with confidences */
         { "dummy", 0, 1, 32, 0, 1, UNDERFLOW },
-        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 2, UNDERFLOW }, /* several chunks, and bands of the picture */
-        { "dummy:buffer=100", 0, 8, 32, 0, 2, UNDERFLOW },          /* one view each, and no part of a clear picture */
-        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 2, UNDERFLOW },   /* views are replaced */
+        { "dummy:buffer=400", 0, 2, 0, FIELD_CLEAR, 1, UNDERFLOW },  /* several chunks, and bands of the picture */
+        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 2, UNDERFLOW },  /* ... no room for what the maps explain */
+        { "dummy:buffer=100", 0, 8, 40, 0, 2, UNDERFLOW },           /* one view each, and no part of a clear picture */
+        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 2, UNDERFLOW },    /* views are replaced */
         { "dummy", (uint64_t)400 << 10, 0, 0, FIELD_CLEAR, 3, ROOM } /* one at a time, by the configuration */
     };
     struct sst_render_device_report report;
@@ -417,7 +418,7 @@ static void test_clear_refused(void **state)
 
     (void)state;
     field_init(&lf);
-    assert_int_equal(field_compare(&lf, "dummy:wrong=46", 0, &report), 0);
+    assert_int_equal(field_compare(&lf, "dummy:wrong=47", 0, &report), 0);
     assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
     assert_int_equal(report.on_cpu, FIELD_CLEAR);
     assert_int_equal(report.failures, 0);

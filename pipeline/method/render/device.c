@@ -45,7 +45,7 @@ static void close_gpu(struct render_device *d)
     sst_gpu_close(d->gpu);
     d->gpu = NULL;
     d->clear_tested = false;
-    d->verify.small = d->verify.split = false;
+    d->verify.small = d->verify.split = d->verify.cramped = false;
 }
 
 /* Of a device that was just opened. */

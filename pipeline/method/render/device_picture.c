@@ -136,8 +136,8 @@ static int send_blend(struct render_device *d, struct device_batch *b, bool last
 }
 
 /* Pixels that were sampled at the rays, each from its frame, are taken as they are. */
-static struct sst_gpu_blend_view describe(const struct render_device *d, const struct device_batch *b, int k,
-                                          const struct device_slot *s)
+struct sst_gpu_blend_view device_describe_tap(const struct render_device *d, const struct device_batch *b, int k,
+                                              uint32_t first)
 {
     const struct sst_render_tap *t = &b->p->tap[k];
     const bool sampled = b->p->sampled && t->frame;
@@ -151,7 +151,7 @@ static struct sst_gpu_blend_view describe(const struct render_device *d, const s
                                     .y0 = t->y0,
                                     .y1 = t->y1,
                                     .aperture = (float)t->aperture,
-                                    .first = (uint32_t)((size_t)s->index * device_view_pixels(d)),
+                                    .first = first,
                                     .index = (uint32_t)k };
     int16_t tap[4];
 
@@ -162,6 +162,11 @@ static struct sst_gpu_blend_view describe(const struct render_device *d, const s
               (t->frame || t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U) |
               (d->doubts && t->v->confidence.data ? SST_GPU_VIEW_CONFIDENCE : 0U);
     return v;
+}
+
+uint32_t device_slot_first(const struct render_device *d, const struct device_slot *s)
+{
+    return (uint32_t)((size_t)s->index * device_view_pixels(d));
 }
 
 /* A slot for one more view; the batch is sent if it reads all there are. */
@@ -198,7 +203,7 @@ int device_add_tap(struct render_device *d, struct device_batch *b, int k)
     s->used = ++d->turn;
     s->pending = true;
     b->chunk = s->chunk;
-    b->view[b->push.blend.views++] = describe(d, b, k, s);
+    b->view[b->push.blend.views++] = device_describe_tap(d, b, k, device_slot_first(d, s));
     return 0;
 }
 
@@ -269,11 +274,11 @@ static int render_rows(struct render_device *d, struct device_batch *b, int top,
 static bool note_unverified(struct render_device *d, int err)
 {
     d->verify.small = d->verify.small || err == -ENOMEM;
-    d->verify.split = d->verify.split || err == -EOVERFLOW;
+    d->verify.cramped = d->verify.cramped || err == -EOVERFLOW;
     snprintf(d->verify.why, sizeof(d->verify.why), "%s",
              err == -EAGAIN      ? "weights underflow in pixels that are left to votes"
              : err == -ENOTSUP   ? "a shader is refused"
-             : err == -EOVERFLOW ? DEVICE_VERIFY_SPLIT
+             : err == -EOVERFLOW ? DEVICE_VERIFY_CRAMPED
                                  : DEVICE_VERIFY_SMALL);
     return err == -EAGAIN || err == -ENOTSUP || err == -EOVERFLOW || err == -ENOMEM;
 }
@@ -288,6 +293,8 @@ int device_render_picture(struct render_device *d, const struct sst_render_plan 
     b.cells = cells;
     b.verify = p->verifier && device_can_verify(d, p);
     err = render_rows(d, &b, top, end);
+    if (err == -EXDEV)
+        err = render_rows(d, &b, top, end); /* once more, with rows of the views in one buffer */
     if (err && b.verify && note_unverified(d, err)) {
         device_drop_verify(d);
         d->full = false;

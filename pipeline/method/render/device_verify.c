@@ -2,8 +2,7 @@
  * votes of some rows at a time, as many as there is room for.
  *
  * The CPU looks at the cells once: without pixels left to votes nothing else is done, and only their rows are gone
- * through. What the maps explain (SST_VERIFY_AUTO) compares colours of views with those around them, which lie in one
- * buffer; votes are gathered view by view, wherever these lie. */
+ * through. Votes are gathered view by view, wherever these lie. What the maps explain: device_explain.c. */
 #include "pipeline/gpu/verify.h"
 
 #include <errno.h>
@@ -23,7 +22,6 @@ _Static_assert(SST_VERIFY_CELL_WIDTH == SST_RENDER_CELL_WIDTH && SST_VERIFY_CELL
                "cells are those of pictures");
 
 #define PARAMS_BYTES (sizeof(struct sst_gpu_verify_params) + SST_MAX_VIEWS * sizeof(struct sst_gpu_blend_view))
-#define DISP_PX      65535 /* stored disparities */
 #define LEAST_ROWS   3     /* one that is verified, and those around it */
 
 static int cell_cols(const struct render_device *d)
@@ -49,8 +47,8 @@ bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
         why = "how many rays agree is wanted";
     if (d->verify.small)
         why = DEVICE_VERIFY_SMALL;
-    if (d->verify.split && p->explainer)
-        why = DEVICE_VERIFY_SPLIT;
+    if (d->verify.cramped && p->explainer)
+        why = DEVICE_VERIFY_CRAMPED;
     snprintf(d->verify.why, sizeof(d->verify.why), "%s", why ? why : "");
     return !why;
 }
@@ -65,6 +63,7 @@ void device_drop_verify(struct render_device *d)
         sst_gpu_buffer_destroy(d->gpu, *all[i]);
         *all[i] = NULL;
     }
+    device_destroy_chunk(d, &v->near_views);
     v->count = v->rows = 0;
 }
 
@@ -107,21 +106,6 @@ static int find_rows(const struct render_device *d, int count)
     const double largest = (double)sst_gpu_get_info(d->gpu)->buffer_bytes / (4.0 * d->lf->width * count);
 
     return (int)sst_clamp_double(fmin(most, largest), 0, d->lf->height);
-}
-
-/* What the maps explain is tested with. @return -EOVERFLOW: there is no room */
-static int make_explained(struct render_device *d)
-{
-    struct device_verify *v = &d->verify;
-    int err = 0;
-
-    if (!v->views)
-        err = sst_gpu_buffer_create(d->gpu, &v->views, SST_MAX_VIEWS * sizeof(struct sst_gpu_verify_view));
-    if (!err && !v->disp_px) {
-        err = sst_gpu_buffer_create(d->gpu, &v->disp_px, DISP_PX * sizeof(float));
-        v->disp_min_px = NAN;
-    }
-    return err == -ENOMEM ? -EOVERFLOW : err;
 }
 
 static int make_buffers(struct render_device *d, const struct sst_render_plan *p)
@@ -196,7 +180,7 @@ int device_make_verify(struct render_device *d, const struct device_batch *b)
     if (!err)
         err = make_buffers(d, b->p);
     if (!err && b->p->explainer)
-        err = make_explained(d);
+        err = device_make_explained(d, b);
     if (!err)
         err = upload_params(d, b->p);
     return err ? err : upload_cells(d, b->cells);
@@ -204,9 +188,8 @@ int device_make_verify(struct render_device *d, const struct device_batch *b)
 
 /* --- dispatches --------------------------------------------------------------------------------------------------- */
 
-/* @param rows  of pixels, by groups of 4 */
-static int dispatch(struct render_device *d, enum sst_gpu_shader shader, const struct sst_gpu_verify *push,
-                    struct sst_gpu_buffer *const *buffer, int buffers, int rows)
+int device_dispatch_verify(struct render_device *d, enum sst_gpu_shader shader, const struct sst_gpu_verify *push,
+                           struct sst_gpu_buffer *const *buffer, int buffers, int rows)
 {
     struct sst_gpu_work work = {
         .shader = shader,
@@ -239,7 +222,7 @@ static int send_share(struct render_device *d, struct device_batch *b, bool last
 
     push.blend.flags = (b->begun ? 0U : SST_GPU_BLEND_FIRST) | (last ? SST_GPU_BLEND_LAST : 0U);
     if (!err)
-        err = dispatch(
+        err = device_dispatch_verify(
             d, SST_GPU_VERIFY_SHARE, &push,
             (struct sst_gpu_buffer *[]){ v->params, d->chunk[b->chunk].disp, d->sums, d->out, v->share, v->cells },
             SST_GPU_SHARE_BUFFERS, push.blend.rows);
@@ -254,19 +237,13 @@ static int send_rays(struct render_device *d, struct device_batch *b, bool last 
     int err = upload_views(d, b);
 
     if (!err)
-        err = dispatch(d, SST_GPU_VERIFY_RAYS, &b->push,
-                       (struct sst_gpu_buffer *[]){ v->params, c->pixels, c->disp, c->valid, d->table,
-                                                    c->confidence ? c->confidence : c->valid, v->share, v->rays },
-                       SST_GPU_RAYS_BUFFERS, (int)b->push.rays / b->push.blend.width);
+        err = device_dispatch_verify(d, SST_GPU_VERIFY_RAYS, &b->push,
+                                     (struct sst_gpu_buffer *[]){ v->params, c->pixels, c->disp, c->valid, d->table,
+                                                                  c->confidence ? c->confidence : c->valid, v->share,
+                                                                  v->rays },
+                                     SST_GPU_RAYS_BUFFERS, (int)b->push.rays / b->push.blend.width);
     device_batch_sent(d, b);
     return err;
-}
-
-/* Only have the views there. */
-static int send_nothing(struct render_device *d, struct device_batch *b, bool last SST_UNUSED)
-{
-    device_batch_sent(d, b);
-    return 0;
 }
 
 static void begin(struct device_batch *b, int (*send)(struct render_device *, struct device_batch *, bool))
@@ -316,94 +293,6 @@ static int find_open(struct render_device *d, struct device_batch *b)
     return err;
 }
 
-/* Disparities in pixels by what is stored, as explainer_contradicts() has them. */
-static int upload_disp_px(struct render_device *d)
-{
-    float *px;
-    int err;
-
-    if (!isnan(d->verify.disp_min_px) && !(fabs(d->verify.disp_min_px - d->lf->disp_min_px) > 0))
-        return 0;
-    px = malloc(DISP_PX * sizeof(*px));
-    if (!px)
-        return -ENOMEM;
-    for (int i = 0; i < DISP_PX; i++)
-        px[i] = (float)sst_disp_px(d->lf, (uint16_t)i);
-    err = sst_gpu_upload(d->gpu, d->verify.disp_px, 0, px, DISP_PX * sizeof(*px));
-    free(px);
-    if (!err)
-        d->verify.disp_min_px = d->lf->disp_min_px;
-    return err;
-}
-
-/* Have all views in one buffer. @return -EOVERFLOW: they do not fit */
-static int gather_views(struct render_device *d, struct device_batch *b)
-{
-    int chunk = -1, err = 0;
-
-    begin(b, send_nothing);
-    for (int k = 0; k < b->p->count && !err; k++)
-        err = device_add_tap(d, b, k);
-    device_batch_sent(d, b);
-    for (int k = 0; k < b->p->count && !err; k++) {
-        const struct device_slot *s = device_find_slot(d, b->p->tap[k].view);
-
-        if (!s || (chunk >= 0 && s->chunk != chunk))
-            err = -EOVERFLOW;
-        else
-            chunk = s->chunk;
-    }
-    return err;
-}
-
-/* The views with those around them. */
-static int upload_around(struct render_device *d, struct device_batch *b)
-{
-    struct sst_gpu_verify_view *view = calloc((size_t)b->p->count, sizeof(*view));
-    int err = view ? 0 : -ENOMEM;
-
-    b->push.blend.views = 0;
-    for (int k = 0; k < b->p->count && !err; k++) {
-        err = device_add_tap(d, b, k);
-        view[k].at = b->view[k];
-        view[k].around = (uint32_t)explainer_around(b->p->explainer, k, view[k].near);
-    }
-    device_batch_sent(d, b);
-    if (!err)
-        err = sst_gpu_upload(d->gpu, d->verify.views, 0, view, (size_t)b->p->count * sizeof(*view));
-    free(view);
-    return err;
-}
-
-/* A shader that asks what the maps explain. @param last  its last buffer */
-static int dispatch_explained(struct render_device *d, const struct device_batch *b, enum sst_gpu_shader shader,
-                              struct sst_gpu_buffer *last, int rows)
-{
-    const struct device_chunk *c = &d->chunk[device_find_slot(d, b->p->tap[0].view)->chunk];
-    const struct device_verify *v = &d->verify;
-    struct sst_gpu_verify push = b->push;
-
-    push.nearest = sst_verify_numbers(b->p).nearest_end;
-    push.levels = explainer_levels(b->p->explainer);
-    return dispatch(d, shader, &push,
-                    (struct sst_gpu_buffer *[]){ v->views, c->pixels, c->disp, c->valid, v->disp_px, v->share, last },
-                    SST_GPU_SCREEN_BUFFERS, rows);
-}
-
-/* Close the cells of which the maps explain most rays. */
-static int screen(struct render_device *d, struct device_batch *b)
-{
-    int err = gather_views(d, b);
-
-    if (!err)
-        err = explainer_prepare(b->p->explainer);
-    if (!err)
-        err = upload_disp_px(d);
-    if (!err)
-        err = upload_around(d, b);
-    return err ? err : dispatch_explained(d, b, SST_GPU_VERIFY_SCREEN, d->verify.cells, b->push.blend.rows);
-}
-
 /* --- votes -------------------------------------------------------------------------------------------------------- */
 
 /* The rays of all views. */
@@ -434,15 +323,15 @@ static int vote(struct render_device *d, struct device_batch *b)
     b->push.rays = (uint32_t)rows * (uint32_t)d->lf->width;
     err = gather_rays(d, b);
     if (!err && b->p->explainer)
-        err = dispatch_explained(d, b, SST_GPU_VERIFY_UNEXPLAINED, v->totals, rows);
+        err = device_find_unexplained(d, b, rows);
     if (!err)
-        err =
-            dispatch(d, SST_GPU_VERIFY_MODE, &b->push,
-                     (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals }, SST_GPU_MODE_BUFFERS, rows);
+        err = device_dispatch_verify(d, SST_GPU_VERIFY_MODE, &b->push,
+                                     (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals },
+                                     SST_GPU_MODE_BUFFERS, rows);
     if (!err)
-        err = dispatch(d, SST_GPU_VERIFY_BLEND, &b->push,
-                       (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals, d->out },
-                       SST_GPU_MIX_BUFFERS, b->push.to - b->push.from);
+        err = device_dispatch_verify(d, SST_GPU_VERIFY_BLEND, &b->push,
+                                     (struct sst_gpu_buffer *[]){ v->share, v->rays, v->near, v->totals, d->out },
+                                     SST_GPU_MIX_BUFFERS, b->push.to - b->push.from);
     return err;
 }
 
@@ -461,12 +350,15 @@ int device_verify_band(struct render_device *d, struct device_batch *b)
         err = find_open(d, b);
     end = b->push.to;
     if (!err && b->push.from < end && b->p->explainer)
-        err = screen(d, b);
+        err = device_screen(d, b);
     while (!err && b->push.from < end) {
         b->push.to = sst_min_int(b->push.from + d->verify.rows - 2, end);
         if (d->verify.rows == d->lf->height)
             b->push.to = end;
-        err = vote(d, b);
+        if (b->p->explainer)
+            err = device_place_explained(d, b);
+        if (!err)
+            err = vote(d, b);
         b->push.from = b->push.to;
     }
     return err;

@@ -194,6 +194,19 @@ int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_nea
     return e->tap[k].count;
 }
 
+/* The renderer has counted the disparities: pictures with rays to explain have weights by them. */
+bool explainer_reach(const struct explainer *e, int nearest, double *least_px, double *most_px)
+{
+    const struct sst_lightfield *lf = e->plan->lf;
+    const int most = e->renderer->histogram.bins - 1;
+
+    if (most <= nearest)
+        return false;
+    *least_px = sst_disp_px(lf, (uint16_t)sst_max_int(nearest + 1, 0));
+    *most_px = sst_disp_px(lf, (uint16_t)most);
+    return true;
+}
+
 /* --- preparation -------------------------------------------------------------------------------------------------- */
 
 static int rectify(void *arg, int index, int worker SST_UNUSED)

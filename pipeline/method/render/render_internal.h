@@ -36,6 +36,9 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 /** Differences of colours that do not agree, once prepared; sum of R, G, B. */
 int explainer_levels(const struct explainer *e);
 
+/** Disparities, in pixels, of rays whose stored disparity is above `nearest`. @return false: there are none */
+bool explainer_reach(const struct explainer *e, int nearest, double *least_px, double *most_px);
+
 /** The views around that of tap k. @param out  [SST_GPU_VERIFY_AROUND], `view` the number of a tap @return their number
  */
 int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_near *out);
@@ -106,7 +109,7 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
- * device_parts.c. */
+ * device_parts.c, device_explain.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -162,14 +165,17 @@ struct device_frames {
 };
 
 #define DEVICE_VERIFY_SMALL "a device needs room for the rays that it verifies"
-#define DEVICE_VERIFY_SPLIT "what the maps explain needs all views in one buffer, and room for its tables"
+#define DEVICE_VERIFY_CRAMPED "what the maps explain needs room for some rows of all views, and its tables"
 
 /** What rays are verified with; all NULL and 0 until there is a picture to verify. */
 struct device_verify {
     struct sst_gpu_buffer *params, *cells, *share, *rays, *near, *totals, *views, *disp_px;
     int count, rows;    /* views and rows of the picture that `rays` holds */
     double disp_min_px; /* that disp_px is for; NAN: not uploaded */
-    bool small, split;  /* there is no room for the rays, or for all views in one buffer: not tried again */
+    bool small, cramped; /* there is no room for the rays, or for what the maps explain: not tried again */
+    bool split;          /* views do not lie in one buffer all together: what the maps explain is found in ... */
+    struct device_chunk near_views; /* ... rows of them, in this many pixels */
+    size_t near_pixels;
     uint32_t *cell;     /* host memory of `cells`; owned */
     bool wanted;        /* verified pictures are */
     char why[128];      /* the last picture was not verified on the device; "": it was */
@@ -301,9 +307,36 @@ bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
 SST_MUST_CHECK int device_make_verify(struct render_device *d, const struct device_batch *b);
 void device_drop_verify(struct render_device *d);
 
-/** Verify the rays of a band that was blended. @return -EAGAIN: a pixel left to votes has no colour; -EOVERFLOW: the
- * views lie in several buffers */
+/** Verify the rays of a band that was blended. @return -EAGAIN: a pixel left to votes has no colour; -EXDEV: the views
+ *  lie in several buffers, and the picture has to be begun again; -EOVERFLOW: there is no room for what the maps
+ * explain */
 SST_MUST_CHECK int device_verify_band(struct render_device *d, struct device_batch *b);
+
+/** @param rows  of pixels, by groups of 4 */
+SST_MUST_CHECK int device_dispatch_verify(struct render_device *d, enum sst_gpu_shader shader,
+                                          const struct sst_gpu_verify *push, struct sst_gpu_buffer *const *buffer,
+                                          int buffers, int rows);
+
+/** Pixel (0, 0) of the view in a slot. */
+uint32_t device_slot_first(const struct render_device *d, const struct device_slot *s);
+
+/** The k-th view of a picture as shaders have it. @param first  its pixel (0, 0) */
+struct sst_gpu_blend_view device_describe_tap(const struct render_device *d, const struct device_batch *b, int k,
+                                              uint32_t first);
+
+/** Buffers for what the maps explain. @return -EOVERFLOW: there is no room */
+SST_MUST_CHECK int device_make_explained(struct render_device *d, const struct device_batch *b);
+
+/** Close the cells of the rows b->push.from .. b->push.to - 1 of which the maps explain most rays. @return as
+ *  device_verify_band() */
+SST_MUST_CHECK int device_screen(struct render_device *d, struct device_batch *b);
+
+/** Have there what rays of the rows b->push.from .. b->push.to - 1 and those beside them are compared with; of fewer
+ *  rows if there is no more room, and b->push.to is lowered. @return -EOVERFLOW: there is no room for one */
+SST_MUST_CHECK int device_place_explained(struct render_device *d, struct device_batch *b);
+
+/** Sum up their unexplained rays. @param rows  with those beside them */
+SST_MUST_CHECK int device_find_unexplained(struct render_device *d, const struct device_batch *b, int rows);
 
 /** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge.
  * @return -EAGAIN: it has to be made in parts, and c->pending */
