@@ -82,6 +82,7 @@ enum sst_gpu_shader {
     SST_GPU_VERIFY_MODE = 63,
     SST_GPU_VERIFY_BLEND = 64,
     SST_GPU_LIMITS = 65, /* gpu_internal.h */
+    SST_GPU_TILES = 66,  /* tiles.h */
     SST_GPU_SHADERS
 };
 

@@ -93,14 +93,15 @@ static uint32_t finish(const struct sst_gpu_rectify *p, void *const *buffer, con
     return rgb;
 }
 
-void rectify_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+void rectify_reference(const void *push, void *const *buffer, const uint32_t groups[3])
 {
     const struct sst_gpu_rectify *p = push;
+    const int end = sst_min_int(p->top + (int)groups[1] * SST_GPU_RECTIFY_GROUP_HEIGHT, p->height);
     const uint8_t *labels = buffer[SST_GPU_RECTIFY_LABELS];
     uint8_t *valid = (uint8_t *)buffer[SST_GPU_RECTIFY_VALID] + p->first;
     uint32_t *pixel = (uint32_t *)buffer[SST_GPU_RECTIFY_PIXELS] + p->first;
 
-    for (int y = 0; y < p->height; y++) {
+    for (int y = p->top; y < end; y++) {
         for (int x = 0; x < (p->width + 3) / 4 * 4; x++) {
             const size_t at = (size_t)y * (size_t)p->pitch + (size_t)x;
             const uint32_t label = p->flags & SST_GPU_RECTIFY_LABELLED ? (uint32_t)labels[at] << 24 : 0;
@@ -232,6 +233,7 @@ int rectify_self_test(struct sst_gpu *g)
             .part_y = cases[i].part,
             .gain = { 1.25F, 1, 0.75F },
             .gain_root = { 1.1F, 1, 0.9F },
+            .top = i == 1 ? 5 : 0,
         };
         const struct sst_gpu_work work = {
             .shader = SST_GPU_RECTIFY,

@@ -39,6 +39,7 @@ struct sst_gpu_rectify {
     int32_t light_shift, light_cols, light_rows; /* nodes of the fall-off, 1 << light_shift pixels apart */
     float part_x, part_y;                        /* pixel (x, y) is sampled at (x + part_x, y + part_y); 0..1 */
     float gain[3], gain_root[3];                 /* as of struct sst_light */
+    int32_t top;                                 /* first row that is made; a group makes GROUP_HEIGHT from there on */
 };
 
 enum sst_gpu_rectify_flag {

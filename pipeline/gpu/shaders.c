@@ -17,6 +17,7 @@
 #include "pipeline/gpu/subpixel.h"
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/gpu/sweep.h"
+#include "pipeline/gpu/tiles.h"
 #include "pipeline/gpu/verify.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
@@ -111,6 +112,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                    SST_GPU_NET_CONV8, "matrix" },
     [SST_GPU_RECTIFY] = { "rectify", SST_GPU_RECTIFY_BUFFERS, sizeof(struct sst_gpu_rectify), rectify_reference,
                           rectify_self_test },
+    [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
+                        tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,
                            jpeg_rgb_self_test },
     [SST_GPU_REFINE_MASK] = { "refine_mask", SST_GPU_REFINE_MASK_BUFFERS, sizeof(struct sst_gpu_refine_mask),

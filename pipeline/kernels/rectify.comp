@@ -24,6 +24,7 @@ layout(std430, push_constant) uniform Constants {
     uint first, flags;
     int light_shift, light_cols, light_rows;
     float part_x, part_y, gain[3], gain_root[3];
+    int top;
 };
 
 const uint LIT = 1, LABELLED = 2, KEEP = 4;
@@ -126,7 +127,7 @@ uint finish(ivec3 value, int x, int y)
 
 void main()
 {
-    const int x = 4 * int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    const int x = 4 * int(gl_GlobalInvocationID.x), y = top + int(gl_GlobalInvocationID.y);
     const uint row = uint(y) * uint(pitch), at = first + row + uint(x);
     uint seen = 0, label = 0;
 
