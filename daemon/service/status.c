@@ -116,10 +116,11 @@ static json_t *cpu_steps_json(const struct engine_state *v)
     const bool labels =
         v->labels_on_device && !v->label_device.failing && (v->label_device.runs || !v->label_device.on_cpu);
     const bool pictures = v->on_device && !v->device.failing && (v->device.pictures || !v->device.on_cpu);
+    const bool rectified = v->on_device && !v->device.failing && v->device.rectifies;
     json_t *list = json_array();
 
     for (const char *const *step = sst_live_device_steps; *step; step++)
-        if (!(strcmp(*step, "labels") ? pictures : labels))
+        if (!(!strcmp(*step, "labels") ? labels : !strcmp(*step, "rectify") ? rectified : pictures))
             json_array_append_new(list, json_string(*step));
     for (const char *const *step = sst_live_cpu_steps; *step; step++)
         json_array_append_new(list, json_string(*step));
@@ -134,12 +135,14 @@ static json_t *device_json(const struct engine_state *v)
 
     if (!v->on_device)
         return json_null();
-    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver, "failing",
-                     d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
-                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "failures", (json_int_t)d->failures, "reason",
-                     d->failing ? d->failure
-                     : *d->why  ? d->why
-                                : d->why_verified);
+    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver,
+                     "failing", d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
+                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "rectified", (json_int_t)d->rectified,
+                     "rectified_on_cpu", (json_int_t)d->rectified_on_cpu, "failures", (json_int_t)d->failures, "reason",
+                     d->failing         ? d->failure
+                     : *d->why          ? d->why
+                     : *d->why_verified ? d->why_verified
+                                        : d->why_rectified);
     json_object_set_new(root, "labels", label_device_json(v));
     json_object_set_new(root, "stages_on_cpu", cpu_steps_json(v));
     return root;

@@ -79,13 +79,13 @@ named() {
   /usr/bin/python3 - "$("$sst" status --json)" "$networks" <<'END' || fail "lavapipe fails: $("$sst" status --json)"
 import json, sys
 d = json.loads(sys.argv[1])["live"]["device"]
-cpu = ["change", "decode", "rectify", "disparity", "refine", "encode", "background"]
+cpu = ["change", "decode", "disparity", "refine", "encode", "background"]
 good = d["failures"] == d["on_cpu"] == 0 and "llvmpipe" in d["name"]
 if sys.argv[2]:
     labels = d["labels"]
-    good = good and labels["failures"] == labels["on_cpu"] == 0 and not labels["failing"] and d["stages_on_cpu"] == cpu
+    good = good and labels["failures"] == labels["on_cpu"] == 0 and not labels["failing"] and d["stages_on_cpu"] == ["rectify"] + cpu # views of cameras without a calibration
 else:
-    good = good and d["labels"] is None and d["stages_on_cpu"] == ["labels"] + cpu
+    good = good and d["labels"] is None and d["stages_on_cpu"] == ["rectify", "labels"] + cpu
 sys.exit(not good)
 END
   "$sst" status >text
@@ -95,7 +95,7 @@ END
   grep -q '^sst_live_device_up 1$' metrics || fail "metrics: $(grep device metrics)"
   [ -z "$networks" ] || grep -q '^sst_live_device_labels_up 1$' metrics || fail "metrics: $(grep device metrics)"
   "$sst" doctor --config sstd.yaml >doctor.txt 2>&1
-  grep -q 'live.device lavapipe: on llvmpipe.* are labels, render; on the CPU are change, .*disparity' doctor.txt || fail "sst doctor: $(cat doctor.txt)"
+  grep -q 'live.device lavapipe: on llvmpipe.* are rectify, labels, render; on the CPU are change, .*disparity' doctor.txt || fail "sst doctor: $(cat doctor.txt)"
   end
 }
 

@@ -4,14 +4,14 @@
  *
  * SOURCE: the folder of a recording, or the name or file of a simulated world. sets=30 first=0 (of the recording)
  * rate=10 (sets a second of the world) calib=FILE (none: views are as the cameras saw them; truth: the world's own)
- * model=NAME (none) out=DIR (pictures of every set, and overlays of the last) threads=0 change=1 labels=1 background=0
- * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
- * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
- * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures)
- * tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false ones
- * accepted an hour of things behind leaves; 0: no search). slowest=0: stage times of this number of sets, the slowest
- * first. truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world
- * with ideal cameras). */
+ * model=NAME (none) device=NAME (none) out=DIR (pictures of every set, and overlays of the last) threads=0 change=1
+ * labels=1 background=0 min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this
+ * set on the world stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from
+ * this set on the world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear
+ * pictures) tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false
+ * ones accepted an hour of things behind leaves; 0: no search). slowest=0: stage times of this number of sets, the
+ * slowest first. truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a
+ * world with ideal cameras). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -45,7 +45,7 @@ static struct {
     { "same", 0 },       { "absent", -1 }, { "from", 0 },   { "lamp", 0 },    { "gain", 1.3 }, { "verify", 1 },
     { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 }, { "ranges", 0 },  { "rays", 0 },   { "slowest", 0 },
 };
-static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label;
+static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label, *device;
 
 struct source {
     struct sst_recording *recording;
@@ -77,7 +77,9 @@ static bool set_option(const char *text)
     const char *eq = strchr(text, '=');
     const struct {
         const char *name, **value;
-    } texts[] = { { "calib", &calib }, { "model", &model }, { "out", &out_dir }, { "truth", &truth_label } };
+    } texts[] = {
+        { "calib", &calib }, { "model", &model }, { "out", &out_dir }, { "truth", &truth_label }, { "device", &device }
+    };
 
     for (size_t i = 0; eq && i < ARRAY_LEN(texts); i++) {
         if (strlen(texts[i].name) == (size_t)(eq - text) && !strncmp(text, texts[i].name, (size_t)(eq - text))) {
@@ -359,6 +361,17 @@ static void summary(struct cost *cost)
     print("picture rendered, %", cost->anew, cost->n);
 }
 
+static void print_device(const struct sst_live *live)
+{
+    struct sst_render_device_report d;
+
+    if (sst_live_device(live, &d))
+        printf("%s: %d pictures, %d on the CPU, %d failures; %d views rectified, %d on the CPU; %.1f MB uploaded in %d "
+               "dispatches\n",
+               d.name, (int)d.pictures, (int)d.on_cpu, (int)d.failures, (int)d.rectified, (int)d.rectified_on_cpu,
+               1e-6 * (double)d.upload_bytes, (int)d.dispatches);
+}
+
 static int run(struct source *s, const struct sst_live_config *cfg, struct live_truth *truth)
 {
     struct cost *cost = calloc(1, sizeof(*cost));
@@ -383,6 +396,7 @@ static int run(struct source *s, const struct sst_live_config *cfg, struct live_
     }
     if (!err) {
         summary(cost);
+        print_device(live);
         if (truth_label)
             live_truth_print(truth);
         err = out_dir ? write_overlays(live) : 0;
@@ -430,6 +444,7 @@ int main(int argc, char **argv)
     for (int c = 0; c < s.cameras; c++)
         cfg.present[s.view[c]] = true;
     cfg.calibration = strcmp(calib, "none") ? &use : NULL;
+    cfg.device = device;
     cfg.model = strcmp(model, "none") ? model_path : NULL;
     cfg.threads = (int)option("threads");
     cfg.skip_change = option("change") > 0;
