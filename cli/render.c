@@ -282,7 +282,7 @@ const struct cli_command cli_render = {
         "Pictures differ from the CPU's by one level at most. What a device cannot do, or fails at, is done on the\n"
         "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once. Raw\n"
         "frames are rectified there, or their rays sampled, unless something else needs the views: rays that are\n"
-        "verified, --explain, --remove-at; clear pictures are of rectified views.\n"
+        "verified, --explain, --remove-at.\n"
         "\n"
         "--skip leaves rays out where the picture hardly changes: views takes a quarter or half of the views where\n"
         "sampled rows show that it suffices, tiles leaves out or simplifies weights that the bounds of a tile's\n"

@@ -284,7 +284,6 @@ static int choose_sampling(struct render_input *in, struct render_args *a, const
     set_aperture(&lf, a);
     raw =
         !strcasecmp(a->sampling, "raw") || (!strcasecmp(a->sampling, "auto") && !(a->views_needed && lf.calibration) &&
-                                            !(strcmp(a->device, "cpu") && a->cfg.method == SST_RENDER_CLEAR) &&
                                             sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
     if (raw && !lf.calibration && !lf.correction) {
         sst_log_error(
@@ -385,6 +384,8 @@ json_t *cli_render_device_json(const struct render_input *in)
                      (json_int_t)d.on_cpu, "failures", (json_int_t)d.failures);
     json_object_set_new(root, "why_cpu", d.on_cpu ? cli_text_json(d.why) : json_null());
     json_object_set_new(root, "why_verified_on_cpu", d.verified_on_cpu ? cli_text_json(d.why_verified) : json_null());
+    json_object_set_new(root, "filled_on_cpu", json_integer((json_int_t)d.filled_on_cpu));
+    json_object_set_new(root, "why_filled_on_cpu", d.filled_on_cpu ? cli_text_json(d.why_filled) : json_null());
     json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
                                            (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
                                            (json_int_t)d.upload_bytes));
@@ -409,6 +410,9 @@ void cli_render_report_device(const struct render_input *in)
     else if (d.verified_on_cpu)
         sst_log_warning("%s: the rays of %lld of %lld pictures were verified on the CPU: %s", d.name,
                         (long long)d.verified_on_cpu, (long long)d.pictures, d.why_verified);
+    else if (d.filled_on_cpu)
+        sst_log_warning("%s: the holes of %lld of %lld pictures were filled on the CPU: %s", d.name,
+                        (long long)d.filled_on_cpu, (long long)d.pictures, d.why_filled);
     else
         sst_log_info("rendered on %s", d.name);
 }

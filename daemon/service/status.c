@@ -135,13 +135,15 @@ static json_t *device_json(const struct engine_state *v)
 
     if (!v->on_device)
         return json_null();
-    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver,
+    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver,
                      "failing", d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
-                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "rectified", (json_int_t)d->rectified,
-                     "rectified_on_cpu", (json_int_t)d->rectified_on_cpu, "failures", (json_int_t)d->failures, "reason",
+                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "filled_on_cpu", (json_int_t)d->filled_on_cpu,
+                     "rectified", (json_int_t)d->rectified, "rectified_on_cpu", (json_int_t)d->rectified_on_cpu,
+                     "failures", (json_int_t)d->failures, "reason",
                      d->failing         ? d->failure
                      : *d->why          ? d->why
                      : *d->why_verified ? d->why_verified
+                     : *d->why_filled   ? d->why_filled
                                         : d->why_rectified);
     json_object_set_new(root, "labels", label_device_json(v));
     json_object_set_new(root, "stages_on_cpu", cpu_steps_json(v));

@@ -1,5 +1,6 @@
-/* The shaders `clear_land` and `clear_blend`: their references by those of kernels, and their self-tests. */
-#include "pipeline/gpu/clear.h"
+/* The shaders `clear_land`, `clear_surface` and `clear_blend`: their references by those of kernels, and their
+ * self-tests. */
+#include "pipeline/gpu/clear_sample.h"
 
 #include <assert.h>
 #include <errno.h>
@@ -22,6 +23,7 @@ struct given {
     const uint16_t *disp;
     const uint8_t *valid, *masks;
     uint32_t *landed;
+    const struct sst_gpu_clear_state *state;
 };
 
 static size_t row_at(const struct given *in, int y)
@@ -179,11 +181,10 @@ static void note_surface(const struct block *b, const struct sst_gpu_clear *p, u
     }
 }
 
-/* @param seen, out  of the pixels from x on of a row of the results */
-static void colour_block(struct block *b, const struct given *in, uint32_t *seen, uint32_t *out, int x, int row)
+/* The surfaces of a block of landed rays. */
+static void land_block(struct block *b, const struct given *in, int x, int row)
 {
     const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
-    int own = -1, more = 1;
 
     memset(b->landed, 0, sizeof(b->landed));
     for (size_t k = 0; k < in->push->views; k++) {
@@ -191,6 +192,14 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *seen
             b->landed[k][i] = (uint16_t)in->landed[k * row_at(in, in->push->rows) + row_at(in, row) + (size_t)(x + i)];
     }
     find_surface(b, in->push);
+}
+
+/* Rays that see the surfaces of landed ones. @return the slot of the viewpoint's own camera, or -1 */
+static int take_block(struct block *b, const struct given *in, int x, int row)
+{
+    int own = -1, more = 1;
+
+    land_block(b, in, x, row);
     b->rays.slots = 0;
     for (size_t k = 0; k < in->push->views && more; k++) {
         const struct sst_clear_view *v = &b->view[k];
@@ -200,6 +209,68 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *seen
         if (b->rays.slots > slot && v->bx * v->bx + v->by * v->by < 1e-12F)
             own = slot;
     }
+    return own;
+}
+
+/* Colours of rays that are between the pixels of their view, in a slot of its own: of all that are marked in `landed`.
+ */
+static void take_plain(struct block *b, const struct given *in, int k, int x, int row)
+{
+    struct sst_clear_rays one = b->rays;
+    float weight[1][SST_CLEAR_BLOCK], colour[3][1][SST_CLEAR_BLOCK];
+
+    one.slots = 0;
+    one.weight = weight;
+    for (int c = 0; c < 3; c++)
+        one.colour[c] = colour[c];
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        one.first[i] = one.last[i] = 1; /* the level of a mark */
+        one.wanted[i] = 1;
+    }
+    (void)sst_clear_take_ref(&one, &b->view[k], b->landed[k], x, in->push->top + row);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        for (int c = 0; c < 3 && b->landed[k][i]; c++)
+            b->colour[c][k][i] = colour[c][0][i];
+    }
+}
+
+/* The same of rays that were sampled: a slot a view. */
+static int take_sampled(struct block *b, const struct given *in, int x, int row)
+{
+    const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
+    const struct sst_gpu_clear_state *state = in->state + row * in->push->width + x;
+    int own = -1;
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        b->surface[i] = i < n ? state[i].level : 0;
+        b->rays.px[i] = i < n ? state[i].px : 0;
+    }
+    b->rays.slots = (int)in->push->views;
+    for (size_t k = 0; k < in->push->views; k++) {
+        const struct sst_gpu_clear_view *v = &in->view[k];
+
+        if (v->bx * v->bx + v->by * v->by < 1e-12F)
+            own = (int)k;
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const size_t at = k * row_at(in, in->push->rows) + row_at(in, row) + (size_t)(x + i);
+            const uint32_t ray = i < n ? in->landed[at] : 0;
+
+            b->weight[k][i] = ray >> 24 & SST_GPU_RAY_FULL ? 1 : ray >> 24 ? SST_CLEAR_RIM : 0;
+            for (int c = 0; c < 3; c++)
+                b->colour[c][k][i] = (float)(ray >> (8 * c) & 0xFF);
+            b->landed[k][i] = ray >> 24 & SST_GPU_RAY_PLAIN ? 3 : 0;
+        }
+        take_plain(b, in, (int)k, x, row);
+    }
+    return own;
+}
+
+/* @param seen, out  of the pixels from x on of a row of the results */
+static void colour_block(struct block *b, const struct given *in, uint32_t *seen, uint32_t *out, int x, int row)
+{
+    const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
+    const int own = in->push->sampled ? take_sampled(b, in, x, row) : take_block(b, in, x, row);
+
     sst_clear_blend_ref(&b->out, &b->rays, in->push->as_others ? -1 : own);
     if (in->push->merged)
         note_surface(b, in->push, seen, n);
@@ -217,7 +288,8 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
     const struct given in = { .push = push,
                               .view = buffer[SST_GPU_CLEAR_VIEWS_OF],
                               .pixel = buffer[SST_GPU_CLEAR_PIXELS],
-                              .landed = buffer[SST_GPU_CLEAR_LANDED] };
+                              .landed = buffer[SST_GPU_CLEAR_LANDED],
+                              .state = buffer[SST_GPU_CLEAR_STATE] };
     uint32_t *seen = buffer[SST_GPU_CLEAR_SEEN], *out = buffer[SST_GPU_CLEAR_OUT];
     struct block *b = reserve(sizeof(*b));
 
@@ -239,6 +311,27 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
     free(b);
 }
 
+void clear_surface_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct given in = { .push = push, .landed = buffer[SST_GPU_SURFACE_LANDED] };
+    struct sst_gpu_clear_state *state = buffer[SST_GPU_SURFACE_STATE];
+    struct block *b = reserve(sizeof(*b));
+
+    for (int row = 0; row < in.push->rows; row++) {
+        for (int x = 0; x < in.push->width; x += SST_CLEAR_BLOCK) {
+            land_block(b, &in, x, row);
+            for (int i = 0; i < SST_CLEAR_BLOCK && x + i < in.push->width; i++) {
+                const bool any = b->surface[i] > 0;
+
+                state[row * in.push->width + x + i] =
+                    (struct sst_gpu_clear_state){ b->surface[i], any ? b->rays.px[i] : 0,
+                                                  any ? (uint32_t)in.push->rays : 0 };
+            }
+        }
+    }
+    free(b);
+}
+
 /* --- self-tests --------------------------------------------------------------------------------------------------- */
 
 #define TEST_WIDTH  45
@@ -257,6 +350,7 @@ struct test {
     uint8_t valid[TEST_VIEWS * TEST_PLANE], masks[TEST_VIEWS * TEST_PLANE];
     uint32_t landed[TEST_VIEWS * TEST_PLANE];
     uint32_t seen[TEST_WIDTH * TEST_HEIGHT], out[TEST_WIDTH * TEST_HEIGHT];
+    struct sst_gpu_clear_state state[TEST_WIDTH * TEST_HEIGHT];
 };
 
 static uint32_t next_random(uint32_t *state)
@@ -383,9 +477,9 @@ static bool same_seen(uint32_t a, uint32_t b)
 
 static int run_blend(struct sst_gpu *g, struct test *t)
 {
-    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->seen, t->out };
-    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->seen),
-                                            sizeof(t->out) };
+    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->seen, t->state, t->out };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed),
+                                            sizeof(t->seen), sizeof(t->state), sizeof(t->out) };
     const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_BLEND,
                                        .push = &t->push,
                                        .groups = { groups_of_test[0], groups_of_test[1], 1 } };
@@ -405,19 +499,74 @@ static int run_blend(struct sst_gpu *g, struct test *t)
     return err;
 }
 
-int clear_blend_self_test(struct sst_gpu *g)
+/* Have rays landed in the test. */
+static void land_test(struct test *t, bool coarse)
+{
+    void *const buffer[SST_GPU_LAND_BUFFERS] = { t->view, t->pixel, t->disp, t->valid, t->masks, t->landed };
+
+    set_test(t, coarse);
+    t->push.zero = 1;
+    clear_land_reference(&t->push, buffer, groups_of_test);
+    t->push.zero = 0;
+    clear_land_reference(&t->push, buffer, groups_of_test);
+}
+
+/* Surfaces are compared bit for bit. */
+int clear_surface_self_test(struct sst_gpu *g)
 {
     struct test *t = calloc(1, sizeof(*t));
     int err = t ? 0 : -ENOMEM;
 
     for (int coarse = 0; coarse < 2 && !err; coarse++) {
-        void *const buffer[SST_GPU_LAND_BUFFERS] = { t->view, t->pixel, t->disp, t->valid, t->masks, t->landed };
+        const void *const initial[SST_GPU_BUFFERS] = { t->landed, t->state };
+        const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->landed), sizeof(t->state) };
+        const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_SURFACE,
+                                           .push = &t->push,
+                                           .groups = { groups_of_test[0], groups_of_test[1], 1 } };
 
-        set_test(t, coarse);
-        t->push.zero = 1;
-        clear_land_reference(&t->push, buffer, groups_of_test);
-        t->push.zero = 0;
-        clear_land_reference(&t->push, buffer, groups_of_test);
+        land_test(t, coarse);
+        err = gpu_compare(g, &work, initial, bytes, 0, NULL);
+    }
+    free(t);
+    return err;
+}
+
+/* Rays that were sampled: colours in place of where they came from, but of two views. */
+static void sample_test(struct test *t)
+{
+    const struct given in = { .push = &t->push, .landed = t->landed };
+
+    land_test(t, false);
+    clear_surface_reference(&t->push, (void *const[]){ t->landed, t->state }, groups_of_test);
+    for (size_t i = 0; i < ARRAY_LEN(t->landed); i++) {
+        const uint32_t ray = t->landed[i], view = (uint32_t)(i / row_at(&in, t->push.rows));
+        const uint32_t kind = (ray & 1 ? SST_GPU_RAY_FULL : SST_GPU_RAY_RIM) | (view % 4 == 1 ? SST_GPU_RAY_PLAIN : 0U);
+
+        t->landed[i] = ray ? (t->pixel[i] & 0xFFFFFF) | kind << 24 : 0;
+    }
+    /* Of marked rays only those are there that come from inside the view. */
+    for (int k = 1; k < TEST_VIEWS; k += 4) {
+        for (int i = 0; i < TEST_WIDTH * TEST_HEIGHT; i++) {
+            const float x = (float)(i % TEST_WIDTH) - t->state[i].px * t->view[k].bx;
+            const float y = (float)(i / TEST_WIDTH) - t->state[i].px * t->view[k].by;
+
+            if (!(x >= 0) || !(y >= 0) || x > TEST_WIDTH - 1 || y > TEST_HEIGHT - 1)
+                t->landed[k * TEST_PLANE + i / TEST_WIDTH * TEST_PITCH + i % TEST_WIDTH] = 0;
+        }
+    }
+    t->push.sampled = 1;
+}
+
+int clear_blend_self_test(struct sst_gpu *g)
+{
+    struct test *t = calloc(1, sizeof(*t));
+    int err = t ? 0 : -ENOMEM;
+
+    for (int i = 0; i < 3 && !err; i++) {
+        if (i < 2)
+            land_test(t, i);
+        else
+            sample_test(t);
         err = run_blend(g, t);
     }
     free(t);

@@ -43,6 +43,7 @@ struct sst_gpu_clear {
     int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
     uint32_t merged;                     /* clear_blend: not 0: what is seen is written, too */
     int32_t top, rows;                   /* of the picture: that landed rays and results have */
+    uint32_t sampled;                    /* clear_blend: not 0: rays were sampled from raw frames (clear_sample.h) */
 };
 
 /** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view, from its first row on;
@@ -61,10 +62,11 @@ enum sst_gpu_clear_land_buffer {
 enum sst_gpu_clear_blend_buffer {
     SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
     SST_GPU_CLEAR_PIXELS = 1,
-    SST_GPU_CLEAR_LANDED = 2,
-    SST_GPU_CLEAR_SEEN = 3, /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
-                               0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
-    SST_GPU_CLEAR_OUT = 4,  /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
+    SST_GPU_CLEAR_LANDED = 2, /* with `sampled`: the colours of rays */
+    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
+                                 0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
+    SST_GPU_CLEAR_STATE = 4,  /* with `sampled`: struct sst_gpu_clear_state[rows * width]; else not read */
+    SST_GPU_CLEAR_OUT = 5,    /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
     SST_GPU_CLEAR_BUFFERS
 };
 

@@ -81,8 +81,12 @@ enum sst_gpu_shader {
     SST_GPU_VERIFY_RAYS = 62,
     SST_GPU_VERIFY_MODE = 63,
     SST_GPU_VERIFY_BLEND = 64,
-    SST_GPU_LIMITS = 65, /* gpu_internal.h */
-    SST_GPU_TILES = 66,  /* tiles.h */
+    SST_GPU_LIMITS = 65,    /* gpu_internal.h */
+    SST_GPU_TILES = 66,     /* tiles.h */
+    SST_GPU_HOLE_PULL = 67, /* hole.h */
+    SST_GPU_HOLE_PUSH = 68,
+    SST_GPU_CLEAR_SURFACE = 69, /* clear_sample.h */
+    SST_GPU_CLEAR_SAMPLE = 70,
     SST_GPU_SHADERS
 };
 

@@ -75,9 +75,18 @@ static inline int gpu_colour_step(uint32_t a, uint32_t b)
     return most;
 }
 
+struct sst_gpu_rectify;
+/** Of the reference of `rectify`: the colour at a place of the frame, R, G, B. @param buffer  its buffers @param x, y
+ * the pixel of the view, for the light */
+uint32_t rectify_colour(const struct sst_gpu_rectify *p, void *const *buffer, const int32_t xy_q8[2], int x, int y);
+
 gpu_reference_fn blend_reference;
 gpu_reference_fn clear_land_reference;
 gpu_reference_fn clear_blend_reference;
+gpu_reference_fn clear_surface_reference;
+gpu_reference_fn clear_sample_reference;
+gpu_reference_fn hole_pull_reference;
+gpu_reference_fn hole_push_reference;
 gpu_reference_fn sgm_path_reference;
 gpu_reference_fn winner_reference;
 gpu_reference_fn census_reference;
@@ -111,6 +120,10 @@ gpu_reference_fn carry_close_reference;
 gpu_self_test_fn blend_self_test;
 gpu_self_test_fn clear_land_self_test;
 gpu_self_test_fn clear_blend_self_test;
+gpu_self_test_fn clear_surface_self_test;
+gpu_self_test_fn clear_sample_self_test;
+gpu_self_test_fn hole_pull_self_test;
+gpu_self_test_fn hole_push_self_test;
 gpu_self_test_fn sgm_path_self_test;
 gpu_self_test_fn winner_self_test;
 gpu_self_test_fn census_self_test;

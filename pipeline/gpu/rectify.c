@@ -93,6 +93,14 @@ static uint32_t finish(const struct sst_gpu_rectify *p, void *const *buffer, con
     return rgb;
 }
 
+uint32_t rectify_colour(const struct sst_gpu_rectify *p, void *const *buffer, const int32_t xy_q8[2], int x, int y)
+{
+    uint16_t sample[3];
+
+    sample_at(sample, p, buffer, xy_q8);
+    return finish(p, buffer, sample, x, y);
+}
+
 void rectify_reference(const void *push, void *const *buffer, const uint32_t groups[3])
 {
     const struct sst_gpu_rectify *p = push;
@@ -106,14 +114,11 @@ void rectify_reference(const void *push, void *const *buffer, const uint32_t gro
             const size_t at = (size_t)y * (size_t)p->pitch + (size_t)x;
             const uint32_t label = p->flags & SST_GPU_RECTIFY_LABELLED ? (uint32_t)labels[at] << 24 : 0;
             int32_t xy_q8[2];
-            uint16_t sample[3];
             const bool inside = x < p->width, seen = inside && place_of(xy_q8, p, buffer, x, y);
 
             valid[at] = seen ? 255 : 0;
-            if (seen)
-                sample_at(sample, p, buffer, xy_q8);
             if (inside)
-                pixel[at] = (seen ? finish(p, buffer, sample, x, y) : 0) |
+                pixel[at] = (seen ? rectify_colour(p, buffer, xy_q8, x, y) : 0) |
                             (p->flags & SST_GPU_RECTIFY_KEEP ? pixel[at] & 0xFF000000U : label);
         }
     }

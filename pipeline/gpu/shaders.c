@@ -5,8 +5,9 @@
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/carry.h"
 #include "pipeline/gpu/check.h"
-#include "pipeline/gpu/clear.h"
+#include "pipeline/gpu/clear_sample.h"
 #include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/gpu/hole.h"
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/label.h"
@@ -27,6 +28,14 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              clear_land_self_test },
     [SST_GPU_CLEAR_BLEND] = { "clear_blend", SST_GPU_CLEAR_BUFFERS, sizeof(struct sst_gpu_clear), clear_blend_reference,
                               clear_blend_self_test },
+    [SST_GPU_CLEAR_SURFACE] = { "clear_surface", SST_GPU_SURFACE_BUFFERS, sizeof(struct sst_gpu_clear),
+                                clear_surface_reference, clear_surface_self_test },
+    [SST_GPU_CLEAR_SAMPLE] = { "clear_sample", SST_GPU_SAMPLE_BUFFERS, sizeof(struct sst_gpu_clear_sample),
+                               clear_sample_reference, clear_sample_self_test },
+    [SST_GPU_HOLE_PULL] = { "hole_pull", SST_GPU_HOLE_BUFFERS, sizeof(struct sst_gpu_hole), hole_pull_reference,
+                            hole_pull_self_test },
+    [SST_GPU_HOLE_PUSH] = { "hole_push", SST_GPU_HOLE_BUFFERS, sizeof(struct sst_gpu_hole), hole_push_reference,
+                            hole_push_self_test },
     [SST_GPU_SGM_PATH] = { "sgm_path", SST_GPU_SGM_BUFFERS, sizeof(struct sst_gpu_sgm), sgm_path_reference,
                            sgm_path_self_test },
     [SST_GPU_WINNER] = { "winner", SST_GPU_WINNER_BUFFERS, sizeof(struct sst_gpu_winner), winner_reference,

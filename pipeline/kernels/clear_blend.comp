@@ -2,6 +2,7 @@
 // clear_take and clear_blend of kernels.h. Buffers and constants: pipeline/gpu/clear.h.
 // Definition: clear_{surface,take,blend}_ref.c.
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 4) in;
 
@@ -15,7 +16,8 @@ layout(std430, binding = 0) readonly buffer Views { View view[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Landed { uint landed[]; };
 layout(std430, binding = 3) writeonly buffer Seen { uint seen[]; };
-layout(std430, binding = 4) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 4) readonly buffer State { uint state[]; };
+layout(std430, binding = 5) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
@@ -24,9 +26,11 @@ layout(std430, push_constant) uniform Constants {
     int as_others;
     uint merged;
     int top, rows;
+    uint sampled;
 };
 
-const uint TOLERANCE = 48, MAX_VIEWS = 64;
+const uint MAX_VIEWS = 64;
+const uint FULL = 2, PLAIN = 4;
 const float RIM = 0.02;
 
 // Rays of the pixel that are taken.
@@ -34,63 +38,7 @@ float weight[MAX_VIEWS], agree[MAX_VIEWS];
 vec3 colour[MAX_VIEWS];
 int rays = 0, own = -1;
 
-uint level_of(uint at, uint k)
-{
-    return landed[k * uint(rows) * uint(pitch) + at] >> 1;
-}
-
-// Sum of the levels of the surface's rays, and their number; 0, 0: there is none.
-uvec2 surface(uint at)
-{
-    uint top = 0, arrived = 0;
-
-    for (uint k = 0; k < views; k++) {
-        const uint level = level_of(at, k);
-
-        top = max(top, level);
-        arrived += level != 0 ? 1 : 0;
-    }
-    while (top != 0) {
-        uint count = 0, sum = 0, next = 0;
-
-        for (uint k = 0; k < views; k++) {
-            const uint level = level_of(at, k);
-
-            if (level != 0 && level <= top && level + TOLERANCE >= top) {
-                count++;
-                sum += level;
-            }
-            next = level < top ? max(next, level) : next;
-        }
-        if (count >= 2 && 4 * count >= arrived)
-            return uvec2(sum, count);
-        top = next;
-    }
-    return uvec2(0);
-}
-
-// sum / count to the nearest float, ties to even: a division may be off by some units in the last place.
-float quotient(uint sum, uint count)
-{
-    const uint whole = sum / count;
-    const int bits = 23 - findMSB(whole); // after the point; 8 to 23, and sum % count has 8 bits
-    const uint scaled = (sum % count) << bits, part = scaled / count, rest = scaled % count;
-    const uint up = 2 * rest > count || (2 * rest == count && (part & 1) != 0) ? 1 : 0;
-
-    return float((whole << bits) + part + up) * uintBitsToFloat(uint(127 - bits) << 23);
-}
-
-// Disparity of a level, rounded once.
-float disparity(float level)
-{
-    precise float t = (level - 1.0) * float(1 << coarse) * (1.0 / 64.0);
-    precise float s = disp_min + t;
-    precise float back = s - disp_min;
-    precise float lost = (disp_min - (s - back)) + (t - back);
-    precise float d = s + (lost + disp_min_rest);
-
-    return d;
-}
+#include "clear_surface.glsl"
 
 ivec3 rgb(uint p)
 {
@@ -119,9 +67,8 @@ float take_all(int x, int y, uint at)
 
     if (found.y == 0)
         return 0.0;
-    const uint whole = found.x / found.y, above = found.x % found.y != 0 ? 1 : 0;
-    const uint first = uint(max(int(whole + above) - int(TOLERANCE), 1)), last = min(whole + TOLERANCE, 65535);
     const float level_of_surface = quotient(found.x, found.y), px = disparity(level_of_surface);
+    const uvec2 levels = levels_of(level_of_surface);
     int more = wanted;
 
     for (uint k = 0; k < views && more > 0; k++) {
@@ -129,7 +76,7 @@ float take_all(int x, int y, uint at)
         precise float at_x = float(x) - px * view[k].bx;
         precise float at_y = float(y) - px * view[k].by;
 
-        if (level < first || level > last || !(at_x >= 0.0) || !(at_y >= 0.0) || at_x > float(width - 1) ||
+        if (level < levels.x || level > levels.y || !(at_x >= 0.0) || !(at_y >= 0.0) || at_x > float(width - 1) ||
             at_y > float(height - 1))
             continue;
         weight[rays] = (ray & 1) != 0 ? 1.0 : RIM;
@@ -141,6 +88,29 @@ float take_all(int x, int y, uint at)
         rays++;
     }
     return level_of_surface;
+}
+
+// Rays that were sampled from raw frames; views without one as in take_all(), which this returns as.
+float take_sampled(int x, int y, uint at, uint pixel_at)
+{
+    const float px = uintBitsToFloat(state[3 * pixel_at + 1]);
+
+    for (uint k = 0; k < views; k++) {
+        const uint ray = landed[k * uint(rows) * uint(pitch) + at], kind = ray >> 24;
+
+        if (kind == 0)
+            continue;
+        precise float at_x = float(x) - px * view[k].bx;
+        precise float at_y = float(y) - px * view[k].by;
+
+        weight[rays] = (kind & FULL) != 0 ? 1.0 : RIM;
+        colour[rays] = (kind & PLAIN) != 0 ? bilinear(k, at_x, at_y) : vec3(rgb(ray));
+        agree[rays] = 1.0;
+        if (view[k].bx * view[k].bx + view[k].by * view[k].by < 1e-12)
+            own = rays;
+        rays++;
+    }
+    return uintBitsToFloat(state[3 * pixel_at]);
 }
 
 vec3 mean()
@@ -194,7 +164,8 @@ void main()
 
     if (x >= width || row >= rows)
         return;
-    const float level = take_all(x, top + row, uint(row) * uint(pitch) + uint(x));
+    const uint at = uint(row) * uint(pitch) + uint(x), pixel_at = uint(row) * uint(width) + uint(x);
+    const float level = sampled != 0 ? take_sampled(x, top + row, at, pixel_at) : take_all(x, top + row, at);
     vec3 to = blend();
 
     if (as_others == 0 && own >= 0 && weight[own] >= 1.0)
@@ -203,8 +174,6 @@ void main()
         total += weight[i];
         support += weight[i] * agree[i];
     }
-    const uint pixel_at = uint(row) * uint(width) + uint(x);
-
     if (merged != 0) {
         precise float disp = (level - 1.0) * float(1 << coarse) + 0.5;
 

@@ -1,6 +1,7 @@
 // The pixels of a view from its raw frame: place_row, resample_row and light_row of kernels.h. Buffers and constants:
 // pipeline/gpu/rectify.h. Definition: rectify_reference().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
@@ -27,10 +28,8 @@ layout(std430, push_constant) uniform Constants {
     int top;
 };
 
-const uint LIT = 1, LABELLED = 2, KEEP = 4;
+const uint LABELLED = 2, KEEP = 4;
 const int LISTED = -1, OUTSIDE = int(0x80000000);
-const int LIGHT_WHITE = 255 << 7;
-const float KNEE = 10.31475, OFFSET = 14.025, CLIPPED = 4.0;
 
 float cubic(float k, float c0, float c1, float c2, float c3)
 {
@@ -57,73 +56,7 @@ ivec2 place(int x, int y)
     return to.x < 0 || to.x > p.most[0] || to.y < 0 || to.y > p.most[1] ? ivec2(OUTSIDE) : to;
 }
 
-ivec3 colour(uint p)
-{
-    return ivec3(p & 0xFF, (p >> 8) & 0xFF, (p >> 16) & 0xFF);
-}
-
-// Samples in 1/128 levels; pixels beyond the border are those at it.
-ivec3 sample_at(ivec2 at)
-{
-    const int wx = (at.x & 255) * taps, wy = (at.y & 255) * taps;
-    const int left = (at.x >> 8) + 1 - taps / 2, top = (at.y >> 8) + 1 - taps / 2;
-    ivec3 sum = ivec3(0);
-
-    for (int tx = 0; tx < taps; tx++) {
-        const int x = clamp(left + tx, 0, raw_width - 1);
-        ivec3 column = ivec3(0);
-
-        for (int ty = 0; ty < taps; ty++)
-            column += weight[wy + ty] * colour(frame[clamp(top + ty, 0, raw_height - 1) * raw_width + x]);
-        sum += weight[wx + tx] * ((column + 128) >> 8);
-    }
-    return clamp((sum + 4096) >> 13, ivec3(0), ivec3(LIGHT_WHITE));
-}
-
-// The fall-off's factor at a pixel, or its root: bilinear between nodes.
-float factor(int from, int x, int y)
-{
-    const float scale = uintBitsToFloat(uint(127 - light_shift) << 23); // 2^-light_shift
-    const int row = min(y >> light_shift, light_rows - 2), col = min(x >> light_shift, light_cols - 2);
-    const int at = from + row * light_cols + col;
-    precise float down = (float(y - (row << light_shift)) + part_y) * scale;
-    precise float left = light[at] + down * (light[at + light_cols] - light[at]);
-    precise float right = light[at + 1] + down * (light[at + light_cols + 1] - light[at + 1]);
-    precise float slope = (right - left) * scale;
-    precise float v = left + slope * (part_x + float(x - (col << light_shift)));
-    return v;
-}
-
-// light_row of one sample.
-uint lit(int value, float f, float r)
-{
-    precise float v = float(value) * (1.0 / 128.0);
-    precise float s = f * light[value];
-    precise float p = r * light[LIGHT_WHITE + 1 + value] - OFFSET;
-    precise float keep = 255.0 - CLIPPED * (255.0 - v);
-    const float code = s < KNEE ? s : p, kept = code > keep ? code : keep;
-    precise float most = (kept < 255.0 ? kept : 255.0) + 0.5;
-    return uint(most);
-}
-
-uint finish(ivec3 value, int x, int y)
-{
-    if ((flags & LIT) == 0) {
-        value = (value + 64) >> 7;
-        return uint(value.r | value.g << 8 | value.b << 16);
-    }
-    const int grid = 2 * (LIGHT_WHITE + 1);
-    const float f = factor(grid, x, y), r = factor(grid + light_cols * light_rows, x, y);
-    uint rgb = 0;
-
-    for (int c = 0; c < 3; c++) {
-        precise float of = gain[c] * f;
-        precise float root = gain_root[c] * r;
-
-        rgb |= lit(value[c], of, root) << (8 * c);
-    }
-    return rgb;
-}
+#include "frame.glsl"
 
 void main()
 {
@@ -142,7 +75,7 @@ void main()
         if ((flags & KEEP) != 0)
             name = pixel[at + uint(i)] & 0xFF000000u;
         if (to.x != OUTSIDE) {
-            rgb = finish(sample_at(to), x + i, y);
+            rgb = finish(sample_at(to), x + i, y, part_x, part_y);
             seen |= 0xFFu << (8 * i);
         }
         pixel[at + uint(i)] = rgb | name;

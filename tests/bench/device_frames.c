@@ -135,7 +135,7 @@ int main(int argc, char **argv)
     sst_image_fini(&b.frame);
     sst_image_fini(&b.view);
     sst_map_u8_fini(&b.valid);
-    free(b.list.xy_q8);
+    free(b.list.xy);
     free(b.jpeg);
     free(b.samples);
     free(b.places);

@@ -994,7 +994,7 @@ def test_device(b, fake):
     b.js("document.getElementById('tab-health').click()")
     b.wait(f"{card}.includes('Computed on') && {card}.includes('the processor')")
     labels = {"failing": False, "runs": 18, "on_cpu": 0, "failures": 0, "reason": ""}
-    device = {"name": "NVIDIA H100", "driver": "", "failing": False, "pictures": 70, "on_cpu": 0, "verified_on_cpu": 0,
+    device = {"name": "NVIDIA H100", "driver": "", "failing": False, "pictures": 70, "on_cpu": 0, "verified_on_cpu": 0, "filled_on_cpu": 0,
               "failures": 0, "reason": "", "labels": labels, "stages_on_cpu": ["decode", "disparity"]}
     fake.set(status={"live": {"device": device}})
     b.wait(f"{card}.includes('NVIDIA H100, 70 pictures') && {card}.includes('18 runs') && {card}.includes('decoding, depth')")

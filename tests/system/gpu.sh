@@ -41,6 +41,9 @@ for options in "" "--method refocus" "--method refocus --soft --aperture 1.5" "-
   cmp -s seen$i.png valid$i.png || fail "$options: another --valid"
   device $i.json 'd["pictures"] == 1 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "lavapipe" in d["driver"]'
 done
+for i in 6 7 8; do
+  device $i.json 'd["filled_on_cpu"] == 0 and d["dispatches"] == 3 + 16' # 8 levels
+done
 device 5.json 'd["verified_on_cpu"] == 0 and d["why_verified_on_cpu"] is None and d["dispatches"] == 5'
 
 # --- a sweep uploads the light field once; with little memory, again and again ---
@@ -82,6 +85,14 @@ for options in "--sampling rectified --focus 9.3" "--sampling raw --focus 9.3" "
   close cal.png cal1.png
   cmp -s seen.png valid.png || fail "$options: another --valid"
   device cal.json 'd["pictures"] == 1 and d["on_cpu"] == 0 and d["rectified"] == 9 and d["uploads"] == 9'
+done
+for options in "--sampling raw --cut 9" "--cut 9 --view-x 0.4 --view-y -0.3"; do # each ray at a place of its own
+  "$sst" render cal --method clear $options -o cal.png --valid seen.png || fail "clear, raw, $options"
+  "$sst" render cal --method clear $options --device lavapipe -o cal1.png --valid valid.png --json >cal.json 2>err || fail "clear, raw, $options on lavapipe: $(cat err)"
+  [ ! -s err ] || fail "clear, raw, $options on lavapipe: $(cat err)"
+  close cal.png cal1.png
+  cmp -s seen.png valid.png || fail "clear, raw, $options: another --valid"
+  device cal.json 'd["pictures"] == 1 and d["on_cpu"] == 0 and d["filled_on_cpu"] == 0 and d["in_parts"] == 0 and d["uploads"] == 18'
 done
 "$sst" sweep cal --steps 4 -o cal2 || fail "sweep of raw frames"
 "$sst" sweep cal --steps 4 --device lavapipe -o cal3 --json >cal.json || fail "sweep of raw frames on lavapipe"
@@ -166,10 +177,10 @@ done
 "$sst" sweep lf --steps 5 --device dummy:lost=14 -o lost --json >lost.json 2>err || fail "lost: $(cat err)"
 device lost.json 'd["pictures"] == 3 and d["on_cpu"] == 2 and d["failures"] == 2'
 "$sst" render lf --method clear --device dummy --device-memory 4 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
-device clear.json 'd["on_cpu"] == 0 and d["in_parts"] == 1'
+device clear.json 'd["on_cpu"] == 0 and d["in_parts"] == 1 and d["filled_on_cpu"] == 0 and d["why_filled_on_cpu"] is None'
 cmp -s cpu6.png clear.png && [ ! -s err ] || fail "clear in 4 MiB: $(cat err)"
 "$sst" render lf --method clear --device lavapipe --device-memory 1 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
-device clear.json 'd["on_cpu"] == 0 and d["in_parts"] == 1 and d["dispatches"] > 15'
+device clear.json 'd["on_cpu"] == 0 and d["in_parts"] == 1 and d["filled_on_cpu"] == 0 and d["dispatches"] > 15'
 close cpu6.png clear.png
 [ ! -s err ] || fail "clear in 1 MiB: $(cat err)"
 "$sst" render lf --method clear --device dummy:buffer=55 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"

@@ -63,7 +63,7 @@ static void test_faults(void **state)
 {
     static const int dispatches[SST_GPU_SHADERS] = { 12,
                                                      4,
-                                                     2,
+                                                     3,
                                                      32,
                                                      2,
                                                      1,
@@ -87,7 +87,11 @@ static void test_faults(void **state)
                                                      2,
                                                      2,
                                                      2,
-                                                     [SST_GPU_VOTE] = 1 }; /* of its self-test */
+                                                     [SST_GPU_VOTE] = 1,
+                                                     [SST_GPU_HOLE_PULL] = 3,
+                                                     3,
+                                                     2,
+                                                     3 }; /* of its self-test */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
     struct sst_gpu *g;

@@ -173,7 +173,7 @@ static void follow(const char *device, uint64_t memory_bytes, int sets, struct s
 /* All views there, or a few at a time. */
 static void views_are_those_of_the_cpu(void **state SST_UNUSED)
 {
-    static const uint64_t memory[] = { 0, 1600000 };
+    static const uint64_t memory[] = { 0, 1600000, 2000000 };
     struct sst_render_device_report report;
 
     for (size_t i = 0; i < ARRAY_LEN(memory); i++) {

@@ -3,6 +3,8 @@
 #include "tests/gpu_field.h"
 #include "tests/small.h"
 
+#define SELF_TESTS 25 /* dispatches of those of `blend`, of clear pictures and of their holes */
+#define FILL       18 /* dispatches that fill the holes of a picture of 301 pixels: 9 levels, there and back */
 #define CLEAR (FIELD_PICTURES - FIELD_CLEAR) /* the first one */
 
 struct seen {
@@ -77,10 +79,11 @@ static void test_memory(void **state)
     static const struct {
         uint64_t memory;
         int in_parts, on_cpu, dispatches; /* at most; 0: any number */
+        int filled_on_cpu;
     } limits[] = {
-        { 0, 0, 0, 12 },        { (uint64_t)1000 << 10, 4, 0, 30 },
-        { 600 << 10, 4, 0, 0 }, { 400 << 10, 4, 0, 0 },
-        { 320 << 10, 4, 0, 0 }, { 100 << 10, 0, 4, 0 },
+        { 0, 0, 0, 4 * (3 + FILL), 0 }, { (uint64_t)1000 << 10, 4, 0, 4 * (3 * 5 - 2 + FILL), 0 },
+        { 600 << 10, 4, 0, 0, 0 },      { 400 << 10, 4, 0, 0, 0 },
+        { 320 << 10, 4, 0, 0, 2 },      { 100 << 10, 0, 4, 0, 0 },
     };
     struct sst_lightfield lf;
 
@@ -89,14 +92,16 @@ static void test_memory(void **state)
     for (size_t i = 0; i < ARRAY_LEN(limits); i++) {
         const struct sst_render_device_report r = compare(&lf, "dummy", limits[i].memory);
 
-        print_message("%d KiB: %d pictures, %d in parts, %d dispatches, %d KiB uploaded\n",
-                      (int)(limits[i].memory >> 10), (int)r.pictures, (int)r.in_parts, (int)r.dispatches,
-                      (int)(r.upload_bytes >> 10));
+        print_message("%d KiB: %d pictures, %d in parts, %d filled on the CPU, %d dispatches, %d KiB uploaded\n",
+                      (int)(limits[i].memory >> 10), (int)r.pictures, (int)r.in_parts, (int)r.filled_on_cpu,
+                      (int)r.dispatches, (int)(r.upload_bytes >> 10));
         assert_int_equal(r.pictures, 4 - limits[i].on_cpu);
         assert_int_equal(r.in_parts, limits[i].in_parts);
         assert_int_equal(r.on_cpu, limits[i].on_cpu);
         assert_int_equal(r.failures, 0);
         assert_true(!limits[i].dispatches || r.dispatches <= limits[i].dispatches);
+        assert_int_equal(r.filled_on_cpu, limits[i].filled_on_cpu);
+        assert_string_equal(r.why_filled, r.filled_on_cpu ? "not enough memory on the device to fill holes" : "");
         assert_string_equal(r.why, r.on_cpu ? "not enough memory on the device for a part of a clear picture" : "");
     }
     field_fini(&lf);
@@ -137,23 +142,60 @@ static void test_buffers(void **state)
     field_fini(&lf);
 }
 
-/* A device that is lost within a band. */
+/* A device that is lost at one dispatch after the other: within a band, while holes are filled, before and after a
+ * merge, which the CPU then fills. */
+static void lose(const struct sst_lightfield *lf, uint64_t memory, int *filled_on_cpu)
+{
+    for (int at = SELF_TESTS + 1; at < SELF_TESTS + 66; at += 3) {
+        struct sst_render_device_report report;
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:lost=%d", at);
+        report = compare(lf, name, memory);
+        assert_int_equal(report.pictures + report.on_cpu, 4);
+        assert_int_equal(report.in_parts, memory ? report.pictures : 0);
+        assert_true(report.failures > 0);
+        if (report.on_cpu)
+            assert_string_equal(report.why, "the device is lost");
+        if (report.filled_on_cpu)
+            assert_string_equal(report.why_filled, "the device is lost");
+        *filled_on_cpu += (int)report.filled_on_cpu;
+    }
+}
+
 static void test_lost(void **state)
 {
     struct sst_lightfield lf;
 
     (void)state;
     field_init(&lf);
-    for (int at = 19; at < 30; at += 3) { /* after 18 dispatches of self-tests */
+    for (int parts = 0; parts < 2; parts++) {
+        int filled_on_cpu = 0;
+
+        lose(&lf, parts ? 500 << 10 : 0, &filled_on_cpu);
+        print_message("%d pictures were filled on the CPU\n", filled_on_cpu);
+        assert_true(filled_on_cpu > 0);
+    }
+    field_fini(&lf);
+}
+
+/* Shaders that are refused leave only the holes to the CPU. */
+static void test_refused(void **state)
+{
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (int at = SELF_TESTS - 5; at <= SELF_TESTS; at += 3) {
         struct sst_render_device_report report;
         char name[32];
 
-        snprintf(name, sizeof(name), "dummy:lost=%d", at);
-        report = compare(&lf, name, 500 << 10);
-        assert_int_equal(report.pictures + report.on_cpu, 4);
-        assert_int_equal(report.pictures, report.in_parts);
-        assert_true(report.failures > 0);
-        assert_string_equal(report.why, "the device is lost");
+        snprintf(name, sizeof(name), "dummy:wrong=%d", at);
+        report = compare(&lf, name, 0);
+        assert_int_equal(report.pictures, 4);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.filled_on_cpu, 4);
+        assert_string_equal(report.why_filled, "a shader is refused");
     }
     field_fini(&lf);
 }
@@ -194,10 +236,8 @@ static void test_frames(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_memory),
-        serial_test(test_buffers),
-        serial_test(test_lost),
-        cmocka_unit_test(test_frames),
+        serial_test(test_memory),  serial_test(test_buffers),     serial_test(test_lost),
+        serial_test(test_refused), cmocka_unit_test(test_frames),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -8,6 +8,7 @@
  */
 #include "base/border.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/kernels/place_patch_ref.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>
@@ -337,28 +338,36 @@ void sst_rectify_map_tables(struct sst_rectify_tables *out, const struct sst_rec
                                         .raw_width = map->chain.raw_width,
                                         .raw_height = map->chain.raw_height,
                                         .cell_shift = map->shift,
-                                        .cells = map->cells_x };
+                                        .cells = map->cells_x,
+                                        .cell_rows = map->cells_y };
     out->weight = filter_weights(filter, &out->taps);
     if (map->light)
         gain_map_tables(map->light, out);
 }
 
+/* Room for n more places. */
+static int reserve(struct sst_rectify_list *list, int n)
+{
+    const size_t needed = list->count + (size_t)n;
+    int32_t *more;
+
+    if (needed <= list->room)
+        return 0;
+    more = realloc(list->xy, 4 * needed * sizeof(*more));
+    if (!more)
+        return -ENOMEM;
+    list->xy = more;
+    list->room = 2 * needed;
+    return 0;
+}
+
 /* Append the exact places of n columns. */
 static int list_exact(const struct sst_rectify_map *map, double x0, double y, int n, struct sst_rectify_list *list)
 {
-    const size_t needed = list->count + (size_t)n;
-
-    if (needed > list->room) {
-        const size_t room = 2 * needed;
-        int32_t *more = realloc(list->xy_q8, 2 * room * sizeof(*more));
-
-        if (!more)
-            return -ENOMEM;
-        list->xy_q8 = more;
-        list->room = room;
-    }
-    exact_run(map, x0, y, n, list->xy_q8 + 2 * list->count);
-    list->count = needed;
+    if (reserve(list, n))
+        return -ENOMEM;
+    exact_run(map, x0, y, n, list->xy + 2 * list->count);
+    list->count += (size_t)n;
     return 0;
 }
 
@@ -387,6 +396,75 @@ int sst_rectify_map_cells(const struct sst_rectify_map *map, double x0, double y
             places.most[0] = SST_PLACES_NONE;
         }
         cells[i] = places;
+    }
+    return err;
+}
+
+/* Coefficients of the cubic through nodes at -1, 0, 1, 2: of each node by power, as in node_weights(). */
+static const double by_power[4][4] = { { 0, -1.0 / 3, 1.0 / 2, -1.0 / 6 },
+                                       { 1, -1.0 / 2, -1, 1.0 / 2 },
+                                       { 0, 1, 1.0 / 2, -1.0 / 2 },
+                                       { 0, -1.0 / 6, 0, 1.0 / 6 } };
+
+/* One axis of a smooth cell. */
+static void set_bicubic(struct sst_place_patch *patch, const struct sst_rectify_map *map, int i, int j, int axis)
+{
+    const double whole = floor(node_at(map, i, j)[axis]);
+
+    patch->whole_q8[axis] = (int32_t)whole * 256;
+    for (int across = 0; across < 4; across++) {
+        for (int down = 0; down < 4; down++) {
+            double sum = 0;
+
+            for (int node = 0; node < 16; node++)
+                sum += by_power[node % 4][across] * by_power[node / 4][down] *
+                       (node_at(map, i - 1 + node % 4, j - 1 + node / 4)[axis] - whole);
+            patch->c[axis][across][down] = (float)ldexp(sum * 256, -map->shift * (across + down));
+        }
+    }
+}
+
+/* Append the exact places of a cell's whole positions, those at its end included. */
+static int list_corners(const struct sst_rectify_map *map, int i, int j, struct sst_rectify_list *list)
+{
+    const int side = 1 << map->shift;
+
+    if (reserve(list, (side + 1) * (side + 1)))
+        return -ENOMEM;
+    for (int y = j * side; y <= (j + 1) * side; y++) {
+        for (int x = i * side; x <= (i + 1) * side; x++) {
+            int32_t *to = list->xy + 2 * list->count++;
+            double u, v;
+
+            to[0] = to[1] = INT32_MIN;
+            if (!chain_place(&map->chain, x, y, &u, &v) || fmax(fabs(u), fabs(v)) > SST_PATCH_FAR_PX)
+                continue;
+            to[0] = (int32_t)lrint(u * (1 << SST_PATCH_LISTED_BITS));
+            to[1] = (int32_t)lrint(v * (1 << SST_PATCH_LISTED_BITS));
+        }
+    }
+    return 0;
+}
+
+int sst_rectify_map_patches(const struct sst_rectify_map *map, struct sst_place_patch *patches,
+                            struct sst_rectify_list *list)
+{
+    int err = 0;
+
+    for (int cell = 0; cell < map->cells_x * map->cells_y && !err; cell++) {
+        const int i = cell % map->cells_x, j = cell / map->cells_x;
+        struct sst_place_patch patch = { .kind = SST_PLACES_NONE };
+
+        if (map->cell[cell] == CELL_SMOOTH) {
+            patch.kind = 0;
+            for (int axis = 0; axis < 2; axis++)
+                set_bicubic(&patch, map, i, j, axis);
+        } else if (map->cell[cell] == CELL_EXACT) {
+            patch.kind = SST_PLACES_LISTED;
+            patch.whole_q8[0] = (int32_t)list->count;
+            err = list_corners(map, i, j, list);
+        }
+        patches[cell] = patch;
     }
     return err;
 }

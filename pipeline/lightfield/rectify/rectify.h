@@ -58,6 +58,7 @@ SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const stru
                                       double y, double *raw_x, double *raw_y);
 
 struct sst_places;      /* pipeline/kernels/kernels.h */
+struct sst_place_patch; /* pipeline/kernels/place_patch_ref.h */
 struct sst_rectify_map; /* of one view: homography, lens and light fused; any number of threads may use it */
 
 /** @return 0, -EINVAL, -ENOMEM */
@@ -86,7 +87,8 @@ SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_
 /** What resampling of a view reads, for a device; pointers are borrowed from the map. */
 struct sst_rectify_tables {
     int width, height, raw_width, raw_height; /* of the view and of its raw frame */
-    int cell_shift, cells;                    /* pieces of a row, of 1 << cell_shift columns each */
+    int cell_shift, cells,
+        cell_rows; /* pieces of a row, of 1 << cell_shift columns each; pieces of a column likewise */
     int taps;
     const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps], as of struct sst_resample */
     /* Light: the factor of colour c is gain[c] times the fall-off's, which is bilinear between nodes 1 << light_shift
@@ -97,9 +99,9 @@ struct sst_rectify_tables {
 };
 void sst_rectify_map_tables(struct sst_rectify_tables *out, const struct sst_rectify_map *map, enum sst_filter filter);
 
-/** Places that are no cubics, of all rows. Zeroed at first; xy_q8 is to be freed with free(). */
+/** Places that are no cubics. Zeroed at first; xy is to be freed with free(). */
 struct sst_rectify_list {
-    int32_t *xy_q8; /* pairs, as of sst_rectify_map_row() */
+    int32_t *xy; /* pairs, as of sst_rectify_map_row(), or as of struct sst_place_patch */
     size_t count, room;
 };
 
@@ -113,6 +115,17 @@ struct sst_rectify_list {
  */
 SST_MUST_CHECK int sst_rectify_map_cells(const struct sst_rectify_map *map, double x0, double y,
                                          struct sst_places *cells, struct sst_rectify_list *list);
+
+/**
+ * The places of all positions of a view as bicubics of row and column within a piece, which has 1 << cell_shift of
+ * both.
+ *
+ * @param patches  out, [cell_rows][cells] of sst_rectify_map_tables()
+ * @param list     in and out: the corners of SST_PLACES_LISTED are appended
+ * @return 0 or -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_rectify_map_patches(const struct sst_rectify_map *map, struct sst_place_patch *patches,
+                                           struct sst_rectify_list *list);
 
 /** A raw frame prepared for sampling at any rectified position. Any number of threads may sample it. */
 struct sst_sampler;

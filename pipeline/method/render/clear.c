@@ -10,8 +10,7 @@
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 
-#define NOISY  7  /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
-#define ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
+#define NOISY 7 /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
 
@@ -44,7 +43,7 @@ static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear
 static void find_surface(const struct clear *c, struct scratch *s)
 {
     const double scale = (double)(1 << c->coarse) / SST_DISP_SCALE;
-    const int enough = c->cfg->rays ? c->cfg->rays : ENOUGH;
+    const int enough = c->cfg->rays ? c->cfg->rays : CLEAR_ENOUGH;
     struct sst_clear_rays *rays = &s->rays;
 
     c->kernels->clear_surface(s->surface, s->landed, (size_t)c->count);
@@ -133,36 +132,6 @@ static int colour_row(void *arg, int y, int worker)
     return 0;
 }
 
-/* The same of row y from what a device has seen. */
-static void unpack_seen(const struct clear *c, int y)
-{
-    const uint32_t *seen = c->seen + (size_t)y * (size_t)c->width;
-    uint16_t *surface = sst_map_u16_row(c->to.surface, y);
-    uint8_t *support = sst_map_u8_row(c->to.support, y);
-
-    _Static_assert(SST_GPU_CLEAR_SUPPORT == SST_RENDER_SUPPORT, "devices note it in the same unit");
-    for (int x = 0; x < c->width; x++) {
-        surface[x] = (uint16_t)seen[x];
-        support[x] = (uint8_t)(seen[x] >> 16);
-    }
-}
-
-/* The same from what a device has coloured. */
-static int unpack_row(void *arg, int y, int worker SST_UNUSED)
-{
-    const struct clear *c = arg;
-    const uint32_t *word = c->words + (size_t)y * (size_t)c->width;
-
-    for (int x = 0; x < c->width; x++) {
-        for (int k = 0; k < 3; k++)
-            sst_image_row(c->to.image, k, y)[x] = (uint8_t)(word[x] >> (8 * k));
-        sst_map_u8_row(c->to.weight, y)[x] = (uint8_t)(word[x] >> 24);
-    }
-    if (c->to.surface)
-        unpack_seen(c, y);
-    return 0;
-}
-
 /* --- a picture ---------------------------------------------------------------------------------------------------- */
 
 static double distance(const struct clear_view *v)
@@ -170,12 +139,12 @@ static double distance(const struct clear_view *v)
     return hypot((double)v->at.bx, (double)v->at.by);
 }
 
-/* Nothing of a view that is not rectified yet. */
+/* Nothing of a view that is not rectified yet, or is a raw frame. */
 static void set_planes(struct clear_view *v)
 {
     v->at.stride = v->tap->v->image.stride;
-    for (int k = 0; k < 3 && !v->tap->sampler; k++)
-        v->at.plane[k] = v->tap->v->image.plane[k];
+    for (int k = 0; k < 3; k++)
+        v->at.plane[k] = v->tap->sampler ? NULL : v->tap->v->image.plane[k];
 }
 
 static void add_view(struct clear *c, const struct sst_render_tap *t)
@@ -294,7 +263,7 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
         sst_log_error("the cut %g px removes everything; choose one in %.2f..%.2f", cfg->cut_px, lo, hi);
         return -ERANGE;
     }
-    return r->device && r->rectified ? render_plan_init_pending(p, r, &plain) : sst_render_plan_init(p, r, &plain);
+    return r->device ? render_plan_init_pending(p, r, &plain) : sst_render_plan_init(p, r, &plain);
 }
 
 /* Stored disparities are below: live counts are samples, so that some may exceed them. */
@@ -329,7 +298,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
         add_view(c, &p->tap[i]);
     if (cfg->merge || (p->sampled && c->lf->images_raw))
         return 0;
-    err = p->pending ? render_need_view(r, c->view[0].tap->view) : 0;
+    err = p->pending && !p->sampled ? render_need_view(r, c->view[0].tap->view) : 0;
     c->as_others = !err && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
     return err;
 }
@@ -343,46 +312,6 @@ static int land_rays(struct clear *c, struct sst_render_plan *p, int threads)
         set_planes(&c->view[k]);
     err = err ? err : allocate(c, threads);
     return err ? err : landed_make(c, threads);
-}
-
-/* Land and colour on the device, if there is one that can. In parts it needs views that are rectified.
- * @return true: words is set until render_device_end() */
-static bool colour_on_device(struct clear *c, struct sst_render_plan *p)
-{
-    struct device_clear *to = c->renderer->device ? malloc(sizeof(*to)) : NULL;
-    const double disp_min_px = c->lf->disp_min_px;
-    bool done;
-
-    if (!to)
-        return false;
-    to->count = c->count;
-    to->pending = p->pending;
-    to->remove = c->cfg->remove;
-    to->threads = sst_thread_count(c->cfg->threads);
-    to->push = (struct sst_gpu_clear){ .width = c->width,
-                                       .height = c->height,
-                                       .bins = c->bins,
-                                       .cut_q6 = c->cut_q6,
-                                       .remove_label = c->cfg->remove_label,
-                                       .coarse = c->coarse,
-                                       .rays = c->cfg->rays ? c->cfg->rays : ENOUGH,
-                                       .as_others = c->as_others,
-                                       .merged = c->cfg->merge != NULL,
-                                       .disp_min_px = (float)disp_min_px,
-                                       .disp_min_rest_px = (float)(disp_min_px - (double)(float)disp_min_px) };
-    for (int k = 0; k < c->count; k++) {
-        const struct sst_clear_view *at = &c->view[k].at;
-
-        to->tap[k] = c->view[k].tap;
-        to->view[k] = (struct sst_gpu_clear_view){ at->x_q6, at->x_0, at->y_q6, at->y_0, at->bx, at->by, 0, 0 };
-    }
-    done = render_device_begin_clear(c->renderer->device, to, &c->words, &c->seen);
-    if (!done && to->pending && !render_need_frames(p, c->renderer)) {
-        to->pending = false;
-        done = render_device_begin_clear(c->renderer->device, to, &c->words, &c->seen);
-    }
-    free(to);
-    return done;
 }
 
 static void mark_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *weight)
@@ -456,7 +385,27 @@ static int colour(struct clear *c, const struct clear_target *to, int threads)
     c->to = *to;
     for (int i = 0; i < 3; i++)
         memset(to->image->plane[i], 0, to->image->stride * (size_t)c->height);
-    return sst_parallel_for(c->height, threads, c->words ? unpack_row : colour_row, c);
+    return sst_parallel_for(c->height, threads, c->words ? clear_unpack_row : colour_row, c);
+}
+
+/* Fill what the device has not filled with the picture: there if it has one, else here. */
+static int fill(struct clear *c, struct sst_image *out, const struct sst_map_u8 *weight, int threads)
+{
+    void *levels;
+    int err = 0;
+
+    if (c->filled)
+        return 0;
+    if (c->words && c->cfg->merge) {
+        err = sst_parallel_for(c->height, threads, clear_pack_row, c);
+        c->filled = !err && render_device_fill(c->renderer->device);
+    }
+    if (err || c->filled)
+        return err ? err : sst_parallel_for(c->height, threads, clear_unpack_row, c);
+    levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
+    err = levels ? clear_fill(out, weight, levels, threads) : -ENOMEM;
+    sst_mem_free(levels);
+    return err;
 }
 
 static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u8 *valid, int threads)
@@ -464,17 +413,15 @@ static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u
     const struct sst_render_merge *merge = c->cfg->merge;
     struct sst_map_u8 weight = { 0 };
     const struct clear_target to = { out, &weight, merge ? merge->surface : NULL, merge ? merge->support : NULL };
-    void *levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
-    int err = levels ? sst_map_u8_init(&weight, c->width, c->height) : -ENOMEM;
+    int err = sst_map_u8_init(&weight, c->width, c->height);
 
     err = err ? err : colour(c, &to, threads);
     if (!err && merge)
         err = merge->merge(merge->arg, out, &weight);
     if (!err)
-        err = clear_fill(out, &weight, levels, threads);
+        err = fill(c, out, &weight, threads);
     if (!err && valid)
         mark_valid(valid, &weight);
-    sst_mem_free(levels);
     sst_map_u8_fini(&weight);
     return err;
 }
@@ -490,7 +437,7 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
     if (err)
         return err;
     err = clear_init(&c, &plan, r, cfg);
-    if (!err && !colour_on_device(&c, &plan))
+    if (!err && !clear_on_device(&c, &plan))
         err = land_rays(&c, &plan, threads);
     if (!err)
         err = render_clear(&c, out, valid, threads);

@@ -134,7 +134,8 @@ static int open_first(struct render_device *d)
 /* The shaders that live pictures have needed so far. @return their number */
 static size_t list_shaders(struct render_device *d)
 {
-    static const enum sst_gpu_shader clear[] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND },
+    static const enum sst_gpu_shader clear[] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL,
+                                                 SST_GPU_HOLE_PUSH },
                                      verify[] = { SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS, SST_GPU_VERIFY_MODE,
                                                   SST_GPU_VERIFY_BLEND },
                                      follow[] = { SST_GPU_RECTIFY, SST_GPU_TILES };
@@ -228,7 +229,7 @@ void render_device_destroy(struct render_device *d)
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->weights);
     for (int i = 0; i < DEVICE_SPANS; i++)
-        free(d->frames.ready[i].list.xy_q8);
+        free(d->frames.ready[i].list.xy);
     free(d->frames.kept);
     free(d->verify.cell);
     free(d->followed.view);
@@ -307,7 +308,7 @@ static void note_clear(struct render_device *d, int err)
 }
 
 /* Views may use all the memory, of which the tests need some. */
-static int prepare_clear(struct render_device *d)
+static int prepare_clear(struct render_device *d, const struct device_clear *c)
 {
     int err;
 
@@ -315,14 +316,20 @@ static int prepare_clear(struct render_device *d)
         device_drop(d);
     d->clear_tested = true;
     err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
-    return err ? err : sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
+    if (!err)
+        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
+    if (!err && c->push.sampled)
+        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_SURFACE);
+    if (!err && c->push.sampled)
+        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_SAMPLE);
+    return err ? err : device_prepare_holes(d);
 }
 
 /* The shaders of clear pictures are tested at the first one. What the device cannot hold, or computes differently, is
  * the CPU's; the device is not to blame. */
 static int try_clear(struct render_device *d, struct device_clear *c)
 {
-    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_clear(d);
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_clear(d, c);
 
     d->clears = true;
     if (!err)
@@ -334,16 +341,42 @@ static int try_clear(struct render_device *d, struct device_clear *c)
     return err;
 }
 
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words,
-                               const uint32_t **seen)
+/* Note that holes of a picture are filled on the CPU, and why; live that is logged once. */
+static void note_unfilled(struct render_device *d)
+{
+    const char *why = *d->why_holes ? d->why_holes : "not enough memory on the device to fill holes";
+
+    d->report.filled_on_cpu++;
+    if (d->changes && strcmp(d->report.why_filled, why))
+        sst_log_warning("%s: %s; holes are filled on the CPU", d->report.name, why);
+    snprintf(d->report.why_filled, sizeof(d->report.why_filled), "%s", why);
+}
+
+/* The picture is there but for its holes, which are the CPU's where the device fails at them. */
+bool render_device_fill(struct render_device *d)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const int err = *d->why_holes ? -ENOMEM : device_fill_words(d);
+
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    if (!err)
+        return true;
+    if (err != -ENOMEM) {
+        fail(d, err, "");
+        snprintf(d->why_holes, sizeof(d->why_holes), "%s", sst_gpu_error(err));
+    }
+    note_unfilled(d);
+    return false;
+}
+
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, uint32_t **words, const uint32_t **seen)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = 1;
 
     pthread_mutex_lock(&d->lock);
-    if (c->tap[0]->sampler)
-        note_cpu(d, "the rays of clear pictures are sampled from raw frames");
-    else if (may_try(d))
+    c->filled = false;
+    if (may_try(d))
         err = try_clear(d, c);
     c->pending = err == -EAGAIN;
     if (err) {
@@ -351,6 +384,8 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
         return false;
     }
     note_success(d);
+    if (!c->filled && !c->push.merged)
+        note_unfilled(d);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     *words = d->words.data;
     *seen = c->push.merged ? d->weights.data : NULL;
@@ -400,6 +435,8 @@ bool render_device_rectify(struct render_device *d, const struct sst_render_tile
 
 void render_device_end(struct render_device *d)
 {
+    if (d->parts.all)
+        device_drop_parts(d);
     pthread_mutex_unlock(&d->lock);
 }
 

@@ -11,11 +11,12 @@ void device_drop_clear(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, d->clear_params);
     sst_gpu_buffer_destroy(d->gpu, d->landed);
     sst_gpu_buffer_destroy(d->gpu, d->masks);
-    d->clear_params = d->landed = d->masks = NULL;
+    sst_gpu_buffer_destroy(d->gpu, d->levels);
+    d->clear_params = d->landed = d->masks = d->levels = NULL;
     d->clear_views = 0;
 }
 
-/* Buffers of clear pictures: where rays land, and masks of what is removed where there are any. */
+/* Buffers of clear pictures: where rays land, masks of what is removed where there are any, levels to fill holes. */
 static int make_clear_buffers(struct render_device *d, const struct device_clear *c)
 {
     const size_t slots = (size_t)(d->lf->rows * d->lf->cols);
@@ -30,6 +31,8 @@ static int make_clear_buffers(struct render_device *d, const struct device_clear
     }
     if (!err && c->remove && !d->masks)
         err = sst_gpu_buffer_create(d->gpu, &d->masks, slots * device_view_pixels(d));
+    if (!err && !*d->why_holes && !d->levels)
+        err = sst_gpu_buffer_create(d->gpu, &d->levels, device_hole_bytes(d));
     if (!err && !d->clear_params)
         err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(c->view[0]));
     return err;
@@ -125,7 +128,8 @@ int device_dispatch_clear(struct render_device *d, const struct device_clear *c,
     };
     const struct sst_gpu_work blend = { .shader = SST_GPU_CLEAR_BLEND,
                                         .push = &push,
-                                        .buffer = { d->clear_params, views->pixels, landed, seen, out },
+                                        .buffer = { d->clear_params, views->pixels, landed, seen,
+                                                    push.sampled ? d->parts.state : landed, out },
                                         .groups = { land.groups[0], land.groups[1], 1 } };
     int most = 0, err;
 
@@ -137,6 +141,8 @@ int device_dispatch_clear(struct render_device *d, const struct device_clear *c,
     land.groups[1] = groups(most, SST_GPU_CLEAR_GROUP_HEIGHT);
     if (!err && most)
         err = sst_gpu_dispatch(d->gpu, &land);
+    if (!err && push.sampled)
+        err = device_sample_rays(d, c, landed);
     if (!err)
         err = sst_gpu_dispatch(d->gpu, &blend);
     d->report.dispatches += 3;
@@ -170,8 +176,11 @@ static int render_whole(struct render_device *d, struct device_clear *c)
     if (!err)
         err = device_dispatch_clear(d, c, &d->chunk[device_find_slot(d, c->tap[0]->view)->chunk], d->masks, d->landed,
                                     d->sums, d->out);
+    c->filled = !c->push.merged && d->levels;
+    if (!err && c->filled)
+        err = device_fill_holes(d, &(struct device_holes){ d->levels, d->out, d->lf->height, true });
     start_ns = sst_clock_now_ns();
-    if (!err)
+    if (!err && !c->filled)
         err = sst_gpu_download(d->gpu, d->words.data, d->out, 0, 4 * n);
     if (!err && c->push.merged)
         err = sst_gpu_download(d->gpu, d->weights.data, d->sums, 0, 4 * n);
@@ -179,13 +188,28 @@ static int render_whole(struct render_device *d, struct device_clear *c)
     return err;
 }
 
+int device_fill_words(struct render_device *d)
+{
+    const struct device_parts *p = &d->parts;
+    const int rows = (int)(p->pixels / (size_t)d->lf->width);
+
+    if (d->levels)
+        return device_fill_holes(d, &(struct device_holes){ d->levels, d->out, d->lf->height, false });
+    if (!p->levels)
+        return -ENOMEM;
+    return device_fill_holes(
+        d, &(struct device_holes){ p->levels, p->out, rows < d->lf->height ? rows / 2 * 2 : d->lf->height, false });
+}
+
 /* Whether all views and their rays may fit, if nothing else is there. */
 static bool may_fit(const struct render_device *d, const struct device_clear *c)
 {
     const uint64_t pixels = (uint64_t)c->count * device_view_pixels(d);
+    const uint64_t levels = *d->why_holes ? 0 : device_hole_bytes(d);
 
-    return (!d->too_many || c->count < d->too_many) && 4 * pixels <= sst_gpu_get_info(d->gpu)->buffer_bytes &&
-           (DEVICE_PIXEL_BYTES + d->doubts + 4 + (c->remove != NULL)) * pixels <= d->limit_bytes;
+    return !c->push.sampled && (!d->too_many || c->count < d->too_many) &&
+           4 * pixels <= sst_gpu_get_info(d->gpu)->buffer_bytes &&
+           (DEVICE_PIXEL_BYTES + d->doubts + 4 + (c->remove != NULL)) * pixels + levels <= d->limit_bytes;
 }
 
 int device_render_clear(struct render_device *d, struct device_clear *c)

@@ -219,10 +219,14 @@ static int upload_reach(struct render_device *d, const struct device_batch *b, c
     int err = 0;
 
     for (int k = 0; k < b->p->count && !err; k++) {
+        const struct device_rows rows = {
+            .v = b->p->tap[k].v, .top = r->top[k], .end = r->end[k], .colours = true, .labels = true
+        };
+
         first[k] = (uint32_t)at - (uint32_t)(r->top[k] * d->pitch); /* modulo 2^32: rows before `top` are not read */
-        if (r->top[k] == r->end[k])
+        if (rows.top == rows.end)
             continue;
-        err = device_upload_rows(d, &d->verify.near_views, at, b->p->tap[k].v, r->top[k], r->end[k], b->taps.threads);
+        err = device_upload_rows(d, &d->verify.near_views, at, &rows, b->taps.threads);
         at += (size_t)(r->end[k] - r->top[k]) * (size_t)d->pitch;
         d->report.uploads++;
     }

@@ -15,7 +15,10 @@
 #include "base/thread.h"
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/rectify.h"
+#include "pipeline/kernels/place_patch_ref.h"
 #include "pipeline/method/render/render_internal.h"
+
+#define MOST_TAPS 6
 
 static size_t most(size_t a, size_t b)
 {
@@ -23,6 +26,14 @@ static size_t most(size_t a, size_t b)
 }
 
 /* --- buffers ------------------------------------------------------------------------------------------------------ */
+
+void device_drop_kept(struct render_device *d)
+{
+    for (int k = 0; k < d->lf->rows * d->lf->cols; k++) {
+        sst_gpu_buffer_destroy(d->gpu, d->frames.kept[k]);
+        d->frames.kept[k] = NULL;
+    }
+}
 
 void device_drop_frames(struct render_device *d)
 {
@@ -36,10 +47,7 @@ void device_drop_frames(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, f->labels);
     sst_gpu_buffer_destroy(d->gpu, f->weights);
     f->frame = f->samples = f->places = f->list = f->light = f->labels = f->weights = NULL;
-    for (int k = 0; k < d->lf->rows * d->lf->cols; k++) {
-        sst_gpu_buffer_destroy(d->gpu, f->kept[k]);
-        f->kept[k] = NULL;
-    }
+    device_drop_kept(d);
     for (int i = 0; i < f->spans; i++) {
         sst_gpu_span_destroy(d->gpu, f->ready[i].span);
         f->ready[i].span = NULL;
@@ -92,6 +100,12 @@ static size_t places_bytes(const struct sst_rectify_tables *t)
     return (size_t)t->cells * (size_t)t->height * sizeof(struct sst_places);
 }
 
+/* Of a table that takes their place where rays are sampled: smaller, as pieces have 4 rows and more. */
+static size_t patches_bytes(const struct sst_rectify_tables *t)
+{
+    return (size_t)t->cells * (size_t)t->cell_rows * sizeof(struct sst_place_patch);
+}
+
 static size_t frame_bytes(const struct sst_rectify_tables *t)
 {
     return (size_t)t->raw_width * (size_t)t->raw_height * 4;
@@ -129,7 +143,7 @@ int device_make_frames(struct render_device *d, const struct device_taps *taps)
             continue;
         sst_rectify_map_tables(&t, taps->tap[k]->frame->map, render_frame_filter(d->lf));
         frame = most(frame, frame_bytes(&t));
-        places = most(places, places_bytes(&t));
+        places = most(places, most(places_bytes(&t), patches_bytes(&t)));
         light = most(light, (SST_GPU_RECTIFY_LIGHT_FLOATS + 2 * light_nodes(&t)) * sizeof(float));
     }
     if (frame <= f->frame_bytes && places <= f->places_bytes && light <= f->light_bytes)
@@ -177,7 +191,7 @@ static bool is_placed(struct render_device *d, const struct sst_render_tap *t, b
     return s && holds(s, t, sampled);
 }
 
-static struct device_frame *find_ready(struct render_device *d, const struct sst_render_tap *t)
+struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t)
 {
     for (int i = 0; i < d->frames.spans; i++) {
         if (d->frames.ready[i].tap == t)
@@ -252,6 +266,8 @@ static int ready_frame(void *arg, int index, int worker SST_UNUSED)
     if (f->loaded)
         err = load_frame(d, f, &t);
     f->list.count = 0;
+    if (f->rays)
+        return err ? err : sst_rectify_map_patches(map, (struct sst_place_patch *)(void *)places, &f->list);
     for (int y = 0; y < t.height && !err; y++)
         err = sst_rectify_map_cells(map, f->part_x, y + f->part_y, places + (size_t)y * (size_t)t.cells, &f->list);
     if (!err && f->with_maps)
@@ -266,7 +282,8 @@ int device_ready_frames(struct render_device *d, const struct device_taps *taps,
     char text[SST_LOG_MAX] = "", *before;
     int n = 0, err;
 
-    if (!taps->tap[from]->frame || is_placed(d, taps->tap[from], taps->sampled) || find_ready(d, taps->tap[from]))
+    if (!taps->tap[from]->frame || (!taps->rays && is_placed(d, taps->tap[from], taps->sampled)) ||
+        device_find_frame(d, taps->tap[from]))
         return 0;
     err = make_spans(d, sst_min_int(sst_min_int(taps->threads, DEVICE_SPANS), taps->count - from));
     if (!err)
@@ -276,13 +293,15 @@ int device_ready_frames(struct render_device *d, const struct device_taps *taps,
     for (int k = from; k < taps->count && n < f->spans; k++) {
         const struct sst_render_tap *t = taps->tap[k];
 
-        if (!t->frame || is_placed(d, t, taps->sampled) || (k > from && (t->x0 >= t->x1 || t->y0 >= t->y1)))
+        if (!t->frame || (!taps->rays && is_placed(d, t, taps->sampled)) ||
+            (k > from && (t->x0 >= t->x1 || t->y0 >= t->y1)))
             continue;
         f->ready[n].tap = t;
         f->ready[n].part_x = part_x(t, taps->sampled);
         f->ready[n].part_y = part_y(t, taps->sampled);
         f->ready[n].loaded = !f->kept[t->view];
-        f->ready[n++].with_maps = !device_find_slot(d, t->view);
+        f->ready[n].rays = taps->rays;
+        f->ready[n++].with_maps = !taps->rays && !device_find_slot(d, t->view);
     }
     for (int i = n; i < f->spans; i++)
         f->ready[i].tap = NULL;
@@ -324,10 +343,10 @@ static int make_colours(struct render_device *d, const struct sst_jpeg_planes *p
     return sst_gpu_dispatch(d->gpu, &work);
 }
 
-/* Copy a frame to the device: to stay there, if other pictures may need it and all views have room, else to where the
- * next one goes too. */
+/* Copy a frame to the device: to stay there, if other pictures may need it and there is room, else to where the next
+ * one goes too. @param keep  views have the room that they need */
 static int upload_frame(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t,
-                        bool sampled, struct sst_gpu_buffer **source)
+                        bool keep, struct sst_gpu_buffer **source)
 {
     struct sst_gpu_buffer **kept = &d->frames.kept[f->tap->view];
     int err;
@@ -335,7 +354,7 @@ static int upload_frame(struct render_device *d, const struct device_frame *f, c
     *source = *kept ? *kept : d->frames.frame;
     if (!f->loaded)
         return 0;
-    if (sampled && !*kept && d->slots == d->lf->rows * d->lf->cols && sst_gpu_free_bytes(d->gpu) / 2 > frame_bytes(t)) {
+    if (keep && !*kept && sst_gpu_free_bytes(d->gpu) / 2 > frame_bytes(t)) {
         err = sst_gpu_buffer_create(d->gpu, kept, frame_bytes(t));
         if (err && err != -ENOMEM)
             return err;
@@ -356,8 +375,9 @@ static int upload_frame(struct render_device *d, const struct device_frame *f, c
 static int upload_tables(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t)
 {
     struct device_frames *to = &d->frames;
-    const size_t listed = f->list.count * 2 * sizeof(*f->list.xy_q8), nodes = light_nodes(t) * sizeof(*t->falloff);
+    const size_t listed = f->list.count * 2 * sizeof(*f->list.xy), nodes = light_nodes(t) * sizeof(*t->falloff);
     const size_t light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(*t->falloff);
+    const size_t places = f->rays ? patches_bytes(t) : places_bytes(t);
     int err = 0;
 
     if (listed > to->list_bytes) {
@@ -368,14 +388,14 @@ static int upload_tables(struct render_device *d, const struct device_frame *f, 
         to->list_bytes = err ? 0 : listed;
     }
     if (!err)
-        err = sst_gpu_upload_span(d->gpu, to->places, 0, f->span, to->frame_bytes, places_bytes(t));
+        err = sst_gpu_upload_span(d->gpu, to->places, 0, f->span, to->frame_bytes, places);
     if (!err && listed)
-        err = sst_gpu_upload(d->gpu, to->list, 0, f->list.xy_q8, listed);
+        err = sst_gpu_upload(d->gpu, to->list, 0, f->list.xy, listed);
     if (!err && nodes)
         err = sst_gpu_upload(d->gpu, to->light, light, t->falloff, nodes);
     if (!err && nodes)
         err = sst_gpu_upload(d->gpu, to->light, light + nodes, t->falloff_root, nodes);
-    d->report.upload_bytes += (int64_t)(places_bytes(t) + listed + 2 * nodes);
+    d->report.upload_bytes += (int64_t)(places + listed + 2 * nodes);
     return err;
 }
 
@@ -432,10 +452,31 @@ static int dispatch(struct render_device *d, const struct device_slot *s, const 
     return sst_gpu_dispatch(d->gpu, &work);
 }
 
+int device_upload_rays(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t,
+                       struct sst_gpu_buffer **source)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = upload_frame(d, f, t, !d->slots || d->slots == d->lf->rows * d->lf->cols, source);
+
+    if (!err)
+        err = upload_tables(d, f, t);
+    d->report.upload_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+uint64_t device_frames_bytes(const struct render_device *d)
+{
+    const struct device_frames *f = &d->frames;
+
+    return f->frame ? f->frame_bytes * (f->decodes ? 2U : 1U) + f->places_bytes + f->light_bytes + f->list_bytes +
+                          device_view_pixels(d) + sizeof(int32_t) * SST_RESAMPLE_PHASES * MOST_TAPS
+                    : 0;
+}
+
 int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled)
 {
     const bool keep = s->view == t->view;
-    struct device_frame *f = find_ready(d, t);
+    struct device_frame *f = device_find_frame(d, t);
     const int64_t start_ns = sst_clock_now_ns();
     struct sst_rectify_tables tables;
     struct sst_gpu_buffer *source;
@@ -448,7 +489,7 @@ int device_place_frame(struct render_device *d, struct device_slot *s, const str
     sst_rectify_map_tables(&tables, t->frame->map, render_frame_filter(d->lf));
     if (!keep && !f->with_maps) /* it was there, and gave way to another one */
         write_maps(d, f);
-    err = upload_frame(d, f, &tables, sampled, &source);
+    err = upload_frame(d, f, &tables, sampled && d->slots == d->lf->rows * d->lf->cols, &source);
     if (!err)
         err = upload_tables(d, f, &tables);
     if (!err && !keep)

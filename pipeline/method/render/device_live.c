@@ -168,10 +168,10 @@ static int make_places(struct render_device *d, struct device_live_view *v, cons
     if (!err)
         err = sst_gpu_upload(d->gpu, v->places, 0, places, n * sizeof(*places));
     if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &v->list, 2 * (list.count ? list.count : 1) * sizeof(*list.xy_q8));
+        err = sst_gpu_buffer_create(d->gpu, &v->list, 2 * (list.count ? list.count : 1) * sizeof(*list.xy));
     if (!err && list.count)
-        err = sst_gpu_upload(d->gpu, v->list, 0, list.xy_q8, 2 * list.count * sizeof(*list.xy_q8));
-    free(list.xy_q8);
+        err = sst_gpu_upload(d->gpu, v->list, 0, list.xy, 2 * list.count * sizeof(*list.xy));
+    free(list.xy);
     return err;
 }
 
@@ -449,8 +449,12 @@ int device_rectify_tiles(struct render_device *d, const struct sst_render_tiles 
 
         err = make_shared(d, &s);
         w.count = sst_min_int(d->followed.group, count - w.first);
-        if (!err)
+        for (bool fewer = !err; fewer;) {
             err = rectify_part(&w);
+            fewer = err == -ENOMEM && w.count > 1; /* other buffers leave that few slots */
+            if (fewer)
+                w.count /= 2;
+        }
     }
     return err;
 }

@@ -18,9 +18,11 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "pipeline/gpu/clear_sample.h"
 #include "pipeline/method/render/render_internal.h"
 
 #define BESIDE 3  /* rows around those from which rays land: neighbours, and pixels that colours are made of */
+#define FILLED 2  /* rows of the picture, at least: holes are filled from levels of half its size */
 #define FEW    16 /* rows: shorter bands upload the same rows again and again */
 
 /* How far the rows of each view move. */
@@ -28,9 +30,17 @@ struct moves {
     int least[SST_GPU_CLEAR_VIEWS], most[SST_GPU_CLEAR_VIEWS];
 };
 
+/* Bands, and how far views reach into them. */
+struct bands {
+    struct moves moves;
+    int rows;
+    bool filled; /* the levels that fill holes are there, too */
+};
+
 /* What a band of some rows needs. */
 struct needs {
     size_t view_pixels, mask_pixels, landed_pixels, pixels; /* as of struct device_parts */
+    size_t levels, state;                                   /* bytes */
 };
 
 void device_drop_parts(struct render_device *d)
@@ -40,6 +50,8 @@ void device_drop_parts(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, d->parts.landed);
     sst_gpu_buffer_destroy(d->gpu, d->parts.seen);
     sst_gpu_buffer_destroy(d->gpu, d->parts.out);
+    sst_gpu_buffer_destroy(d->gpu, d->parts.levels);
+    sst_gpu_buffer_destroy(d->gpu, d->parts.state);
     d->parts = (struct device_parts){ 0 };
 }
 
@@ -62,15 +74,18 @@ static int rows_of(const struct render_device *d, const struct moves *m, int k, 
     return sst_min_int(d->lf->height, rows + m->most[k] - m->least[k] + 2 * BESIDE);
 }
 
-static struct needs needs_of(const struct render_device *d, const struct device_clear *c, const struct moves *m,
+static struct needs needs_of(const struct render_device *d, const struct device_clear *c, const struct bands *b,
                              int rows)
 {
     const size_t pitch = (size_t)d->pitch;
+    const int filled = sst_max_int(rows, b->filled ? FILLED : 0);
     struct needs n = { .landed_pixels = (size_t)c->count * (size_t)rows * pitch,
-                       .pixels = (size_t)rows * (size_t)d->lf->width };
+                       .pixels = (size_t)filled * (size_t)d->lf->width,
+                       .levels = b->filled ? device_hole_bytes(d) : 0 };
 
     for (int k = 0; k < c->count; k++)
-        n.view_pixels += (size_t)rows_of(d, m, k, rows) * pitch;
+        n.view_pixels += (size_t)rows_of(d, &b->moves, k, rows) * pitch;
+    n.state = c->push.sampled ? n.pixels * sizeof(struct sst_gpu_clear_state) : 0;
     n.mask_pixels = c->remove ? n.view_pixels : 0;
     return n;
 }
@@ -78,18 +93,18 @@ static struct needs needs_of(const struct render_device *d, const struct device_
 static uint64_t bytes_of(const struct needs *n)
 {
     return (uint64_t)n->view_pixels * DEVICE_PIXEL_BYTES + n->mask_pixels + (uint64_t)n->landed_pixels * 4 +
-           (uint64_t)n->pixels * 8 + SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view);
+           (uint64_t)n->pixels * 8 + n->levels + n->state + SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view);
 }
 
 /* The most rows of a band that fit in so many bytes; 0: none. */
-static int fit(const struct render_device *d, const struct device_clear *c, const struct moves *m, uint64_t bytes)
+static int fit(const struct render_device *d, const struct device_clear *c, const struct bands *b, uint64_t bytes)
 {
     const uint64_t buffer = sst_gpu_get_info(d->gpu)->buffer_bytes;
     int least = 0, most = d->lf->height;
 
     while (least < most) {
         const int rows = (least + most + 1) / 2;
-        const struct needs n = needs_of(d, c, m, rows);
+        const struct needs n = needs_of(d, c, b, rows);
 
         if (bytes_of(&n) <= bytes && 4 * (uint64_t)n.view_pixels <= buffer && 4 * (uint64_t)n.landed_pixels <= buffer)
             least = rows;
@@ -112,6 +127,10 @@ static int create_parts(struct render_device *d, const struct needs *n)
         err = sst_gpu_buffer_create(d->gpu, &p->seen, 4 * n->pixels);
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &p->out, 4 * n->pixels);
+    if (!err && n->levels)
+        err = sst_gpu_buffer_create(d->gpu, &p->levels, n->levels);
+    if (!err && n->state)
+        err = sst_gpu_buffer_create(d->gpu, &p->state, n->state);
     if (!err && !d->clear_params)
         err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view));
     if (err) {
@@ -128,27 +147,32 @@ static int create_parts(struct render_device *d, const struct needs *n)
 static bool is_there(const struct device_parts *p, const struct needs *n)
 {
     return p->view_pixels >= n->view_pixels && p->mask_pixels >= n->mask_pixels &&
-           p->landed_pixels >= n->landed_pixels && p->pixels >= n->pixels;
+           p->landed_pixels >= n->landed_pixels && p->pixels >= n->pixels && (p->levels || !n->levels) &&
+           (p->state || !n->state);
 }
 
 /* Bands of about the same height, with what they need on the device: half of its memory, so that pictures of other
- * kinds find their views there again; all of it where that is little. @param rows  in: at most; out: of a band */
-static int make_parts(struct render_device *d, const struct device_clear *c, const struct moves *m, int *rows)
+ * kinds find their views there again; all of it where that is little. @param b  in: rows at most; out: of a band */
+static int make_parts(struct render_device *d, const struct device_clear *c, struct bands *b)
 {
     int err = -ENOMEM;
 
-    for (int most = *rows; most > 0 && err == -ENOMEM; most = *rows / 2) {
+    for (int most = b->rows; most > 0 && err == -ENOMEM; most = b->rows / 2) {
         const int bands = (d->lf->height + most - 1) / most;
         struct needs n;
 
-        *rows = (d->lf->height + bands - 1) / bands;
-        n = needs_of(d, c, m, *rows);
+        b->rows = (d->lf->height + bands - 1) / bands;
+        n = needs_of(d, c, b, b->rows);
         if (is_there(&d->parts, &n))
             return 0;
         device_drop_parts(d);
-        if (bytes_of(&n) > sst_gpu_free_bytes(d->gpu))
+        err = 0;
+        if (bytes_of(&n) > sst_gpu_free_bytes(d->gpu)) {
             device_drop(d);
-        err = create_parts(d, &n);
+            err = c->push.sampled ? device_make_frames(d, c->taps) : 0;
+        }
+        if (!err)
+            err = create_parts(d, &n);
     }
     return err;
 }
@@ -195,10 +219,16 @@ static int upload_band(struct render_device *d, const struct device_clear *c)
 
     for (int k = 0; k < c->count && !err; k++) {
         const struct sst_gpu_clear_view *v = &c->view[k];
+        struct device_rows rows;
 
         if (v->top == v->end)
             continue;
-        err = device_upload_rows(d, &d->parts.rows, v->first, c->tap[k]->v, v->top, v->end, c->threads);
+        rows = (struct device_rows){ .v = c->tap[k]->v,
+                                     .top = v->top,
+                                     .end = v->end,
+                                     .colours = !(c->push.sampled && c->tap[k]->frame),
+                                     .labels = c->push.remove_label };
+        err = device_upload_rows(d, &d->parts.rows, v->first, &rows, c->threads);
         if (!err && v->flags & SST_GPU_CLEAR_MASK)
             err = upload_mask(d, c, k);
         d->report.uploads++;
@@ -224,25 +254,59 @@ static int render_band(struct render_device *d, const struct device_clear *c)
     return err;
 }
 
-int device_render_parts(struct render_device *d, struct device_clear *c)
+/* How high bands are, and whether there is room to fill holes. @return all of the memory is used */
+static bool plan_bands(struct bands *b, const struct render_device *d, const struct device_clear *c)
+{
+    const int few = sst_min_int(FEW, d->lf->height);
+    const uint64_t frames = c->push.sampled ? device_frames_bytes(d) : 0;
+    const uint64_t limit = d->limit_bytes > frames ? d->limit_bytes - frames : 0;
+
+    find_moves(&b->moves, c);
+    b->filled = !*d->why_holes;
+    b->rows = fit(d, c, b, limit / 2);
+    if (b->rows >= few)
+        return false;
+    b->rows = fit(d, c, b, limit);
+    if (b->rows)
+        return true;
+    b->filled = false;
+    b->rows = fit(d, c, b, limit);
+    return true;
+}
+
+static int render_bands(struct render_device *d, struct device_clear *c)
 {
     const int height = d->lf->height;
-    struct moves moves;
-    bool all;
-    int rows, err;
+    struct bands b;
+    const bool all = plan_bands(&b, d, c);
+    int err = make_parts(d, c, &b);
 
-    find_moves(&moves, c);
-    rows = fit(d, c, &moves, d->limit_bytes / 2);
-    all = rows < sst_min_int(FEW, height);
-    if (all)
-        rows = fit(d, c, &moves, d->limit_bytes);
-    err = make_parts(d, c, &moves, &rows);
-    for (int top = 0; top < height && !err; top += rows) {
-        describe_band(c, d, &moves, top, sst_min_int(rows, height - top));
+    for (int top = 0; top < height && !err; top += b.rows) {
+        describe_band(c, d, &b.moves, top, sst_min_int(b.rows, height - top));
         err = render_band(d, c);
     }
-    if (all)
+    c->filled = !c->push.merged && b.filled;
+    if (!err && c->filled)
+        err = device_fill_words(d);
+    d->parts.all = all;
+    if (err && all)
         device_drop_parts(d);
-    d->report.in_parts += !err;
+    d->report.in_parts += !err && (b.rows < height || !c->push.sampled);
+    return err;
+}
+
+int device_render_parts(struct render_device *d, struct device_clear *c)
+{
+    struct device_taps taps = { .count = c->count, .threads = c->threads, .rays = true };
+    int err = 0;
+
+    if (c->push.sampled) {
+        memcpy(taps.tap, c->tap, (size_t)c->count * sizeof(c->tap[0]));
+        c->taps = &taps;
+        err = device_make_frames(d, &taps);
+    }
+    if (!err)
+        err = render_bands(d, c);
+    c->taps = NULL;
     return err;
 }

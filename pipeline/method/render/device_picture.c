@@ -40,6 +40,7 @@ static void begin_batch(struct device_batch *b, const struct render_device *d, c
     memcpy(b->push.blend.power, p->blend.power, sizeof(b->push.blend.power));
     b->taps.count = 0;
     b->taps.sampled = p->sampled;
+    b->taps.rays = false;
     b->taps.threads = sst_thread_count(p->cfg.threads);
     for (int k = 0; k < p->count; k++)
         b->taps.tap[b->taps.count++] = &p->tap[k];
@@ -78,6 +79,8 @@ static int make_room(struct render_device *d, const struct sst_render_plan *p, c
     if (rows > d->table_rows)
         device_drop(d);
     err = device_make_frames(d, taps);
+    if (!d->slots)
+        device_drop_kept(d);
     if (!err)
         err = device_make_bands(d);
     if (err || d->table)

@@ -72,27 +72,40 @@ int device_grow(struct render_device *d)
 
 struct packing {
     const struct sst_view *v;
-    int pitch, top, end; /* rows */
+    const struct device_rows *rows;
+    int width, pitch;
     uint32_t *pixels;
     uint16_t *disp;
     uint8_t *valid, *confidence; /* confidence: NULL if it is not wanted */
 };
 
+static void pack_pixels(uint32_t *to, const struct packing *p, int y)
+{
+    const struct sst_image *img = &p->v->image;
+    const uint8_t *label = p->v->label.data && p->rows->labels ? sst_map_u8_row(&p->v->label, y) : NULL;
+
+    if (p->rows->colours) {
+        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+
+        for (int x = 0; x < p->width; x++)
+            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (label ? (uint32_t)label[x] << 24 : 0);
+        return;
+    }
+    for (int x = 0; x < p->width; x++)
+        to[x] = label ? (uint32_t)label[x] << 24 : 0;
+}
+
 static int pack_rows(void *arg, int index, int worker SST_UNUSED)
 {
     const struct packing *p = arg;
-    const struct sst_image *img = &p->v->image;
-    const int from = p->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->end);
-    const size_t width = (size_t)img->width;
+    const int from = p->rows->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->rows->end);
+    const size_t width = (size_t)p->width;
 
     for (int y = from; y < end; y++) {
-        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
-        const uint8_t *label = p->v->label.data ? sst_map_u8_row(&p->v->label, y) : NULL;
-        const size_t at = (size_t)(y - p->top) * (size_t)p->pitch;
-        uint32_t *to = p->pixels + at;
+        const size_t at = (size_t)(y - p->rows->top) * (size_t)p->pitch;
 
-        for (size_t x = 0; x < width; x++)
-            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (label ? (uint32_t)label[x] << 24 : 0);
+        if (p->pixels)
+            pack_pixels(p->pixels + at, p, y);
         if (p->v->disp.data)
             memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
         if (p->v->valid.data)
@@ -103,22 +116,24 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at, const struct sst_view *v,
-                       int top, int end, int threads)
+int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at, const struct device_rows *rows,
+                       int threads)
 {
-    const size_t n = (size_t)(end - top) * (size_t)d->pitch;
+    const struct sst_view *v = rows->v;
+    const size_t n = (size_t)(rows->end - rows->top) * (size_t)d->pitch;
     uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
-    struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL, NULL };
+    struct packing p = { .v = v, .rows = rows, .width = d->lf->width, .pitch = d->pitch };
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
     if (!memory)
         return -ENOMEM;
+    p.pixels = rows->colours || rows->labels ? (uint32_t *)(void *)memory : NULL;
     p.disp = (uint16_t *)(void *)(memory + 4 * n);
     p.valid = memory + 6 * n;
     p.confidence = c->confidence && v->confidence.data ? memory + 7 * n : NULL;
-    err = sst_parallel_for((end - top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
-    if (!err)
+    err = sst_parallel_for((rows->end - rows->top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
+    if (!err && p.pixels)
         err = sst_gpu_upload(d->gpu, c->pixels, 4 * at, p.pixels, 4 * n);
     if (!err && v->disp.data)
         err = sst_gpu_upload(d->gpu, c->disp, 2 * at, p.disp, 2 * n);
@@ -128,8 +143,8 @@ int device_upload_rows(struct render_device *d, const struct device_chunk *c, si
         err = sst_gpu_upload(d->gpu, c->confidence, at, p.confidence, n);
     if (err)
         return err;
-    d->report.upload_bytes +=
-        (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0) + (p.confidence ? 1U : 0)));
+    d->report.upload_bytes += (int64_t)(n * ((p.pixels ? 4U : 0) + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0) +
+                                             (p.confidence ? 1U : 0)));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return 0;
 }
@@ -139,7 +154,8 @@ static int upload_rows(struct render_device *d, const struct device_slot *s, int
 {
     const size_t at = (size_t)s->index * device_view_pixels(d) + (size_t)top * (size_t)d->pitch;
 
-    return device_upload_rows(d, &d->chunk[s->chunk], at, &d->lf->views[view], top, end, threads);
+    return device_upload_rows(d, &d->chunk[s->chunk], at,
+                              &(struct device_rows){ &d->lf->views[view], top, end, true, true }, threads);
 }
 
 /* Which maps a view has, as bits. */

@@ -1,13 +1,12 @@
-#include <math.h>
 #include <string.h>
 
 #include "base/thread.h"
+#include "pipeline/kernels/pyramid_ref.h"
 #include "pipeline/method/render/render_internal.h"
 
 #define MAX_LEVELS 17 /* of sides up to 2^16 */
 #define BAND       16 /* rows of a job */
 #define ALONE_PX   20000 /* smaller levels take no longer than starting a thread */
-#define FULL       2  /* pixels of four that make the coarser one certain: single ones are likely to be wrong */
 
 /* One level of the pyramid: colours times weight, then filled colours; weights 0..1. */
 struct level {
@@ -22,18 +21,13 @@ struct pyramid {
     struct level level[MAX_LEVELS]; /* half the picture's size and below */
 };
 
-static int half(int side)
-{
-    return (side + 1) / 2;
-}
-
 size_t clear_fill_bytes(int width, int height)
 {
     size_t floats = 0;
 
     do {
-        width = half(width);
-        height = half(height);
+        width = sst_pyramid_half(width);
+        height = sst_pyramid_half(height);
         floats += 4 * (size_t)width * (size_t)height;
     } while (width > 1 || height > 1);
     return floats * sizeof(float);
@@ -46,8 +40,8 @@ static void plan_levels(struct pyramid *p, float *memory)
     do {
         struct level *l = &p->level[p->count++];
 
-        l->width = width = half(width);
-        l->height = height = half(height);
+        l->width = width = sst_pyramid_half(width);
+        l->height = height = sst_pyramid_half(height);
         for (int c = 0; c < 4; c++, memory += (size_t)width * (size_t)height)
             l->plane[c] = memory;
     } while (width > 1 || height > 1);
@@ -60,7 +54,7 @@ static void sum_picture(const struct pyramid *p, int x, int y, float sum[4])
 
     for (int sy = 2 * y; sy < bottom; sy++) {
         for (int sx = 2 * x; sx < right; sx++) {
-            const float w = (float)sst_map_u8_row(p->weight, sy)[sx] / 255;
+            const float w = sst_pyramid_weight(sst_map_u8_row(p->weight, sy)[sx]);
 
             for (int c = 0; c < 3; c++)
                 sum[c] += w * (float)sst_image_row(p->img, c, sy)[sx];
@@ -96,7 +90,7 @@ static int pull(void *arg, int index, int worker SST_UNUSED)
             else
                 sum_picture(p, x, y, sum);
             for (int c = 0; c < 4; c++)
-                l->plane[c][(size_t)y * (size_t)l->width + (size_t)x] = sum[c] / fmaxf(sum[3], FULL);
+                l->plane[c][(size_t)y * (size_t)l->width + (size_t)x] = sst_pyramid_pull(sum[c], sum[3]);
         }
     }
     return 0;
@@ -106,11 +100,10 @@ static int pull(void *arg, int index, int worker SST_UNUSED)
 static float between(const struct level *l, int c, int x, int y)
 {
     const int x0 = x / 2, y0 = y / 2;
-    const int x1 = sst_clamp_int(x0 + (x & 1 ? 1 : -1), 0, l->width - 1);
-    const int y1 = sst_clamp_int(y0 + (y & 1 ? 1 : -1), 0, l->height - 1);
+    const int x1 = sst_pyramid_beside(x, l->width), y1 = sst_pyramid_beside(y, l->height);
     const float *near = l->plane[c] + (size_t)y0 * (size_t)l->width, *far = l->plane[c] + (size_t)y1 * (size_t)l->width;
 
-    return 0.75F * (0.75F * near[x0] + 0.25F * near[x1]) + 0.25F * (0.75F * far[x0] + 0.25F * far[x1]);
+    return sst_pyramid_between(near[x0], near[x1], far[x0], far[x1]);
 }
 
 /* Rows of the level `at`, filled from the coarser one. */
@@ -146,12 +139,12 @@ static int push_picture(void *arg, int index, int worker SST_UNUSED)
         const uint8_t *weight = sst_map_u8_row(p->weight, y);
 
         for (int x = 0; x < p->img->width; x++) {
-            const float w = (float)weight[x] / 255;
+            const float w = sst_pyramid_weight(weight[x]);
 
             for (int c = 0; c < 3 && weight[x] < 255; c++) {
                 uint8_t *to = sst_image_row(p->img, c, y) + x;
 
-                *to = (uint8_t)(w * (float)*to + (1 - w) * between(&p->level[0], c, x, y) + 0.5F);
+                *to = sst_pyramid_mix(*to, w, between(&p->level[0], c, x, y));
             }
         }
     }

@@ -131,9 +131,9 @@ void sst_renderer_destroy(struct sst_renderer *r);
 /**
  * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
  *
- * Pixels whose weights underflow, the holes of clear pictures and, where they are sampled from raw frames, clear
- * pictures are the CPU's; so is the verification of rays where a device cannot hold what it needs (docs/design/gpu.md).
- * Other rays from raw frames are resampled on the device for each picture. Pictures differ from those of the CPU by at
+ * Pixels whose weights underflow are the CPU's; so are the verification of rays and the holes of clear pictures where a
+ * device cannot hold what they need (docs/design/gpu.md). Rays from raw frames are resampled on the device for each
+ * picture. Pictures differ from those of the CPU by at
  * most SST_GPU_BLEND_LEVELS levels (pipeline/gpu/blend.h, clear.h), except where rays are verified and the sum of
  * weights lies at a threshold. A device that fails is logged as a warning and counted; the picture is then rendered on
  * the CPU, and the device is tried again later.
@@ -205,6 +205,8 @@ struct sst_render_device_report {
     int64_t in_parts;        /* of them: clear pictures in bands of rows */
     int64_t verified_on_cpu; /* of them: their rays were verified on the CPU */
     char why_verified[128];  /* the last one of these */
+    int64_t filled_on_cpu;   /* likewise: the holes of clear pictures were filled there */
+    char why_filled[128];
     int64_t on_cpu;          /* others */
     int64_t failures;        /* times that the device failed */
     char why[128];           /* the last of on_cpu */

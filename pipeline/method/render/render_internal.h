@@ -89,6 +89,8 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
                          int end, const uint32_t **words, const float **weights);
 void render_device_end(struct render_device *d);
 
+struct device_taps;
+
 /** Views of a clear picture, nearest to the viewpoint first. */
 struct device_clear {
     int count;
@@ -96,25 +98,31 @@ struct device_clear {
     const struct sst_render_tap *tap[SST_MAX_VIEWS];
     struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* where its rows lie and `flags` are set by the device */
     struct sst_gpu_clear push;                     /* `pitch`, `views` and the rows likewise */
+    struct device_taps *taps;                      /* set by the device if push.sampled */
     const struct sst_map_u8 *remove;               /* as in struct sst_render_config */
     int threads;
+    bool filled; /* out: its holes are filled; else render_device_fill() may do so */
 };
 
-/** The same for colours and weights of a clear picture without its holes filled. If it returns false with c->pending
- *  set, frames are to be rectified, and it called again.
- *  @param words  out, [height * width] R, G, B, weight 0..255
+/** The same for colours and weights of a clear picture. Its holes are filled (c->filled) where they can be, and there
+ * is no merge. If it returns false with c->pending set, frames are to be rectified, and it called again.
+ *  @param words  out, [height * width] R, G, B, weight 0..255; the caller may change them
  *  @param seen   out, if c->push.merged, as SST_GPU_CLEAR_SEEN of pipeline/gpu/clear.h; else NULL */
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words,
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, uint32_t **words,
                                const uint32_t **seen);
 
 /** As sst_renderer_rectify_live(). */
 bool render_device_rectify(struct render_device *d, const struct sst_render_tiles *tiles, int count,
                            enum sst_filter filter, int threads);
 
+/** Fill the holes of a clear picture that was begun, after its merge, in the words of render_device_begin_clear().
+ *  @return false: not done, which is counted, and words are undefined */
+bool render_device_fill(struct render_device *d);
+
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
- * device_parts.c, device_explain.c, device_live.c. */
+ * device_parts.c, device_explain.c, device_live.c, device_holes.c, device_rays.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -144,7 +152,10 @@ struct device_chunk {
 struct device_parts {
     struct device_chunk rows;
     struct sst_gpu_buffer *masks, *landed, *seen, *out;
+    struct sst_gpu_buffer *levels; /* NULL: there is no room to fill holes */
+    struct sst_gpu_buffer *state;  /* of `pixels` pixels, while rays are sampled from frames; NULL: they are not */
     size_t view_pixels, mask_pixels, landed_pixels, pixels; /* that these hold; of all views, and of the picture */
+    bool all; /* of the memory is used: dropped once the picture is done */
 };
 
 #define DEVICE_SPANS 8
@@ -155,6 +166,7 @@ struct device_frame {
     struct sst_gpu_span *span;
     double part_x, part_y;
     bool loaded, with_maps; /* the frame is in the span; labels and disparities are */
+    bool rays;              /* as of struct device_taps */
     bool encoded;           /* the frame is the samples of a JPEG, as of layout */
     struct sst_jpeg_planes layout;
     struct sst_rectify_list list;
@@ -234,6 +246,8 @@ struct render_device {
     struct sst_gpu_buffer *params, *table, *sums, *out;
     struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
     int clear_views;
+    struct sst_gpu_buffer *levels; /* of the pyramid that fills holes */
+    char why_holes[128];           /* holes are filled on the CPU; "": they are not */
     int too_many; /* views of a clear picture that cannot be there as a whole, together; 0: none yet */
     struct device_parts parts;
     struct device_frames frames;
@@ -282,17 +296,30 @@ struct device_taps {
     const struct sst_render_tap *tap[SST_MAX_VIEWS];
     int count, threads;
     bool sampled;
+    bool rays; /* each ray has a place of its own: frames are needed, no views */
 };
 
 /** Buffers for views that are made from frames, if any is; before there are views. @return -ENOTSUP: the shader is
  * refused */
 SST_MUST_CHECK int device_make_frames(struct render_device *d, const struct device_taps *taps);
 void device_drop_frames(struct render_device *d);
+/** Free frames that stay, before others are uploaded. */
+void device_drop_kept(struct render_device *d);
 
 /** Have the frame of the tap `from` in mapped memory, if it is needed, and those of the next ones with it, on all
  * threads.
  *  @return -EBADMSG (a frame cannot be decoded: not logged), -ENOMEM, or an error of the device */
 SST_MUST_CHECK int device_ready_frames(struct render_device *d, const struct device_taps *taps, int from);
+
+/** The frame of a tap in mapped memory, or NULL. */
+struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t);
+
+/** Copy a frame and its tables to the device, to sample rays from it. @param source  out: where the frame is */
+SST_MUST_CHECK int device_upload_rays(struct render_device *d, const struct device_frame *f,
+                                      const struct sst_rectify_tables *t, struct sst_gpu_buffer **source);
+
+/** Bytes of the buffers of frames. */
+uint64_t device_frames_bytes(const struct render_device *d);
 
 /** Make the pixels of a tap's view in a slot from its frame, if they are not there. */
 SST_MUST_CHECK int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t,
@@ -305,9 +332,17 @@ SST_MUST_CHECK int device_make_bands(struct render_device *d);
 SST_MUST_CHECK int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident);
 void device_destroy_chunk(struct render_device *d, struct device_chunk *c);
 
-/** Upload the rows top .. end-1 of a view, of which the first one begins at pixel `at` of the chunk. */
+/** Rows of a view to upload: top .. end-1, with its disparities and valid pixels. */
+struct device_rows {
+    const struct sst_view *v;
+    int top, end;
+    bool colours; /* of its picture; false: that is a raw frame */
+    bool labels;
+};
+
+/** Upload rows of a view, of which the first one begins at pixel `at` of the chunk. */
 SST_MUST_CHECK int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at,
-                                      const struct sst_view *v, int top, int end, int threads);
+                                      const struct device_rows *rows, int threads);
 
 /** Views whose rays the next dispatch of `send` reads. */
 struct device_batch {
@@ -387,9 +422,32 @@ SST_MUST_CHECK int device_dispatch_clear(struct render_device *d, const struct d
                                          struct sst_gpu_buffer *landed, struct sst_gpu_buffer *seen,
                                          struct sst_gpu_buffer *out);
 
+/** Replace landed rays with their colours, sampled from frames. */
+SST_MUST_CHECK int device_sample_rays(struct render_device *d, const struct device_clear *c,
+                                      struct sst_gpu_buffer *landed);
+
 /** device_render_clear() in bands of rows. @return -ENOMEM: the memory does not hold the smallest one */
 SST_MUST_CHECK int device_render_parts(struct render_device *d, struct device_clear *c);
 void device_drop_parts(struct render_device *d);
+
+/** Where the holes of a picture are filled. */
+struct device_holes {
+    struct sst_gpu_buffer *levels;  /* of device_hole_bytes() bytes */
+    struct sst_gpu_buffer *picture; /* words of the picture, of this many rows: all, or an even number */
+    int rows;
+    bool there; /* all of the picture is; else it is in d->words */
+};
+
+size_t device_hole_bytes(const struct render_device *d);
+
+/** Test the shaders; sets d->why_holes. @return 0, also where they are refused, or an error of the device */
+SST_MUST_CHECK int device_prepare_holes(struct render_device *d);
+
+/** Fill the holes of the picture, and have it in d->words. */
+SST_MUST_CHECK int device_fill_holes(struct render_device *d, const struct device_holes *h);
+
+/** The same for a picture in d->words, with whatever buffers there are. @return -ENOMEM: there are none */
+SST_MUST_CHECK int device_fill_words(struct render_device *d);
 
 /* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
  *
@@ -427,7 +485,8 @@ SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_co
 SST_MUST_CHECK int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *levels, int threads);
 size_t clear_fill_bytes(int width, int height);
 
-/* --- clear.c, landed.c: rays at the viewpoint, kept from one picture to the next ---------------------------------- */
+/* --- clear.c, clear_device.c, landed.c: rays at the viewpoint, kept from one picture to the next
+ * ---------------------------------- */
 
 struct clear_view {
     const struct sst_render_tap *tap;
@@ -465,13 +524,25 @@ struct clear {
     struct scratch *scratch;               /* [threads] */
     struct clear_target to;
     struct sst_renderer *renderer;
-    const uint32_t *words;  /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
+    uint32_t *words;        /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
+    bool filled;            /* likewise, and the holes are filled */
     const uint32_t *seen;   /* likewise, if there is a merge */
     struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
     const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
     const struct sst_kernels *kernels;
     void *rows; /* owned: scratch */
 };
+
+#define CLEAR_ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
+
+/** clear_device.c: land and colour on the device, if there is one that can, and fill holes without a merge. In bands it
+ *  needs views that are rectified. @return true: c->words, c->seen and c->filled are set until render_device_end() */
+bool clear_on_device(struct clear *c, struct sst_render_plan *p);
+
+/** Jobs of sst_parallel_for(), `arg` a struct clear: a row of c->words to c->to with what was seen unless it is filled;
+ *  and back, colours and weights. */
+int clear_unpack_row(void *arg, int y, int worker);
+int clear_pack_row(void *arg, int y, int worker);
 
 /**
  * Send all rays of all views to the viewpoint, or only those that may land elsewhere than in the renderer's last

@@ -1,0 +1,24 @@
+// What the shaders of the pyramid that fills holes share. Buffers and constants: pipeline/gpu/hole.h.
+
+layout(std430, binding = 0) buffer Levels { vec4 level[]; };
+layout(std430, binding = 1) buffer Picture { uint picture[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, top, rows;
+    uint finer, coarser, from_picture;
+};
+
+#include "quotient.glsl"
+
+// Weight 0..1 of a pixel of the picture.
+float weight_of(uint word)
+{
+    const uint weight = word >> 24;
+
+    return weight == 0 ? 0.0 : weight == 255 ? 1.0 : quotient(float(weight), 255.0);
+}
+
+vec3 rgb(uint word)
+{
+    return vec3(word & 0xFF, (word >> 8) & 0xFF, (word >> 16) & 0xFF);
+}
