@@ -73,6 +73,7 @@ enum sst_cpu_level {
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
+    X(shown_row)                                                                                                       \
     X(sha256_blocks)
 
 /* --- disparity (pipeline/method/disparity/) --- */
@@ -717,6 +718,34 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
  * @param p        in [count][stride], p >= 0; n at most SST_CLASS_ROW_MAX
  */
 typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size_t stride, size_t count, size_t n);
+
+/* --- labels of other views (pipeline/method/process/) --- */
+
+/** A pixel in one number: red | green << 8 | blue << 16 | label << 24 | disparity << 32 | column << 48. */
+#define SST_RAY_LABEL  24
+#define SST_RAY_DISP   32
+#define SST_RAY_COLUMN 48
+
+/** Another view, and where pixels of a row of the own one lie there: along one axis a disparity d moves by
+ *  whole + floor((part + d step) / 2^16). */
+struct sst_shown {
+    const uint64_t *rays; /* [height][width] */
+    int width, height;    /* at most 32768, 2^28 pixels */
+    int32_t whole[2];     /* across, down; magnitudes below 2^17 */
+    int32_t part[2];      /* 0 .. 65535 */
+    int32_t step[2];      /* magnitudes at most 32768 */
+    int y;                /* the own row */
+    int same, similar;    /* disparities and each channel of the colours differ by at most this; similar < 256 */
+};
+
+/**
+ * Which pixels' surfaces another view shows: disparity and colour are alike there.
+ *
+ * @param at    out, [n] row << 16 | column in the other view; -1: it does not show that surface
+ * @param label out, [n] the label there; 0: it does not show that surface, or has no label there
+ * @param own   [n] pixels whose disparity is less than 65535
+ */
+typedef void sst_shown_row_fn(int32_t *at, uint8_t *label, const struct sst_shown *s, const uint64_t *own, size_t n);
 #define SST_CLASS_ROW_MAX 128
 
 /* --- live (pipeline/live/) --- */

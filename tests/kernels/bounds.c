@@ -69,6 +69,7 @@ static const struct {
     { "agree_sum", 9 * SST_AGREE_NEAR * 255.0, 1 << FLT_MANT_DIG, "9 pixels; whole numbers in a float" },
     { "enlarge_row", 4 * 255, UINT16_MAX, "four levels" },
     { "cell_land", UINT16_MAX, UINT16_MAX, "compares and moves" },
+    { "shown_row", 65534 * 32768.0 + 65535, INT32_MAX, "disparity times spacing, and the part" },
     { "disp_span", UINT16_MAX, UINT16_MAX, "compares" },
     { "cell_score", 256 * SST_SCORE_USUAL, INT16_MAX, "three differences of bytes; 1/256 level of the usual one" },
     { "score_add", 4 * 256.0 * SST_SCORE_CAP, UINT16_MAX, "scores of four rows of 256 views" },

@@ -153,6 +153,77 @@ static void check_level(const struct sst_kernels *k, size_t count, size_t n)
     check_guide(k, SST_GUIDE_VALUES * (1 + count / SST_GUIDE_VALUES), n);
 }
 
+#define SHOWN_W 37
+#define SHOWN_H 5
+
+/* Disparity 64 moves by one to the right: whole numbers, a part of 1/2, 2^16 / 64 a step. */
+static const struct sst_shown shown_right = { .width = SHOWN_W,
+                                              .height = SHOWN_H,
+                                              .part = { 32768, 32768 },
+                                              .step = { 1024, 0 },
+                                              .y = 2,
+                                              .same = 64,
+                                              .similar = 24 };
+
+static uint64_t ray_of(uint32_t colour, uint8_t label, uint16_t disp, int x)
+{
+    return colour | (uint64_t)label << SST_RAY_LABEL | (uint64_t)disp << SST_RAY_DISP | (uint64_t)x << SST_RAY_COLUMN;
+}
+
+static void shown_surfaces_have_known_places(void **state SST_UNUSED)
+{
+    const uint64_t own[] = { ray_of(0x102030, 0, 64, 3),  ray_of(0x102030, 0, 128, 3), ray_of(0x102049, 0, 64, 3),
+                             ray_of(0x102048, 0, 64, 3),  ray_of(0x102030, 0, 95, 3),  ray_of(0x102030, 0, 96, 2),
+                             ray_of(0x102030, 0, 64, 36), ray_of(0x102030, 0, 191, 2) };
+    const int32_t want[] = { 2 << 16 | 4, 2 << 16 | 5, -1, 2 << 16 | 4, 2 << 16 | 4, 2 << 16 | 4, -1, -1 };
+    uint64_t rays[SHOWN_H * SHOWN_W];
+    struct sst_shown s = shown_right;
+    uint8_t label[ARRAY_LEN(own)];
+    int32_t at[ARRAY_LEN(own)];
+
+    for (int i = 0; i < SHOWN_H * SHOWN_W; i++)
+        rays[i] = ray_of(0x102030, (uint8_t)(i / SHOWN_W), 80, 0);
+    s.rays = rays;
+    sst_shown_row_ref(at, label, &s, own, ARRAY_LEN(own));
+    for (size_t i = 0; i < ARRAY_LEN(own); i++) {
+        assert_int_equal(at[i], want[i]);
+        assert_int_equal(label[i], want[i] < 0 ? 0 : 2);
+    }
+}
+
+/* Rays that are nearly alike, moved by up to two pixels beyond the borders. */
+static void check_shown(const struct sst_kernels *k, size_t n)
+{
+    uint64_t *rays = guard_random(SHOWN_W * SHOWN_H * sizeof(*rays), &seed);
+    uint64_t *own = guard_random(n * sizeof(*own), &seed);
+    int32_t *want = guard_random(n * sizeof(*want), &seed), *got = guard_random(n * sizeof(*got), &seed);
+    uint8_t *want_label = guard_random(n, &seed), *got_label = guard_random(n, &seed);
+    struct sst_shown s = shown_right;
+
+    s.rays = rays;
+    s.step[0] = (int32_t)(4096 * sst_random(&seed)) - 2048;
+    s.step[1] = (int32_t)(4096 * sst_random(&seed)) - 2048;
+    s.whole[0] = (int32_t)(5 * sst_random(&seed)) - 2;
+    s.y = (int)(SHOWN_H * sst_random(&seed));
+    for (int i = 0; i < SHOWN_W * SHOWN_H; i++)
+        rays[i] &= ray_of(0x1F1F1F, 3, 127, 0xFFFF);
+    for (size_t i = 0; i < n; i++)
+        own[i] = (own[i] & ray_of(0x1F1F1F, 255, 127, 0)) | ray_of(0, 0, 0, (int)(i % SHOWN_W));
+    sst_shown_row_ref(want, want_label, &s, own, n);
+    k->shown_row(got, got_label, &s, own, n);
+    assert_memory_equal(got, want, n * sizeof(*got));
+    assert_memory_equal(got_label, want_label, n);
+    s = (struct sst_shown){ rays, SHOWN_W, SHOWN_H, { -32768, 32768 }, { 65535, 65535 }, { 32768, -32768 },
+                            2,    0xFFFF,  255 }; /* the largest numbers */
+    for (size_t i = 0; i < n; i++)
+        own[i] |= (uint64_t)0xFFFE << SST_RAY_DISP;
+    sst_shown_row_ref(want, want_label, &s, own, n);
+    k->shown_row(got, got_label, &s, own, n);
+    assert_memory_equal(got, want, n * sizeof(*got));
+    assert_memory_equal(got_label, want_label, n);
+    guard_free_all();
+}
+
 static void every_level_equals_the_reference(void **state SST_UNUSED)
 {
     static const size_t widths[] = { 1, 3, 7, 16, 33, 64, 127, SST_CLASS_ROW_MAX };
@@ -167,6 +238,8 @@ static void every_level_equals_the_reference(void **state SST_UNUSED)
         for (size_t i = 0; i < ARRAY_LEN(widths); i++) {
             check_level(&k, 23, widths[i]);
             check_level(&k, 1 + i, widths[i]);
+            for (int times = 0; times < 20; times++)
+                check_shown(&k, widths[i]);
         }
     }
 }
@@ -174,9 +247,8 @@ static void every_level_equals_the_reference(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(logarithms_are_those_of_libm),
-        cmocka_unit_test(entropies_have_known_values),
-        cmocka_unit_test(guided_cells_have_known_values),
+        cmocka_unit_test(logarithms_are_those_of_libm),     cmocka_unit_test(entropies_have_known_values),
+        cmocka_unit_test(guided_cells_have_known_values),   cmocka_unit_test(shown_surfaces_have_known_places),
         cmocka_unit_test(every_level_equals_the_reference),
     };
 

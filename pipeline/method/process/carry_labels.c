@@ -3,13 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES    SST_REFINE_SOURCES /* nearest labelled views that labels come from */
-#define REACH_MOST 32768.0            /* px; sources that are farther away are left out */
+#define SOURCES SST_REFINE_SOURCES /* nearest labelled views that labels come from */
 
 struct job {
     const struct process_carry *c;
@@ -17,6 +18,7 @@ struct job {
     bool fill;
     int *view;        /* those that labels are carried to */
     bool *done;       /* [views] on the device */
+    uint64_t **packed; /* [views] of the sources, once the CPU asks them */
     const int *batch; /* of view: what is done at once */
 };
 
@@ -34,7 +36,7 @@ static int sources_of(const struct process_carry *c, int view, struct sst_refine
         int at;
 
         if (k == view || !from->present || c->carried[k] || (n == SOURCES && far >= distance[n - 1]) ||
-            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > REACH_MOST)
+            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > PROCESS_REACH_MOST)
             continue;
         n += n < SOURCES;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
@@ -56,57 +58,106 @@ struct gathered {
     struct sst_map_u8
         *source; /* index of each pixel's nearest source that shows its surface, their number: none; or NULL */
     bool known;  /* in; else out */
+    uint64_t *const *packed; /* [views] of the sources, where nothing is known */
 };
 
-/* The nearest source that shows the surface of pixel (x, y) and has a label there. @return its index, n: none does
- * @param nearest  the nearest one that shows the surface, n: none; known: in, else out
- * @param at       out: where */
-static inline int find_source(uint8_t *nearest, bool known, const struct sst_lightfield *lf,
-                              const struct sst_refine_voter *source, int n, const struct sst_view *own, int x, int y,
-                              struct process_place *at)
+/* Rows of what is gathered. */
+struct gathered_row {
+    uint8_t *label, *source; /* source: NULL, not wanted */
+    float *entropy;          /* likewise */
+};
+
+/* Labels of a row from the nearest sources that show each surface and have a label there. */
+static void gather_row(const struct gathered_row *to, struct process_rays *rays, const struct process_carry *c,
+                       const struct gathered *out, const struct sst_refine_voter *source, int n)
+{
+    for (int i = 0; i < n && rays->count; i++) {
+        const int view = source[i].view;
+        const struct sst_map_f32 *entropy = to->entropy ? &out->entropy[view] : NULL;
+        int left = 0;
+
+        process_rays_find(rays, &c->lf->views[view], out->packed[view], &source[i]);
+        for (int k = 0; k < rays->count; k++) {
+            const int32_t at = rays->at[k];
+            const uint8_t label = rays->label[k];
+            const int x = (int)(rays->own[k] >> SST_RAY_COLUMN);
+
+            to->label[x] = label;
+            if (to->source)
+                to->source[x] = at >= 0 && to->source[x] == n ? (uint8_t)i : to->source[x];
+            if (entropy && label != SST_LABEL_NONE)
+                to->entropy[x] = sst_map_f32_row(entropy, at >> 16)[at & 0xFFFF];
+            rays->own[left] = rays->own[k];
+            left += label == SST_LABEL_NONE;
+        }
+        rays->count = left;
+    }
+}
+
+/* The label of pixel (x, y) from the first of the sources that shows its surface and has a label there, of which the
+ * nearest one is known. */
+static uint8_t find_label(const struct process_carry *c, const struct sst_view *own,
+                          const struct sst_refine_voter *source, int n, int nearest, int x, int y)
 {
     const int d = sst_map_u16_row(&own->disp, y)[x];
 
-    if (!known)
-        *nearest = (uint8_t)n;
-    for (int i = known ? *nearest : 0; i < n; i++) {
-        const struct sst_view *there = &lf->views[source[i].view];
+    for (int i = nearest; i < n; i++) {
+        const struct sst_view *there = &c->lf->views[source[i].view];
+        const struct process_place at = process_place_in(&source[i], x, y, d);
+        const uint8_t label = i == nearest || process_shows(there, own, x, y, d, at)
+                                  ? sst_map_u8_row(&there->label, at.y)[at.x]
+                                  : (uint8_t)SST_LABEL_NONE;
 
-        *at = process_place_in(&source[i], x, y, d);
-        if (!(known && i == *nearest) && !process_shows(there, own, x, y, d, *at))
-            continue;
-        *nearest = !known && *nearest == n ? (uint8_t)i : *nearest;
-        if (sst_map_u8_row(&there->label, at->y)[at->x] != SST_LABEL_NONE)
-            return i;
+        if (label != SST_LABEL_NONE)
+            return label;
     }
-    return n;
+    return SST_LABEL_NONE;
 }
 
-/* Labels of a view from its sources. */
-static void gather_labels(const struct process_carry *c, int view, const struct gathered *out)
+/* Labels of a view whose nearest sources are known. */
+static void gather_known(const struct process_carry *c, int view, const struct gathered *out,
+                         const struct sst_refine_voter *source, int n)
+{
+    const struct sst_view *own = &c->lf->views[view];
+
+    for (int y = 0; y < out->label->height; y++) {
+        const uint8_t *nearest = sst_map_u8_row(out->source, y);
+        uint8_t *to = sst_map_u8_row(out->label, y);
+
+        for (int x = 0; x < out->label->width; x++)
+            to[x] = nearest[x] < n ? find_label(c, own, source, n, nearest[x], x, y) : (uint8_t)SST_LABEL_NONE;
+    }
+}
+
+/* Labels of a view from its sources. @return 0, -ENOMEM */
+static int gather_labels(const struct process_carry *c, int view, const struct gathered *out)
 {
     const struct sst_view *own = &c->lf->views[view];
     struct sst_refine_voter source[SOURCES];
-    const int n = sources_of(c, view, source);
+    struct process_rays rays = { 0 };
+    const int n = sources_of(c, view, source), width = out->label->width;
+    int err;
 
-    for (int y = 0; y < out->label->height; y++) {
-        float *e = out->own_entropy ? sst_map_f32_row(out->own_entropy, y) : NULL;
-        uint8_t *to = sst_map_u8_row(out->label, y), *nearest = out->source ? sst_map_u8_row(out->source, y) : NULL;
-
-        for (int x = 0; x < out->label->width; x++) {
-            uint8_t first = out->known ? nearest[x] : (uint8_t)n;
-            struct process_place at = { 0, 0 };
-            const int i =
-                process_is_seen(own, x, y) ? find_source(&first, out->known, c->lf, source, n, own, x, y, &at) : n;
-            const struct sst_view *there = i < n ? &c->lf->views[source[i].view] : NULL;
-
-            to[x] = there ? sst_map_u8_row(&there->label, at.y)[at.x] : (uint8_t)SST_LABEL_NONE;
-            if (e)
-                e[x] = there ? sst_map_f32_row(&out->entropy[source[i].view], at.y)[at.x] : INFINITY;
-            if (nearest)
-                nearest[x] = first;
-        }
+    if (out->known) {
+        gather_known(c, view, out, source, n);
+        return 0;
     }
+    err = process_rays_init(&rays, width);
+    for (int y = 0; !err && y < out->label->height; y++) {
+        const struct gathered_row to = { sst_map_u8_row(out->label, y),
+                                         out->source ? sst_map_u8_row(out->source, y) : NULL,
+                                         out->own_entropy ? sst_map_f32_row(out->own_entropy, y) : NULL };
+
+        memset(to.label, SST_LABEL_NONE, (size_t)width);
+        if (to.source)
+            memset(to.source, n, (size_t)width);
+        for (int x = 0; to.entropy && x < width; x++)
+            to.entropy[x] = INFINITY;
+        process_rays_take(&rays, own, y);
+        gather_row(&to, &rays, c, out, source, n);
+    }
+    process_rays_fini(&rays);
+    return err;
 }
 
 /* Memory for what is carried to a view. */
@@ -147,12 +198,47 @@ static int carry_job(void *arg, int index, int worker SST_UNUSED)
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
                                   .entropy = j->entropy,
                                   .source = source,
-                                  .known = source && source->data };
+                                  .known = source && source->data,
+                                  .packed = j->packed };
     err = source && !source->data ? sst_map_u8_init(source, own->label.width, own->label.height) : 0;
     if (err)
         return err;
-    gather_labels(j->c, view, &gathered);
-    return j->fill ? process_fill_labels(own) : 0;
+    err = gather_labels(j->c, view, &gathered);
+    return !err && j->fill ? process_fill_labels(own) : err;
+}
+
+static int pack_job(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+
+    if (!j->c->lf->views[view].present || j->c->carried[view])
+        return 0;
+    j->packed[view] = process_rays_pack(&j->c->lf->views[view]);
+    return j->packed[view] ? 0 : -ENOMEM;
+}
+
+/* Pack all sources, if a view of the batch needs them. */
+static int pack_sources(struct job *j, int count)
+{
+    const int views = j->c->lf->rows * j->c->lf->cols;
+    bool needed = false;
+
+    for (int i = 0; i < count; i++) {
+        const int view = j->view[j->batch[i]];
+
+        needed |= !j->done[view] && !(j->c->source && j->c->source[view].data);
+    }
+    if (!needed || j->packed)
+        return 0;
+    j->packed = calloc((size_t)views, sizeof(*j->packed));
+    return j->packed ? sst_parallel_for(views, j->c->threads, pack_job, j) : -ENOMEM;
+}
+
+static void unpack_sources(struct job *j)
+{
+    for (int k = 0; j->packed && k < j->c->lf->rows * j->c->lf->cols; k++)
+        sst_mem_free(j->packed[k]);
+    free(j->packed);
 }
 
 static int carry_batch(void *arg, const int *index, int count)
@@ -170,6 +256,7 @@ static int carry_batch(void *arg, const int *index, int count)
             j->done[view] =
                 carry_on_device(j->c, view, &j->c->lf->views[view].label, j->entropy ? &j->entropy[view] : NULL, &how);
     }
+    err = err ? err : pack_sources(j, count);
     return err ? err : sst_parallel_for(count, j->c->threads, carry_job, j);
 }
 
@@ -185,8 +272,11 @@ static void carried_maps(void *arg, int index, struct sst_share_maps *out)
 int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill)
 {
     const int views = c->lf->rows * c->lf->cols;
-    struct job j = { c,   entropy, fill, calloc((size_t)views, sizeof(*j.view)), calloc((size_t)views, sizeof(*j.done)),
-                     NULL };
+    struct job j = { .c = c,
+                     .entropy = entropy,
+                     .fill = fill,
+                     .view = calloc((size_t)views, sizeof(*j.view)),
+                     .done = calloc((size_t)views, sizeof(*j.done)) };
     int count = 0, err = j.view && j.done ? 0 : -ENOMEM;
 
     sst_refine_device_labels_changed(c->device);
@@ -195,8 +285,29 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
             j.view[count++] = k;
     }
     err = err ? err : sst_share_batches(c->share, count, c->share ? c->threads : views, carry_batch, &j, carried_maps);
+    unpack_sources(&j);
     free(j.view);
     free(j.done);
+    return err;
+}
+
+/* Labels of a view from its sources, which are packed for it alone. */
+static int gather_one(const struct process_carry *c, int view, struct sst_map_u8 *label)
+{
+    const int views = c->lf->rows * c->lf->cols;
+    struct sst_refine_voter source[SOURCES];
+    const int n = sources_of(c, view, source);
+    uint64_t **packed = calloc((size_t)views, sizeof(*packed));
+    int err = packed ? 0 : -ENOMEM;
+
+    for (int i = 0; i < n && !err; i++) {
+        packed[source[i].view] = process_rays_pack(&c->lf->views[source[i].view]);
+        err = packed[source[i].view] ? 0 : -ENOMEM;
+    }
+    err = err ? err : gather_labels(c, view, &(struct gathered){ .label = label, .packed = packed });
+    for (int i = 0; packed && i < n; i++)
+        sst_mem_free(packed[source[i].view]);
+    free(packed);
     return err;
 }
 
@@ -206,10 +317,10 @@ int process_carry_error(const struct process_carry *c, int view, double *percent
     struct sst_refine_carry how = { 0 };
     struct sst_map_u8 gathered = { 0 };
     int64_t n = 0, off = 0;
-    const int err = sst_map_u8_init(&gathered, lf->width, lf->height);
+    int err = sst_map_u8_init(&gathered, lf->width, lf->height);
 
     if (!err && !(c->device && carry_on_device(c, view, &gathered, NULL, &how)))
-        gather_labels(c, view, &(struct gathered){ .label = &gathered });
+        err = gather_one(c, view, &gathered);
     for (int y = 0; !err && y < lf->height; y++) {
         const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y), *there = sst_map_u8_row(&gathered, y);
 

@@ -1,97 +1,157 @@
+/*
+ * Labels of pixels that no labelled view shows, from the first labelled pixel in each of eight directions. Two sweeps
+ * over the rows, downwards and upwards, remember for each column and diagonal the row of the last labelled pixel.
+ */
 #include <errno.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "pipeline/method/process/process_internal.h"
 
-#define DIRECTIONS 8
+#define NOWHERE (-2 * PROCESS_FILL_REACH) /* a row that is out of reach of all */
+
+/* Directions in the order in which equals win. */
+enum { LEFT, RIGHT, UP, DOWN, UP_LEFT, UP_RIGHT, DOWN_LEFT, DOWN_RIGHT };
 
 /* A pixel without a label, and the best that was found for it. */
 struct gap {
-    const struct sst_view *v;
-    const struct sst_map_u8 *from; /* labels before any gap is filled */
-    int x, y;
     uint32_t least; /* difference of colour << 16 | of disparity */
-    uint8_t label;
+    uint16_t x;
+    uint8_t label, direction;
 };
 
-static void consider(struct gap *g, int x, int y)
+struct gaps {
+    const struct sst_view *v;
+    struct gap *gap; /* row by row */
+    size_t *row;     /* [height + 1] first one of each row */
+    int *last;       /* [columns, falling diagonals, rising diagonals] row of the last labelled pixel, see sweep() */
+};
+
+static void consider(struct gap *g, const struct sst_view *v, int y, int from_x, int from_y, int direction)
 {
-    const uint16_t d = sst_map_u16_row(&g->v->disp, g->y)[g->x], there = sst_map_u16_row(&g->v->disp, y)[x];
+    const int off_disp = abs(sst_map_u16_row(&v->disp, y)[g->x] - sst_map_u16_row(&v->disp, from_y)[from_x]);
     uint32_t colour = 0, off;
 
     for (int c = 0; c < 3; c++)
-        colour += (uint32_t)abs(sst_image_row(&g->v->image, c, g->y)[g->x] - sst_image_row(&g->v->image, c, y)[x]);
-    off = colour << 16 | (uint32_t)abs(d - there);
-    if (off < g->least) {
+        colour += (uint32_t)abs(sst_image_row(&v->image, c, y)[g->x] - sst_image_row(&v->image, c, from_y)[from_x]);
+    off = colour << 16 | (uint32_t)off_disp;
+    if (off < g->least || (off == g->least && direction < g->direction)) {
         g->least = off;
-        g->label = sst_map_u8_row(g->from, y)[x];
+        g->label = sst_map_u8_row(&v->label, from_y)[from_x];
+        g->direction = (uint8_t)direction;
     }
 }
 
-/* The most similar of the first labelled pixels in all directions; SST_LABEL_NONE: all are farther than the reach. */
-static uint8_t find_similar(const struct sst_view *v, const struct sst_map_u8 *from, int x, int y)
+/* Columns x .. end - 1 have no label. @return end */
+static int end_of_gap(const uint8_t *label, int x, int width)
 {
-    static const int8_t step[DIRECTIONS][2] = { { -1, 0 },  { 1, 0 },  { 0, -1 }, { 0, 1 },
-                                                { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
-    struct gap g = { v, from, x, y, UINT32_MAX, SST_LABEL_NONE };
+    while (x < width && label[x] == SST_LABEL_NONE)
+        x++;
+    return x;
+}
 
-    for (int k = 0; k < DIRECTIONS; k++) {
-        const int dx = step[k][0], dy = step[k][1];
-        int most = PROCESS_FILL_REACH;
+static int list_gaps(struct gaps *g)
+{
+    const struct sst_map_u8 *label = &g->v->label;
+    size_t n = 0;
 
-        most = dx < 0 ? sst_min_int(most, x) : dx > 0 ? sst_min_int(most, from->width - 1 - x) : most;
-        most = dy < 0 ? sst_min_int(most, y) : dy > 0 ? sst_min_int(most, from->height - 1 - y) : most;
-        for (int i = 1; i <= most; i++) {
-            if (sst_map_u8_row(from, y + i * dy)[x + i * dx] != SST_LABEL_NONE) {
-                consider(&g, x + i * dx, y + i * dy);
-                break;
+    for (int y = 0; y < label->height; y++) {
+        for (int x = 0; x < label->width; x++)
+            n += sst_map_u8_row(label, y)[x] == SST_LABEL_NONE;
+        g->row[y + 1] = n;
+    }
+    g->gap = malloc((n + !n) * sizeof(*g->gap));
+    if (!g->gap)
+        return -ENOMEM;
+    n = 0;
+    for (int y = 0; y < label->height; y++) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+
+        for (int from = 0, end; from < label->width; from = end + 1) {
+            end = end_of_gap(row, from, label->width);
+            for (int x = from; x < end; x++) {
+                struct gap *gap = &g->gap[n++];
+
+                *gap = (struct gap){ UINT32_MAX, (uint16_t)x, SST_LABEL_NONE, 0 };
+                if (from > 0 && x - from < PROCESS_FILL_REACH)
+                    consider(gap, g->v, y, from - 1, y, LEFT);
+                if (end < label->width && end - x <= PROCESS_FILL_REACH)
+                    consider(gap, g->v, y, end, y, RIGHT);
             }
         }
     }
-    return g.label;
+    return 0;
 }
 
-/* Columns from .. end - 1 of row y have no label; those beside them have one, unless they are outside. */
-static void fill_run(struct sst_view *v, const struct sst_map_u8 *labels, int from, int end, int y)
+/* Columns and diagonals from one side. Rows are counted from that side: row i is y = i or height - 1 - i. Pixel x of
+ * row i lies on falling diagonal x - i + height - 1 and on rising one x + i. */
+static void sweep(struct gaps *g, bool up)
+{
+    const struct sst_map_u8 *label = &g->v->label;
+    const int w = label->width, h = label->height, across = w + h - 1;
+    int *column = g->last, *falling = column + w, *rising = falling + across;
+
+    for (int k = 0; k < w + 2 * across; k++)
+        column[k] = NOWHERE;
+    for (int i = 0; i < h; i++) {
+        const int y = up ? h - 1 - i : i, step = up ? 1 : -1;
+        const uint8_t *row = sst_map_u8_row(label, y);
+
+        for (size_t k = g->row[y]; k < g->row[y + 1]; k++) {
+            struct gap *gap = &g->gap[k];
+            const int x = gap->x, straight = i - column[x], left = i - falling[x - i + h - 1],
+                      right = i - rising[x + i];
+
+            if (straight <= PROCESS_FILL_REACH)
+                consider(gap, g->v, y, x, y + step * straight, up ? DOWN : UP);
+            if (left <= PROCESS_FILL_REACH)
+                consider(gap, g->v, y, x - left, y + step * left, up ? DOWN_LEFT : UP_LEFT);
+            if (right <= PROCESS_FILL_REACH)
+                consider(gap, g->v, y, x + right, y + step * right, up ? DOWN_RIGHT : UP_RIGHT);
+        }
+        for (int x = 0; x < w; x++)
+            column[x] = row[x] != SST_LABEL_NONE ? i : column[x];
+        for (int x = 0; x < w; x++)
+            falling[x - i + h - 1] = row[x] != SST_LABEL_NONE ? i : falling[x - i + h - 1];
+        for (int x = 0; x < w; x++)
+            rising[x + i] = row[x] != SST_LABEL_NONE ? i : rising[x + i];
+    }
+}
+
+/* Write the labels of gaps of row y; where none was found, that of the nearer disparity beside them in the row. */
+static void fill_row(struct sst_view *v, const struct gap *gap, int y)
 {
     const uint16_t *d = sst_map_u16_row(&v->disp, y);
-    const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL, *label = sst_map_u8_row(labels, y);
-    const int width = labels->width;
+    const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+    uint8_t *label = sst_map_u8_row(&v->label, y);
+    const int width = v->label.width;
 
-    for (int x = from; x < end; x++) {
-        const bool left = from > 0 && (end == width || abs(d[x] - d[from - 1]) <= abs(d[x] - d[end]));
-        uint8_t found = SST_LABEL_NONE;
+    for (int from = 0, end; from < width; from = end + 1) {
+        end = end_of_gap(label, from, width);
+        for (int x = from; x < end; x++, gap++) {
+            const bool left = from > 0 && (end == width || abs(d[x] - d[from - 1]) <= abs(d[x] - d[end]));
 
-        if (!valid || valid[x])
-            found = find_similar(v, labels, x, y);
-        if (found == SST_LABEL_NONE && (from > 0 || end < width))
-            found = left ? label[from - 1] : label[end];
-        sst_map_u8_row(&v->label, y)[x] = found;
+            if (gap->label != SST_LABEL_NONE)
+                label[x] = gap->label;
+            else if (from > 0 || end < width)
+                label[x] = left ? label[from - 1] : label[end];
+        }
     }
+    for (int x = 0; valid && x < width; x++)
+        label[x] &= valid[x];
 }
 
 int process_fill_labels(struct sst_view *v)
 {
-    struct sst_map_u8 from = { 0 };
-    const int err = sst_map_u8_init(&from, v->label.width, v->label.height);
+    const size_t w = (size_t)v->label.width, h = (size_t)v->label.height;
+    struct gaps g = { v, NULL, calloc(h + 1, sizeof(*g.row)), malloc((w + 2 * (w + h - 1)) * sizeof(*g.last)) };
+    int err = g.row && g.last ? list_gaps(&g) : -ENOMEM;
 
-    if (err)
-        return err;
-    memcpy(from.data, v->label.data, from.stride * (size_t)from.height);
-    for (int y = 0; y < from.height; y++) {
-        const uint8_t *label = sst_map_u8_row(&from, y);
-        uint8_t *to = sst_map_u8_row(&v->label, y);
-
-        for (int x = 0, end; x < from.width; x = end + 1) {
-            for (end = x; end < from.width && label[end] == SST_LABEL_NONE; end++)
-                ;
-            if (end > x)
-                fill_run(v, &from, x, end, y);
-        }
-        for (int x = 0; v->valid.data && x < from.width; x++)
-            to[x] &= sst_map_u8_row(&v->valid, y)[x];
-    }
-    sst_map_u8_fini(&from);
-    return 0;
+    for (int up = 0; !err && up < 2 && g.row[h]; up++)
+        sweep(&g, up);
+    for (int y = 0; !err && y < v->label.height; y++)
+        fill_row(v, g.gap + g.row[y], y);
+    free(g.gap);
+    free(g.row);
+    free(g.last);
+    return err;
 }

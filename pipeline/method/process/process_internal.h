@@ -13,6 +13,9 @@ struct sst_share;
 #define PROCESS_SAME_Q6 64 /* 1/64 px: disparities of one surface differ by at most this */
 #define PROCESS_SIMILAR 24 /* levels: colours of one surface differ by at most this in every channel */
 
+/* px; views in which a pixel may be farther away are not asked: numbers of 32 bits hold their places (rays.c) */
+#define PROCESS_REACH_MOST 32767.0
+
 struct process_place {
     int x, y;
 };
@@ -46,6 +49,29 @@ static inline bool process_is_seen(const struct sst_view *v, int x, int y)
 {
     return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
 }
+
+/** Pixels of a row of a view that are looked for in other views. Zeroed: empty. */
+struct process_rays {
+    uint64_t *own;  /* [count] SST_RAY_ */
+    int32_t *at;    /* [count] where the last view shows them: row << 16 | column; -1: it does not */
+    uint8_t *label; /* [count] that it has there, or SST_LABEL_NONE */
+    int count, y;
+};
+
+/** Memory for rows of a width. @return 0, -ENOMEM */
+SST_MUST_CHECK int process_rays_init(struct process_rays *r, int width);
+void process_rays_fini(struct process_rays *r);
+
+/** The pixels of row y for which process_is_seen(). */
+void process_rays_take(struct process_rays *r, const struct sst_view *own, int y);
+
+/** A view's colours, disparities and labels for process_rays_find(). @return sst_mem_free() it; NULL: no memory */
+uint64_t *process_rays_pack(const struct sst_view *v);
+
+/** Set r->at and r->label: where a view shows the surfaces, as process_place_in() and process_shows().
+ *  @param packed  of the view `there` @param s  of that view, nearer than PROCESS_REACH_MOST */
+void process_rays_find(struct process_rays *r, const struct sst_view *there, const uint64_t *packed,
+                       const struct sst_refine_voter *s);
 
 /** What is known of the views that are labelled, from samples of all views' pixels. */
 struct process_cover {

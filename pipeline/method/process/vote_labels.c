@@ -10,7 +10,6 @@
 #define SOURCES    SST_REFINE_VOTERS /* nearest views that vote beside the view itself */
 #define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR    24      /* levels: views vote where their colours differ by at most this in every channel */
-#define REACH_MOST 32768.0 /* px; views that are farther away do not vote */
 
 struct vote {
     const struct sst_lightfield *lf;
@@ -43,7 +42,7 @@ static int voters_of(const struct vote *v, int view, struct sst_refine_voter vot
         int at;
 
         if (k == view || !votes(v, k) || (n == SOURCES && far >= distance[n - 1]) ||
-            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > REACH_MOST)
+            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > PROCESS_REACH_MOST)
             continue;
         n += n < SOURCES;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {

@@ -1,0 +1,86 @@
+/* Where other views show the pixels of a row. */
+#include <errno.h>
+#include <stdlib.h>
+
+#include "base/mem.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/method/process/process_internal.h"
+
+int process_rays_init(struct process_rays *r, int width)
+{
+    const size_t n = (size_t)width;
+
+    *r = (struct process_rays){ .own = malloc(n * sizeof(*r->own)),
+                                .at = malloc(n * sizeof(*r->at)),
+                                .label = malloc(n * sizeof(*r->label)) };
+    if (r->own && r->at && r->label)
+        return 0;
+    process_rays_fini(r);
+    return -ENOMEM;
+}
+
+void process_rays_fini(struct process_rays *r)
+{
+    free(r->own);
+    free(r->at);
+    free(r->label);
+    *r = (struct process_rays){ 0 };
+}
+
+static inline uint64_t ray_of(const uint8_t *const colour[3], const uint16_t *d, int x)
+{
+    return (uint32_t)(colour[0][x] | colour[1][x] << 8 | colour[2][x] << 16) | (uint64_t)d[x] << SST_RAY_DISP;
+}
+
+void process_rays_take(struct process_rays *r, const struct sst_view *own, int y)
+{
+    const uint16_t *d = sst_map_u16_row(&own->disp, y);
+    const uint8_t *valid = own->valid.data ? sst_map_u8_row(&own->valid, y) : NULL;
+    const uint8_t *const colour[3] = { sst_image_row(&own->image, 0, y), sst_image_row(&own->image, 1, y),
+                                       sst_image_row(&own->image, 2, y) };
+    int n = 0;
+
+    for (int x = 0; x < own->disp.width; x++) {
+        r->own[n] = ray_of(colour, d, x) | (uint64_t)x << SST_RAY_COLUMN;
+        n += d[x] != SST_DISP_NONE && (!valid || valid[x]);
+    }
+    r->count = n;
+    r->y = y;
+}
+
+uint64_t *process_rays_pack(const struct sst_view *v)
+{
+    const size_t width = (size_t)v->disp.width, height = (size_t)v->disp.height;
+    uint64_t *rays = sst_mem_alloc_raw(width * height, sizeof(*rays));
+
+    for (int y = 0; rays && y < v->disp.height; y++) {
+        const uint8_t *const colour[3] = { sst_image_row(&v->image, 0, y), sst_image_row(&v->image, 1, y),
+                                           sst_image_row(&v->image, 2, y) };
+        const uint16_t *d = sst_map_u16_row(&v->disp, y);
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        uint64_t *to = rays + (size_t)y * width;
+
+        for (int x = 0; x < v->disp.width; x++)
+            to[x] = ray_of(colour, d, x) | (uint64_t)label[x] << SST_RAY_LABEL;
+    }
+    return rays;
+}
+
+void process_rays_find(struct process_rays *r, const struct sst_view *there, const uint64_t *packed,
+                       const struct sst_refine_voter *s)
+{
+    const struct sst_shift shift[2] = { s->across, s->down };
+    struct sst_shown shown = { .rays = packed,
+                               .width = there->disp.width,
+                               .height = there->disp.height,
+                               .y = r->y,
+                               .same = PROCESS_SAME_Q6,
+                               .similar = PROCESS_SIMILAR };
+
+    for (int axis = 0; axis < 2; axis++) {
+        shown.whole[axis] = (int32_t)(shift[axis].at >> 16);
+        shown.part[axis] = (int32_t)(shift[axis].at & 0xFFFF);
+        shown.step[axis] = (int32_t)shift[axis].step;
+    }
+    sst_kernels_get()->shown_row(r->at, r->label, &shown, r->own, (size_t)r->count);
+}
