@@ -8,13 +8,14 @@
 #define ALONG_MAX          512
 #define ACROSS_MAX         65
 #define AREA_MAX           65536
+#define AREA_SMALL         8192 /* a usual one */
 #define CORRELATION_COARSE 0.7
 #define DISTINCT           0.75 /* best match's distance from 1 over the next one's: above this it is ambiguous */
 
 /* Grey values of a part of a level. */
 struct area {
     int x0, y0, width, height;
-    uint8_t v[AREA_MAX];
+    uint8_t *v;
 };
 
 struct block {
@@ -33,8 +34,8 @@ static const uint8_t *area_at(const struct area *a, int x, int y)
     return a->v + (size_t)(y - a->y0) * (size_t)a->width + (x - a->x0);
 }
 
-/* The part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
-static bool area_read(struct area *a, const struct drift_pyramid *view, int level, int x0, int y0, int x1, int y1)
+/* Set the size of the part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
+static bool area_set(struct area *a, const struct drift_pyramid *view, int level, int x0, int y0, int x1, int y1)
 {
     int w, h;
 
@@ -43,11 +44,13 @@ static bool area_read(struct area *a, const struct drift_pyramid *view, int leve
     a->y0 = sst_max_int(y0, 0);
     a->width = sst_min_int(x1, w - 1) - a->x0 + 1;
     a->height = sst_min_int(y1, h - 1) - a->y0 + 1;
-    if (a->width < BLOCK_W || a->height < BLOCK_H || (int64_t)a->width * a->height > AREA_MAX)
-        return false;
+    return a->width >= BLOCK_W && a->height >= BLOCK_H && (int64_t)a->width * a->height <= AREA_MAX;
+}
+
+static void area_read(struct area *a, const struct drift_pyramid *view, int level)
+{
     for (int y = 0; y < a->height; y++)
         drift_read_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
-    return true;
 }
 
 static void block_read(struct block *b, const struct area *in, int x, int y)
@@ -69,7 +72,7 @@ static void block_read(struct block *b, const struct area *in, int x, int y)
 
 /* Sums over the block around each place of an area and of the squares there: [y][x] of the block's upper left pixel. */
 struct sums {
-    int32_t one[AREA_MAX], two[AREA_MAX];
+    int32_t *one, *two;
 };
 
 static void sum_blocks(struct sums *s, const struct area *a)
@@ -185,8 +188,8 @@ static void to_pixel(const struct drift_search *s, double along, double across, 
 }
 
 /* Everything that the search can touch: the corners of the band, and the block around. */
-static bool read_band(struct area *area, const struct drift_pyramid *b, const struct drift_search *s, int level, int x,
-                      int y, double from, double to, double low, double high)
+static bool set_band(struct area *area, const struct drift_pyramid *b, const struct drift_search *s, int level, int x,
+                     int y, double from, double to, double low, double high)
 {
     int x0 = INT32_MAX, y0 = INT32_MAX, x1 = INT32_MIN, y1 = INT32_MIN;
 
@@ -199,60 +202,113 @@ static bool read_band(struct area *area, const struct drift_pyramid *b, const st
         y0 = sst_min_int(y0, py);
         y1 = sst_max_int(y1, py);
     }
-    return area_read(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
+    return area_set(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
 }
 
-void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                        const struct drift_feature *f, const struct drift_search *s, int level)
-{
-    const double size = 1 << level, from = s->from_px / size, middle = s->across_px / size;
-    const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
-    const int band = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
-    struct field field; /* large: its values are written before they are read */
-    struct area area;
-    struct sums sums;
+/* What is searched: a block's places in an area of the other view. */
+struct band {
+    const struct drift_pyramid *b;
+    const struct drift_search *s;
     struct block block;
+    struct area area;
+    int x, y, level; /* the feature */
+    int across;      /* steps to each side */
+    double from, middle;
+};
+
+/* @param field  along and across are set: large, its values are written before they are read */
+static void search_band(struct drift_match *out, struct band *n, struct sums *sums, struct field *field)
+{
+    const struct drift_search *s = n->s;
+    const double size = 1 << n->level;
     float second = 0;
     int i = 0, j = 0;
     bool whole = true;
 
-    field.along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX);
-    field.across = 2 * band + 1;
-    *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
-    if (!area_read(&area, a, level, x - 4, y - 4, x + 4, y + 4) || !block_inside(&area, x, y))
-        return;
-    block_read(&block, &area, x, y);
-    if (block.spread <= 0) {
-        out->outcome = DRIFT_AMBIGUOUS;
-        return;
-    }
-    if (!read_band(&area, b, s, level, x, y, from, from + field.along - 1, middle - band, middle + band))
-        return;
-    sum_blocks(&sums, &area);
-    for (int k = 0; k < field.along; k++) {
-        for (int l = 0; l < field.across; l++) {
+    area_read(&n->area, n->b, n->level);
+    sum_blocks(sums, &n->area);
+    for (int k = 0; k < field->along; k++) {
+        for (int l = 0; l < field->across; l++) {
             int bx, by;
             bool inside;
 
-            to_pixel(s, from + k, middle + l - band, &bx, &by);
-            inside = block_inside(&area, x + bx, y + by);
-            field.v[k][l] = inside ? correlate(&block, &area, &sums, x + bx, y + by) : OUT_OF_PICTURE;
-            whole = whole && (inside || l != band);
+            to_pixel(s, n->from + k, n->middle + l - n->across, &bx, &by);
+            inside = block_inside(&n->area, n->x + bx, n->y + by);
+            field->v[k][l] = inside ? correlate(&n->block, &n->area, sums, n->x + bx, n->y + by) : OUT_OF_PICTURE;
+            whole = whole && (inside || l != n->across);
         }
     }
-    if (!two_peaks(&field, &i, &j, &second))
+    if (!two_peaks(field, &i, &j, &second))
         return;
-    if (field.v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field.along || j + 1 == field.across) {
+    if (field->v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field->along || j + 1 == field->across) {
         out->outcome = whole ? DRIFT_NOWHERE : DRIFT_OUTSIDE;
         return;
     }
-    if (1 - field.v[i][j] > DISTINCT * (1 - second)) {
+    if (1 - field->v[i][j] > DISTINCT * (1 - second)) {
         out->outcome = DRIFT_AMBIGUOUS;
         return;
     }
     out->outcome = DRIFT_FOUND;
     out->along = s->from_px + i * size;
-    out->across = s->across_px + (j - band) * size;
+    out->across = s->across_px + (j - n->across) * size;
     out->dx = s->u[0] * out->along + s->n[0] * out->across;
     out->dy = s->u[1] * out->along + s->n[1] * out->across;
+}
+
+/* With memory for a usual area, and for any: pages of a large stack frame are touched one by one. */
+static __attribute__((noinline)) void search_small(struct drift_match *out, struct band *n, struct field *field)
+{
+    uint8_t v[AREA_SMALL];
+    int32_t one[AREA_SMALL], two[AREA_SMALL];
+
+    n->area.v = v;
+    search_band(out, n, &(struct sums){ one, two }, field);
+}
+
+static __attribute__((noinline)) void search_large(struct drift_match *out, struct band *n, struct field *field)
+{
+    uint8_t v[AREA_MAX];
+    int32_t one[AREA_MAX], two[AREA_MAX];
+
+    n->area.v = v;
+    search_band(out, n, &(struct sums){ one, two }, field);
+}
+
+void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
+                        const struct drift_feature *f, const struct drift_search *s, int level)
+{
+    const double size = 1 << level;
+    const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
+    const int across = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
+    struct band n = { .b = b,
+                      .s = s,
+                      .x = x,
+                      .y = y,
+                      .level = level,
+                      .across = across,
+                      .from = s->from_px / size,
+                      .middle = s->across_px / size };
+    uint8_t own[BLOCK_W * BLOCK_H * 2];
+    struct field field;
+
+    field.along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX);
+    field.across = 2 * across + 1;
+    *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
+    if (!area_set(&n.area, a, level, x - 4, y - 4, x + 4, y + 4))
+        return;
+    n.area.v = own;
+    area_read(&n.area, a, level);
+    if (!block_inside(&n.area, x, y))
+        return;
+    block_read(&n.block, &n.area, x, y);
+    if (n.block.spread <= 0) {
+        out->outcome = DRIFT_AMBIGUOUS;
+        return;
+    }
+    if (!set_band(&n.area, b, s, level, x, y, n.from, n.from + field.along - 1, n.middle - across, n.middle + across))
+        return;
+    if (n.area.width * n.area.height <= AREA_SMALL)
+        search_small(out, &n, &field);
+    else
+        search_large(out, &n, &field);
 }
