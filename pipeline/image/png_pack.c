@@ -99,7 +99,7 @@ static void filter_all(uint8_t *to, const struct png_map *map, const void *zeros
 /* @return bytes of `out`; 0: it is too small */
 static size_t deflate_all(uint8_t *out, size_t capacity, uint8_t *samples, size_t n, uint8_t *memory)
 {
-    struct isal_zstream z;
+    struct isal_zstream z = { 0 }; /* the next call leaves hist_bits as it is */
 
     isal_deflate_stateless_init(&z);
     z.level = 1;
