@@ -4,7 +4,8 @@
  * cells are tried on another one in each set.
  *
  * A cell is rendered when its rays have changed: a third of them in a set, all within three, and of more than six sets
- * a second fewer, all within half a second. Until then nothing is seen there, and the memory shows what was. */
+ * a second fewer, all within half a second. Until then nothing is seen there, and the memory shows what was. Where leaves
+ * move and what they hide does not, that is enough half as often. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -17,7 +18,12 @@
 #define TURNS        3         /* a cell whose rays changed is rendered within this number of sets, ... */
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
+#define CALM         3         /* renderings in a row that show what was known: the cell has half as many turns, ... */
+#define CALM_TIMES   2
+#define CHANGED      0.1       /* ... until this fraction of what is seen in it, or beside it, has changed */
+#define CHANGED_PX   8         /* and at least this number of pixels */
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
+#define CELL_LEVEL   1 /* of votes: their cells are as high as those here */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
 
@@ -207,21 +213,39 @@ static int run_of(const struct picture_behind *b, int at)
     return at / b->cols * ((b->cols + RUN - 1) / RUN) + at % b->cols / RUN;
 }
 
+int picture_behind_slowness(const struct picture_behind *b, int at)
+{
+    return b->cell[at].calm < CALM || !b->swaying ? 1 : CALM_TIMES;
+}
+
+/* Sets within which a stale cell is rendered. */
+static int turns_of(const struct picture_behind *b, int at)
+{
+    return b->turns * picture_behind_slowness(b, at);
+}
+
 /* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= b->turns ||
-           (run_of(b, at) + b->round) % b->turns == 0;
+    return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= turns_of(b, at) ||
+           (run_of(b, at) + b->round) % turns_of(b, at) == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
 {
+    int holes = 0, stale = 0;
+
     for (int plane = 0; plane < b->planned && b->serial != live->serial; plane++) {
         memset(b->changed, 0, (size_t)b->cols * (size_t)b->rows);
         picture_mark_changes(b->changed, live, &b->plan[plane], b->serial);
         make_stale(b, plane, b->changed);
     }
     b->serial = live->serial;
+    for (int i = 0; i < b->cols * b->rows; i++) {
+        holes += b->cell[i].holes > 0;
+        stale += b->cell[i].holes && b->cell[i].stale;
+    }
+    b->swaying = 2 * stale > holes;
 }
 
 bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
@@ -243,34 +267,67 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
                 continue;
             b->cell[i].stale = 0;
             b->cell[i].score = score(b, &b->agreed, i);
+            b->cell[i].calm = (uint8_t)sst_min_int(b->cell[i].calm + 1, CALM);
         }
     }
     for (int i = 0; i < b->cols * b->rows; i++) {
         if (!b->cell[i].stale)
             continue;
         hide_cell(b, i);
-        b->cell[i].stale = (uint8_t)sst_min_int(b->cell[i].stale + 1, MOST_TURNS);
+        b->cell[i].stale = (uint8_t)sst_min_int(b->cell[i].stale + 1, CALM_TIMES * MOST_TURNS);
     }
     return !err;
+}
+
+/* What the picture shows in a cell: has it changed? */
+static bool has_changed(const struct picture_behind *b, const struct picture_memory *m, int at)
+{
+    const int across = SST_RENDER_CELL_WIDTH / SST_RENDER_CELL_HEIGHT, x0 = at % b->cols * across;
+    const int x1 = sst_min_int(x0 + across, m->cols[CELL_LEVEL]);
+    const struct picture_votes *v = m->level[CELL_LEVEL] + (size_t)(at / b->cols) * (size_t)m->cols[CELL_LEVEL];
+    int same = 0, changed = 0;
+
+    for (int x = x0; x < x1; x++) {
+        same += v[x].same;
+        changed += v[x].changed;
+    }
+    return changed >= CHANGED_PX && changed > CHANGED * (same + changed);
+}
+
+/* What has changed wakes its cell and those around it. */
+static void wake_changed(struct picture_behind *b, const struct picture_memory *m)
+{
+    for (int i = 0; i < b->cols * b->rows; i++) {
+        const int col = i % b->cols, row = i / b->cols;
+
+        if (!has_changed(b, m, i))
+            continue;
+        for (int y = sst_max_int(row - 1, 0); y <= sst_min_int(row + 1, b->rows - 1); y++) {
+            for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++)
+                b->cell[y * b->cols + x].calm = 0;
+        }
+    }
 }
 
 /* The plane that a cell is tried on in this round; -1: none. */
 static int candidate(const struct picture_behind *b, int at)
 {
-    const int run = run_of(b, at), plane = b->cell[at].plane;
+    const int run = run_of(b, at), plane = b->cell[at].plane, turns = EXPLORE * turns_of(b, at);
 
     if (!b->cell[at].holes || b->cell[at].stale)
         return -1;
     if (b->round < START_ROUNDS)
         return (run + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
-    if ((run + b->round) % (EXPLORE * b->turns))
+    if ((run + b->round) % turns)
         return -1;
-    return (plane + (b->round / (EXPLORE * b->turns) % 2 ? 1 : b->planned - 1)) % b->planned;
+    return (plane + (b->round / turns % 2 ? 1 : b->planned - 1)) % b->planned;
 }
 
-void picture_behind_explore(struct picture_behind *b)
+void picture_behind_explore(struct picture_behind *b, const struct picture_memory *m)
 {
     int err = 0;
+
+    wake_changed(b, m);
 
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
@@ -280,7 +337,7 @@ void picture_behind_explore(struct picture_behind *b)
             const float found = b->wanted[i] ? score(b, &b->trial_agreed, i) : 0;
 
             if (found > (float)BETTER * b->cell[i].score)
-                b->cell[i] = (struct picture_cell){ b->cell[i].holes, (uint8_t)plane, 1, found };
+                b->cell[i] = (struct picture_cell){ .holes = b->cell[i].holes, .plane = (uint8_t)plane, .stale = 1, .score = found };
         }
     }
     b->round++;

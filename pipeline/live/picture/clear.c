@@ -123,7 +123,7 @@ static int merge(void *arg, struct sst_image *img, struct sst_map_u8 *weight)
     int err = picture_memory_merge(&c->memory, &in);
 
     if (!err && behind)
-        picture_behind_explore(&c->behind);
+        picture_behind_explore(&c->behind, &c->memory);
     return err;
 }
 

@@ -282,9 +282,15 @@ static bool is_removed(const struct picture_merge *in, const struct picture_pixe
            (in->removed && in->removed->data && sst_map_u8_row(in->removed, y)[x]);
 }
 
-static uint32_t lifetime_ms(const struct picture_pixel *p)
+/* What is seldom looked at is seldom seen again. */
+static uint32_t lifetime_ms(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
 {
-    return p->seen_ms - p->since_ms >= SETTLED_MS ? LONG_MS : MOVER_MS;
+    const struct picture_behind *b = in->behind;
+    const int at = b ? y / SST_RENDER_CELL_HEIGHT * b->cols + x / SST_RENDER_CELL_WIDTH : 0;
+
+    if (p->seen_ms - p->since_ms >= SETTLED_MS)
+        return LONG_MS;
+    return b ? MOVER_MS * (uint32_t)picture_behind_slowness(b, at) : MOVER_MS;
 }
 
 /* A pixel that is not seen: does it keep what it holds? */
@@ -295,7 +301,7 @@ static bool stays(const struct merge *g, struct picture_pixel *p, int x, int y)
     if (!g->dt_ms || !views_changed(g->in, p, x, y))
         return true;
     p->doubt_ms = (uint16_t)sst_min_int((int)(p->doubt_ms + g->dt_ms), UINT16_MAX);
-    return p->doubt_ms < lifetime_ms(p);
+    return p->doubt_ms < lifetime_ms(g->in, p, x, y);
 }
 
 /* Mix what a pixel holds into it, as far as it lacks weight. */

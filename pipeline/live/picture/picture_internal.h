@@ -28,10 +28,13 @@ void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const str
 
 #define PICTURE_PLANES 6
 
+struct picture_memory;
+
 struct picture_cell {
     uint16_t holes; /* pixels */
     uint8_t plane;
     uint8_t stale; /* its rays have changed since it was rendered: 1, and the sets since then, up to a limit */
+    uint8_t calm;  /* renderings in a row that showed what was known, up to a limit */
     float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
@@ -44,6 +47,7 @@ struct picture_behind {
     uint64_t counted, present_serial;
     int round, turns;         /* sets so far; in which all stale cells are rendered */
     int64_t t_ns, step_ns;    /* of the last set; mean time between sets */
+    bool swaying;             /* the rays of most cells with holes have changed */
     uint64_t serial;          /* of the light field when stale cells were marked */
     struct sst_image image;   /* empty until the first picture */
     struct sst_map_u8 agreed; /* as of struct sst_render_plan; 0 in cells that are not shown */
@@ -65,8 +69,10 @@ void picture_behind_fini(struct picture_behind *b);
  */
 bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
                            double cut_px);
-/** Try some cells on other planes, for the next picture. */
-void picture_behind_explore(struct picture_behind *b);
+/** How many times as seldom as others a cell is rendered, since nothing changes behind leaves that move: 1 or more. */
+int picture_behind_slowness(const struct picture_behind *b, int at);
+/** After the merge: note where what is seen stays, and try some cells on other planes, for the next picture. */
+void picture_behind_explore(struct picture_behind *b, const struct picture_memory *m);
 
 /* --- memory.c: what the clear picture saw a moment ago ------------------------------------------------------------ */
 
