@@ -26,9 +26,10 @@ struct key {
     int view[SST_MAX_VIEWS];
 };
 
-/* Smallest and largest stored disparity that lands; none if first > last. */
+/* Smallest and largest stored disparity that lands; none if first > last. Not measured: any. */
 struct span {
     uint16_t first, last;
+    bool measured;
 };
 
 struct landed {
@@ -132,7 +133,13 @@ static struct span span_of(const struct clear *c, const struct clear_view *v, st
 
     c->kernels->disp_span(most, sst_map_u16_row(&v->tap->v->disp, r.y0) + r.x0, v->tap->v->disp.stride, end,
                           (size_t)(r.x1 - r.x0), (size_t)(r.y1 - r.y0));
-    return most[0] < end ? (struct span){ most[0], most[1] } : (struct span){ 1, 0 };
+    return most[0] < end ? (struct span){ most[0], most[1], true } : (struct span){ 1, 0, true };
+}
+
+/* Where most tiles change, their spans are measured when a later picture needs them. */
+static struct span any_span(const struct clear *c)
+{
+    return (struct span){ 0, (uint16_t)sst_clamp_int(sst_min_int(c->bins - 1, c->cut_q6), 0, SST_DISP_NONE - 1), false };
 }
 
 /* Where the rays of a rectangle may land; empty: nowhere in the picture. */
@@ -189,29 +196,45 @@ static bool any_around(const struct landed *l, const uint64_t *stamp, int tile)
     return false;
 }
 
-/* Find the cells that the changed tiles of a view may reach, before and now. @return any */
-static bool find_dirty(const struct clear *c, int index, const uint64_t *stamp, uint8_t *dirty)
+static int count_changed(const struct landed *l, const uint64_t *stamp)
+{
+    int n = 0;
+
+    for (int t = 0; t < l->tile_cols * l->tile_rows; t++)
+        n += stamp[t] > l->serial;
+    return n;
+}
+
+/* Most tiles of a view have changed: all of it is landed again, and may be anywhere. */
+static void land_changed(const struct clear *c, int index, uint8_t *dirty, struct scratch *s)
+{
+    const struct landed *l = c->landed;
+    const int tiles = l->tile_cols * l->tile_rows;
+
+    memset(dirty, 1, (size_t)l->cols * (size_t)l->rows);
+    for (int t = 0; t < tiles; t++)
+        l->span[(size_t)index * (size_t)tiles + (size_t)t] = any_span(c);
+    land_whole(c, &c->view[index], s);
+}
+
+/* Find the cells that the changed tiles of a view may reach, before and now. */
+static void find_dirty(const struct clear *c, int index, const uint64_t *stamp, uint8_t *dirty)
 {
     const struct landed *l = c->landed;
     const struct clear_view *v = &c->view[index];
     const int tiles = l->tile_cols * l->tile_rows, margin = reach(c);
     struct span *span = l->span + (size_t)index * (size_t)tiles;
-    bool any = false;
 
-    memset(dirty, 0, (size_t)l->cols * (size_t)l->rows);
     for (int t = 0; t < tiles; t++) {
         if (stamp[t] > l->serial)
             mark(l, dirty, reached(c, v, rect_of(c, l, t, margin), span[t]));
     }
     for (int t = 0; t < tiles; t++) {
-        if (!any_around(l, stamp, t))
-            continue;
-        any = true;
-        span[t] = span_of(c, v, rect_of(c, l, t, margin));
+        if (any_around(l, stamp, t) || !span[t].measured)
+            span[t] = span_of(c, v, rect_of(c, l, t, margin));
         if (stamp[t] > l->serial)
             mark(l, dirty, reached(c, v, rect_of(c, l, t, margin), span[t]));
     }
-    return any;
 }
 
 static void empty_cells(const struct clear *c, const struct clear_view *v, const uint8_t *dirty)
@@ -238,12 +261,20 @@ static int update_view(void *arg, int index, int worker)
     const struct clear_view *v = &c->view[index];
     const int tiles = l->tile_cols * l->tile_rows;
     const struct span *span = l->span + (size_t)index * (size_t)tiles;
+    const uint64_t *stamp = c->cfg->merge->kept->stamp[v->tap->view];
     uint8_t *dirty = l->dirty + (size_t)index * (size_t)l->cols * (size_t)l->rows;
     uint8_t *wanted = l->wanted + (size_t)index * (size_t)tiles;
+    const int changed = count_changed(l, stamp);
     int count = 0;
 
-    if (!find_dirty(c, index, c->cfg->merge->kept->stamp[v->tap->view], dirty))
+    memset(dirty, 0, (size_t)l->cols * (size_t)l->rows);
+    if (!changed)
         return 0;
+    if (changed > WHOLE * tiles) {
+        land_changed(c, index, dirty, &c->scratch[worker]);
+        return 0;
+    }
+    find_dirty(c, index, stamp, dirty);
     for (int t = 0; t < tiles; t++)
         count += wanted[t] = meets(l, dirty, reached(c, v, rect_of(c, l, t, 0), span[t]));
     if (count > WHOLE * tiles) {
