@@ -139,7 +139,8 @@ static struct span span_of(const struct clear *c, const struct clear_view *v, st
 /* Where most tiles change, their spans are measured when a later picture needs them. */
 static struct span any_span(const struct clear *c)
 {
-    return (struct span){ 0, (uint16_t)sst_clamp_int(sst_min_int(c->bins - 1, c->cut_q6), 0, SST_DISP_NONE - 1), false };
+    return (struct span){ 0, (uint16_t)sst_clamp_int(sst_min_int(c->bins - 1, c->cut_q6), 0, SST_DISP_NONE - 1),
+                          false };
 }
 
 /* Where the rays of a rectangle may land; empty: nowhere in the picture. */
