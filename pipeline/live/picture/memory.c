@@ -236,7 +236,7 @@ static struct picture_votes votes_around(const struct picture_memory *m, int lev
     return sum;
 }
 
-/* Have most of the nearest pixels that are seen now just changed? */
+/* Have most of the nearest pixels that are seen now just changed? The same for all pixels of a finest cell. */
 static bool changed_around(const struct picture_memory *m, int x, int y)
 {
     for (int level = 0; level < PICTURE_VOTE_LEVELS; level++) {
@@ -293,10 +293,10 @@ static uint32_t lifetime_ms(const struct picture_merge *in, const struct picture
     return b ? MOVER_MS * (uint32_t)picture_behind_slowness(b, at) : MOVER_MS;
 }
 
-/* A pixel that is not seen: does it keep what it holds? */
+/* A pixel that is not seen, and nothing has changed around it: does it keep what it holds? */
 static bool stays(const struct merge *g, struct picture_pixel *p, int x, int y)
 {
-    if (is_removed(g->in, p, x, y) || changed_around(g->m, x, y))
+    if (is_removed(g->in, p, x, y))
         return false;
     if (!g->dt_ms || !views_changed(g->in, p, x, y))
         return true;
@@ -317,25 +317,30 @@ static void show(const struct picture_merge *in, const struct picture_pixel *p, 
     *weight = 255;
 }
 
-static int remember_band(void *arg, int index, int worker SST_UNUSED)
+/* The pixels of a finest cell that are not seen. */
+static void remember_cell(const struct merge *g, int x0, int y0)
 {
-    const struct merge *g = arg;
+    enum { UNKNOWN, STAYED, CHANGED } around = UNKNOWN;
     const struct picture_merge *in = g->in;
+    const int x1 = sst_min_int(x0 + (1 << CELL_SHIFT), g->m->width), y1 = sst_min_int(y0 + BAND, g->m->height);
 
-    for (int y = index * BAND; y < sst_min_int((index + 1) * BAND, g->m->height); y++) {
+    for (int y = y0; y < y1; y++) {
         struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
+        const uint16_t *surface = sst_map_u16_row(in->surface, y);
         const uint8_t *weight = sst_map_u8_row(in->weight, y);
         uint8_t *kind = sst_map_u8_row(in->kind, y);
 
-        for (int x = 0; x < g->m->width; x++) {
-            if (weight[x] >= PICTURE_SEEN_WEIGHT && sst_map_u16_row(in->surface, y)[x] != SST_DISP_NONE) {
+        for (int x = x0; x < x1; x++) {
+            if (weight[x] >= PICTURE_SEEN_WEIGHT && surface[x] != SST_DISP_NONE) {
                 kind[x] = PICTURE_SEEN;
                 continue;
             }
             kind[x] = PICTURE_FILLED;
             if (pixel[x].disp == SST_DISP_NONE)
                 continue;
-            if (!stays(g, &pixel[x], x, y)) {
+            if (around == UNKNOWN)
+                around = changed_around(g->m, x, y) ? CHANGED : STAYED;
+            if (around == CHANGED || !stays(g, &pixel[x], x, y)) {
                 pixel[x] = nothing;
             } else {
                 kind[x] = PICTURE_REMEMBERED;
@@ -343,6 +348,14 @@ static int remember_band(void *arg, int index, int worker SST_UNUSED)
             }
         }
     }
+}
+
+static int remember_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct merge *g = arg;
+
+    for (int x = 0; x < g->m->width; x += 1 << CELL_SHIFT)
+        remember_cell(g, x, index * BAND);
     return 0;
 }
 

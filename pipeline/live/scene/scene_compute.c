@@ -14,6 +14,9 @@
 #define LABEL_SETS 4
 /* ... and not more often than after this time. */
 #define LABEL_NS 350000000
+/* ... and where most of the reference moves, as leaves in the wind do, not more often than after this time, whatever
+ * appears: pieces of leaves do in every set. */
+#define LABEL_MOST_NS 1000000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
 /* With S3, one set in this number is searched wholly, and what the narrower search would have missed is counted. */
@@ -177,12 +180,16 @@ static bool label_due(struct sst_livescene *s, int changed)
 {
     if (!s->segmenters || !s->cfg->skip_labels || !changed || LABEL_TILES * changed < s->tiles)
         return false;
-    if (s->label_wait > 1 && s->labelled.data && !s->whole_next && s->ready) {
-        s->label_wait--;
-        return false;
+    if (s->labelled.data && !s->whole_next && s->ready) {
+        const int64_t since_ns = s->t_ns - s->label_t_ns;
+
+        if (s->label_wait > 1) {
+            s->label_wait--;
+            return false;
+        }
+        if ((s->label_wait == 1 && since_ns < LABEL_NS) || (2 * changed > s->tiles && since_ns < LABEL_MOST_NS))
+            return false;
     }
-    if (s->label_wait == 1 && s->labelled.data && !s->whole_next && s->ready && s->t_ns - s->label_t_ns < LABEL_NS)
-        return false;
     s->label_wait = LABEL_SETS;
     s->label_t_ns = s->t_ns;
     return true;
