@@ -8,7 +8,7 @@ struct KERNEL(enlarge_lanes) {
 };
 
 /* Load cells x .. x+n-1 of a row, and their colour distance to the pixels. */
-static inline void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict to, const struct sst_enlarge *e, int row,
+static inline __attribute__((always_inline)) void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict to, const struct sst_enlarge *e, int row,
                                         long x, const uint16_t *restrict green, long n)
 {
     const uint16_t *restrict disp = e->disp[row] + x, *restrict green4 = e->green4[row] + x;
@@ -24,7 +24,7 @@ static inline void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict t
 
 /* Select a cell if it belongs to another surface than the pixel's own cell and its colour is nearer than the current
  * selection. */
-static inline void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict best,
+static inline __attribute__((always_inline)) void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict best,
                                           const struct KERNEL(enlarge_lanes) *restrict own,
                                           const struct KERNEL(enlarge_lanes) *restrict cell, uint16_t step)
 {
@@ -42,7 +42,7 @@ static inline void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict
 }
 
 /* The pixels of n cells from x on, n at most ENLARGE_BLOCK, on their left (side -1) or right (1). */
-static inline void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best, const struct sst_enlarge *e,
+static inline __attribute__((always_inline)) void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best, const struct sst_enlarge *e,
                                         long x, long side, long n)
 {
     const uint8_t *restrict pixel = e->green + 2 * x + (side > 0);
@@ -62,25 +62,32 @@ static inline void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict b
     KERNEL(enlarge_choose)(best, &own, &cell, step);
 }
 
+/* Inlined with a constant count, so that lanes stay in registers. */
+static inline __attribute__((always_inline)) void KERNEL(enlarge_cells)(uint16_t *restrict d, uint8_t *restrict l,
+                                                                        const struct sst_enlarge *e, long x, long count)
+{
+    struct KERNEL(enlarge_lanes) side[2];
+
+    KERNEL(enlarge_side)(&side[0], e, x, -1, count);
+    KERNEL(enlarge_side)(&side[1], e, x, 1, count);
+    for (long i = 0; i < count; i++) {
+        d[2 * i] = side[0].disp[i];
+        d[2 * i + 1] = side[1].disp[i];
+    }
+    for (long i = 0; i < count; i++) {
+        l[2 * i] = (uint8_t)side[0].label[i];
+        l[2 * i + 1] = (uint8_t)side[1].label[i];
+    }
+}
+
 static void KERNEL(enlarge_row)(uint16_t *disp, uint8_t *label, const struct sst_enlarge *e, size_t n)
 {
-    for (long x = 0; x < (long)n; x += ENLARGE_BLOCK) {
-        const long left = (long)n - x, count = left < ENLARGE_BLOCK ? left : ENLARGE_BLOCK;
-        uint16_t *restrict d = disp + 2 * x;
-        uint8_t *restrict l = label + 2 * x;
-        struct KERNEL(enlarge_lanes) side[2];
+    long x = 0;
 
-        KERNEL(enlarge_side)(&side[0], e, x, -1, count);
-        KERNEL(enlarge_side)(&side[1], e, x, 1, count);
-        for (long i = 0; i < count; i++) {
-            d[2 * i] = side[0].disp[i];
-            d[2 * i + 1] = side[1].disp[i];
-        }
-        for (long i = 0; i < count; i++) {
-            l[2 * i] = (uint8_t)side[0].label[i];
-            l[2 * i + 1] = (uint8_t)side[1].label[i];
-        }
-    }
+    for (; (long)n - x >= ENLARGE_BLOCK; x += ENLARGE_BLOCK)
+        KERNEL(enlarge_cells)(disp + 2 * x, label + 2 * x, e, x, ENLARGE_BLOCK);
+    if (x < (long)n)
+        KERNEL(enlarge_cells)(disp + 2 * x, label + 2 * x, e, x, (long)n - x);
 }
 
 #undef ENLARGE_BLOCK

@@ -5,7 +5,7 @@
  *
  * A cell is rendered when its rays have changed: a third of them in a set, all within three, and of more than six sets
  * a second fewer, all within half a second. Until then nothing is seen there, and the memory shows what was. Where
- * leaves move and what they hide does not, that is enough half as often. */
+ * leaves move and what they hide does not, that is enough a third as often. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -18,9 +18,9 @@
 #define TURNS        3         /* a cell whose rays changed is rendered within this number of sets, ... */
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
-#define CALM         3 /* renderings in a row that show what was known: the cell has half as many turns, ... */
-#define CALM_TIMES   2
-#define CHANGED      0.1 /* ... until this fraction of what is seen in it, or beside it, has changed */
+#define CALM         3 /* renderings in a row that show what was known: the cell has a third of the turns, ... */
+#define CALM_TIMES   3
+#define CHANGED      0.25 /* ... until this fraction of what is seen in it, or beside it, has changed */
 #define CHANGED_PX   8   /* and at least this number of pixels */
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
 #define CELL_LEVEL   1 /* of votes: their cells are as high as those here */
