@@ -8,8 +8,9 @@ struct KERNEL(enlarge_lanes) {
 };
 
 /* Load cells x .. x+n-1 of a row, and their colour distance to the pixels. */
-static inline __attribute__((always_inline)) void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict to, const struct sst_enlarge *e, int row,
-                                        long x, const uint16_t *restrict green, long n)
+static inline __attribute__((always_inline)) void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict to,
+                                                                       const struct sst_enlarge *e, int row, long x,
+                                                                       const uint16_t *restrict green, long n)
 {
     const uint16_t *restrict disp = e->disp[row] + x, *restrict green4 = e->green4[row] + x;
     const uint8_t *restrict label = e->label[row] + x;
@@ -24,9 +25,9 @@ static inline __attribute__((always_inline)) void KERNEL(enlarge_load)(struct KE
 
 /* Select a cell if it belongs to another surface than the pixel's own cell and its colour is nearer than the current
  * selection. */
-static inline __attribute__((always_inline)) void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict best,
-                                          const struct KERNEL(enlarge_lanes) *restrict own,
-                                          const struct KERNEL(enlarge_lanes) *restrict cell, uint16_t step)
+static inline __attribute__((always_inline)) void
+KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict best, const struct KERNEL(enlarge_lanes) *restrict own,
+                       const struct KERNEL(enlarge_lanes) *restrict cell, uint16_t step)
 {
     for (int i = 0; i < ENLARGE_BLOCK; i++) {
         const uint16_t d = cell->disp[i], o = own->disp[i];
@@ -42,8 +43,9 @@ static inline __attribute__((always_inline)) void KERNEL(enlarge_choose)(struct 
 }
 
 /* The pixels of n cells from x on, n at most ENLARGE_BLOCK, on their left (side -1) or right (1). */
-static inline __attribute__((always_inline)) void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best, const struct sst_enlarge *e,
-                                        long x, long side, long n)
+static inline __attribute__((always_inline)) void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best,
+                                                                       const struct sst_enlarge *e, long x, long side,
+                                                                       long n)
 {
     const uint8_t *restrict pixel = e->green + 2 * x + (side > 0);
     const uint16_t step = (uint16_t)e->step_q6;

@@ -21,7 +21,7 @@
 #define CALM         3 /* renderings in a row that show what was known: the cell has a third of the turns, ... */
 #define CALM_TIMES   3
 #define CHANGED      0.25 /* ... until this fraction of what is seen in it, or beside it, has changed */
-#define CHANGED_PX   8   /* and at least this number of pixels */
+#define CHANGED_PX   8    /* and at least this number of pixels */
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
 #define CELL_LEVEL   1 /* of votes: their cells are as high as those here */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
