@@ -94,7 +94,25 @@ struct outcome {
     double changed; /* share of tiles computed anew after the first set */
     int whole;      /* sets computed whole after the first */
     int idle;       /* sets without a change */
+    int watched;    /* tiles that changed in one view of WATCHED sets after these, seen by no viewer */
 };
+
+#define WATCHED 8
+
+static void expose(struct sst_live_input *in, struct sst_sim_world *w, const struct keeper *of, int n, uint8_t *frames)
+{
+    *in = (struct sst_live_input){ .set = (uint64_t)n, .t_ns = 1000000000 + (int64_t)n * STEP_NS };
+    for (int k = 0; k < sst_sim_world_cameras(w); k++) {
+        const struct sst_sim_exposure e = {
+            .cam = k, .trigger = (uint64_t)n, .t_ns = in->t_ns, .exposure_us = sst_sim_world_exposure_us(w), .gain = 1
+        };
+
+        in->frame[k].data = frames + (size_t)k * FRAME_ROOM;
+        assert_int_equal(sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, of->cfg.width, of->cfg.height,
+                                             frames + (size_t)k * FRAME_ROOM, FRAME_ROOM, &in->frame[k].bytes),
+                         0);
+    }
+}
 
 static struct outcome run(const char *text, int sets)
 {
@@ -106,20 +124,9 @@ static struct outcome run(const char *text, int sets)
     open_keeper(&skip, w, true);
     open_keeper(&exact, w, false);
     for (int n = 0; n < sets; n++) {
-        struct sst_live_input in = { .set = (uint64_t)n, .t_ns = 1000000000 + (int64_t)n * STEP_NS };
+        struct sst_live_input in;
 
-        for (int k = 0; k < sst_sim_world_cameras(w); k++) {
-            const struct sst_sim_exposure e = { .cam = k,
-                                                .trigger = (uint64_t)n,
-                                                .t_ns = in.t_ns,
-                                                .exposure_us = sst_sim_world_exposure_us(w),
-                                                .gain = 1 };
-
-            in.frame[k].data = frames + (size_t)k * FRAME_ROOM;
-            assert_int_equal(sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, skip.cfg.width, skip.cfg.height,
-                                                 frames + (size_t)k * FRAME_ROOM, FRAME_ROOM, &in.frame[k].bytes),
-                             0);
-        }
+        expose(&in, w, &skip, n, frames);
         assert_int_equal(sst_liveframes_update(skip.frames, &in, &skip.changes, &skip.report), 0);
         assert_int_equal(sst_liveframes_update(exact.frames, &in, &exact.changes, &exact.report), 0);
         out.worst = fmax(out.worst, worst_difference(&skip, &exact));
@@ -127,6 +134,14 @@ static struct outcome run(const char *text, int sets)
         out.idle += !skip.changes.changed;
         if (n)
             out.changed += (double)skip.changes.changed / (double)skip.report.tiles / (sets - 1);
+    }
+    for (int n = sets; n < sets + WATCHED; n++) {
+        struct sst_live_input in;
+
+        expose(&in, w, &skip, n, frames);
+        assert_int_equal(sst_liveframes_watch(skip.frames, &in, 5, &skip.changes), 0);
+        for (int t = 0; t < skip.changes.cols * skip.changes.rows; t++)
+            out.watched += skip.changes.map[5][t];
     }
     print_message("worst tile %.2f levels, %.1f %% of the tiles, %d of %d sets whole\n", out.worst, 100 * out.changed,
                   out.whole, sets);
@@ -147,6 +162,7 @@ static void somebody_walks_by(void **state)
     (void)state;
     assert_true(o.worst < SST_DETECTOR_BUDGET);
     assert_true(o.changed > 0.02 && o.changed < 0.4);
+    assert_true(o.watched > WATCHED);
 }
 
 /* Two pictures of the same differ by their noise: what is kept may differ by that and the budget. */
@@ -182,6 +198,7 @@ static void text_in_frames_is_read_now_and_then(void **state)
     (void)state;
     print_message("%d sets without a change\n", o.idle);
     assert_in_range(o.idle, 15, 24);
+    assert_int_equal(o.watched, 0);
 }
 
 static int remove_all(void **state)

@@ -393,6 +393,8 @@ int sst_liveframes_watch(struct sst_liveframes *f, const struct sst_live_input *
     detector_accept(&w->detector, w->dirty);
     if (first)
         return 0;
+    if (!v.whole)
+        (void)frames_burnt_leave(&f->burnt, w->dirty);
     frames_mark(f, view, w->dirty, changes->map[view]);
     changes->whole = v.whole;
     return 0;
