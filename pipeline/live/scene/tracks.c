@@ -33,9 +33,8 @@
 #define LOST_NS     INT64_C(1000000000)
 #define COVERED_NS  INT64_C(6000000000)
 #define STILL_NS    INT64_C(600000000000) /* without motion: part of the scene */
-#define PAUSE_NS                                                                                                       \
-    1e9 /* after a longer gap, of PAUSE_SETS intervals at least, the displacement is measured from the next piece on   \
-         */
+/* After a longer gap, of PAUSE_SETS intervals at least, the displacement is measured from the next piece on. */
+#define PAUSE_NS         1e9
 #define PAUSE_SETS       2.5
 #define MOVING_SETS      3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
 #define MOVING_NS        INT64_C(300000000)
@@ -46,9 +45,9 @@
 #define RARE_NS          5e8
 #define UNKNOWN_SETS     6
 #define UNKNOWN_SHARE    0.01 /* of the picture, at least */
-#define SMALL_SHARE                                                                                                    \
-    0.002 /* of the picture: what is smaller may be a twig, and needs its label in this number of sets, */
-#define SMALL_SETS       4 /* and this share of them */
+/* What takes less of the picture may be a twig, and needs its label in this number of sets and this share of them. */
+#define SMALL_SHARE      0.002
+#define SMALL_SETS       4
 #define SMALL_LABEL      0.5
 #define MOVED_CELLS      6.0
 #define MOVED_Q6         160.0 /* or nearer or farther by this */

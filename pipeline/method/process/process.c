@@ -13,8 +13,8 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SHOWN_LEAST       0.995 /* of all views' pixels: labelled views must show so many, unless maps were carried */
-#define LABELLED_LEAST    5    /* views, where there are so many */
+#define SHOWN_LEAST       0.995 /* share of all views' pixels that labelled views must show, unless maps were carried */
+#define LABELLED_LEAST    5     /* views, or all of fewer */
 #define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
 #define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
 #define JITTER_PX         6.0 /* pairs that are off by less are corrected, not judged */

@@ -7,9 +7,7 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES    SST_REFINE_VOTERS /* nearest views that vote beside the view itself */
-#define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
-#define SIMILAR    24      /* levels: views vote where their colours differ by at most this in every channel */
+#define SOURCES SST_REFINE_VOTERS /* nearest views that vote beside the view itself */
 
 struct vote {
     const struct sst_lightfield *lf;
@@ -61,16 +59,9 @@ static uint8_t vote_of(const struct vote *v, const struct sst_refine_voter *vote
                        int y, int d)
 {
     const struct sst_view *there = &v->lf->views[voter->view];
-    const int xs = sst_shifted(x, voter->across, d), ys = sst_shifted(y, voter->down, d);
+    const struct process_place at = process_place_in(voter, x, y, d);
 
-    if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height ||
-        abs(sst_map_u16_row(&there->disp, ys)[xs] - d) > SAME_Q6)
-        return SST_LABEL_NONE;
-    for (int c = 0; c < 3; c++) {
-        if (abs(sst_image_row(&own->image, c, y)[x] - sst_image_row(&there->image, c, ys)[xs]) > SIMILAR)
-            return SST_LABEL_NONE;
-    }
-    return sst_map_u8_row(&there->label, ys)[xs];
+    return process_shows(there, own, x, y, d, at) ? sst_map_u8_row(&there->label, at.y)[at.x] : SST_LABEL_NONE;
 }
 
 /* The label with most votes; the own one where it has as many as another, then that of the nearer voter. */

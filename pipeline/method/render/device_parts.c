@@ -96,7 +96,7 @@ static uint64_t bytes_of(const struct needs *n)
            (uint64_t)n->pixels * 8 + n->levels + n->state + SST_GPU_CLEAR_VIEWS * sizeof(struct sst_gpu_clear_view);
 }
 
-/* The most rows of a band that fit in so many bytes; 0: none. */
+/* The most rows of a band that fit in this number of bytes; 0: none. */
 static int fit(const struct render_device *d, const struct device_clear *c, const struct bands *b, uint64_t bytes)
 {
     const uint64_t buffer = sst_gpu_get_info(d->gpu)->buffer_bytes;
