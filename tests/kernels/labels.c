@@ -216,7 +216,7 @@ static void check_shown(const struct sst_kernels *k, size_t n)
     s = (struct sst_shown){ rays, SHOWN_W, SHOWN_H, { -32768, 32768 }, { 65535, 65535 }, { 32768, -32768 },
                             2,    0xFFFF,  255 }; /* the largest numbers */
     for (size_t i = 0; i < n; i++)
-        own[i] |= (uint64_t)0xFFFE << SST_RAY_DISP;
+        own[i] = (own[i] & ~((uint64_t)0xFFFF << SST_RAY_DISP)) | (uint64_t)0xFFFE << SST_RAY_DISP;
     sst_shown_row_ref(want, want_label, &s, own, n);
     k->shown_row(got, got_label, &s, own, n);
     assert_memory_equal(got, want, n * sizeof(*got));
