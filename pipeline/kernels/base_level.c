@@ -3,6 +3,7 @@
 #include <arm_neon.h>
 #endif
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"

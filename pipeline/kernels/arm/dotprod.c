@@ -2,6 +2,7 @@
  */
 #if defined(__aarch64__)
 #include <arm_neon.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"
