@@ -1,4 +1,5 @@
-/* pipeline/kernels/kernels.h - table of kernels, filled with the best variant for this CPU. */
+/* pipeline/kernels/kernels.h - table of kernels, filled with the best variant for this CPU. It is long because the
+ * contracts of all kernels stand here, one beside the other. */
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 

@@ -89,9 +89,8 @@ static size_t least_pixels(const struct render_device *d, const struct device_ba
     return least;
 }
 
-/* A buffer for rows of all views: as many pixels as a quarter of the memory holds; where that is little, so many that
- * half of the rows are not needed again by the next part of the picture, or as many as there are. One view has to fit
- * beside it.
+/* A buffer for rows of all views: a quarter of the free memory, or twice the rows that one part of the picture needs if
+ * that is more, so that at most half of them are uploaded again for the next part. One view has to fit beside it.
  * @return -ENOMEM: views are in the way; -EOVERFLOW: there is no room */
 static int make_near(struct render_device *d, const struct device_batch *b)
 {
