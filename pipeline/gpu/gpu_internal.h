@@ -339,6 +339,11 @@ SST_MUST_CHECK int gpu_vulkan_open(struct sst_gpu **out, int index);
     X(vkCmdBindDescriptorSets)                                                                                         \
     X(vkCmdPushConstants)                                                                                              \
     X(vkCmdDispatch)                                                                                                   \
+    X(vkCreateQueryPool)                                                                                               \
+    X(vkDestroyQueryPool)                                                                                              \
+    X(vkCmdResetQueryPool)                                                                                             \
+    X(vkCmdWriteTimestamp)                                                                                             \
+    X(vkGetQueryPoolResults)                                                                                           \
     X(vkQueueSubmit)                                                                                                   \
     X(vkCreateFence)                                                                                                   \
     X(vkDestroyFence)                                                                                                  \
@@ -431,6 +436,17 @@ struct gpu_vulkan_pipeline {
     VkPipeline pipeline;
 };
 
+#define GPU_VULKAN_SETS 64 /* dispatches that are gathered at most */
+
+/** What shaders took; without a pool nothing is measured. */
+struct gpu_vulkan_times {
+    VkQueryPool pool;
+    double ns_per_tick;
+    enum sst_gpu_shader shader[GPU_VULKAN_SETS]; /* of the dispatches that are gathered */
+    double ms[SST_GPU_SHADERS], all_ms;
+    uint32_t dispatches[SST_GPU_SHADERS], submits;
+};
+
 /** A Vulkan device that is open. */
 struct gpu_vulkan_device {
     struct sst_gpu gpu; /* first */
@@ -454,6 +470,7 @@ struct gpu_vulkan_device {
     uint64_t cache_key;
     size_t cache_bytes; /* that were read */
     struct gpu_vulkan_pipeline pipeline[SST_GPU_SHADERS];
+    struct gpu_vulkan_times times;
 };
 
 static inline int gpu_vulkan_error(VkResult rc)
@@ -473,6 +490,17 @@ static inline int gpu_vulkan_error(VkResult rc)
         return -EIO;
     }
 }
+
+/* With SST_GPU_TIMES=1 in the environment: queries of what shaders take, around gathered commands, and of one dispatch.
+ * They cost about 2 us a dispatch. */
+SST_MUST_CHECK int gpu_vulkan_open_times(struct gpu_vulkan_device *v);
+void gpu_vulkan_time_begin(struct gpu_vulkan_device *v);
+void gpu_vulkan_time_end(struct gpu_vulkan_device *v);
+void gpu_vulkan_time_dispatch(struct gpu_vulkan_device *v, enum sst_gpu_shader shader, bool after);
+/** Add up what was done. */
+void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int dispatches);
+/** Log it. */
+void gpu_vulkan_close_times(struct gpu_vulkan_device *v);
 
 /** Compile a shader, as struct gpu_ops has it; its self-test follows. @return 0, -ENOMEM, -EIO, -ENODEV */
 int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number);

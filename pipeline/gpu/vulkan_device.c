@@ -13,7 +13,6 @@
 #include "base/log.h"
 
 #define STAGING_BYTES ((size_t)32 << 20)
-#define SETS          64 /* dispatches that are gathered at most */
 
 struct vulkan_buffer {
     struct sst_gpu_buffer buffer; /* first */
@@ -100,6 +99,7 @@ static int begin(struct gpu_vulkan_device *v)
         if (rc)
             return gpu_vulkan_error(rc);
         v->recording = true;
+        gpu_vulkan_time_begin(v);
     }
     v->vk->vkCmdPipelineBarrier(v->command, stages, stages, 0, 1, &barrier, 0, NULL, 0, NULL);
     return 0;
@@ -114,6 +114,7 @@ static int flush(struct gpu_vulkan_device *v)
     const VkSubmitInfo submit = { .sType = VK_STRUCTURE_TYPE_SUBMIT_INFO,
                                   .commandBufferCount = 1,
                                   .pCommandBuffers = &v->command };
+    const int dispatches = v->sets;
     VkResult rc;
 
     if (!v->recording)
@@ -123,6 +124,7 @@ static int flush(struct gpu_vulkan_device *v)
     v->sets = 0;
     v->vk->vkCmdPipelineBarrier(v->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
                                 0, NULL, 0, NULL);
+    gpu_vulkan_time_end(v);
     rc = v->vk->vkEndCommandBuffer(v->command);
     if (!rc)
         rc = v->vk->vkQueueSubmit(v->queue, 1, &submit, v->fence);
@@ -130,6 +132,8 @@ static int flush(struct gpu_vulkan_device *v)
         rc = v->vk->vkWaitForFences(v->device, 1, &v->fence, VK_TRUE, (uint64_t)v->gpu.cfg.timeout_ms * 1000000);
         v->hung = rc == VK_TIMEOUT;
     }
+    if (!rc)
+        gpu_vulkan_time_done(v, dispatches);
     if (!rc)
         rc = v->vk->vkResetFences(v->device, 1, &v->fence);
     if (!rc)
@@ -238,7 +242,7 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     VkDescriptorSet set;
-    int err = v->sets < SETS ? 0 : flush(v);
+    int err = v->sets < GPU_VULKAN_SETS ? 0 : flush(v);
 
     if (!err)
         err = begin(v);
@@ -247,11 +251,13 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     if (err)
         return err;
     v->sets++;
+    gpu_vulkan_time_dispatch(v, work->shader, false);
     v->vk->vkCmdBindPipeline(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->pipeline);
     v->vk->vkCmdBindDescriptorSets(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->layout, 0, 1, &set, 0, NULL);
     v->vk->vkCmdPushConstants(v->command, p->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0,
                               (uint32_t)gpu_shaders[work->shader].push_bytes, work->push);
     v->vk->vkCmdDispatch(v->command, work->groups[0], work->groups[1], work->groups[2]);
+    gpu_vulkan_time_dispatch(v, work->shader, true);
     return 0;
 }
 
@@ -319,6 +325,7 @@ static void close_device(struct sst_gpu *g)
     }
     if (v->device) {
         gpu_vulkan_store_cache(v);
+        gpu_vulkan_close_times(v);
         for (int i = 0; i < SST_GPU_SHADERS; i++) {
             vk->vkDestroyPipeline(v->device, v->pipeline[i].pipeline, NULL);
             vk->vkDestroyPipelineLayout(v->device, v->pipeline[i].layout, NULL);
@@ -389,9 +396,9 @@ static int open_queue(struct gpu_vulkan_device *v)
 static int open_rest(struct gpu_vulkan_device *v)
 {
     const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
-    const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, SETS * SST_GPU_BUFFERS };
+    const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, GPU_VULKAN_SETS * SST_GPU_BUFFERS };
     const VkDescriptorPoolCreateInfo pool = {
-        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = SETS, .poolSizeCount = 1, .pPoolSizes = &size
+        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = GPU_VULKAN_SETS, .poolSizeCount = 1, .pPoolSizes = &size
     };
     int err = gpu_vulkan_error(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
 
@@ -399,6 +406,8 @@ static int open_rest(struct gpu_vulkan_device *v)
         err = gpu_vulkan_error(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->descriptors));
     if (!err)
         err = open_staging(v);
+    if (!err)
+        err = gpu_vulkan_open_times(v);
     return err ? err : gpu_vulkan_open_cache(v);
 }
 

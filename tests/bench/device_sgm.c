@@ -1,0 +1,122 @@
+/* Rate of the semi-global optimisation on a device: disparities a second along 4 and 8 paths, of one view with random costs.
+ * The best of some runs, one JSON object.
+ *
+ *   device_sgm DEVICE WIDTHxHEIGHT DISPARITIES */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "base/clock.h"
+#include "base/mem.h"
+#include "pipeline/gpu/match.h"
+
+#define RUNS 7
+
+struct bench {
+    struct sst_gpu *gpu;
+    struct sst_gpu_buffer *buffer[SST_GPU_SGM_BUFFERS];
+    int width, height, disparities;
+};
+
+static int create(struct bench *b, enum sst_gpu_sgm_buffer i, size_t bytes, bool random)
+{
+    uint32_t *words = sst_mem_alloc_raw((bytes + 3) / 4, sizeof(*words)), state = 1;
+    int err = words ? sst_gpu_buffer_create(b->gpu, &b->buffer[i], bytes) : -ENOMEM;
+
+    for (size_t k = 0; words && k < (bytes + 3) / 4; k++) {
+        state = state * 1664525U + 1013904223U;
+        words[k] = random ? state & 0x7F7F7F7FU : 10 | 120U << 16;
+    }
+    err = err ? err : sst_gpu_upload(b->gpu, b->buffer[i], 0, words, bytes);
+    sst_mem_free(words);
+    return err;
+}
+
+static int fill(struct bench *b)
+{
+    const size_t pixels = (size_t)b->width * (size_t)b->height, cells = pixels * (size_t)b->disparities;
+    const struct sst_gpu_tile tile = { .width = b->width,
+                                       .height = b->height,
+                                       .pitch = b->width,
+                                       .rows = b->height,
+                                       .steps = b->disparities,
+                                       .nd = b->disparities };
+    int err = create(b, SST_GPU_SGM_PIXELS, pixels * sizeof(uint32_t), true);
+
+    err = err ? err : create(b, SST_GPU_SGM_TABLE, 256 * sizeof(uint32_t), false);
+    err = err ? err : create(b, SST_GPU_SGM_COST, cells, true);
+    err = err ? err : create(b, SST_GPU_SGM_SUM, cells * sizeof(uint16_t), true);
+    err = err ? err : create(b, SST_GPU_SGM_STATE, sizeof(uint32_t), false);
+    err = err ? err : create(b, SST_GPU_SGM_TILES, sizeof(tile), false);
+    return err ? err : sst_gpu_upload(b->gpu, b->buffer[SST_GPU_SGM_TILES], 0, &tile, sizeof(tile));
+}
+
+/* @param direction  0 .. 7: those of 4 paths come first */
+static int follow(struct bench *b, int direction)
+{
+    static const int step[8][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 }, { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 } };
+    const struct sst_gpu_sgm push = { .width = b->width,
+                                      .bottom = b->height,
+                                      .tile_width = b->width,
+                                      .tile_height = b->height,
+                                      .columns = 1,
+                                      .dx = step[direction][0],
+                                      .dy = step[direction][1],
+                                      .first = !direction,
+                                      .load = -1,
+                                      .store = -1,
+                                      .all = (uint32_t)b->disparities };
+    struct sst_gpu_work work = { .shader = SST_GPU_SGM_PATH, .push = &push, .groups = { sst_gpu_sgm_paths(&push), 1, 1 } };
+
+    for (int i = 0; i < SST_GPU_SGM_BUFFERS; i++)
+        work.buffer[i] = b->buffer[i];
+    return sst_gpu_dispatch(b->gpu, &work);
+}
+
+/* Milliseconds of the directions from..to - 1. */
+static int measure(struct bench *b, int from, int to, double *best)
+{
+    int err = 0;
+
+    *best = INFINITY;
+    for (int i = 0; i < RUNS && !err; i++) {
+        const int64_t start_ns = sst_clock_now_ns();
+
+        for (int d = from; d < to && !err; d++)
+            err = follow(b, d);
+        err = err ? err : sst_gpu_wait(b->gpu);
+        *best = fmin(*best, 1e-6 * (double)(sst_clock_now_ns() - start_ns));
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_SGM_PATH };
+    struct bench b = { 0 };
+    double along = 0, across = 0, four = 0, eight = 0, cells;
+    int err;
+
+    if (argc != 4 || sscanf(argv[2], "%dx%d", &b.width, &b.height) != 2 || sscanf(argv[3], "%d", &b.disparities) != 1 ||
+        b.width < 1 || b.height < 1 || b.disparities < 4 || b.disparities % 4 || b.disparities > SST_GPU_MATCH_STEPS) {
+        fprintf(stderr, "usage: device_sgm DEVICE WIDTHxHEIGHT DISPARITIES (a multiple of 4)\n");
+        return 2;
+    }
+    cells = (double)b.width * b.height * b.disparities;
+    err = sst_gpu_open_for(&b.gpu, argv[1], NULL, shaders, ARRAY_LEN(shaders), "measure");
+    err = err ? err : fill(&b);
+    err = err ? err : measure(&b, 0, 2, &along);
+    err = err ? err : measure(&b, 2, 4, &across);
+    err = err ? err : measure(&b, 0, 4, &four);
+    err = err ? err : measure(&b, 0, 8, &eight);
+    if (err)
+        fprintf(stderr, "device_sgm: %s\n", sst_gpu_error(err));
+    else
+        printf("{\"rows_ms\": %.4g, \"columns_ms\": %.4g, \"paths4_ms\": %.4g, \"paths8_ms\": %.4g, "
+               "\"paths4_g_disparities_s\": %.4g, \"paths8_g_disparities_s\": %.4g}\n",
+               along, across, four, eight, 1e-6 * cells / four, 1e-6 * cells / eight);
+    for (int i = 0; i < SST_GPU_SGM_BUFFERS && b.gpu; i++)
+        sst_gpu_buffer_destroy(b.gpu, b.buffer[i]);
+    sst_gpu_close(b.gpu);
+    return err ? 1 : 0;
+}
