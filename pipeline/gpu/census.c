@@ -220,7 +220,7 @@ static int run_neighbour(struct sst_gpu *g, struct test *t, uint32_t flags)
                                             sizeof(t->sum),     sizeof(t->cost) };
     const struct sst_gpu_work work = { .shader = SST_GPU_MATCH_COST,
                                        .push = &push,
-                                       .groups = { gpu_groups(TEST_WIDTH * 36 / 4, SST_GPU_MATCH_QUADS), TEST_HEIGHT,
+                                       .groups = { sst_gpu_match_blocks(TEST_WIDTH, 36), TEST_HEIGHT,
                                                    ARRAY_LEN(test_tiles) } };
     const bool last = flags & SST_GPU_MATCH_LAST;
 

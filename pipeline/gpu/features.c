@@ -91,7 +91,7 @@ int feature_cost_self_test(struct sst_gpu *g)
     static const struct sst_gpu_features push = { TEST_WIDTH, TEST_HEIGHT };
     const struct sst_gpu_work work = { .shader = SST_GPU_FEATURE_COST,
                                        .push = &push,
-                                       .groups = { gpu_groups(TEST_WIDTH * 36 / 4, SST_GPU_MATCH_QUADS), TEST_HEIGHT,
+                                       .groups = { sst_gpu_match_blocks(TEST_WIDTH, 36), TEST_HEIGHT,
                                                    ARRAY_LEN(test_tiles) } };
     struct test *t = calloc(1, sizeof(*t));
     int err = t ? 0 : -ENOMEM;

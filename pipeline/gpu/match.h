@@ -49,7 +49,8 @@ enum sst_gpu_census_buffer {
     SST_GPU_CENSUS_BUFFERS
 };
 
-/** `match_cost`: groups of 64 quads of a row, a row each, a layer of groups per tile. One dispatch per neighbour. */
+/** `match_cost`: groups of 32 pixels by 8 quads of a row, a row each, a layer of groups per tile. One dispatch per
+ * neighbour. */
 struct sst_gpu_match {
     int32_t width, height;
     uint32_t flags; /* enum sst_gpu_match_flag */
@@ -103,7 +104,7 @@ enum sst_gpu_arms_buffer {
     SST_GPU_ARMS_BUFFERS
 };
 
-/** `support_sum` and `support_mean`: groups as of `match_cost`. */
+/** `support_sum` and `support_mean`: groups of 64 quads of a row, a row each, a layer of groups per tile. */
 struct sst_gpu_support {
     int32_t width, height;
     int32_t across, down; /* pixels to the sides, above and below of a tile's that are computed as well */
@@ -199,6 +200,12 @@ enum sst_gpu_bilateral_buffer {
 
 #define SST_GPU_PLANE_WIDTH  32
 #define SST_GPU_PLANE_HEIGHT 8
-#define SST_GPU_MATCH_QUADS  64 /* of a group of match_cost, support_sum and support_mean */
+#define SST_GPU_MATCH_QUADS  64 /* of a group of support_sum and support_mean */
+
+/** Groups of match_cost and feature_cost that cover a row of `pitch` pixels with nd disparities. */
+static inline uint32_t sst_gpu_match_blocks(int pitch, int nd)
+{
+    return (uint32_t)((pitch + 31) / 32 * ((nd + 31) / 32));
+}
 
 #endif

@@ -1,20 +1,13 @@
-// Costs of a view's features against those of one neighbour, at every step: feature_cost_rows of kernels.h. An invocation
-// has four disparities of a pixel. Buffers and constants: pipeline/gpu/match.h. Definition: feature_cost_ref.c.
+// Costs of a view's features against those of one neighbour, at every step: feature_cost_rows of kernels.h. Buffers and
+// constants: pipeline/gpu/match.h. Definition: feature_cost_ref.c.
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 256) in;
 
-struct Tile {
-    int x0, y0, width, height, left, top, pitch, rows, first, steps, nd;
-    uint quad;
-};
+#include "match_block.glsl"
 
-struct Step {
-    int x, y, layer, near_x, near_y;
-};
-
-layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
-layout(std430, binding = 1) readonly buffer Steps { Step steps[]; };
 layout(std430, binding = 2) readonly buffer Features { uint features[]; };
 layout(std430, binding = 3) readonly buffer Others { uint others[]; };
 layout(std430, binding = 4) writeonly buffer Cost { uint cost[]; };
@@ -25,42 +18,69 @@ layout(std430, push_constant) uniform Constants {
 
 const int WORDS = 16; // of a pixel: four components each
 const uint ABSENT = 255;
-const int ONE = 127, SHIFT = 6, MOST = 128;
+const int ONE = 127, SHIFT = 6, MOST = 128, ZERO = 128;
 
-vec4 components(uint word)
+shared uint cost_of[PIXELS * PITCH];
+
+// Sums of products of components + ZERO, and of the components + ZERO of `b`.
+void add_products(inout uvec2 sums, uint a, uint b)
 {
-    return vec4(uvec4(word, word >> 8, word >> 16, word >> 24) & 0xFF) - 128.0;
+    const uvec4 shift = uvec4(0, 8, 16, 24), p = (uvec4(a) >> shift) & 0xFF, q = (uvec4(b) >> shift) & 0xFF;
+
+    sums += uvec2(p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w, q.x + q.y + q.z + q.w);
 }
 
-void main()
+uint sum_of_bytes(uint word)
 {
-    const Tile t = tiles[gl_WorkGroupID.z];
-    const uint of_pixel = uint(t.nd) >> 2, in_row = gl_GlobalInvocationID.x, row = gl_WorkGroupID.y;
-    const uint pixel = in_row / of_pixel, quad = t.quad + row * uint(t.pitch) * of_pixel + in_row;
-    const int x = t.left + int(pixel), y = t.top + int(row), d = int(in_row % of_pixel) * 4;
-    uint own[WORDS], all = 0, here = ABSENT;
+    const uint pairs = (word & 0x00FF00FF) + ((word >> 8) & 0x00FF00FF);
+
+    return (pairs & 0xFFFF) + (pairs >> 16);
+}
+
+void compute(const Tile t, ivec2 from, int d, uint place)
+{
+    uint own[WORDS], sum = 0, all = 0, here = ABSENT;
     int last = -1;
 
-    if (row >= uint(t.rows) || pixel >= uint(t.pitch))
-        return;
-    for (int i = 0; i < WORDS; i++)
-        own[i] = features[(y * WORDS + i) * width + x];
+    [[unroll]] for (int i = 0; i < WORDS; i++) {
+        own[i] = features[(from.y * WORDS + i) * width + from.x];
+        sum += sum_of_bytes(own[i]);
+    }
     for (int i = 0; i < 4; i++) {
         const Step s = steps[min(t.first + d + i, t.first + t.steps - 1)];
-        const int xn = x + s.near_x, yn = y + s.near_y;
+        const int xn = from.x + s.near_x, yn = from.y + s.near_y;
         const bool inside = d + i < t.steps && xn >= 0 && yn >= 0 && xn < width && yn < height;
         const int at = inside ? yn * WORDS * width + xn : -1;
 
         // Steps of less than a pixel share their nearest one.
         if (at != last && inside) {
-            float product = 0.0; // whole numbers below 2^20: every sum is exact
+            uvec2 sums = uvec2(0);
+            int product;
 
-            for (int j = 0; j < WORDS; j++)
-                product += dot(components(own[j]), components(others[at + j * width]));
-            here = uint(clamp((ONE * ONE - int(product)) >> SHIFT, 0, MOST));
+            [[unroll]] for (int j = 0; j < WORDS; j++)
+                add_products(sums, own[j], others[at + j * width]);
+            product = int(sums.x) - ZERO * int(sum + sums.y) + 4 * WORDS * ZERO * ZERO;
+            here = uint(clamp((ONE * ONE - product) >> SHIFT, 0, MOST));
         }
         last = at;
         all |= (inside ? here : ABSENT) << (8 * i);
     }
-    cost[quad] = all;
+    cost_of[place] = all;
+}
+
+void main()
+{
+    const Tile t = tiles[gl_WorkGroupID.z];
+    const Block b = block_of(t);
+    uint quad, place, there;
+    ivec2 at;
+    int d;
+
+    if (!b.exists)
+        return;
+    if (computes(b, t, at, d, there))
+        compute(t, at, d, there);
+    barrier();
+    if (moves(b, t, quad, place))
+        cost[quad] = cost_of[place];
 }

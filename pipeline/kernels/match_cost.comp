@@ -1,26 +1,18 @@
 // Matching costs of a view against one neighbour, of the census, of features or of both, gathered over neighbours:
-// hamming_row, cheapest_row and cheapest_mean_row of kernels.h. An invocation has four disparities of a pixel. Buffers and
-// constants: pipeline/gpu/match.h. Definitions: census_ref.c, cheapest_ref.c.
+// hamming_row, cheapest_row and cheapest_mean_row of kernels.h. Buffers and constants: pipeline/gpu/match.h. Definitions:
+// census_ref.c, cheapest_ref.c.
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 256) in;
 
-struct Tile {
-    int x0, y0, width, height, left, top, pitch, rows, first, steps, nd;
-    uint quad;
-};
+#include "match_block.glsl"
 
-struct Step {
-    int x, y, layer, near_x, near_y;
-};
-
-layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
-layout(std430, binding = 1) readonly buffer Steps { Step steps[]; };
 layout(std430, binding = 2) readonly buffer Pixels { uint pixels[]; };
 layout(std430, binding = 3) readonly buffer Others { uint others[]; };
 layout(std430, binding = 4) readonly buffer Census { uvec2 census[]; };
 layout(std430, binding = 5) readonly buffer OtherCensus { uvec2 other_census[]; };
-layout(std430, binding = 6) buffer Sum { uint cheapest[]; };
+layout(std430, binding = 6) buffer Sum { uvec2 cheapest[]; };
 layout(std430, binding = 7) buffer Cost { uint cost[]; };
 
 layout(std430, push_constant) uniform Constants {
@@ -31,15 +23,18 @@ layout(std430, push_constant) uniform Constants {
 const uint FIRST = 1, LAST = 2, TWO = 4, MASKS = 8, FEATURES = 16, ALONE = 32;
 const uint ABSENT = 255, UNSEEN = 96, MOST = 255;
 
+shared uvec2 two_of[PIXELS * PITCH]; // the cheapest costs
+shared uint features_of[PIXELS * PITCH];
+
 bool is_seen(uint pixel)
 {
     return pixel >> 24 != 0;
 }
 
 // The cost at a step, or ABSENT. `feature`: what the features cost there, if they do
-uint cost_of(uvec2 own, uint feature, int x, int y, const Step s)
+uint cost_of(uvec2 own, uint feature, ivec2 from, const Step s)
 {
-    const int xn = x + s.x, yn = y + s.y, near_x = x + s.near_x, near_y = y + s.near_y;
+    const int xn = from.x + s.x, yn = from.y + s.y, near_x = from.x + s.near_x, near_y = from.y + s.near_y;
     const int at = yn * width + xn;
     uvec2 bits;
     uint census_cost;
@@ -72,33 +67,52 @@ uint mean_of(uint two)
     return b == ABSENT ? a : (flags & TWO) != 0 ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
 }
 
+void compute(const Tile t, ivec2 at, int d, uint place)
+{
+    const int pixel = at.y * width + at.x;
+    const bool match = (flags & MASKS) == 0 || is_seen(pixels[pixel]);
+    const uvec2 own = (flags & ALONE) != 0 ? uvec2(0) : census[pixel], were = two_of[place];
+    const uint feature = (flags & FEATURES) != 0 ? features_of[place] : 0;
+    uvec4 two = uvec4(were.x & 0xFFFF, were.x >> 16, were.y & 0xFFFF, were.y >> 16);
+
+    for (int i = 0; i < 4; i++) {
+        if (match && d + i < t.steps)
+            two[i] = insert(two[i], cost_of(own, (feature >> (8 * i)) & 0xFF, at, steps[t.first + d + i]));
+    }
+    if ((flags & LAST) == 0) {
+        two_of[place] = uvec2(two.x | two.y << 16, two.z | two.w << 16);
+    } else {
+        uint all = 0;
+
+        for (int i = 0; i < 4; i++)
+            all |= (d + i < t.steps ? mean_of(two[i]) : MOST) << (8 * i);
+        features_of[place] = all;
+    }
+}
+
 void main()
 {
     const Tile t = tiles[gl_WorkGroupID.z];
-    const uint of_pixel = uint(t.nd) >> 2, in_row = gl_GlobalInvocationID.x, row = gl_WorkGroupID.y;
-    const uint pixel = in_row / of_pixel, quad = t.quad + row * uint(t.pitch) * of_pixel + in_row;
-    const int x = t.left + int(pixel), y = t.top + int(row), d = int(in_row % of_pixel) * 4;
-    uint two[4], feature = 0, all = 0;
-    uvec2 own;
-    bool match;
+    const Block b = block_of(t);
+    uint quad, place, there;
+    ivec2 at;
+    int d;
+    bool in_volume;
 
-    if (row >= uint(t.rows) || pixel >= uint(t.pitch))
+    if (!b.exists)
         return;
-    match = (flags & MASKS) == 0 || is_seen(pixels[y * width + x]);
-    own = (flags & ALONE) != 0 ? uvec2(0) : census[y * width + x];
-    if ((flags & FEATURES) != 0)
-        feature = cost[quad];
-    for (int i = 0; i < 4; i++) {
-        two[i] = (flags & FIRST) != 0 ? ABSENT | ABSENT << 8 : (cheapest[2 * quad + (i >> 1)] >> (16 * (i & 1))) & 0xFFFF;
-        if (match && d + i < t.steps)
-            two[i] = insert(two[i], cost_of(own, (feature >> (8 * i)) & 0xFF, x, y, steps[t.first + d + i]));
+    in_volume = moves(b, t, quad, place);
+    if (in_volume) {
+        two_of[place] = (flags & FIRST) != 0 ? uvec2(ABSENT * 0x01010101u) : cheapest[quad];
+        if ((flags & FEATURES) != 0)
+            features_of[place] = cost[quad];
     }
-    if ((flags & LAST) == 0) {
-        cheapest[2 * quad] = two[0] | two[1] << 16;
-        cheapest[2 * quad + 1] = two[2] | two[3] << 16;
-        return;
-    }
-    for (int i = 0; i < 4; i++)
-        all |= (d + i < t.steps ? mean_of(two[i]) : MOST) << (8 * i);
-    cost[quad] = all;
+    barrier();
+    if (computes(b, t, at, d, there))
+        compute(t, at, d, there);
+    barrier();
+    if (in_volume && (flags & LAST) == 0)
+        cheapest[quad] = two_of[place];
+    else if (in_volume)
+        cost[quad] = features_of[place];
 }

@@ -26,7 +26,7 @@ struct match {
     /* of the band in work */
     int top, rows_of; /* its rows */
     int tiles;
-    uint32_t quads, rows;         /* groups that cover the volume of the largest tile */
+    uint32_t blocks, quads, rows; /* groups that cover the volume of the largest tile */
     uint32_t inner_rows, columns; /* groups of winners, likewise */
     size_t cells;                 /* of all tiles */
     bool masks;                   /* some pixels must not be matched */
@@ -142,10 +142,12 @@ static void add_tile(struct match *m, const struct sst_gpu_tile *t)
 {
     const size_t of_row = (size_t)t->pitch * (size_t)t->nd;
     const uint32_t quads = (uint32_t)((of_row / 4 + SST_GPU_MATCH_QUADS - 1) / SST_GPU_MATCH_QUADS);
+    const uint32_t blocks = sst_gpu_match_blocks(t->pitch, t->nd);
     const uint32_t columns = (uint32_t)(t->width + SST_GPU_WINNER_PIXELS - 1) / SST_GPU_WINNER_PIXELS;
 
     m->cells += of_row * (size_t)t->rows;
     m->quads = quads > m->quads ? quads : m->quads;
+    m->blocks = blocks > m->blocks ? blocks : m->blocks;
     m->columns = columns > m->columns ? columns : m->columns;
     m->rows = (uint32_t)t->rows > m->rows ? (uint32_t)t->rows : m->rows;
     m->inner_rows = (uint32_t)t->height > m->inner_rows ? (uint32_t)t->height : m->inner_rows;
@@ -184,7 +186,7 @@ static int place_band(struct match *m, int top, int rows)
     m->top = top;
     m->rows_of = rows;
     m->cells = 0;
-    m->quads = m->rows = m->inner_rows = m->columns = 0;
+    m->quads = m->blocks = m->rows = m->inner_rows = m->columns = 0;
     m->tiles = count;
     for (int i = 0; i < count && !err; i++) {
         tile[i] = tile_of(m, i);
@@ -253,7 +255,7 @@ static int match_features(struct match *m, const struct sst_neighbour *n)
 
     err = err ? err : need_features(m, n->desc, own);
     return err ? err
-               : dispatch(m, SST_GPU_FEATURE_COST, &push, m->quads, m->rows, (uint32_t)m->tiles,
+               : dispatch(m, SST_GPU_FEATURE_COST, &push, m->blocks, m->rows, (uint32_t)m->tiles,
                           (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], own->features,
                                                             other->features, kept[KEPT_COST] },
                           SST_GPU_FEATURE_BUFFERS);
@@ -284,7 +286,7 @@ static int match_neighbour(struct match *m, int i)
         err = err ? err : match_features(m, n);
     /* Without a census anything takes its place. */
     return err ? err
-               : dispatch(m, SST_GPU_MATCH_COST, &push, m->quads, m->rows, (uint32_t)m->tiles,
+               : dispatch(m, SST_GPU_MATCH_COST, &push, m->blocks, m->rows, (uint32_t)m->tiles,
                           (struct sst_gpu_buffer *const[]){
                               kept[KEPT_TILES], kept[KEPT_STEPS], pixels_of(m, in->ref), pixels_of(m, n->desc),
                               kept[census ? KEPT_CENSUS : KEPT_STEPS], kept[census ? KEPT_OTHER : KEPT_STEPS],
