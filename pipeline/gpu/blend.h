@@ -79,8 +79,10 @@ enum sst_gpu_blend_flag {
     SST_GPU_BLEND_WEIGHTS = 32, /* with LAST: the sums of weights are written as well */
 };
 
-/** Pixels of the picture that one group of the shader makes. */
-#define SST_GPU_BLEND_GROUP_WIDTH  32
-#define SST_GPU_BLEND_GROUP_HEIGHT 4
+/** Pixels of the picture that one group of the shader makes, and one of the shaders of verify.h. */
+#define SST_GPU_BLEND_GROUP_WIDTH   32
+#define SST_GPU_BLEND_GROUP_HEIGHT  16
+#define SST_GPU_VERIFY_GROUP_WIDTH  32
+#define SST_GPU_VERIFY_GROUP_HEIGHT 4
 
 #endif

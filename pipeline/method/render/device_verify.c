@@ -194,8 +194,8 @@ int device_dispatch_verify(struct render_device *d, enum sst_gpu_shader shader, 
     struct sst_gpu_work work = {
         .shader = shader,
         .push = push,
-        .groups = { (uint32_t)(push->blend.width + SST_GPU_BLEND_GROUP_WIDTH - 1) / SST_GPU_BLEND_GROUP_WIDTH,
-                    (uint32_t)(rows + SST_GPU_BLEND_GROUP_HEIGHT - 1) / SST_GPU_BLEND_GROUP_HEIGHT, 1 }
+        .groups = { (uint32_t)(push->blend.width + SST_GPU_VERIFY_GROUP_WIDTH - 1) / SST_GPU_VERIFY_GROUP_WIDTH,
+                    (uint32_t)(rows + SST_GPU_VERIFY_GROUP_HEIGHT - 1) / SST_GPU_VERIFY_GROUP_HEIGHT, 1 }
     };
 
     if (shader == SST_GPU_VERIFY_SCREEN) {
