@@ -411,7 +411,7 @@ struct gpu_matrix_stage {
 void gpu_matrix_stage_init(struct gpu_matrix_stage *s, VkPipelineShaderStageCreateInfo *info,
                            const struct sst_gpu_matrix *m);
 
-/** Invocations of a group of net_conv8_matrix: each of its subgroups has 2 x 2 matrices of sums. */
+/** Invocations of a group of net_conv8_matrix: each of its subgroups has 2 x 4 matrices of sums. */
 uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m);
 
 /**
@@ -436,15 +436,26 @@ struct gpu_vulkan_pipeline {
     VkPipeline pipeline;
 };
 
-#define GPU_VULKAN_SETS 64 /* dispatches that are gathered at most */
+#define GPU_VULKAN_BATCHES 4  /* of commands: one is gathered while others run */
+#define GPU_VULKAN_SETS    16 /* dispatches of a batch at most */
 
 /** What shaders took; without a pool nothing is measured. */
 struct gpu_vulkan_times {
     VkQueryPool pool;
     double ns_per_tick;
-    enum sst_gpu_shader shader[GPU_VULKAN_SETS]; /* of the dispatches that are gathered */
+    enum sst_gpu_shader shader[GPU_VULKAN_BATCHES][GPU_VULKAN_SETS];
     double ms[SST_GPU_SHADERS], all_ms;
     uint32_t dispatches[SST_GPU_SHADERS], submits;
+};
+
+/** Commands that run together. */
+struct gpu_vulkan_batch {
+    VkCommandBuffer command;
+    VkFence fence;
+    VkDescriptorPool descriptors;
+    size_t staged; /* bytes of its part of the staging memory that are used */
+    int sets;      /* dispatches */
+    bool recording, running;
 };
 
 /** A Vulkan device that is open. */
@@ -456,14 +467,10 @@ struct gpu_vulkan_device {
     VkDevice device;
     VkQueue queue;
     VkCommandPool commands;
-    VkCommandBuffer command;
-    VkFence fence;
-    VkDescriptorPool descriptors;
+    struct gpu_vulkan_batch batch[GPU_VULKAN_BATCHES];
+    int now; /* the one that is gathered; the others are older, the next one the oldest */
     struct gpu_vulkan_memory staging;
     uint8_t *mapped;
-    size_t staged; /* bytes of it that commands use */
-    int sets;      /* that they use */
-    bool recording;
     bool hung;                      /* a wait ended without an answer: memory may still be in use */
     struct gpu_vulkan_device *next; /* after close, of those that hung */
     VkPipelineCache cache;
@@ -491,14 +498,13 @@ static inline int gpu_vulkan_error(VkResult rc)
     }
 }
 
-/* With SST_GPU_TIMES=1 in the environment: queries of what shaders take, around gathered commands, and of one dispatch.
+/* With SST_GPU_TIMES=1 in the environment: queries of what shaders take, around batch `b` and around its last dispatch.
  * They cost about 2 us a dispatch. */
 SST_MUST_CHECK int gpu_vulkan_open_times(struct gpu_vulkan_device *v);
-void gpu_vulkan_time_begin(struct gpu_vulkan_device *v);
-void gpu_vulkan_time_end(struct gpu_vulkan_device *v);
-void gpu_vulkan_time_dispatch(struct gpu_vulkan_device *v, enum sst_gpu_shader shader, bool after);
-/** Add up what was done. */
-void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int dispatches);
+void gpu_vulkan_time_batch(struct gpu_vulkan_device *v, int b, bool after);
+void gpu_vulkan_time_dispatch(struct gpu_vulkan_device *v, int b, enum sst_gpu_shader shader, bool after);
+/** Add up what a batch took, which is done. */
+void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int b);
 /** Log it. */
 void gpu_vulkan_close_times(struct gpu_vulkan_device *v);
 

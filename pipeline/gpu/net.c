@@ -60,7 +60,7 @@ void sst_gpu_net_groups(struct sst_gpu_work *work)
 
         work->groups[0] =
             divide_up((uint32_t)c->to.width * (uint32_t)c->to.height, matrix ? SST_GPU_NET_MATRIX : SST_GPU_NET_TILE);
-        work->groups[1] = divide_up((uint32_t)c->channels, matrix ? SST_GPU_NET_MATRIX : SST_GPU_NET_TILE_OUT);
+        work->groups[1] = divide_up((uint32_t)c->channels, matrix ? SST_GPU_NET_MATRIX_OUT : SST_GPU_NET_TILE_OUT);
     } else {
         const struct sst_gpu_net_layer *l = work->push;
         const uint32_t fours = divide_up((uint32_t)l->channels, 4);

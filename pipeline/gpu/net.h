@@ -41,7 +41,8 @@ struct sst_gpu_net_tensor {
 
 #define SST_GPU_NET_TILE     64  /* pixels of a group of a convolution */
 #define SST_GPU_NET_TILE_OUT 32  /* channels of it; weights are padded with zeros to a multiple */
-#define SST_GPU_NET_MATRIX   64  /* pixels, and channels, of a group of net_conv8_matrix */
+#define SST_GPU_NET_MATRIX     128 /* pixels of a group of net_conv8_matrix */
+#define SST_GPU_NET_MATRIX_OUT 64  /* channels of it */
 #define SST_GPU_NET_SLAB     8   /* words of a pixel that are multiplied at once; weights are padded to a multiple */
 #define SST_GPU_NET_EXACT    512 /* products of bytes whose sum is exact in a float */
 #define SST_GPU_NET_UNFUSED  0   /* of residual_mode: the residual times its scale is rounded, then added */

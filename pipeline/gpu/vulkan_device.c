@@ -1,7 +1,8 @@
-/* One Vulkan device: a queue, a buffer of commands, memory that the host writes and reads.
+/* One Vulkan device: a queue, batches of commands, memory that the host writes and reads.
  *
- * Commands are gathered, and run when the staging memory or the pool of descriptors is full, on a wait or a download.
- * Each waits for the one before: they are few, and each fills the device. */
+ * Commands are gathered. A batch runs when its part of the staging memory or its pool of descriptors is full, while the
+ * host gathers the next one; on a wait or a download all of them are waited for. Each command waits for the one before:
+ * they are few, and each fills the device. */
 #include "pipeline/gpu/gpu_internal.h"
 
 #if WITH_VULKAN
@@ -12,7 +13,7 @@
 
 #include "base/log.h"
 
-#define STAGING_BYTES ((size_t)32 << 20)
+#define STAGING_BYTES ((size_t)8 << 20) /* of a batch */
 
 struct vulkan_buffer {
     struct sst_gpu_buffer buffer; /* first */
@@ -83,6 +84,28 @@ static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
 
 /* --- commands ----------------------------------------------------------------------------------------------------- */
 
+/* Wait for a batch, if it runs. */
+static int finish(struct gpu_vulkan_device *v, int i)
+{
+    struct gpu_vulkan_batch *b = &v->batch[i];
+    VkResult rc;
+
+    if (!b->running)
+        return 0;
+    rc = v->vk->vkWaitForFences(v->device, 1, &b->fence, VK_TRUE, (uint64_t)v->gpu.cfg.timeout_ms * 1000000);
+    v->hung = rc == VK_TIMEOUT;
+    if (rc)
+        return gpu_vulkan_error(rc);
+    b->running = false;
+    gpu_vulkan_time_done(v, i);
+    b->staged = 0;
+    b->sets = 0;
+    rc = v->vk->vkResetFences(v->device, 1, &b->fence);
+    if (!rc)
+        rc = v->vk->vkResetDescriptorPool(v->device, b->descriptors, 0);
+    return gpu_vulkan_error(rc);
+}
+
 /* Begin to gather commands, and let the next one wait for all before it. */
 static int begin(struct gpu_vulkan_device *v)
 {
@@ -92,53 +115,58 @@ static int begin(struct gpu_vulkan_device *v)
                                       .srcAccessMask = VK_ACCESS_MEMORY_WRITE_BIT | VK_ACCESS_MEMORY_READ_BIT,
                                       .dstAccessMask = VK_ACCESS_MEMORY_WRITE_BIT | VK_ACCESS_MEMORY_READ_BIT };
     const VkPipelineStageFlags stages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-    VkResult rc;
+    struct gpu_vulkan_batch *b = &v->batch[v->now];
+    int err;
 
-    if (!v->recording) {
-        rc = v->vk->vkBeginCommandBuffer(v->command, &info);
-        if (rc)
-            return gpu_vulkan_error(rc);
-        v->recording = true;
-        gpu_vulkan_time_begin(v);
+    if (!b->recording) {
+        err = finish(v, v->now);
+        if (!err)
+            err = gpu_vulkan_error(v->vk->vkBeginCommandBuffer(b->command, &info));
+        if (err)
+            return err;
+        b->recording = true;
+        gpu_vulkan_time_batch(v, v->now, false);
     }
-    v->vk->vkCmdPipelineBarrier(v->command, stages, stages, 0, 1, &barrier, 0, NULL, 0, NULL);
+    v->vk->vkCmdPipelineBarrier(b->command, stages, stages, 0, 1, &barrier, 0, NULL, 0, NULL);
     return 0;
 }
 
-/* Run the commands, and wait for them. */
-static int flush(struct gpu_vulkan_device *v)
+/* Run what is gathered. */
+static int submit(struct gpu_vulkan_device *v)
 {
     const VkMemoryBarrier barrier = { .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
                                       .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
                                       .dstAccessMask = VK_ACCESS_HOST_READ_BIT };
-    const VkSubmitInfo submit = { .sType = VK_STRUCTURE_TYPE_SUBMIT_INFO,
-                                  .commandBufferCount = 1,
-                                  .pCommandBuffers = &v->command };
-    const int dispatches = v->sets;
+    struct gpu_vulkan_batch *b = &v->batch[v->now];
+    const VkSubmitInfo info = { .sType = VK_STRUCTURE_TYPE_SUBMIT_INFO,
+                                .commandBufferCount = 1,
+                                .pCommandBuffers = &b->command };
     VkResult rc;
 
-    if (!v->recording)
-        return v->vk->faults ? -EIO : 0;
-    v->recording = false;
-    v->staged = 0;
-    v->sets = 0;
-    v->vk->vkCmdPipelineBarrier(v->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
+    if (!b->recording)
+        return 0;
+    b->recording = false;
+    v->vk->vkCmdPipelineBarrier(b->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
                                 0, NULL, 0, NULL);
-    gpu_vulkan_time_end(v);
-    rc = v->vk->vkEndCommandBuffer(v->command);
+    gpu_vulkan_time_batch(v, v->now, true);
+    rc = v->vk->vkEndCommandBuffer(b->command);
     if (!rc)
-        rc = v->vk->vkQueueSubmit(v->queue, 1, &submit, v->fence);
-    if (!rc) {
-        rc = v->vk->vkWaitForFences(v->device, 1, &v->fence, VK_TRUE, (uint64_t)v->gpu.cfg.timeout_ms * 1000000);
-        v->hung = rc == VK_TIMEOUT;
-    }
-    if (!rc)
-        gpu_vulkan_time_done(v, dispatches);
-    if (!rc)
-        rc = v->vk->vkResetFences(v->device, 1, &v->fence);
-    if (!rc)
-        rc = v->vk->vkResetDescriptorPool(v->device, v->descriptors, 0);
-    return rc ? gpu_vulkan_error(rc) : v->vk->faults ? -EIO : 0;
+        rc = v->vk->vkQueueSubmit(v->queue, 1, &info, b->fence);
+    if (rc)
+        return gpu_vulkan_error(rc);
+    b->running = true;
+    v->now = (v->now + 1) % GPU_VULKAN_BATCHES;
+    return 0;
+}
+
+/* Run what is gathered, and wait for all. */
+static int flush(struct gpu_vulkan_device *v)
+{
+    int err = submit(v);
+
+    for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++)
+        err = finish(v, (v->now + i) % GPU_VULKAN_BATCHES);
+    return err || !v->vk->faults ? err : -EIO;
 }
 
 static int wait_done(struct sst_gpu *g)
@@ -146,16 +174,20 @@ static int wait_done(struct sst_gpu *g)
     return flush((struct gpu_vulkan_device *)g);
 }
 
-/* Staging memory for at most `bytes`; at least one. */
-static int stage(struct gpu_vulkan_device *v, size_t *bytes)
+/* Staging memory for at most `bytes`; at least one. @param at  out: where it begins */
+static int stage(struct gpu_vulkan_device *v, size_t *at, size_t *bytes)
 {
-    int err = v->staged < STAGING_BYTES ? 0 : flush(v);
+    int err = v->batch[v->now].staged < STAGING_BYTES ? 0 : submit(v);
 
     if (!err)
         err = begin(v);
-    if (*bytes > STAGING_BYTES - v->staged)
-        *bytes = STAGING_BYTES - v->staged;
-    return err;
+    if (err)
+        return err;
+    if (*bytes > STAGING_BYTES - v->batch[v->now].staged)
+        *bytes = STAGING_BYTES - v->batch[v->now].staged;
+    *at = (size_t)v->now * STAGING_BYTES + v->batch[v->now].staged;
+    v->batch[v->now].staged += *bytes;
+    return 0;
 }
 
 static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes)
@@ -163,15 +195,14 @@ static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, co
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     int err = 0;
 
-    for (size_t done = 0, n; done < bytes && !err; done += n) {
+    for (size_t done = 0, n, at; done < bytes && !err; done += n) {
         n = bytes - done;
-        err = stage(v, &n);
+        err = stage(v, &at, &n);
         if (!err) {
-            const VkBufferCopy region = { v->staged, offset + done, n };
+            const VkBufferCopy region = { at, offset + done, n };
 
-            memcpy(v->mapped + v->staged, (const uint8_t *)data + done, n);
-            v->vk->vkCmdCopyBuffer(v->command, v->staging.buffer, memory_of(b)->buffer, 1, &region);
-            v->staged += n;
+            memcpy(v->mapped + at, (const uint8_t *)data + done, n);
+            v->vk->vkCmdCopyBuffer(v->batch[v->now].command, v->staging.buffer, memory_of(b)->buffer, 1, &region);
         }
     }
     return err;
@@ -185,37 +216,58 @@ static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offse
     const int err = begin(v);
 
     if (!err && bytes)
-        v->vk->vkCmdCopyBuffer(v->command, ((const struct vulkan_span *)s)->memory.buffer, memory_of(b)->buffer, 1,
-                               &region);
+        v->vk->vkCmdCopyBuffer(v->batch[v->now].command, ((const struct vulkan_span *)s)->memory.buffer,
+                               memory_of(b)->buffer, 1, &region);
+    return err;
+}
+
+/* A part of a download that runs. */
+struct part {
+    int batch;
+    size_t at, bytes;
+};
+
+static int start_part(struct gpu_vulkan_device *v, struct part *p, struct sst_gpu_buffer *b, size_t from, size_t bytes)
+{
+    int err = stage(v, &p->at, &bytes);
+
+    if (!err) {
+        const VkBufferCopy region = { from, p->at, bytes };
+
+        v->vk->vkCmdCopyBuffer(v->batch[v->now].command, memory_of(b)->buffer, v->staging.buffer, 1, &region);
+        p->batch = v->now;
+        p->bytes = bytes;
+        err = submit(v);
+    }
     return err;
 }
 
 static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
 {
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
-    int err = 0;
+    struct part part[2];
+    size_t started = 0;
+    int err = bytes ? start_part(v, &part[0], b, offset, bytes) : 0;
 
-    for (size_t done = 0, n; done < bytes && !err; done += n) {
-        n = bytes - done;
-        err = stage(v, &n);
-        if (!err) {
-            const VkBufferCopy region = { offset + done, v->staged, n };
-            const size_t at = v->staged;
+    for (size_t done = 0, i = 0; done < bytes && !err; i++) {
+        const struct part *p = &part[i % 2];
 
-            v->vk->vkCmdCopyBuffer(v->command, memory_of(b)->buffer, v->staging.buffer, 1, &region);
-            err = flush(v);
-            if (!err)
-                memcpy((uint8_t *)data + done, v->mapped + at, n);
-        }
+        started = done + p->bytes;
+        if (started < bytes) /* the next one runs while this one is copied */
+            err = start_part(v, &part[(i + 1) % 2], b, offset + started, bytes - started);
+        err = err ? err : finish(v, p->batch);
+        if (!err)
+            memcpy((uint8_t *)data + done, v->mapped + p->at, p->bytes);
+        done = started;
     }
-    return err;
+    return err || !v->vk->faults ? err : -EIO;
 }
 
 static int bind(struct gpu_vulkan_device *v, const struct sst_gpu_work *work, VkDescriptorSet *set)
 {
     const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     const VkDescriptorSetAllocateInfo info = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
-                                               .descriptorPool = v->descriptors,
+                                               .descriptorPool = v->batch[v->now].descriptors,
                                                .descriptorSetCount = 1,
                                                .pSetLayouts = &p->set };
     VkDescriptorBufferInfo buffer[SST_GPU_BUFFERS];
@@ -241,8 +293,9 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
     const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
+    struct gpu_vulkan_batch *b;
     VkDescriptorSet set;
-    int err = v->sets < GPU_VULKAN_SETS ? 0 : flush(v);
+    int err = v->batch[v->now].sets < GPU_VULKAN_SETS ? 0 : submit(v);
 
     if (!err)
         err = begin(v);
@@ -250,14 +303,15 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
         err = bind(v, work, &set);
     if (err)
         return err;
-    v->sets++;
-    gpu_vulkan_time_dispatch(v, work->shader, false);
-    v->vk->vkCmdBindPipeline(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->pipeline);
-    v->vk->vkCmdBindDescriptorSets(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->layout, 0, 1, &set, 0, NULL);
-    v->vk->vkCmdPushConstants(v->command, p->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0,
+    b = &v->batch[v->now];
+    b->sets++;
+    gpu_vulkan_time_dispatch(v, v->now, work->shader, false);
+    v->vk->vkCmdBindPipeline(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->pipeline);
+    v->vk->vkCmdBindDescriptorSets(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->layout, 0, 1, &set, 0, NULL);
+    v->vk->vkCmdPushConstants(b->command, p->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0,
                               (uint32_t)gpu_shaders[work->shader].push_bytes, work->push);
-    v->vk->vkCmdDispatch(v->command, work->groups[0], work->groups[1], work->groups[2]);
-    gpu_vulkan_time_dispatch(v, work->shader, true);
+    v->vk->vkCmdDispatch(b->command, work->groups[0], work->groups[1], work->groups[2]);
+    gpu_vulkan_time_dispatch(v, v->now, work->shader, true);
     return 0;
 }
 
@@ -332,8 +386,10 @@ static void close_device(struct sst_gpu *g)
             vk->vkDestroyDescriptorSetLayout(v->device, v->pipeline[i].set, NULL);
         }
         vk->vkDestroyPipelineCache(v->device, v->cache, NULL);
-        vk->vkDestroyDescriptorPool(v->device, v->descriptors, NULL);
-        vk->vkDestroyFence(v->device, v->fence, NULL);
+        for (int i = 0; i < GPU_VULKAN_BATCHES; i++) {
+            vk->vkDestroyDescriptorPool(v->device, v->batch[i].descriptors, NULL);
+            vk->vkDestroyFence(v->device, v->batch[i].fence, NULL);
+        }
         vk->vkDestroyCommandPool(v->device, v->commands, NULL);
         free_memory(v, &v->staging);
         vk->vkDestroyDevice(v->device, NULL);
@@ -350,10 +406,11 @@ static int open_staging(struct gpu_vulkan_device *v)
     const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
     void *mapped;
     /* Reads of memory that is not cached take ten times as long; not every device has cached memory. */
-    int err = alloc_memory(v, &v->staging, STAGING_BYTES, usage, visible | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
+    int err = alloc_memory(v, &v->staging, GPU_VULKAN_BATCHES * STAGING_BYTES, usage,
+                           visible | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
 
     if (err)
-        err = alloc_memory(v, &v->staging, STAGING_BYTES, usage, visible);
+        err = alloc_memory(v, &v->staging, GPU_VULKAN_BATCHES * STAGING_BYTES, usage, visible);
     if (!err)
         err = gpu_vulkan_error(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
     if (!err)
@@ -377,7 +434,8 @@ static int open_queue(struct gpu_vulkan_device *v)
                                            .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
                                            .queueFamilyIndex = family };
     VkCommandBufferAllocateInfo buffer = { .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
-                                           .commandBufferCount = 1 };
+                                           .commandBufferCount = GPU_VULKAN_BATCHES };
+    VkCommandBuffer command[GPU_VULKAN_BATCHES];
     int err;
 
     gpu_vulkan_features_init(&enabled, v->gpu.info.abilities);
@@ -390,7 +448,11 @@ static int open_queue(struct gpu_vulkan_device *v)
     v->vk->vkGetDeviceQueue(v->device, family, 0, &v->queue);
     err = gpu_vulkan_error(v->vk->vkCreateCommandPool(v->device, &pool, NULL, &v->commands));
     buffer.commandPool = v->commands;
-    return err ? err : gpu_vulkan_error(v->vk->vkAllocateCommandBuffers(v->device, &buffer, &v->command));
+    if (!err)
+        err = gpu_vulkan_error(v->vk->vkAllocateCommandBuffers(v->device, &buffer, command));
+    for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++)
+        v->batch[i].command = command[i];
+    return err;
 }
 
 static int open_rest(struct gpu_vulkan_device *v)
@@ -400,10 +462,13 @@ static int open_rest(struct gpu_vulkan_device *v)
     const VkDescriptorPoolCreateInfo pool = {
         .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = GPU_VULKAN_SETS, .poolSizeCount = 1, .pPoolSizes = &size
     };
-    int err = gpu_vulkan_error(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
+    int err = 0;
 
-    if (!err)
-        err = gpu_vulkan_error(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->descriptors));
+    for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++) {
+        err = gpu_vulkan_error(v->vk->vkCreateFence(v->device, &fence, NULL, &v->batch[i].fence));
+        if (!err)
+            err = gpu_vulkan_error(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->batch[i].descriptors));
+    }
     if (!err)
         err = open_staging(v);
     if (!err)

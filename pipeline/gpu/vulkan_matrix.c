@@ -7,23 +7,24 @@
 
 #define HEADER      5          /* words before the first instruction */
 #define MAGIC       0x07230203 /* the first of them */
+#define SLAB_BYTES  64         /* of a pixel that are multiplied between two barriers */
 #define GROUP_LIMIT 1024       /* invocations: sums of weights pass through that many words of shared memory */
 
 /* Instructions of SPIR-V, and a decoration. */
 enum { OP_TYPE_INT = 21, OP_SPEC_CONSTANT = 50, OP_DECORATE = 71, OP_TYPE_MATRIX = 4456, SPEC_ID = 1 };
 
-/* 0: the shader cannot use the shape. Rows and columns divide half a tile, the depth a slab of 64 bytes, and the
- * invocations are a multiple of the tile's side. */
+/* 0: the shader cannot use the shape. Two matrices divide the pixels of a group and four its channels, the depth a slab
+ * of 64 bytes into parts of 16, and the invocations are a multiple of the channels. */
 uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m)
 {
-    const uint32_t half = SST_GPU_NET_MATRIX / 2;
+    const uint32_t rows = SST_GPU_NET_MATRIX / 2, columns = SST_GPU_NET_MATRIX_OUT / 4;
     uint32_t lanes;
 
-    if (!m->rows || !m->columns || !m->depth || half % m->rows || half % m->columns || SST_GPU_NET_MATRIX % m->depth ||
-        m->depth % 4 || m->columns % 4)
+    if (!m->rows || !m->columns || !m->depth || rows % m->rows || columns % m->columns || SLAB_BYTES % m->depth ||
+        m->depth % 16 || m->columns % 4)
         return 0;
-    lanes = half / m->rows * (half / m->columns) * m->group;
-    return lanes % SST_GPU_NET_MATRIX || lanes > GROUP_LIMIT ? 0 : lanes;
+    lanes = rows / m->rows * (columns / m->columns) * m->group;
+    return lanes % SST_GPU_NET_MATRIX_OUT || lanes > GROUP_LIMIT ? 0 : lanes;
 }
 
 void gpu_matrix_stage_init(struct gpu_matrix_stage *s, VkPipelineShaderStageCreateInfo *info,

@@ -7,8 +7,9 @@
 
 #include "base/log.h"
 
-/* Two of each dispatch, before and after, and two of all commands. */
-#define QUERIES (2 * GPU_VULKAN_SETS + 2)
+/* Of a batch: two of each dispatch, before and after, and two of all commands. */
+#define BATCH   (2 * GPU_VULKAN_SETS + 2)
+#define QUERIES (BATCH * GPU_VULKAN_BATCHES)
 
 int gpu_vulkan_open_times(struct gpu_vulkan_device *v)
 {
@@ -29,31 +30,33 @@ int gpu_vulkan_open_times(struct gpu_vulkan_device *v)
     return gpu_vulkan_error(v->vk->vkCreateQueryPool(v->device, &info, NULL, &v->times.pool));
 }
 
-static void stamp(struct gpu_vulkan_device *v, uint32_t query)
+static uint32_t query_of(int b, int pair)
 {
-    v->vk->vkCmdWriteTimestamp(v->command, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, v->times.pool, query);
+    return (uint32_t)(b * BATCH + 2 * pair);
 }
 
-void gpu_vulkan_time_begin(struct gpu_vulkan_device *v)
+static void stamp(struct gpu_vulkan_device *v, int b, uint32_t query)
+{
+    v->vk->vkCmdWriteTimestamp(v->batch[b].command, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, v->times.pool, query);
+}
+
+void gpu_vulkan_time_batch(struct gpu_vulkan_device *v, int b, bool after)
 {
     if (!v->times.pool)
         return;
-    v->vk->vkCmdResetQueryPool(v->command, v->times.pool, 0, QUERIES);
-    stamp(v, 2 * GPU_VULKAN_SETS);
+    if (!after)
+        v->vk->vkCmdResetQueryPool(v->batch[b].command, v->times.pool, query_of(b, 0), BATCH);
+    stamp(v, b, query_of(b, GPU_VULKAN_SETS) + after);
 }
 
-void gpu_vulkan_time_end(struct gpu_vulkan_device *v)
+void gpu_vulkan_time_dispatch(struct gpu_vulkan_device *v, int b, enum sst_gpu_shader shader, bool after)
 {
-    if (v->times.pool)
-        stamp(v, 2 * GPU_VULKAN_SETS + 1);
-}
+    const int last = v->batch[b].sets - 1;
 
-void gpu_vulkan_time_dispatch(struct gpu_vulkan_device *v, enum sst_gpu_shader shader, bool after)
-{
     if (!v->times.pool)
         return;
-    v->times.shader[v->sets - 1] = shader;
-    stamp(v, 2 * (uint32_t)(v->sets - 1) + after);
+    v->times.shader[b][last] = shader;
+    stamp(v, b, query_of(b, last) + after);
 }
 
 /* Milliseconds between two queries that have both come. */
@@ -67,15 +70,15 @@ static double between(const struct gpu_vulkan_device *v, uint32_t query)
     return 1e-6 * v->times.ns_per_tick * (double)(at[1] - at[0]);
 }
 
-void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int dispatches)
+void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int b)
 {
     if (!v->times.pool)
         return;
-    v->times.all_ms += between(v, 2 * GPU_VULKAN_SETS);
+    v->times.all_ms += between(v, query_of(b, GPU_VULKAN_SETS));
     v->times.submits++;
-    for (int i = 0; i < dispatches; i++) {
-        v->times.ms[v->times.shader[i]] += between(v, 2 * (uint32_t)i);
-        v->times.dispatches[v->times.shader[i]]++;
+    for (int i = 0; i < v->batch[b].sets; i++) {
+        v->times.ms[v->times.shader[b][i]] += between(v, query_of(b, i));
+        v->times.dispatches[v->times.shader[b][i]]++;
     }
 }
 

@@ -60,12 +60,22 @@ vec4 residual_of(uint pixel, uint four)
         uvec4(from_word[at + 4 * four], from_word[at + 4 * four + 1], from_word[at + 4 * four + 2], from_word[at + 4 * four + 3]));
 }
 
-void store(uint pixel, uint four, ivec4 sum)
+vec4 scale_of(uint four)
 {
-    const vec4 scale = uintBitsToFloat(uvec4(fixed_word[scales_at + 4 * four], fixed_word[scales_at + 4 * four + 1],
-                                             fixed_word[scales_at + 4 * four + 2], fixed_word[scales_at + 4 * four + 3]));
-    const vec4 bias = uintBitsToFloat(uvec4(fixed_word[bias_at + 4 * four], fixed_word[bias_at + 4 * four + 1],
-                                            fixed_word[bias_at + 4 * four + 2], fixed_word[bias_at + 4 * four + 3]));
+    const uint at = scales_at + 4 * four;
+
+    return uintBitsToFloat(uvec4(fixed_word[at], fixed_word[at + 1], fixed_word[at + 2], fixed_word[at + 3]));
+}
+
+vec4 bias_of(uint four)
+{
+    const uint at = bias_at + 4 * four;
+
+    return uintBitsToFloat(uvec4(fixed_word[at], fixed_word[at + 1], fixed_word[at + 2], fixed_word[at + 3]));
+}
+
+void store_scaled(uint pixel, uint four, ivec4 sum, vec4 scale, vec4 bias)
+{
     precise vec4 value = (vec4(sum) + bias) * scale;
 
     if (residual_mode != NONE) {
@@ -92,4 +102,9 @@ void store(uint pixel, uint four, ivec4 sum)
 
         to_word[to.at + pixel * to.pitch + four] = b.x | b.y << 8 | b.z << 16 | b.w << 24;
     }
+}
+
+void store(uint pixel, uint four, ivec4 sum)
+{
+    store_scaled(pixel, four, sum, scale_of(four), bias_of(four));
 }

@@ -1,8 +1,11 @@
 // Means over bins, to floats. A group sums four channels of a bin, in two parts. Buffers and constants:
 // pipeline/gpu/net.h. Definition: net_pool_reference() in pipeline/gpu/net.c.
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 64) in;
+
+#include "quotient.glsl"
 
 layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; };
 layout(std430, binding = 1) readonly buffer From { uint from_word[]; };
@@ -65,7 +68,7 @@ vec4 high_part(vec4 v)
     return uintBitsToFloat(floatBitsToUint(v) & 0xFFFFF000u);
 }
 
-// (high + low) / n, rounded once but for a part of 2^-20 of its last digit. n is below 2^24.
+// (high + low) / n, rounded once but for a part of 2^-20 of its last digit; halves exactly. n is below 2^24.
 vec4 divide(vec4 high, vec4 low, float n)
 {
     const float n_high = uintBitsToFloat(floatBitsToUint(n) & 0xFFFFF000u);
@@ -74,7 +77,8 @@ vec4 divide(vec4 high, vec4 low, float n)
     const vec4 q_high = high_part(q);
     precise vec4 q_low = q - q_high;
     precise vec4 rest = (((high - q_high * n_high) - q_high * n_low) - q_low * n_high) - q_low * n_low;
-    precise vec4 value = q + (rest + low) / n;
+    precise vec4 more = rest + low;
+    precise vec4 value = q + vec4(quotient(more.x, n), quotient(more.y, n), quotient(more.z, n), quotient(more.w, n));
 
     return value;
 }
