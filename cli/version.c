@@ -80,6 +80,8 @@ static void print_devices(const struct sst_gpu_info *info, int n)
         if (info[i].abilities & SST_GPU_MATRIX)
             printf(", matrices of bytes (%ux%ux%u%s)", m->rows, m->columns, m->depth,
                    info[i].abilities & SST_GPU_MATRIX_FAST ? "" : ", slow");
+        if (info[i].abilities & SST_GPU_SUBGROUP)
+            printf(", subgroups");
         printf("%s\n", info[i].kind == SST_GPU_SOFTWARE ? ", software: used only by name" : "");
     }
     if (!n)

@@ -81,7 +81,7 @@ enum sst_gpu_blend_flag {
 
 /** Pixels of the picture that one group of the shader makes, and one of the shaders of verify.h. */
 #define SST_GPU_BLEND_GROUP_WIDTH   32
-#define SST_GPU_BLEND_GROUP_HEIGHT  16
+#define SST_GPU_BLEND_GROUP_HEIGHT  8
 #define SST_GPU_VERIFY_GROUP_WIDTH  32
 #define SST_GPU_VERIFY_GROUP_HEIGHT 4
 

@@ -3,7 +3,7 @@
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test).
- * dot=1, matrix=1: it has what these variants need; 2: it is slow. */
+ * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,9 +13,20 @@
 #include "base/mem.h"
 #include "pipeline/gpu/gpu_internal.h"
 
-enum fault { FAULT_LOST, FAULT_TIMEOUT, FAULT_MEMORY, FAULT_BUFFER, FAULT_WRONG, HAS_DOT, HAS_MATRIX, FAULTS };
+enum fault {
+    FAULT_LOST,
+    FAULT_TIMEOUT,
+    FAULT_MEMORY,
+    FAULT_BUFFER,
+    FAULT_WRONG,
+    HAS_DOT,
+    HAS_MATRIX,
+    HAS_SUBGROUP,
+    FAULTS
+};
 
-static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong", "dot", "matrix" };
+static const char *const fault_names[FAULTS] = { "lost",  "timeout", "memory", "buffer",
+                                                 "wrong", "dot",     "matrix", "subgroup" };
 
 struct dummy {
     struct sst_gpu gpu; /* first */
@@ -159,8 +170,10 @@ static int read_faults(struct dummy *d, const char *text)
     return 0;
 }
 
-static void set_abilities(struct sst_gpu_info *info, long dot, long matrix)
+static void set_abilities(struct sst_gpu_info *info, long dot, long matrix, long subgroup)
 {
+    if (subgroup)
+        info->abilities |= SST_GPU_SUBGROUP;
     if (dot)
         info->abilities |= SST_GPU_DOT;
     if (dot == 1)
@@ -184,7 +197,7 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
     if (read_faults(d, faults)) {
         free(d);
         sst_log_error("dummy device: `%s` is not a list of lost=N, timeout=N, memory=MIB, buffer=KIB, wrong=N, dot=1, "
-                      "matrix=1",
+                      "matrix=1, subgroup=1",
                       faults);
         return -EINVAL;
     }
@@ -195,7 +208,7 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
         d->gpu.info.memory_bytes = (uint64_t)d->fault[FAULT_MEMORY] << 20;
     if (d->fault[FAULT_BUFFER])
         d->gpu.info.buffer_bytes = (uint64_t)d->fault[FAULT_BUFFER] << 10;
-    set_abilities(&d->gpu.info, d->fault[HAS_DOT], d->fault[HAS_MATRIX]);
+    set_abilities(&d->gpu.info, d->fault[HAS_DOT], d->fault[HAS_MATRIX], d->fault[HAS_SUBGROUP]);
     *out = &d->gpu;
     return 0;
 }

@@ -159,7 +159,7 @@ static void check_variant(void)
     for (int i = 0; i < SST_GPU_SHADERS && !known; i++)
         known = gpu_shaders[i].needs && !strcmp(named, gpu_shaders[i].variant);
     if (!known)
-        sst_log_warning("unknown SST_GPU_VARIANT=%s; using plain shaders (plain, dot, matrix)", named);
+        sst_log_warning("unknown SST_GPU_VARIANT=%s; using plain shaders (plain, dot, matrix, subgroup)", named);
 }
 
 int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg)

@@ -87,6 +87,8 @@ enum sst_gpu_shader {
     SST_GPU_HOLE_PUSH = 68,
     SST_GPU_CLEAR_SURFACE = 69, /* clear_sample.h */
     SST_GPU_CLEAR_SAMPLE = 70,
+    SST_GPU_SGM_PATH_SUBGROUP = 71, /* variants of SST_GPU_SGM_PATH, SST_GPU_HYPOTHESIS_PATH */
+    SST_GPU_HYPOTHESIS_PATH_SUBGROUP = 72,
     SST_GPU_SHADERS
 };
 
@@ -108,6 +110,7 @@ enum sst_gpu_ability {
     SST_GPU_DOT_FAST = 2,    /* ... are faster there than products of floats */
     SST_GPU_MATRIX = 4,      /* products of matrices of bytes (VK_KHR_cooperative_matrix) in a shape that can be used */
     SST_GPU_MATRIX_FAST = 8, /* ... are faster there than both: not on software devices */
+    SST_GPU_SUBGROUP = 16,   /* subgroups of 32 invocations and more, which read each other's registers */
 };
 
 /** Shapes of such products: rows x depth times depth x columns. */
@@ -193,9 +196,9 @@ SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader
 /**
  * Prepare the fastest variant of a shader that the device has and that passes its self-test, else the shader itself.
  *
- * SST_GPU_VARIANT=plain, dot or matrix in the environment names the variant instead; without it on this device, or if
- * it is refused, the shader itself runs. A variant whose self-test a device did not survive is not used again before
- * the program ends.
+ * SST_GPU_VARIANT=plain, dot, matrix or subgroup in the environment names the variant instead; without it on this
+ * device, or if it is refused, the shader itself runs. A variant whose self-test a device did not survive is not used
+ * again before the program ends.
  * @param out  the shader to dispatch: same constants and buffers
  * @return as sst_gpu_prepare() of the shader itself
  */

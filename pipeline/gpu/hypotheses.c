@@ -96,7 +96,7 @@ void hypothesis_cost_reference(const void *push, void *const *buffer, const uint
     free(code);
 }
 
-static void follow(const struct sst_gpu_hypothesis_path *p, void *const *buffer, int x, int y,
+static void follow(const struct sst_gpu_hypothesis_path *p, void *const *buffer, int x, int y, int dx, int dy,
                    const struct sst_hypothesis_penalty *penalty)
 {
     const uint32_t *pixels = (const uint32_t *)buffer[SST_GPU_HYPOTHESIS_PATH_PIXELS] + p->own;
@@ -106,7 +106,7 @@ static void follow(const struct sst_gpu_hypothesis_path *p, void *const *buffer,
     uint16_t path[2][SST_HYPOTHESES];
     int before = -1;
 
-    for (int now = 0; x >= 0 && y >= 0 && x < p->width && y < p->height; x += p->dx, y += p->dy, now = 1 - now) {
+    for (int now = 0; x >= 0 && y >= 0 && x < p->width && y < p->height; x += dx, y += dy, now = 1 - now) {
         const int at = y * p->width + x, entry = at * SST_HYPOTHESES;
         const uint8_t count = (uint8_t)(counts[at] >> 8);
         uint16_t sum[SST_HYPOTHESES];
@@ -141,11 +141,16 @@ void hypothesis_path_reference(const void *push, void *const *buffer, const uint
         penalty.p1[i] = (uint16_t)table[i];
         penalty.p2[i] = (uint16_t)(table[i] >> 16);
     }
-    for (int i = 0; i < (p->dy ? p->width : p->height); i++) {
-        if (p->dy)
-            follow(p, buffer, i, p->dy > 0 ? 0 : p->height - 1, &penalty);
-        else
-            follow(p, buffer, p->dx > 0 ? 0 : p->width - 1, i, &penalty);
+    for (int way = p->way; way < p->way + p->ways; way++) {
+        int dx, dy;
+
+        sst_gpu_way(way, &dx, &dy);
+        for (int i = 0; i < (dy ? p->width : p->height); i++) {
+            if (dy)
+                follow(p, buffer, i, dy > 0 ? 0 : p->height - 1, dx, dy, &penalty);
+            else
+                follow(p, buffer, dx > 0 ? 0 : p->width - 1, i, dx, dy, &penalty);
+        }
     }
 }
 
@@ -239,20 +244,22 @@ static void cost_test(struct test *t)
     hypothesis_cost_reference(&test_cost, (void *const[]){ t->view, t->pixel, t->list, t->counts, t->cost }, NULL);
 }
 
-int hypothesis_path_self_test(struct sst_gpu *g)
+static int test_paths(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
-    static const int ways[4][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 } };
+    static const int ways[][2] = { { 0, 1 }, { 1, 1 }, { 2, 1 }, { 3, 1 }, { 0, 1 }, { 1, 3 } }; /* first, how many */
     struct test *t = make_test();
     int err = t ? 0 : -ENOMEM;
 
     if (!err)
         cost_test(t);
-    for (int i = 0; i < 4 && !err; i++) {
-        const struct sst_gpu_hypothesis_path push = { TEST_WIDTH, TEST_HEIGHT, 0, 12, ways[i][0], ways[i][1], !i };
+    for (size_t i = 0; i < ARRAY_LEN(ways) && !err; i++) {
+        const struct sst_gpu_hypothesis_path push = { TEST_WIDTH, TEST_HEIGHT, 0,          12,
+                                                      ways[i][0], ways[i][1],  !ways[i][0] };
         const struct sst_gpu_work work = {
-            .shader = SST_GPU_HYPOTHESIS_PATH,
+            .shader = shader,
             .push = &push,
-            .groups = { 1, gpu_groups(ways[i][1] ? TEST_WIDTH : TEST_HEIGHT, SST_GPU_HYPOTHESIS_PATHS), 1 }
+            .groups = { (uint32_t)push.ways, gpu_groups(sst_max_int(TEST_WIDTH, TEST_HEIGHT), SST_GPU_HYPOTHESIS_PATHS),
+                        1 }
         };
 
         err = gpu_compare(g, &work, (const void *const[]){ t->pixel, t->table, t->list, t->counts, t->cost, t->sum },
@@ -262,6 +269,16 @@ int hypothesis_path_self_test(struct sst_gpu *g)
     }
     free(t);
     return err;
+}
+
+int hypothesis_path_self_test(struct sst_gpu *g)
+{
+    return test_paths(g, SST_GPU_HYPOTHESIS_PATH);
+}
+
+int hypothesis_path_subgroup_self_test(struct sst_gpu *g)
+{
+    return test_paths(g, SST_GPU_HYPOTHESIS_PATH_SUBGROUP);
 }
 
 int hypothesis_choice_self_test(struct sst_gpu *g)

@@ -7,7 +7,7 @@
 #ifndef SST_PIPELINE_GPU_HYPOTHESES_H
 #define SST_PIPELINE_GPU_HYPOTHESES_H
 
-#include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/match.h"
 
 /* Structures have the layout of the shaders (std430). */
 
@@ -40,13 +40,14 @@ enum sst_gpu_hypothesis_cost_buffer {
     SST_GPU_HYPOTHESIS_COST_BUFFERS
 };
 
-/** `hypothesis_path`: all paths of one direction, four a group along y: pixel (x, y) comes after (x - dx, y - dy). */
+/** `hypothesis_path`: all paths of directions way .. way + ways - 1 of sst_gpu_way(), which are straight: four a group
+ * along y, a layer of groups along x a direction. */
 struct sst_gpu_hypothesis_path {
     int32_t width, height;
     uint32_t own;
-    int32_t near;   /* struct sst_hypothesis_penalty */
-    int32_t dx, dy; /* -1, 0 or 1, one of them 0 */
-    int32_t first;  /* not 0: set the sums instead of adding to them */
+    int32_t near; /* struct sst_hypothesis_penalty */
+    int32_t way, ways;
+    int32_t first; /* not 0: set the sums instead of adding to them; one direction */
 };
 
 enum sst_gpu_hypothesis_path_buffer {

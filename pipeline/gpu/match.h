@@ -126,14 +126,26 @@ enum sst_gpu_support_mean_buffer {
     SST_GPU_SUPPORT_MEAN_BUFFERS
 };
 
-/** `sgm_path`: all paths of one direction, a group each: pixel (x, y) comes after (x - dx, y - dy). */
+#define SST_GPU_WAYS 8 /* directions of paths */
+
+/** In direction `way` pixel (x, y) comes after (x - dx, y - dy). The first four are those of 4 paths. */
+static inline void sst_gpu_way(int way, int *dx, int *dy)
+{
+    static const int8_t ways[SST_GPU_WAYS][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 },  { 0, -1 },
+                                                  { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 } };
+
+    *dx = ways[way][0];
+    *dy = ways[way][1];
+}
+
+/** `sgm_path`: all paths of directions way .. way + ways - 1, a group each, a row of groups a direction. */
 struct sst_gpu_sgm {
     int32_t width, top, bottom; /* of the view; rows that have costs: top .. bottom - 1 */
     int32_t tile_width, tile_height, columns;
-    int32_t dx, dy; /* -1, 0 or 1, not both 0 */
-    int32_t first;  /* not 0: set the sums instead of adding to them */
-    /* With dy: where paths go on from the rows before these, and where they are left for those after them: indices of
-     * the entries of column 0. -1: they begin here, they are not needed. The two must not overlap. */
+    int32_t way, ways;
+    int32_t first; /* not 0: set the sums instead of adding to them; one direction */
+    /* Of one direction with dy: where paths go on from the rows before these, and where they are left for those after
+     * them: indices of the entries of column 0. -1: they begin here, they are not needed. The two must not overlap. */
     int32_t load, store;
     uint32_t all; /* steps that any tile has: an entry has three more words */
 };
@@ -149,12 +161,26 @@ enum sst_gpu_sgm_buffer {
     SST_GPU_SGM_BUFFERS
 };
 
-/** Paths of a direction: groups of sgm_path. */
-static inline uint32_t sst_gpu_sgm_paths(const struct sst_gpu_sgm *s)
+#define SST_GPU_SGM_SUBGROUP_STEPS 256 /* disparities of a tile of sgm_path_subgroup at most */
+
+/** Paths of a direction. */
+static inline int sst_gpu_sgm_paths(const struct sst_gpu_sgm *s, int way)
 {
     const int rows = s->bottom - s->top;
+    int dx, dy;
 
-    return (uint32_t)(!s->dy ? rows : !s->dx ? s->width : s->width + rows - 1);
+    sst_gpu_way(way, &dx, &dy);
+    return !dy ? rows : !dx ? s->width : s->width + rows - 1;
+}
+
+/** Groups of sgm_path along x: the most paths of its directions. */
+static inline uint32_t sst_gpu_sgm_groups(const struct sst_gpu_sgm *s)
+{
+    int most = 0;
+
+    for (int i = s->way; i < s->way + s->ways; i++)
+        most = sst_max_int(most, sst_gpu_sgm_paths(s, i));
+    return (uint32_t)most;
 }
 
 /** `winner`: groups by row of a tile, 8 pixels of it and tile. */

@@ -18,6 +18,7 @@ struct given {
     const uint8_t *cost;
     uint16_t *sum, p1[256], p2[256], *line, *other;
     uint32_t *state;
+    int dx, dy;
 };
 
 static size_t cell_of(const struct sst_gpu_tile *t, int x, int y)
@@ -73,13 +74,13 @@ static void follow(struct given *in, int x, int y, bool goes_on)
     const struct sst_gpu_sgm *p = in->push;
     const struct sst_gpu_tile *last = NULL;
     struct sst_gpu_tile loaded;
-    int before = (y - p->dy) * p->width + x - p->dx;
+    int before = (y - in->dy) * p->width + x - in->dx;
 
-    if (goes_on && p->load >= 0 && x - p->dx >= 0 && x - p->dx < p->width) {
-        loaded = load(in, x - p->dx);
+    if (goes_on && p->load >= 0 && x - in->dx >= 0 && x - in->dx < p->width) {
+        loaded = load(in, x - in->dx);
         last = &loaded;
     }
-    for (; x >= 0 && y >= p->top && x < p->width && y < p->bottom; x += p->dx, y += p->dy) {
+    for (; x >= 0 && y >= p->top && x < p->width && y < p->bottom; x += in->dx, y += in->dy) {
         const int tile = (y - p->top) / p->tile_height * p->columns + x / p->tile_width;
         const struct sst_gpu_tile *t = &in->tiles[tile];
         const size_t nd = (size_t)t->nd, entry = nd + 2 * SST_SGM_PAD, at = cell_of(t, x, y);
@@ -93,14 +94,33 @@ static void follow(struct given *in, int x, int y, bool goes_on)
         sst_sgm_along_rows_ref(in->line, in->sum + at, in->cost + at, 0, &step, 0, in->p1, in->p2, 1, p->first, 1, 1,
                                nd);
         memcpy(in->line, in->line + entry, entry * sizeof(*in->line));
-        if (p->store >= 0 && p->dy && y == (p->dy > 0 ? p->bottom - 1 : p->top))
+        if (p->store >= 0 && in->dy && y == (in->dy > 0 ? p->bottom - 1 : p->top))
             store(in, t, x);
         before = y * p->width + x;
         last = t;
     }
 }
 
-void sgm_path_reference(const void *push, void *const *buffer, const uint32_t groups[3])
+/* All paths of a direction, from the sides that they come from. */
+static void follow_all(struct given *in, int way)
+{
+    const struct sst_gpu_sgm *p = in->push;
+    int left, row;
+
+    sst_gpu_way(way, &in->dx, &in->dy);
+    left = in->dx > 0 ? 0 : p->width - 1;
+    row = in->dy > 0 ? p->top : p->bottom - 1;
+    for (int i = 0; i < sst_gpu_sgm_paths(p, way); i++) {
+        if (!in->dy)
+            follow(in, left, p->top + i, false);
+        else if (i < p->width)
+            follow(in, i, row, true);
+        else
+            follow(in, left, row + in->dy * (i - p->width + 1), false);
+    }
+}
+
+void sgm_path_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
 {
     const struct sst_gpu_sgm *p = push;
     const uint32_t *table = buffer[SST_GPU_SGM_TABLE];
@@ -120,16 +140,8 @@ void sgm_path_reference(const void *push, void *const *buffer, const uint32_t gr
         in.p1[i] = (uint16_t)table[i];
         in.p2[i] = (uint16_t)(table[i] >> 16);
     }
-    for (int i = 0; i < (int)groups[0]; i++) { /* from the sides that the paths come from */
-        const int left = p->dx > 0 ? 0 : p->width - 1, row = p->dy > 0 ? p->top : p->bottom - 1;
-
-        if (!p->dy)
-            follow(&in, left, p->top + i, false);
-        else if (i < p->width)
-            follow(&in, i, row, true);
-        else
-            follow(&in, left, row + p->dy * (i - p->width + 1), false);
-    }
+    for (int i = p->way; i < p->way + p->ways; i++)
+        follow_all(&in, i);
     free(lines);
 }
 
@@ -190,8 +202,9 @@ struct test {
     uint32_t state[2 * TEST_WIDTH][TEST_STEPS + 3];
 };
 
-/* Tiles with a pixel around them, and windows that begin and end elsewhere, if there are several. */
-static void set_tiles(struct test *t, bool several)
+/* Tiles with a pixel around them, and windows that begin and end elsewhere, if there are several; else one with these
+ * steps. */
+static void set_tiles(struct test *t, bool several, int steps)
 {
     static const int window[TEST_TILES][2] = { { 0, 96 }, { 64, 160 }, { 80, 64 }, { 32, 232 } };
     const int width = several ? TEST_COLUMN : TEST_WIDTH, height = several ? TEST_ROW : TEST_HEIGHT;
@@ -215,7 +228,7 @@ static void set_tiles(struct test *t, bool several)
                                      .left = x0 - several,
                                      .top = TEST_TOP + y0 - several,
                                      .first = several ? window[i][0] : 0,
-                                     .nd = several ? window[i][1] : TEST_STEPS,
+                                     .nd = several ? window[i][1] : steps,
                                      .quad = cells / 4 };
 
         made.steps = made.nd - 3;
@@ -247,46 +260,63 @@ static struct test *make_test(void)
 }
 
 /* One direction; the sums, or what is left of the paths, are kept for the next one. */
-static int run_direction(struct sst_gpu *g, struct test *t, bool keep_state)
+static int run_direction(struct sst_gpu *g, struct test *t, enum sst_gpu_shader shader, bool keep_state)
 {
     const void *const initial[SST_GPU_BUFFERS] = { t->tile, t->pixel, t->table, t->cost, t->sum, t->state };
     const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->tile), sizeof(t->pixel), sizeof(t->table),
                                             sizeof(t->cost), sizeof(t->sum),   sizeof(t->state) };
-    const struct sst_gpu_work work = { .shader = SST_GPU_SGM_PATH,
+    const struct sst_gpu_work work = { .shader = shader,
                                        .push = &t->push,
-                                       .groups = { sst_gpu_sgm_paths(&t->push), 1, 1 } };
+                                       .groups = { sst_gpu_sgm_groups(&t->push), (uint32_t)t->push.ways, 1 } };
 
     return gpu_compare(g, &work, initial, bytes, keep_state ? SST_GPU_SGM_STATE : SST_GPU_SGM_SUM,
                        keep_state ? (void *)t->state : t->sum);
 }
 
-int sgm_path_self_test(struct sst_gpu *g)
+/* @param steps  of a view that is one tile */
+static int test_paths(struct sst_gpu *g, enum sst_gpu_shader shader, int steps)
 {
     struct test *t = make_test();
     int err = t ? 0 : -ENOMEM;
 
     for (int several = 0; several < 2 && !err; several++) {
-        set_tiles(t, several);
-        for (int i = 0; i < 9 && !err; i++) {
-            t->push.dx = i % 3 - 1;
-            t->push.dy = i / 3 - 1;
+        set_tiles(t, several, steps);
+        t->push.ways = 1;
+        for (int i = 0; i < SST_GPU_WAYS && !err; i++) {
+            t->push.way = i;
             t->push.first = !i;
-            if (t->push.dx || t->push.dy)
-                err = run_direction(g, t, false);
+            err = run_direction(g, t, shader, false);
         }
+        t->push.way = 1; /* several at once, added to those */
+        t->push.ways = SST_GPU_WAYS - 1;
+        err = err ? err : run_direction(g, t, shader, false);
+        t->push.ways = 1;
         for (int i = 0; i < 4 && !err; i++) { /* left after all rows, which go on from there: as of other ones */
-            t->push.dx = i % 3 - 1;
-            t->push.dy = i < 3 ? 1 : -1;
+            static const int ways[4] = { 5, 2, 4, 7 };
+
+            t->push.way = ways[i];
             t->push.load = -1;
             t->push.store = TEST_WIDTH;
-            err = run_direction(g, t, true);
+            err = run_direction(g, t, shader, true);
             t->push.load = TEST_WIDTH;
             t->push.store = 0;
-            err = err ? err : run_direction(g, t, true);
+            err = err ? err : run_direction(g, t, shader, true);
         }
     }
     free(t);
     return err;
+}
+
+int sgm_path_self_test(struct sst_gpu *g)
+{
+    return test_paths(g, SST_GPU_SGM_PATH, TEST_STEPS);
+}
+
+int sgm_path_subgroup_self_test(struct sst_gpu *g)
+{
+    const int err = test_paths(g, SST_GPU_SGM_PATH_SUBGROUP, SST_GPU_SGM_SUBGROUP_STEPS);
+
+    return err ? err : test_paths(g, SST_GPU_SGM_PATH_SUBGROUP, 100);
 }
 
 static int run_winner(struct sst_gpu *g, struct test *t, bool from_cost)
@@ -309,7 +339,7 @@ int winner_self_test(struct sst_gpu *g)
     int err = t ? 0 : -ENOMEM;
 
     if (!err)
-        set_tiles(t, true);
+        set_tiles(t, true, TEST_STEPS);
     for (size_t i = 0; i < TEST_CELLS && !err; i++) /* many are equal, some the largest there is */
         t->sum[i] = (uint16_t)(i / TEST_STEPS % 5 ? 100 + gpu_random(&state) % 50 : 65535 - gpu_random(&state) % 2);
     for (int from_cost = 0; from_cost < 2 && !err; from_cost++)

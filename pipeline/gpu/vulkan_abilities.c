@@ -121,11 +121,25 @@ static void look_for_matrices(const struct gpu_vulkan *vk, VkPhysicalDevice devi
     info->matrix = m;
 }
 
+static void look_for_subgroups(const struct gpu_vulkan *vk, VkPhysicalDevice device, struct sst_gpu_info *info)
+{
+    const VkSubgroupFeatureFlags needs = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
+                                         VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
+    VkPhysicalDeviceSubgroupProperties group = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES };
+    VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &group };
+
+    vk->vkGetPhysicalDeviceProperties2(device, &all);
+    if (group.subgroupSize >= 32 && (group.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT) &&
+        (group.supportedOperations & needs) == needs)
+        info->abilities |= SST_GPU_SUBGROUP;
+}
+
 void gpu_vulkan_look(const struct gpu_vulkan *vk, VkPhysicalDevice device, struct sst_gpu_info *info)
 {
     struct extensions e = { calloc(EXTENSIONS, sizeof(*e.list)), EXTENSIONS };
     VkResult rc = VK_ERROR_OUT_OF_HOST_MEMORY;
 
+    look_for_subgroups(vk, device, info);
     if (e.list)
         rc = vk->vkEnumerateDeviceExtensionProperties(device, NULL, &e.n, e.list);
     if (!rc || rc == VK_INCOMPLETE) {

@@ -1,6 +1,6 @@
 // The rays of views summed into a picture: blend_rays, blend_plain, blend_support and blend_finish of kernels.h for all
-// views and rows. An invocation has four pixels of a column, whose rays share the rows between them. Buffers and constants:
-// pipeline/gpu/blend.h. Definition: blend_*_ref.c.
+// views and rows. An invocation has several pixels of a column, whose rays share the rows between them. Buffers and
+// constants: pipeline/gpu/blend.h. Definition: blend_*_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -31,13 +31,16 @@ const float TINY = 1e-37, FLOOR = 1e-28;
 #include "blend_ray.glsl"
 #include "quotient.glsl"
 
-const int ROWS = 4; // of an invocation
+const int ROWS = 2; // of an invocation
 
 // Of each of its pixels. `whole`: sums without weights.
 vec3 sum[ROWS];
 float weight[ROWS];
 ivec3 whole[ROWS];
 bool supported[ROWS];
+
+// Kinds of plans; constants where they are used, so that each has a loop of its own.
+const int SUMS = 0, APERTURES = 1, WEIGHTS_ALIKE = 2, WEIGHTS_BY_LABEL = 3;
 
 // The same value without a conversion, of which devices do few at once. b: below 2^23
 float exact(uint b)
@@ -71,23 +74,21 @@ void read_sums(uint at, uint plane)
     }
 }
 
-// Add a ray: colour c in 1/LEVEL, whose numbers are whole.
-void add(int i, const View from, int x, int y, vec3 c)
+// Add a ray of colour c in 1/LEVEL, whose numbers are whole. nearest: the pixel with its disparity and label
+void add(int i, const int kind, float aperture, uint nearest, bool labels, vec3 c)
 {
-    precise float w = from.aperture;
+    float w = aperture;
 
-    if ((flags & SUMMED) != 0) {
+    if (kind == SUMS) {
         whole[i] += ivec3(c);
         weight[i] += 1.0;
         supported[i] = true;
         return;
     }
-    if ((flags & WEIGHTED) != 0) {
-        const uint nearest = from.first + uint(y + from.ny) * uint(pitch) + uint(x + from.nx);
-        const bool labels = (from.flags & VIEW_LABELS) != 0;
+    if (kind >= WEIGHTS_ALIKE) {
         const uint d = disparity(nearest), name = labels ? pixel[nearest] >> 24 : 0, ends = label[name].ends;
 
-        w = weigh(w, d, name, labels && (flags & BY_LABEL) != 0);
+        w = weigh(w, d, name, kind == WEIGHTS_BY_LABEL && labels);
         supported[i] = supported[i] || (d >= (ends & 0xFFFF) && d <= (ends >> 16));
     } else {
         supported[i] = true;
@@ -101,37 +102,62 @@ void add(int i, const View from, int x, int y, vec3 c)
 }
 
 // Add the rays of a view.
-void add_view(const View from, int x, int y)
+void add_view(uint v, const int kind, int x, int y)
 {
-    const bool has_right = (from.flags & VIEW_RIGHT) != 0, has_below = (from.flags & VIEW_BELOW) != 0;
-    const uint right = has_right ? 1 : 0, below = has_below ? uint(pitch) : 0;
-    const uint at = from.first + uint(y + from.iy) * uint(pitch) + uint(x + from.ix);
-    const int last = from.y1 + int(has_below); // rows of the view that count
+    const uint view_flags = view[v].flags, at = view[v].first + uint(y + view[v].iy) * uint(pitch) + uint(x + view[v].ix);
+    const uint right = (view_flags & VIEW_RIGHT) != 0 ? 1 : 0, below = (view_flags & VIEW_BELOW) != 0 ? uint(pitch) : 0;
+    const uint nearest = view[v].first + uint(y + view[v].ny) * uint(pitch) + uint(x + view[v].nx);
+    const bool labels = (view_flags & VIEW_LABELS) != 0;
+    const int y0 = view[v].y0, y1 = view[v].y1;
+    const float aperture = view[v].aperture;
+    const vec4 tap = vec4(view[v].tap[0], view[v].tap[1], view[v].tap[2], view[v].tap[3]);
 
-    if (x < from.x0 || x >= from.x1)
+    if (x < view[v].x0 || x >= view[v].x1)
         return;
-    const vec4 tap = vec4(from.tap[0], from.tap[1], from.tap[2], from.tap[3]);
-    vec3 here = vec3(0), beside = vec3(0);
+    // Whole numbers below 2^23: no sum is rounded.
+    if (y >= y0 && y + ROWS <= y1 && below != 0 && (view_flags & VIEW_VALID) == 0) {
+        vec3 upper = colour_at(at) * tap.x + colour_at(at + right) * tap.y;
+        vec3 between[ROWS];
 
-    if (y >= from.y0 && y < last) {
-        here = colour_at(at);
-        beside = has_right ? colour_at(at + right) : here;
+        [[unroll]] for (int i = 0; i < ROWS; i++) {
+            const uint next = at + uint(i + 1) * uint(pitch);
+            const vec3 here = colour_at(next), beside = colour_at(next + right);
+
+            between[i] = upper + (here * tap.z + beside * tap.w);
+            upper = here * tap.x + beside * tap.y;
+        }
+        [[unroll]] for (int i = 0; i < ROWS; i++)
+            add(i, kind, aperture, nearest + uint(i) * uint(pitch), labels, between[i]);
+        return;
     }
     [[unroll]] for (int i = 0; i < ROWS; i++) {
-        const uint next = at + uint(i + 1) * uint(pitch);
-        const bool inside = y + i >= from.y0 && y + i < from.y1;
-        vec3 under = vec3(0), beside_under = vec3(0);
+        const uint from = at + uint(i) * uint(pitch);
 
-        if (y + i + 1 >= from.y0 && y + i + 1 < last) {
-            under = colour_at(next);
-            beside_under = has_right ? colour_at(next + right) : under;
-        }
-        if (inside && ((from.flags & VIEW_VALID) == 0 || seen(next - uint(pitch), right, below)))
-            // Whole numbers below 2^23: no sum is rounded.
-            add(i, from, x, y + i, here * tap.x + beside * tap.y + under * tap.z + beside_under * tap.w);
-        here = under;
-        beside = beside_under;
+        if (y + i < y0 || y + i >= y1 || ((view_flags & VIEW_VALID) != 0 && !seen(from, right, below)))
+            continue;
+        add(i, kind, aperture, nearest + uint(i) * uint(pitch), labels,
+            colour_at(from) * tap.x + colour_at(from + right) * tap.y + colour_at(from + below) * tap.z +
+                colour_at(from + right + below) * tap.w);
     }
+}
+
+void add_views(const int kind, int x, int y)
+{
+    for (uint v = first_view; v < first_view + views; v++)
+        add_view(v, kind, x, y);
+}
+
+// a / b + 1/2; the quotient is rounded to the nearest number where that decides about the whole part.
+float rounded(float a, float b)
+{
+    precise float value = a / b + 0.5;
+
+    if (abs(fract(value) - 0.5) > 0.499) {
+        precise float exactly = quotient(a, b) + 0.5;
+
+        value = exactly;
+    }
+    return value;
 }
 
 void write(int i, uint at, uint plane)
@@ -149,7 +175,7 @@ void write(int i, uint at, uint plane)
         sum[i] = vec3(whole[i]);
     precise vec3 scaled = sum[i] * (1.0 / LEVEL);
     precise float total = weight[i] + TINY;
-    precise vec3 mean = vec3(quotient(scaled.r, total), quotient(scaled.g, total), quotient(scaled.b, total)) + 0.5;
+    const vec3 mean = vec3(rounded(scaled.r, total), rounded(scaled.g, total), rounded(scaled.b, total));
     const uvec3 rgb = min(uvec3(mean), uvec3(255));
 
     result[at] = rgb.r | rgb.g << 8 | rgb.b << 16 | (supported[i] ? PIXEL_SUPPORTED << 24 : 0) |
@@ -166,8 +192,14 @@ void main()
     if (x >= width || row >= rows)
         return;
     read_sums(at, plane);
-    for (uint v = first_view; v < first_view + views; v++)
-        add_view(view[v], x, top + row);
+    if ((flags & SUMMED) != 0)
+        add_views(SUMS, x, top + row);
+    else if ((flags & WEIGHTED) == 0)
+        add_views(APERTURES, x, top + row);
+    else if ((flags & BY_LABEL) == 0)
+        add_views(WEIGHTS_ALIKE, x, top + row);
+    else
+        add_views(WEIGHTS_BY_LABEL, x, top + row);
     [[unroll]] for (int i = 0; i < ROWS; i++) {
         if (row + i < rows)
             write(i, at + uint(i) * uint(width), plane);

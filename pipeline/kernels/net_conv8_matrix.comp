@@ -62,8 +62,7 @@ uvec4 next_input[INPUTS], next_weight[WEIGHTS];
 ivec2 base[INPUTS]; // of its pixels, under the kernel's first tap
 ivec2 tap = ivec2(0);
 uint word = 0;      // its first one of the tap's pixel
-uint bytes = 0;     // sums of the weights' bytes + 128, of the even and the odd ones
-uint odd_bytes = 0;
+int own = 0;        // sum of the weights that it has read
 
 bool is_inside(ivec2 at, ivec2 t)
 {
@@ -149,26 +148,13 @@ void share_slab(uint lane, uint lanes)
         if (i * lanes >= CHANNELS * SLAB)
             break;
         weights[lane % CHANNELS * PITCH + lane / CHANNELS + i * lanes / CHANNELS] = next_weight[i];
-        [[unroll]] for (uint k = 0; k < 4; k++) {
-            const uint positive = next_weight[i][k] ^ 0x80808080u;
-
-            bytes += positive & 0x00FF00FF;
-            odd_bytes += (positive >> 8) & 0x00FF00FF;
-        }
+        [[unroll]] for (uint k = 0; k < 16; k++)
+            own += int(int8_t(next_weight[i][k / 4] >> (8 * (k % 4))));
     }
 }
 
-// Before the sums of 16 bits are full: after at most 128 words.
-int take_sum(uint words)
-{
-    const int sum = int((bytes & 0xFFFF) + (bytes >> 16) + (odd_bytes & 0xFFFF) + (odd_bytes >> 16)) - int(512 * words);
-
-    bytes = odd_bytes = 0;
-    return sum;
-}
-
 // Each channel's sum of weights, from those of its lanes.
-void add_weight_sums(uint lane, uint lanes, int own)
+void add_weight_sums(uint lane, uint lanes)
 {
     results[lane] = own;
     barrier();
@@ -230,8 +216,6 @@ void main()
     uint step = DEPTH / 16; // no constant, so that it stands here
     MatrixSum sum00 = filled(0), sum01 = filled(0), sum02 = filled(0), sum03 = filled(0);
     MatrixSum sum10 = filled(0), sum11 = filled(0), sum12 = filled(0), sum13 = filled(0);
-    uint counted = 0; // words of weights in the sums of bytes
-    int own = 0;
 
     [[unroll]] for (uint i = 0; i < INPUTS; i++) {
         const int pixel =
@@ -244,11 +228,6 @@ void main()
     read_weights(lane, lanes, 0);
     for (uint slab = 0; slab < slabs; slab++) {
         share_slab(lane, lanes);
-        counted += CHANNELS * SLAB / lanes * 4;
-        if (counted > 96) {
-            own += take_sum(counted);
-            counted = 0;
-        }
         barrier();
         if (slab + 1 < slabs) {
             read_inputs(lanes);
@@ -275,7 +254,7 @@ void main()
         }
         barrier();
     }
-    add_weight_sums(lane, lanes, own + take_sum(counted));
+    add_weight_sums(lane, lanes);
 
 #define WRITE(j, upper, lower)                                                    \
     {                                                                             \

@@ -25,7 +25,8 @@ struct match {
     int band;          /* rows that are matched at once */
     /* of the band in work */
     int top, rows_of; /* its rows */
-    int tiles;
+    int tiles, most_nd;           /* disparities of one at most, with padding */
+    enum sst_gpu_shader path;     /* the fastest variant of sgm_path */
     uint32_t blocks, quads, rows; /* groups that cover the volume of the largest tile */
     uint32_t inner_rows, columns; /* groups of winners, likewise */
     size_t cells;                 /* of all tiles */
@@ -146,6 +147,7 @@ static void add_tile(struct match *m, const struct sst_gpu_tile *t)
     const uint32_t columns = (uint32_t)(t->width + SST_GPU_WINNER_PIXELS - 1) / SST_GPU_WINNER_PIXELS;
 
     m->cells += of_row * (size_t)t->rows;
+    m->most_nd = sst_max_int(m->most_nd, t->nd);
     m->quads = quads > m->quads ? quads : m->quads;
     m->blocks = blocks > m->blocks ? blocks : m->blocks;
     m->columns = columns > m->columns ? columns : m->columns;
@@ -188,6 +190,7 @@ static int place_band(struct match *m, int top, int rows)
     m->cells = 0;
     m->quads = m->blocks = m->rows = m->inner_rows = m->columns = 0;
     m->tiles = count;
+    m->most_nd = 0;
     for (int i = 0; i < count && !err; i++) {
         tile[i] = tile_of(m, i);
         add_tile(m, &tile[i]);
@@ -350,8 +353,9 @@ static uint32_t all_steps(const struct match *m)
     return (uint32_t)(m->in->tiles ? steps + 64 : (steps + 31) / 32 * 32);
 }
 
-/* Paths of a direction through the band. @param load, store  entries of the state; -1: none */
-static int follow(struct match *m, int dx, int dy, bool first, int load, int store)
+/* Paths of directions through the band. @param first  set the sums @param load, store  entries of the state; -1: none
+ */
+static int follow(struct match *m, int way, int ways, bool first, int load, int store)
 {
     const struct device_match *in = m->in;
     struct sst_gpu_buffer **kept = m->d->kept;
@@ -361,14 +365,15 @@ static int follow(struct match *m, int dx, int dy, bool first, int load, int sto
                                       .tile_width = in->tiles ? SST_TILE_WIDTH : m->width,
                                       .tile_height = in->tiles ? SST_TILE_HEIGHT : m->rows_of,
                                       .columns = in->tiles ? in->tiles->columns : 1,
-                                      .dx = dx,
-                                      .dy = dy,
+                                      .way = way,
+                                      .ways = ways,
                                       .first = first,
                                       .load = load < 0 ? -1 : load * m->width,
                                       .store = store < 0 ? -1 : store * m->width,
                                       .all = all_steps(m) };
 
-    return dispatch(m, SST_GPU_SGM_PATH, &push, sst_gpu_sgm_paths(&push), 1, 1,
+    return dispatch(m, m->most_nd <= SST_GPU_SGM_SUBGROUP_STEPS ? m->path : SST_GPU_SGM_PATH, &push,
+                    sst_gpu_sgm_groups(&push), (uint32_t)ways, 1,
                     (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
                                                       kept[KEPT_COST], kept[KEPT_SUM], kept[KEPT_STATE] },
                     SST_GPU_SGM_BUFFERS);
@@ -472,6 +477,9 @@ static int rows_of(const struct match *m, int b)
     return sst_min_int(m->band, m->in->height - b * m->band);
 }
 
+/* Directions downwards: straight, then slanted. Those upwards follow: 3; 6 and 7. */
+static const int down[] = { 2, 4, 5 };
+
 /* What the paths downwards leave at the end of each band but the last one; with 8 paths three of them. */
 static int follow_down(struct match *m, int slants, int bands)
 {
@@ -480,7 +488,7 @@ static int follow_down(struct match *m, int slants, int bands)
     for (int b = 0; b + 1 < bands && !err; b++) {
         err = fill_band(m, m->in->top + b * m->band, rows_of(m, b));
         for (int s = 0; s < slants && !err; s++)
-            err = follow(m, slants == 1 ? 0 : s - 1, 1, true, b ? (b - 1) * slants + s : -1, b * slants + s);
+            err = follow(m, down[s], 1, true, b ? (b - 1) * slants + s : -1, b * slants + s);
     }
     return err;
 }
@@ -489,15 +497,15 @@ static int follow_down(struct match *m, int slants, int bands)
 static int optimise(struct match *m, int slants, int b, int bands)
 {
     const int up = (bands - 1) * slants; /* entries of two bands, in turn */
-    int err = follow(m, 1, 0, true, -1, -1);
+    int err = follow(m, 0, 1, true, -1, -1);
 
-    err = err ? err : follow(m, -1, 0, false, -1, -1);
+    if (bands == 1)
+        return err ? err : follow(m, 1, 2 + 2 * slants - 1, false, -1, -1);
+    err = err ? err : follow(m, 1, 1, false, -1, -1);
     for (int s = 0; s < slants && !err; s++) {
-        const int dx = slants == 1 ? 0 : s - 1;
-
-        err = follow(m, dx, 1, false, b ? (b - 1) * slants + s : -1, -1);
+        err = follow(m, down[s], 1, false, b ? (b - 1) * slants + s : -1, -1);
         err = err ? err
-                  : follow(m, dx, -1, false, b + 1 < bands ? up + (b + 1) % 2 * slants + s : -1,
+                  : follow(m, down[s] + (s ? 2 : 1), 1, false, b + 1 < bands ? up + (b + 1) % 2 * slants + s : -1,
                            b ? up + b % 2 * slants + s : -1);
     }
     return err;
@@ -543,6 +551,7 @@ static int match_view(struct match *m)
     enum device_kept map;
     int err = need_view(m, in->ref);
 
+    err = err ? err : sst_gpu_prepare_fastest(m->d->gpu, SST_GPU_SGM_PATH, &m->path);
     for (int i = 0; i < in->count && !err; i++)
         err = need_view(m, in->neighbours[i].desc);
     err = err ? err : upload_penalties(m);

@@ -173,30 +173,31 @@ static int test_costs(struct sst_disparity_device *d, const struct device_hypoth
 
 static int optimise(struct sst_disparity_device *d, const struct device_hypotheses *in)
 {
-    static const int ways[4][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 } };
+    static const int ways[2][2] = { { 0, 1 }, { 1, 3 } }; /* the first one, how many */
     const struct sst_hypothesis_test *t = in->test;
     const size_t n = (size_t)t->width * (size_t)t->height;
-    int err = 0;
+    enum sst_gpu_shader shader;
+    int err = sst_gpu_prepare_fastest(d->gpu, SST_GPU_HYPOTHESIS_PATH, &shader);
 
-    for (int i = 0; i < 4 && !err; i++) {
+    for (int i = 0; i < 2 && !err; i++) {
         const struct sst_gpu_hypothesis_path push = { .width = t->width,
                                                       .height = t->height,
                                                       .own = (uint32_t)((size_t)in->view * n),
                                                       .near = in->penalty->near,
-                                                      .dx = ways[i][0],
-                                                      .dy = ways[i][1],
+                                                      .way = ways[i][0],
+                                                      .ways = ways[i][1],
                                                       .first = !i };
-        const int paths = ways[i][1] ? t->width : t->height;
+        const int paths = sst_max_int(t->width, t->height);
 
         d->report.dispatches++;
         err = sst_gpu_dispatch(
-            d->gpu,
-            &(struct sst_gpu_work){
-                .shader = SST_GPU_HYPOTHESIS_PATH,
-                .push = &push,
-                .buffer = { d->kept[KEPT_PIXELS], d->kept[KEPT_TABLE], d->kept[KEPT_LIST], d->kept[KEPT_COUNTS],
-                            d->kept[KEPT_COSTS], d->kept[KEPT_SUMS] },
-                .groups = { 1, (uint32_t)(paths + SST_GPU_HYPOTHESIS_PATHS - 1) / SST_GPU_HYPOTHESIS_PATHS, 1 } });
+            d->gpu, &(struct sst_gpu_work){
+                        .shader = shader,
+                        .push = &push,
+                        .buffer = { d->kept[KEPT_PIXELS], d->kept[KEPT_TABLE], d->kept[KEPT_LIST], d->kept[KEPT_COUNTS],
+                                    d->kept[KEPT_COSTS], d->kept[KEPT_SUMS] },
+                        .groups = { (uint32_t)push.ways,
+                                    (uint32_t)(paths + SST_GPU_HYPOTHESIS_PATHS - 1) / SST_GPU_HYPOTHESIS_PATHS, 1 } });
     }
     return err;
 }
