@@ -124,7 +124,8 @@ static void look_for_matrices(const struct gpu_vulkan *vk, VkPhysicalDevice devi
 static void look_for_subgroups(const struct gpu_vulkan *vk, VkPhysicalDevice device, struct sst_gpu_info *info)
 {
     const VkSubgroupFeatureFlags needs = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
-                                         VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
+                                         VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT |
+                                         VK_SUBGROUP_FEATURE_CLUSTERED_BIT;
     VkPhysicalDeviceSubgroupProperties group = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES };
     VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &group };
 

@@ -359,6 +359,7 @@ static int follow(struct match *m, int way, int ways, bool first, int load, int 
 {
     const struct device_match *in = m->in;
     struct sst_gpu_buffer **kept = m->d->kept;
+    const enum sst_gpu_shader shader = m->most_nd <= SST_GPU_SGM_SUBGROUP_STEPS ? m->path : SST_GPU_SGM_PATH;
     const struct sst_gpu_sgm push = { .width = m->width,
                                       .top = m->top,
                                       .bottom = m->top + m->rows_of,
@@ -372,8 +373,7 @@ static int follow(struct match *m, int way, int ways, bool first, int load, int 
                                       .store = store < 0 ? -1 : store * m->width,
                                       .all = all_steps(m) };
 
-    return dispatch(m, m->most_nd <= SST_GPU_SGM_SUBGROUP_STEPS ? m->path : SST_GPU_SGM_PATH, &push,
-                    sst_gpu_sgm_groups(&push), (uint32_t)ways, 1,
+    return dispatch(m, shader, &push, sst_gpu_sgm_groups(&push, shader), (uint32_t)ways, 1,
                     (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
                                                       kept[KEPT_COST], kept[KEPT_SUM], kept[KEPT_STATE] },
                     SST_GPU_SGM_BUFFERS);
