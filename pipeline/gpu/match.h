@@ -138,8 +138,8 @@ static inline void sst_gpu_way(int way, int *dx, int *dy)
     *dy = ways[way][1];
 }
 
-/** `sgm_path`: all paths of directions way .. way + ways - 1, a group each (sgm_path_subgroup: four a
- * group), a row of groups a direction. */
+/** `sgm_path`: all paths of directions way .. way + ways - 1, a group each, a row of groups a
+ * direction. */
 struct sst_gpu_sgm {
     int32_t width, top, bottom; /* of the view; rows that have costs: top .. bottom - 1 */
     int32_t tile_width, tile_height, columns;
@@ -163,7 +163,6 @@ enum sst_gpu_sgm_buffer {
 };
 
 #define SST_GPU_SGM_SUBGROUP_STEPS 256 /* disparities of a tile of sgm_path_subgroup at most */
-#define SST_GPU_SGM_SUBGROUP_PATHS 4   /* of a group of it */
 
 /** Paths of a direction. */
 static inline int sst_gpu_sgm_paths(const struct sst_gpu_sgm *s, int way)
@@ -175,15 +174,14 @@ static inline int sst_gpu_sgm_paths(const struct sst_gpu_sgm *s, int way)
     return !dy ? rows : !dx ? s->width : s->width + rows - 1;
 }
 
-/** Groups of sgm_path, or of its variant, along x: for the most paths of its directions. */
-static inline uint32_t sst_gpu_sgm_groups(const struct sst_gpu_sgm *s, enum sst_gpu_shader shader)
+/** Groups of sgm_path along x: the most paths of its directions. */
+static inline uint32_t sst_gpu_sgm_groups(const struct sst_gpu_sgm *s)
 {
-    const int paths = shader == SST_GPU_SGM_PATH ? 1 : SST_GPU_SGM_SUBGROUP_PATHS; /* of a group */
     int most = 0;
 
     for (int i = s->way; i < s->way + s->ways; i++)
         most = sst_max_int(most, sst_gpu_sgm_paths(s, i));
-    return (uint32_t)((most + paths - 1) / paths);
+    return (uint32_t)most;
 }
 
 /** `winner`: groups by row of a tile, 8 pixels of it and tile. */

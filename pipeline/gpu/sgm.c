@@ -267,7 +267,7 @@ static int run_direction(struct sst_gpu *g, struct test *t, enum sst_gpu_shader 
                                             sizeof(t->cost), sizeof(t->sum),   sizeof(t->state) };
     const struct sst_gpu_work work = { .shader = shader,
                                        .push = &t->push,
-                                       .groups = { sst_gpu_sgm_groups(&t->push, shader), (uint32_t)t->push.ways, 1 } };
+                                       .groups = { sst_gpu_sgm_groups(&t->push), (uint32_t)t->push.ways, 1 } };
 
     return gpu_compare(g, &work, initial, bytes, keep_state ? SST_GPU_SGM_STATE : SST_GPU_SGM_SUM,
                        keep_state ? (void *)t->state : t->sum);

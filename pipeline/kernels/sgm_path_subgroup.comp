@@ -1,14 +1,13 @@
-// sgm_path.comp for devices whose subgroups have a group's 32 invocations: a group follows four paths, eight invocations each,
-// which take neighbouring disparities and minima from each other's registers, without a barrier. What two pixels need is
-// read while the two before them are followed. Tiles have at most 256 disparities.
+// sgm_path.comp for devices whose subgroups have a group's 32 invocations: neighbouring disparities and the minimum come from
+// the other invocations' registers, without a barrier. In a tile four pixels are followed at a time, while the next four are
+// read. Tiles have at most 256 disparities.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
-#extension GL_KHR_shader_subgroup_clustered : require
-#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_shuffle_relative : require
 
 layout(local_size_x = 32) in;
 
@@ -34,51 +33,33 @@ layout(std430, push_constant) uniform Constants {
 
 #include "sgm_ways.glsl"
 
-const uint FAR = 0x7FFF, STEPS = 576, LANES = 8, PATHS = 4, QUADS = 8, CHUNK = 2;
+const uint FAR = 0x7FFF, STEPS = 576, LANES = 32, ROUNDS = 2, CHUNK = 4;
 
-shared uint by_step[PATHS][STEPS]; // L of the last pixels by step, where tiles change
+shared uint by_step[STEPS]; // L of the last pixel by step, where tiles change
 shared uint table[256];
 
-// What is read of a pixel. tile: -1 outside
+// What is read of a pixel.
 struct Pixel {
-    int tile;
-    uint colour, quad; // of this invocation
-    uint cost[QUADS];  // of every eighth quad from there on
+    uint colour, cost[ROUNDS];
 };
 
-uint sub = gl_SubgroupInvocationID % LANES, mine = gl_SubgroupInvocationID / LANES;
-
-// Of the last pixel of the path: its L, far beyond the tile's disparities; its tile, whose disparities; the least L; its
-// colour.
-uvec4 path[QUADS];
-int index = -1, steps_first = 0, nd = 0;
+// Of the last pixel: its L, far beyond the tile's disparities; the least L; its colour.
+uvec4 path[ROUNDS];
 uint least = 0, last = 0;
-uint most = 0;           // disparities of the tiles of all paths
+// Of the tile: steps; its disparities; those of this invocation that it has.
+int steps_first = 0, nd = 0;
 ivec2 window = ivec2(0); // steps that by_step has
+bool has[ROUNDS];
+// Of the first pixel of a run through the tile: its quad and itself, and from pixel to pixel.
+uint quad, pixel, next_quad, next_pixel;
 
-Tile ahead_tile;
-int ahead_index = -1;
-
-Pixel read(ivec2 at)
+Pixel read(uint i)
 {
     Pixel p;
 
-    p.tile = -1;
-    if (at.x < 0 || at.y < top || at.x >= width || at.y >= bottom)
-        return p;
-    if (ahead_index < 0 || at.x < ahead_tile.x0 || at.x >= ahead_tile.x0 + ahead_tile.width || at.y < ahead_tile.y0 ||
-        at.y >= ahead_tile.y0 + ahead_tile.height) {
-        ahead_index = (at.y - top) / tile_height * columns + at.x / tile_width;
-        ahead_tile = tiles[ahead_index];
-    }
-    p.tile = ahead_index;
-    p.colour = pixels[at.y * width + at.x];
-    p.quad = ahead_tile.quad + sub +
-             uint((at.y - ahead_tile.top) * ahead_tile.pitch + at.x - ahead_tile.left) * (uint(ahead_tile.nd) >> 2);
-    [[unroll]] for (uint i = 0; i < QUADS; i++) {
-        if (4 * (i * LANES + sub) < uint(ahead_tile.nd))
-            p.cost[i] = cost[p.quad + i * LANES];
-    }
+    p.colour = pixels[pixel + i * next_pixel];
+    [[unroll]] for (uint r = 0; r < ROUNDS; r++)
+        p.cost[r] = cost[quad + i * next_quad + min(gl_SubgroupInvocationID + r * LANES, (uint(nd) >> 2) - 1)];
     return p;
 }
 
@@ -91,96 +72,122 @@ uint step_between(uint a, uint b)
     return uint(max(max(step.x, step.y), step.z));
 }
 
-// The last pixels' L as those of the tiles that begin; all paths at once. `begins`: this path does, and nothing is before it.
-void change_tiles(int tile, bool begins)
+// Put the last pixel's L where the next tile finds it.
+void leave_tile()
 {
-    [[unroll]] for (uint i = 0; i < QUADS; i++) {
-        const int d = 4 * int(i * LANES + sub);
+    [[unroll]] for (uint r = 0; r < ROUNDS; r++) {
+        const int d = 4 * int(r * LANES + gl_SubgroupInvocationID);
 
-        [[unroll]] for (int k = 0; k < 4; k++) {
-            if (index >= 0 && d + k < nd)
-                by_step[mine][steps_first + d + k] = path[i][k];
+        [[unroll]] for (int i = 0; i < 4; i++) {
+            if (d + i < nd)
+                by_step[steps_first + d + i] = path[r][i];
         }
     }
-    if (index >= 0)
-        window = ivec2(steps_first, steps_first + nd);
-    if (tile >= 0) {
-        steps_first = tiles[tile].first;
-        nd = tiles[tile].nd;
-        index = tile;
-    }
-    most = subgroupMax(uint(nd));
+    window = ivec2(steps_first, steps_first + nd);
     barrier();
-    [[unroll]] for (uint i = 0; i < QUADS; i++) {
-        const int d = 4 * int(i * LANES + sub);
+}
 
-        [[unroll]] for (int k = 0; k < 4; k++) {
-            const int step = steps_first + d + k;
+// The last pixel's L as one of the tile that begins. `begins`: the path does, and nothing is before it.
+void enter_tile(const Tile t, bool begins)
+{
+    steps_first = t.first;
+    nd = t.nd;
+    [[unroll]] for (uint r = 0; r < ROUNDS; r++) {
+        const int d = 4 * int(r * LANES + gl_SubgroupInvocationID);
 
-            path[i][k] = d >= nd ? FAR : begins ? 0 : step >= window.x && step < window.y ? by_step[mine][step] : FAR;
+        has[r] = d < nd;
+        [[unroll]] for (int i = 0; i < 4; i++) {
+            const int step = steps_first + d + i;
+
+            path[r][i] = d >= nd ? FAR : begins ? 0 : step >= window.x && step < window.y ? by_step[step] : FAR;
         }
     }
     barrier();
 }
 
-// From the last pixel's L to that of this one, where there is one.
-void follow(const Pixel p)
+// From the last pixel's L to that of this one. at: its quad
+void follow(const Pixel p, uint at)
 {
-    const uint first_lane = mine * LANES, before = first_lane + (sub + LANES - 1) % LANES;
-    const uint after = first_lane + (sub + 1) % LANES;
-    const uint penalty = table[step_between(p.colour, last)], p1 = penalty & 0xFFFF, jump = least + (penalty >> 16);
-    uint smallest = FAR, wrapped = FAR, ahead = subgroupShuffle(path[0].x, after);
+    const uint lane = gl_SubgroupInvocationID, penalty = table[step_between(p.colour, last)];
+    const uint p1 = penalty & 0xFFFF, jump = least + (penalty >> 16);
+    uint mine = FAR, highest = FAR; // the latter of the last round
 
-    [[unroll]] for (uint i = 0; i < QUADS; i++) {
-        if (4 * i * LANES < most) {
-            const uvec4 l = path[i];
-            const uint under = subgroupShuffle(l.w, before), over = ahead;
+    [[unroll]] for (uint r = 0; r < ROUNDS; r++) {
+        if (r == 0 || nd > 4 * int(r * LANES)) {
+            const uvec4 l = path[r];
+            const uint under = subgroupShuffleUp(l.w, 1), over = subgroupShuffleDown(l.x, 1);
+            const uint lowest = r + 1 < ROUNDS ? subgroupShuffle(path[min(r + 1, ROUNDS - 1)].x, 0) : FAR;
+            const uvec4 near =
+                min(uvec4(lane == 0 ? highest : under, l.xyz), uvec4(l.yzw, lane == LANES - 1 ? lowest : over)) + p1;
+            const uint c = p.cost[r];
+            const uvec4 own = uvec4(c & 0xFF, (c >> 8) & 0xFF, (c >> 16) & 0xFF, c >> 24);
+            const uvec4 to = has[r] ? own + min(min(l, near), uvec4(jump)) - least : uvec4(FAR);
+            const uvec2 two = uvec2(to.x | to.y << 16, to.z | to.w << 16);
+            const uint word = 2 * (at + lane + r * LANES);
 
-            // Of the next eight quads, for the last invocation.
-            ahead = i + 1 < QUADS ? subgroupShuffle(path[min(i + 1, QUADS - 1)].x, after) : FAR;
-            if (p.tile >= 0 && 4 * int(i * LANES + sub) < nd) {
-                const uvec4 near = min(uvec4(sub == 0 ? wrapped : under, l.xyz),
-                                       uvec4(l.yzw, sub == LANES - 1 ? ahead : over)) + p1;
-                const uint c = p.cost[i], at = 2 * (p.quad + i * LANES);
-                const uvec4 own = uvec4(c & 0xFF, (c >> 8) & 0xFF, (c >> 16) & 0xFF, c >> 24);
-                const uvec4 to = own + min(min(l, near), uvec4(jump)) - least;
-                const uvec2 two = uvec2(to.x | to.y << 16, to.z | to.w << 16);
-
-                path[i] = to;
-                smallest = min(smallest, min(min(to.x, to.y), min(to.z, to.w)));
-                // Other directions may add at the same time; no sum reaches 2^16.
-                if (first != 0) {
-                    sum[at] = two.x;
-                    sum[at + 1] = two.y;
-                } else {
-                    atomicAdd(sum[at], two.x);
-                    atomicAdd(sum[at + 1], two.y);
-                }
+            highest = subgroupShuffle(l.w, LANES - 1);
+            path[r] = to;
+            mine = min(mine, min(min(to.x, to.y), min(to.z, to.w)));
+            // Other directions may add at the same time; no sum reaches 2^16.
+            if (has[r] && first != 0) {
+                sum[word] = two.x;
+                sum[word + 1] = two.y;
+            } else if (has[r]) {
+                atomicAdd(sum[word], two.x);
+                atomicAdd(sum[word + 1], two.y);
             }
-            wrapped = under;
         }
     }
-    smallest = subgroupClusteredMin(smallest, LANES);
-    if (p.tile >= 0) {
-        least = smallest;
-        last = p.colour;
+    least = subgroupMin(mine);
+    last = p.colour;
+}
+
+// Follow n pixels of a tile.
+void follow_run(uint n)
+{
+    Pixel next[CHUNK];
+    uint i = 0;
+
+    [[unroll]] for (uint k = 0; k < CHUNK; k++)
+        next[k] = read(min(k, n - 1));
+    for (; i + CHUNK <= n; i += CHUNK) {
+        const Pixel now[CHUNK] = next;
+
+        [[unroll]] for (uint k = 0; k < CHUNK; k++)
+            next[k] = read(min(i + CHUNK + k, n - 1));
+        [[unroll]] for (uint k = 0; k < CHUNK; k++)
+            follow(now[k], quad + (i + k) * next_quad);
     }
+    [[unroll]] for (uint k = 0; k + 1 < CHUNK; k++) {
+        if (i + k < n)
+            follow(next[k], quad + (i + k) * next_quad);
+    }
+}
+
+// Pixels from one of the tile on that the path has in it.
+uint run_of(const Tile t, ivec2 at)
+{
+    const int across = dx > 0 ? t.x0 + t.width - at.x : dx < 0 ? at.x - t.x0 + 1 : width;
+    const int down = dy > 0 ? t.y0 + t.height - at.y : dy < 0 ? at.y - t.y0 + 1 : bottom - top;
+
+    return uint(min(across, down));
 }
 
 void main()
 {
-    const int number = int(gl_WorkGroupID.x * PATHS + mine);
+    const uint lane = gl_SubgroupInvocationID;
+    const int number = int(gl_WorkGroupID.x);
 
     set_way(way + int(gl_WorkGroupID.y));
-    const ivec2 step = ivec2(dx, dy), start = begin(number), from = start - step;
+    const ivec2 step = ivec2(dx, dy), from = begin(number) - step;
     // Paths that go on from the rows before these ones.
-    const bool there = exists(number), goes_on = there && load >= 0 && dy != 0 && number < width && from.x >= 0 && from.x < width;
-    Pixel now[CHUNK], next[CHUNK];
-    ivec2 at = there ? start : ivec2(-1);
-    const ivec2 each = there ? step : ivec2(0);
-    int done = 0;
+    const bool goes_on = load >= 0 && dy != 0 && number < width && from.x >= 0 && from.x < width;
+    ivec2 at = from + step;
+    bool begins = !goes_on;
 
-    for (uint i = gl_SubgroupInvocationID; i < 256; i += 32)
+    if (!exists(number))
+        return;
+    for (uint i = lane; i < 256; i += LANES)
         table[i] = penalties[i];
     if (goes_on) {
         const uint entry = uint(load + from.x) * (all + 3);
@@ -188,37 +195,31 @@ void main()
         least = state[entry + all + 2];
         window = ivec2(state[entry + all], state[entry + all + 1]);
         last = pixels[from.y * width + from.x];
-        for (uint d = uint(window.x) + sub; d < uint(window.y); d += LANES)
-            by_step[mine][d] = state[entry + d];
+        for (uint d = uint(window.x) + lane; d < uint(window.y); d += LANES)
+            by_step[d] = state[entry + d];
     }
     barrier();
-    [[unroll]] for (uint k = 0; k < CHUNK; k++, at += each)
-        next[k] = read(at);
-    do {
-        [[unroll]] for (uint k = 0; k < CHUNK; k++)
-            now[k] = next[k];
-        [[unroll]] for (uint k = 0; k < CHUNK; k++, at += each)
-            next[k] = read(at);
-        [[unroll]] for (uint k = 0; k < CHUNK; k++) {
-            if (subgroupAny(now[k].tile >= 0 && now[k].tile != index))
-                change_tiles(now[k].tile, index < 0 && !goes_on);
-            follow(now[k]);
-            done += now[k].tile >= 0 ? 1 : 0;
-        }
-    } while (subgroupAny(next[0].tile >= 0));
-    at = start + step * (done - 1);
-    if (there && store >= 0 && dy != 0 && at.y == (dy > 0 ? bottom - 1 : top)) {
+    while (at.x >= 0 && at.y >= top && at.x < width && at.y < bottom) {
+        const Tile t = tiles[(at.y - top) / tile_height * columns + at.x / tile_width];
+        const uint n = run_of(t, at), of_pixel = uint(t.nd) >> 2;
+
+        quad = t.quad + uint((at.y - t.top) * t.pitch + at.x - t.left) * of_pixel;
+        pixel = uint(at.y * width + at.x);
+        next_quad = uint(dy * t.pitch + dx) * of_pixel;
+        next_pixel = uint(dy * width + dx);
+        enter_tile(t, begins);
+        begins = false;
+        follow_run(n);
+        leave_tile();
+        at += int(n) * step;
+    }
+    at -= step;
+    if (store >= 0 && dy != 0 && at.y == (dy > 0 ? bottom - 1 : top)) {
         const uint to = uint(store + at.x) * (all + 3);
 
-        [[unroll]] for (uint i = 0; i < QUADS; i++) {
-            const int d = 4 * int(i * LANES + sub);
-
-            [[unroll]] for (int k = 0; k < 4; k++) {
-                if (d + k < nd)
-                    state[to + uint(steps_first + d + k)] = path[i][k];
-            }
-        }
-        if (sub < 3)
-            state[to + all + sub] = sub == 0 ? uint(steps_first) : sub == 1 ? uint(steps_first + nd) : least;
+        for (uint d = uint(window.x) + lane; d < uint(window.y); d += LANES)
+            state[to + d] = by_step[d];
+        if (lane < 3)
+            state[to + all + lane] = lane < 2 ? uint(window[lane]) : least;
     }
 }

@@ -373,7 +373,7 @@ static int follow(struct match *m, int way, int ways, bool first, int load, int 
                                       .store = store < 0 ? -1 : store * m->width,
                                       .all = all_steps(m) };
 
-    return dispatch(m, shader, &push, sst_gpu_sgm_groups(&push, shader), (uint32_t)ways, 1,
+    return dispatch(m, shader, &push, sst_gpu_sgm_groups(&push), (uint32_t)ways, 1,
                     (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
                                                       kept[KEPT_COST], kept[KEPT_SUM], kept[KEPT_STATE] },
                     SST_GPU_SGM_BUFFERS);
