@@ -16,6 +16,8 @@
 #define OTHER       34
 #define GROUND      40
 #define CORNERS     4
+#define TALL_WIDTH  9
+#define TALL_HEIGHT 1100
 
 static const uint32_t objects[2] = { 1U << (OBJECT - 1), 1U << (OTHER - 33) }, grounds[2] = { 0, 1U << (GROUND - 33) };
 
@@ -348,9 +350,35 @@ static int test_columns(struct sst_gpu *g, struct test *t, struct band b)
                        (const size_t[]){ sizeof(t->view), sizeof(t->columns) }, SST_GPU_REFINE_COLUMNS_OUT, NULL);
 }
 
+/* Columns that are higher than a bit for every row of a slice: with the label here and there, once, and without it. */
+static int test_tall_columns(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_columns push = { TALL_WIDTH, TALL_HEIGHT, OTHER, 70, TALL_HEIGHT - 90 };
+    const struct sst_gpu_work work =
+        work_of(SST_GPU_REFINE_COLUMNS, &push, gpu_groups(TALL_WIDTH, SST_GPU_REFINE_COLUMN_GROUP), 1);
+    const size_t bytes = (size_t)TALL_WIDTH * TALL_HEIGHT * sizeof(uint32_t);
+    uint32_t *view = calloc(bytes, 1), *columns = calloc(bytes, 1), state = 5;
+    int err = -ENOMEM;
+
+    for (int i = 0; view && i < TALL_WIDTH * TALL_HEIGHT; i++) {
+        const int x = i % TALL_WIDTH, y = i / TALL_WIDTH;
+
+        if (x == TALL_WIDTH - 2 ? y == 500 : x < TALL_WIDTH - 2 && gpu_random(&state) % 150 == 0)
+            view[i] = OTHER << 16;
+    }
+    if (view && columns)
+        err = gpu_compare(g, &work, (const void *const[]){ view, columns }, (const size_t[]){ bytes, bytes },
+                          SST_GPU_REFINE_COLUMNS_OUT, NULL);
+    free(columns);
+    free(view);
+    return err;
+}
+
 int refine_columns_self_test(struct sst_gpu *g)
 {
-    return test_bands(g, test_columns, 0);
+    const int err = test_bands(g, test_columns, 0);
+
+    return err ? err : test_tall_columns(g);
 }
 
 static int test_compete(struct sst_gpu *g, struct test *t, struct band b)
