@@ -1,7 +1,7 @@
 /* pipeline/kernels/pyramid_ref.h - one pixel of the pyramid that fills holes: pull-push, Gortler 1996.
  *
  * Sums, products and quotients of floats in a fixed order, none fused: what a device rounds as the CPU does, so that
- * the shaders hole_pull and hole_push give the same bits (quotients by long division).
+ * the shaders hole_pull and hole_push give the same bits (quotients in whole numbers).
  */
 #ifndef SST_PIPELINE_KERNELS_PYRAMID_REF_H
 #define SST_PIPELINE_KERNELS_PYRAMID_REF_H
