@@ -4,7 +4,7 @@
  *
  * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
  * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients
- * by long division: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller
+ * in whole numbers: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller
  * numbers than 2^-126. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_LABEL_H

@@ -1,6 +1,9 @@
 // Most probable class and entropy of each pixel from the cells of a coarse grid around it: guide_cells and class_row of
-// kernels.h. Buffers and constants: pipeline/gpu/label.h. Definition: label_cells_reference().
+// kernels.h. Four classes are summed up at once; what is past the last one is no class, but in the cell. 32 invocations one
+// after the other have 8 x 4 pixels, which have most cells in common. Buffers and constants: pipeline/gpu/label.h.
+// Definition: label_cells_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 
 #include "quotient.glsl"
@@ -79,7 +82,7 @@ uint find_cells(Place across, Place down, vec3 colour)
     const int stride = classes + 5;
     uint single = 0;
 
-    for (int k = 0; k < 16; k++) {
+    [[unroll]] for (int k = 0; k < 16; k++) {
         const int x = clamp(int(across.first) - 1 + k % 4, 0, grid_width - 1);
         const int y = clamp(int(down.first) - 1 + k / 4, 0, grid_height - 1);
         const int first = (y * grid_width + x) * stride, mean = first + classes + 1;
@@ -97,67 +100,87 @@ uint find_cells(Place across, Place down, vec3 colour)
     return single;
 }
 
-// A value of the cells, summed up.
-float mixed(int value)
+// Four values of the cells, summed up.
+vec4 mixed(int value)
 {
-    precise float sum = 0.0;
+    precise vec4 sum = vec4(0.0);
 
-    for (int k = 0; k < 16; k++)
-        sum = sum + weight[k] * cells[first_of[k] + value];
+    [[unroll]] for (int k = 0; k < 16; k++) {
+        const int at = first_of[k] + value;
+
+        sum = sum + weight[k] * vec4(cells[at], cells[at + 1], cells[at + 2], cells[at + 3]);
+    }
     return sum;
 }
 
-float probability(int value, float scale)
-{
-    precise float p = mixed(value) * scale;
+// The most probable class so far; sums over classes, without that one and with it.
+struct Found {
+    int best;
+    float most, most_plogp, rest, h, rest_all, h_all;
+};
 
-    return p;
+void look(inout Found f, int c, float p)
+{
+    const float term = plogp(p);
+    const bool is_best = c == 0 || p > f.most;
+    precise float rest = f.rest + p, h = f.h - term;
+    precise float rest_all = f.rest_all + p, h_all = f.h_all - term;
+
+    f.rest = is_best ? f.rest_all : rest;
+    f.h = is_best ? f.h_all : h;
+    f.best = is_best ? c : f.best;
+    f.most = is_best ? p : f.most;
+    f.most_plogp = is_best ? term : f.most_plogp;
+    f.rest_all = rest_all;
+    f.h_all = h_all;
 }
 
-float entropy_of(int best, float most, float scale)
+float entropy_of(Found f)
 {
-    precise float rest = 0.0, h = 0.0, sum;
+    precise float sum;
 
-    for (int c = 0; c < classes; c++) {
-        if (c != best) {
-            const float p = probability(c, scale);
+    if (f.rest < 0.5) {
+        precise float sure = 1.0 - f.rest, divisor = 2.0 - f.rest;
 
-            rest = rest + p;
-            h = h - plogp(p);
-        }
-    }
-    if (rest < 0.5) {
-        precise float sure = 1.0 - rest, divisor = 2.0 - rest;
-
-        sum = h - sure * atanh2(quotient(-rest, divisor));
+        sum = f.h - sure * atanh2(quotient(-f.rest, divisor));
     } else {
-        sum = h - plogp(most);
+        sum = f.h - f.most_plogp;
     }
     return sum <= 0.0 ? 0.0 : sum;
 }
 
+ivec2 place()
+{
+    const ivec2 corner = ivec2(gl_WorkGroupID.xy) * ivec2(32, 8);
+    const int i = int(gl_LocalInvocationIndex);
+
+    return corner + ivec2(i / 32 % 4 * 8 + i % 8, i / 128 * 4 + i / 8 % 4);
+}
+
 void main()
 {
-    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), n = width * height;
-    const int at = y * width + x;
-    int best = 0;
-    float scale, most, h;
+    const ivec2 here = place();
+    const int n = width * height, at = here.y * width + here.x;
+    Found f = Found(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    float scale, h;
     uint pixel, single;
 
-    if (x >= width || y >= height)
+    if (here.x >= width || here.y >= height)
         return;
     pixel = view[n + at];
-    single = find_cells(places[x], places[width + y], vec3(pixel & 0xFF, (pixel >> 8) & 0xFF, (pixel >> 16) & 0xFF));
-    scale = quotient(1.0, mixed(classes));
-    most = probability(0, scale);
-    for (int c = 1; c < classes; c++) {
-        const float p = probability(c, scale);
+    single = find_cells(places[here.x], places[width + here.y],
+                        vec3(pixel & 0xFF, (pixel >> 8) & 0xFF, (pixel >> 16) & 0xFF));
+    scale = quotient(1.0, mixed(classes).x);
+    for (int c = 0; c < classes; c += 4) {
+        precise vec4 p = mixed(c) * scale;
 
-        best = p > most ? c : best;
-        most = p > most ? p : most;
+        [[unroll]] for (int i = 0; i < 4; i++) {
+            if (c + i < classes)
+                look(f, c + i, p[i]);
+        }
     }
-    h = entropy_of(best, most, scale);
-    result[at] = h < limit || entropies != 0 ? (single != 0 ? single : uint(best) + 1) : 0;
+    h = entropy_of(f);
+    result[at] = h < limit || entropies != 0 ? (single != 0 ? single : uint(f.best) + 1) : 0;
     if (entropies != 0)
         result[n + at] = floatBitsToUint(h);
 }
