@@ -2,6 +2,7 @@
 // nearer, as a share of the farthest distance. Buffers and constants: pipeline/gpu/refine.h. Definition:
 // refine_compete_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
@@ -20,33 +21,45 @@ layout(std430, push_constant) uniform Constants {
     int top, rows;
 };
 
-const uint FAR = 1u << 20;
+const uint FAR = 55000;            // beyond any distance; with r r its square is still below 2^32
+const int AHEAD = 8, CORNERS = 4; // loads that do not wait for each other
 
 uint squared(int row, int x)
 {
-    const uint d = x >= 0 && x < width ? columns[row + x] : FAR;
+    const uint d = min(columns[row + clamp(x, 0, width - 1)], FAR);
 
-    return d < FAR ? d * d : 0xC0000000u; /* with r r still below 2^32 */
+    return d * d;
 }
 
-// Columns that are farther than the nearest pixel so far have no nearer one.
+// Columns that are farther than the nearest pixel so far have no nearer one. Beyond the picture its last column counts,
+// which is nearer than that.
 uint nearest_to(int x, int y)
 {
-    uint best = squared(y * width, x);
+    const int row = y * width, most = max(x, width - 1 - x);
+    uint best = squared(row, x);
 
-    for (int r = 1; r < width && uint(r * r) < best; r++)
-        best = min(best, min(squared(y * width, x - r), squared(y * width, x + r)) + uint(r * r));
+    for (int r = 1; r <= most && uint(r * r) < best; r += AHEAD) {
+        uint next[AHEAD];
+
+        [[unroll]] for (int i = 0; i < AHEAD; i++)
+            next[i] = min(squared(row, x - r - i), squared(row, x + r + i)) + uint((r + i) * (r + i));
+        [[unroll]] for (int i = 0; i < AHEAD; i++)
+            best = min(best, next[i]);
+    }
     return best;
 }
 
+// Of corners past the last one that one counts again.
 uint farthest_to(ivec2 at)
 {
     int best = 0;
 
-    for (uint i = 0; i < corners; i++) {
-        const ivec2 d = hull[i] - at;
+    for (int i = 0; i < int(corners); i += CORNERS) {
+        [[unroll]] for (int k = 0; k < CORNERS; k++) {
+            const ivec2 d = hull[min(i + k, int(corners) - 1)] - at;
 
-        best = max(best, d.x * d.x + d.y * d.y);
+            best = max(best, d.x * d.x + d.y * d.y);
+        }
     }
     return uint(best);
 }
