@@ -12,6 +12,7 @@
 
 #define SST_GPU_REFINE_WIDTH        32 /* of a group */
 #define SST_GPU_REFINE_HEIGHT       8
+#define SST_GPU_REFINE_COUNT_HEIGHT 64 /* of a group of refine_count and refine_ground_misses, as wide as others */
 #define SST_GPU_REFINE_COLUMN_GROUP 8 /* columns of a group of refine_columns */
 #define SST_GPU_REFINE_LABELS       64
 #define SST_GPU_REFINE_FAR          (1U << 20) /* larger than any distance */

@@ -177,10 +177,16 @@ static struct sst_gpu_work plane_work(enum sst_gpu_shader shader, const void *pu
                    gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
 }
 
+static struct sst_gpu_work count_work(enum sst_gpu_shader shader, const void *push)
+{
+    return work_of(shader, push, gpu_groups(TEST_WIDTH, SST_GPU_REFINE_WIDTH),
+                   gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_COUNT_HEIGHT));
+}
+
 int refine_count_self_test(struct sst_gpu *g)
 {
     const struct sst_gpu_refine_count push = { TEST_WIDTH, TEST_HEIGHT, 3, 2000 };
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_COUNT, &push);
+    const struct sst_gpu_work work = count_work(SST_GPU_REFINE_COUNT, &push);
     const size_t bytes = push.labels * push.bins * sizeof(uint32_t);
     struct test *t = make_test(0);
     uint32_t *counts = calloc(bytes, 1);
@@ -248,7 +254,7 @@ static size_t misses_bytes(const struct sst_gpu_refine_fit *push)
 int refine_ground_misses_self_test(struct sst_gpu *g)
 {
     const struct sst_gpu_refine_fit push = fit_push(TEST_WIDTH, TEST_HEIGHT);
-    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_GROUND_MISSES, &push);
+    const struct sst_gpu_work work = count_work(SST_GPU_REFINE_GROUND_MISSES, &push);
     uint32_t *misses = calloc(misses_bytes(&push), 1);
     struct test *t = make_test(0);
     int err = -ENOMEM;

@@ -39,8 +39,11 @@ int refine_device_labels(struct sst_refine_device *d, enum refine_kept which, st
 
 int refine_device_dispatch(struct sst_refine_device *d, struct sst_gpu_work *work, int width, int height)
 {
+    const bool counts = work->shader == SST_GPU_REFINE_COUNT || work->shader == SST_GPU_REFINE_GROUND_MISSES;
+    const int rows = counts ? SST_GPU_REFINE_COUNT_HEIGHT : SST_GPU_REFINE_HEIGHT;
+
     work->groups[0] = (uint32_t)(width + SST_GPU_REFINE_WIDTH - 1) / SST_GPU_REFINE_WIDTH;
-    work->groups[1] = (uint32_t)(height + SST_GPU_REFINE_HEIGHT - 1) / SST_GPU_REFINE_HEIGHT;
+    work->groups[1] = (uint32_t)(height + rows - 1) / (uint32_t)rows;
     work->groups[2] = 1;
     d->report.dispatches++;
     return sst_gpu_dispatch(d->gpu, work);

@@ -200,7 +200,7 @@ SST_MUST_CHECK int refine_device_enlarge(struct sst_refine_device *d, struct sst
                                          struct sst_map_f32 *entropy, const struct sst_refine_enlarge *e,
                                          const struct sst_label_cells *cells, const struct sst_gpu_label_cells *push);
 
-/** Dispatch over all pixels of a view, in groups of 32 x 8. @param work  its groups are set */
+/** Dispatch over all pixels of a view, in groups as large as the shader's. @param work  its groups are set */
 SST_MUST_CHECK int refine_device_dispatch(struct sst_refine_device *d, struct sst_gpu_work *work, int width,
                                           int height);
 
