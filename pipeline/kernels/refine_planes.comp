@@ -1,23 +1,22 @@
 // Least squares planes of windows of disparities: exact sums of 64 bits, then floats in operations that are rounded
-// alike everywhere. Buffers and constants: pipeline/gpu/refine.h. Definition: refine_planes_reference(),
-// sst_surface_fit().
+// alike everywhere. Columns around a group go through shared memory, as many at a time as it has. Buffers and constants:
+// pipeline/gpu/refine.h. Definition: refine_planes_reference(), sst_surface_fit().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-struct Sums {
-    int n, y, yy;
-    uint d;
-    int yd;
-    uint dd_low, dd_high;
-};
-
-layout(std430, binding = 0) readonly buffer In { Sums sums[]; };
+layout(std430, binding = 0) readonly buffer In { uint sums[]; }; // [rows][width][WORDS]
 layout(std430, binding = 1) writeonly buffer Out { vec4 planes[]; }; // a, b, d0, variance
 
 layout(std430, push_constant) uniform Constants {
     int width, height, radius, top, rows;
 };
+
+const int WIDTH = 32, ROWS = 8, COLUMNS = 64; // of a group; that it has at a time
+const int WORDS = 7, N = 0, Y = 1, YY = 2, D = 3, YD = 4, DD = 5; // of a column: struct sst_gpu_refine_sums
+
+shared uint column[ROWS][COLUMNS * WORDS];
 
 const float COLLINEAR = 1e-3, NO_PLANE = 1e30;
 
@@ -141,26 +140,49 @@ vec4 fit(Window s)
     }
 }
 
+// Columns from x on; beyond the band there are none.
+void read_columns(int x)
+{
+    const ivec2 lane = ivec2(gl_LocalInvocationID.xy);
+    const int y = int(gl_WorkGroupID.y) * ROWS + lane.y, first = (y * width + x) * WORDS;
+
+    barrier();
+    [[unroll]] for (int k = 0; k < COLUMNS / WIDTH * WORDS; k++) {
+        const int i = k * WIDTH + lane.x, at = x + i / WORDS;
+
+        column[lane.y][i] = y < rows && at >= 0 && at < width ? sums[first + i] : 0;
+    }
+    barrier();
+}
+
+// A column u to the right of the pixel.
+void add_column(inout Window s, int u, int row, int at)
+{
+    const int n = int(column[row][at + N]), y = int(column[row][at + Y]), d = int(column[row][at + D]);
+
+    s.n += n;
+    s.x += u * n;
+    s.y += y;
+    s.xx += u * u * n;
+    s.xy += u * y;
+    s.yy += int(column[row][at + YY]);
+    s.d += uint(d);
+    s.xd = add(s.xd, wide(u * d)); // 63 * 127 * 65534 at most
+    s.yd = add(s.yd, wide(int(column[row][at + YD])));
+    s.dd = add(s.dd, uvec2(column[row][at + DD], column[row][at + DD + 1]));
+}
+
 void main()
 {
-    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy), lane = ivec2(gl_LocalInvocationID.xy);
+    const int first = int(gl_WorkGroupID.x) * WIDTH - radius;
     Window s = Window(0, 0, 0, 0, 0, 0, 0, uvec2(0), uvec2(0), uvec2(0));
 
-    if (at.x >= width || at.y >= rows)
-        return;
-    for (int u = max(-radius, -at.x); u <= min(radius, width - 1 - at.x); u++) {
-        const Sums c = sums[at.y * width + at.x + u];
-
-        s.n += c.n;
-        s.x += u * c.n;
-        s.y += c.y;
-        s.xx += u * u * c.n;
-        s.xy += u * c.y;
-        s.yy += c.yy;
-        s.d += c.d;
-        s.xd = add(s.xd, product(u, int(c.d)));
-        s.yd = add(s.yd, wide(c.yd));
-        s.dd = add(s.dd, uvec2(c.dd_low, c.dd_high));
+    for (int x = 0; x < WIDTH + 2 * radius; x += COLUMNS) {
+        read_columns(first + x);
+        for (int i = max(lane.x - x, 0); i < min(lane.x - x + 2 * radius + 1, COLUMNS); i++)
+            add_column(s, x + i - lane.x - radius, lane.y, i * WORDS);
     }
-    planes[at.y * width + at.x] = fit(s);
+    if (at.x < width && at.y < rows)
+        planes[at.y * width + at.x] = fit(s);
 }
