@@ -1,6 +1,8 @@
-// Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? Buffers and
-// constants: pipeline/gpu/check.h. Definition: check_reference().
+// Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? The disparities that
+// pixels without such a surface are tested at are shared by the group. Buffers and constants: pipeline/gpu/check.h.
+// Definition: check_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
@@ -19,37 +21,74 @@ layout(std430, push_constant) uniform Constants {
 };
 
 const uint CORRECT = 0, MISMATCH = 1, OCCLUSION = 2;
-const int NONE = 0xFFFF, AGREE = 64, PIXEL = 64;
+const int NONE = 0xFFFF, AGREE = 64, PIXEL = 64, GROUP = 256;
+const int AHEAD = 4; // others whose maps are read at once
 
+shared int failed[GROUP]; // pixels of the group that others do not hold, its lanes
+shared uint failures, seen[GROUP]; // and, for each, whether they do at another disparity
+
+// Disparity that another view has where it shows a point; NONE: nowhere.
+int disparity_in(Other o, int x, int y, int d)
+{
+    const int xn = x + o.across + ((o.across_part + d * o.across_step) >> 16);
+    const int yn = y + o.down + ((o.down_part + d * o.down_step) >> 16);
+
+    return xn < 0 || yn < 0 || xn >= width || yn >= height ? NONE
+                                                           : int(maps[o.first + uint(yn * width + xn)] & 0xFFFF);
+}
+
+// Past the last one, that one counts again.
 bool agrees(int x, int y, int d)
 {
-    for (int i = 0; i < count; i++) {
-        const Other o = others[i];
-        const int xn = x + o.across + ((o.across_part + d * o.across_step) >> 16);
-        const int yn = y + o.down + ((o.down_part + d * o.down_step) >> 16);
-        int there;
+    for (int i = 0; i < count; i += AHEAD) {
+        bool found = false;
 
-        if (xn < 0 || yn < 0 || xn >= width || yn >= height)
-            continue;
-        there = int(maps[o.first + uint(yn * width + xn)] & 0xFFFF);
-        if (there != NONE && abs(there - d) <= AGREE)
+        [[unroll]] for (int k = 0; k < AHEAD; k++) {
+            const int there = disparity_in(others[min(i + k, count - 1)], x, y, d);
+
+            found = found || (there != NONE && abs(there - d) <= AGREE);
+        }
+        if (found)
             return true;
     }
     return false;
 }
 
+// The nearest disparities of all pixels first, which leave nothing to do for farther ones where others agree.
+void test_others(ivec2 corner)
+{
+    const int all = int(failures);
+
+    for (int i = int(gl_LocalInvocationIndex); i < all * steps; i += GROUP) {
+        const int which = i % all, lane = failed[which];
+
+        if (atomicOr(seen[which], 0) == 0 && agrees(corner.x + lane % 32, corner.y + lane / 32, i / all * PIXEL))
+            atomicOr(seen[which], 1);
+    }
+}
+
 void main()
 {
-    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
-    uint status = OCCLUSION;
-    int d;
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), lane = int(gl_LocalInvocationIndex);
+    const bool inside = x < width && y < height;
+    const uint at = own + uint(y * width + x);
+    const int d = inside ? int(maps[at] & 0xFFFF) : NONE;
+    uint status = CORRECT, mine;
 
-    if (x >= width || y >= height)
-        return;
-    d = int(maps[own + uint(y * width + x)] & 0xFFFF);
-    if (d != NONE && agrees(x, y, d))
-        status = CORRECT;
-    for (int i = 0; status == OCCLUSION && i < steps; i++)
-        status = agrees(x, y, i * PIXEL) ? MISMATCH : OCCLUSION;
-    maps[own + uint(y * width + x)] = uint(d) | status << 16;
+    if (lane == 0)
+        failures = 0;
+    barrier();
+    if (inside && (d == NONE || !agrees(x, y, d))) {
+        status = OCCLUSION;
+        mine = atomicAdd(failures, 1);
+        failed[mine] = lane;
+        seen[mine] = 0;
+    }
+    barrier();
+    test_others(ivec2(gl_WorkGroupID.xy) * ivec2(32, 8));
+    barrier();
+    if (status == OCCLUSION && seen[mine] != 0)
+        status = MISMATCH;
+    if (inside)
+        maps[at] = uint(d) | status << 16;
 }
