@@ -1,6 +1,8 @@
 // Filling of a view's disparities, the beginning: mismatches get the median of the nearest correct pixels in 16
-// directions, occlusions nothing yet. Buffers and constants: pipeline/gpu/check.h. Definition: fill_start_reference().
+// directions, occlusions nothing yet. A group shares the directions of its mismatches. Buffers and constants:
+// pipeline/gpu/check.h. Definition: fill_start_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
@@ -13,7 +15,12 @@ layout(std430, push_constant) uniform Constants {
     uint own;
 };
 
-const uint CORRECT = 0, MISMATCH = 1, NONE = 0xFFFF;
+const uint CORRECT = 0, MISMATCH = 1, NONE = 0xFFFF, FARTHER = 0x10000;
+const uint GROUP = 256, WAYS = 16;
+const int AHEAD = 4; // pixels of a direction that are read at once
+
+shared uint waiting[GROUP], mismatches; // pixels of the group, its lanes
+shared uint found[GROUP];               // in the directions of 16 of them
 
 // About 22.5 degrees apart, in half pixels.
 const ivec2 ways[16] = { { 2, 0 },  { 2, 1 },   { 2, 2 },   { 1, 2 },   { 0, 2 },  { -1, 2 },
@@ -26,50 +33,75 @@ int half_of(int n)
     return n < 0 ? -(-n / 2) : n / 2;
 }
 
+// NONE: the picture ends before.
 uint nearest(int x, int y, ivec2 way)
 {
-    for (int r = 1;; r++) {
-        const int i = x + half_of(way.x * r), j = y + half_of(way.y * r);
-        uint there;
+    uint first = FARTHER;
 
-        if (i < 0 || j < 0 || i >= width || j >= height)
-            return NONE;
-        there = maps[own + uint(j * width + i)];
-        if (there >> 16 == CORRECT)
-            return there & 0xFFFF;
+    for (int r = 1; first == FARTHER; r += AHEAD) {
+        uint there[AHEAD];
+
+        [[unroll]] for (int k = 0; k < AHEAD; k++) {
+            const int i = x + half_of(way.x * (r + k)), j = y + half_of(way.y * (r + k));
+            const bool inside = i >= 0 && j >= 0 && i < width && j < height;
+
+            there[k] = inside ? maps[own + uint(j * width + i)] : NONE; // as one that is correct
+        }
+        [[unroll]] for (int k = AHEAD - 1; k >= 0; k--)
+            first = there[k] >> 16 == CORRECT ? there[k] : first;
     }
+    return first;
 }
 
-// Median of those that are known; the lower one of an even number.
-uint median_around(int x, int y)
+// The invocation that has the median of 16 directions, the lower one of an even number of those that are known, or the
+// first of none, is the one that writes it.
+bool has_median(uint way, uint mine)
 {
-    uint v[16], found = 0, low = 0;
+    const uint first = gl_LocalInvocationIndex - way;
+    uint known = 0, before = 0;
 
-    for (int k = 0; k < 16; k++) {
-        v[k] = nearest(x, y, ways[k]);
-        found += v[k] != NONE ? 1 : 0;
-    }
-    if (found == 0)
-        return NONE;
-    for (uint bit = 0x8000; bit != 0; bit >>= 1) {
-        uint below = 0;
+    for (uint k = 0; k < WAYS; k++) {
+        const uint v = found[first + k];
 
-        for (int k = 0; k < 16; k++)
-            below += v[k] < (low | bit) ? 1 : 0;
-        low |= below <= (found - 1) / 2 ? bit : 0;
+        known += v != NONE ? 1 : 0;
+        before += v < mine || (v == mine && k < way) ? 1 : 0;
     }
-    return low;
+    return before == (max(known, 1) - 1) / 2;
+}
+
+void fill_mismatches(ivec2 corner)
+{
+    const uint i = gl_LocalInvocationIndex, all = mismatches, way = i % WAYS;
+    const ivec2 step = ways[way];
+
+    for (uint first = 0; first < all; first += GROUP / WAYS) {
+        const uint which = first + i / WAYS;
+        const int lane = which < all ? int(waiting[which]) : 0, x = corner.x + lane % 32, y = corner.y + lane / 32;
+        const uint mine = which < all ? nearest(x, y, step) : NONE;
+
+        found[i] = mine;
+        barrier();
+        if (which < all && has_median(way, mine))
+            result[y * width + x] = mine;
+        barrier();
+    }
 }
 
 void main()
 {
     const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
-    uint there, status;
+    const bool inside = x < width && y < height;
+    const uint there = inside ? maps[own + uint(y * width + x)] : 0, status = there >> 16;
 
-    if (x >= width || y >= height)
-        return;
-    there = maps[own + uint(y * width + x)];
-    status = there >> 16;
-    result[y * width + x] = status == CORRECT ? there & 0xFFFF : status == MISMATCH ? median_around(x, y) : NONE;
-    arrived[y * width + x] = 0;
+    if (gl_LocalInvocationIndex == 0)
+        mismatches = 0;
+    barrier();
+    if (inside && status == MISMATCH)
+        waiting[atomicAdd(mismatches, 1)] = gl_LocalInvocationIndex;
+    else if (inside)
+        result[y * width + x] = status == CORRECT ? there & 0xFFFF : NONE;
+    if (inside)
+        arrived[y * width + x] = 0;
+    barrier();
+    fill_mismatches(ivec2(gl_WorkGroupID.xy) * ivec2(32, 8));
 }
