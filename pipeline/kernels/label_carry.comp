@@ -1,6 +1,7 @@
 // Labels of a view from the nearest source that shows the surface of each pixel. Buffers and constants:
 // pipeline/gpu/label.h. Definition: label_carry_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 
 #include "label_views.glsl"
@@ -25,9 +26,11 @@ void main()
         return;
     here = own[n + i];
     d = int(own[i] & 0xFFFF);
-    for (int k = 0; k < count && label == 0 && d != NONE && here >> 24 != 0; k++) {
-        const int there = place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
+    [[unroll]] for (int k = 0; k < 4; k++) {
+        int there = -1;
 
+        if (k < count && label == 0 && d != NONE && here >> 24 != 0)
+            there = place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
         if (there < 0)
             continue;
         label = word_of(k, there) >> 16;

@@ -32,9 +32,14 @@ int place_of(int voter, Shift s, ivec2 size, ivec2 at, int d, uint own_colour)
     const int x = at.x + s.across + ((s.across_part + d * s.across_step) >> 16);
     const int y = at.y + s.down + ((s.down_part + d * s.down_step) >> 16);
     const int there = y * size.x + x;
+    uint place, shown; // read at once
 
-    if (x < 0 || y < 0 || x >= size.x || y >= size.y || abs(int(word_of(voter, there) & 0xFFFF) - d) > SAME ||
-        any(greaterThan(abs(colour(own_colour) - colour(word_of(voter, size.x * size.y + there))), ivec3(SIMILAR))))
+    if (x < 0 || y < 0 || x >= size.x || y >= size.y)
         return -1;
-    return there;
+    place = word_of(voter, there);
+    shown = word_of(voter, size.x * size.y + there);
+    return abs(int(place & 0xFFFF) - d) > SAME ||
+                   any(greaterThan(abs(colour(own_colour) - colour(shown)), ivec3(SIMILAR)))
+               ? -1
+               : there;
 }

@@ -1,6 +1,7 @@
 // Views vote about the label of the surface of each pixel. Buffers and constants: pipeline/gpu/label.h. Definition:
 // vote_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 
 #include "label_views.glsl"
@@ -11,11 +12,12 @@ layout(std430, push_constant) uniform Constants {
     int rows[4];
 };
 
+// Of a label that is not 0, as are votes that are missing.
 uint count_of(uint label, uint vote[4])
 {
     uint n = 0;
 
-    for (int i = 0; i < count; i++)
+    [[unroll]] for (int i = 0; i < 4; i++)
         n += vote[i] == label ? 1 : 0;
     return n;
 }
@@ -33,13 +35,13 @@ void main()
     d = int(own[i] & 0xFFFF);
     best = own[i] >> 16;
     if (d != NONE && here >> 24 != 0) {
-        for (int k = 0; k < count; k++) {
-            const int there = place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
+        [[unroll]] for (int k = 0; k < 4; k++) {
+            const int there = k >= count ? -1 : place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
 
             vote[k] = there < 0 ? 0 : word_of(k, there) >> 16;
         }
         most = best != 0 ? 1 + count_of(best, vote) : 0;
-        for (int k = 0; k < count; k++) {
+        [[unroll]] for (int k = 0; k < 4; k++) {
             const uint n = vote[k] != 0 ? count_of(vote[k], vote) : 0;
 
             if (vote[k] != own[i] >> 16 && n > most) {
