@@ -29,19 +29,17 @@ layout(std430, push_constant) uniform Constants {
 const uint NONE = 0xFFFF, UNSEEN = 1 << 16, LANES = 64;
 
 shared uint costs[256];
-shared uint found[64];
+shared uint found;
 
 // The least of what the invocations have.
 uint least_of(uint mine)
 {
-    uint least = mine;
-
     barrier();
-    found[gl_LocalInvocationID.x] = mine;
+    found = 0xFFFFFFFF;
     barrier();
-    for (uint i = 0; i < LANES; i++)
-        least = min(least, found[i]);
-    return least;
+    atomicMin(found, mine);
+    barrier();
+    return found;
 }
 
 void main()
