@@ -2,6 +2,7 @@
 // those that the sweep finds. Windows along columns end those of surface_start. Buffers and constants:
 // pipeline/gpu/surfaces.h. Definition: surface_list_reference().
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
@@ -22,9 +23,11 @@ const uint NONE = 0xFFFF, UNSEEN = 1 << 16, AGREED = 1 << 17, ABSENT = 1 << 16;
 const uint PEAKS = 6;
 const int radii[3] = { 2, 6, 16 };
 
+// No index of these is a variable once loops are unrolled: they stay in registers.
 uint farthest[3], nearest[3], flat_bits;
 uint list[8], number;
 
+// Beyond the picture its last row counts, which is nearer than that.
 void find_windows(int x, int y)
 {
     const uint n = uint(width * height);
@@ -33,13 +36,21 @@ void find_windows(int x, int y)
     for (int w = 0; w < 3; w++) {
         farthest[w] = NONE;
         nearest[w] = 0;
-        for (int j = max(y - radii[w], 0); j <= min(y + radii[w], height - 1); j++) {
-            const uint at = uint(j * width + x), row = rows[uint(w) * n + at];
+    }
+    [[unroll]] for (int j = -radii[2]; j <= radii[2]; j++) {
+        const uint at = uint(clamp(y + j, 0, height - 1) * width + x);
+        uint within = 0;
 
-            farthest[w] = min(farthest[w], row & 0xFFFF);
-            nearest[w] = max(nearest[w], row >> 16);
-            flat_bits &= rows[3 * n + at] | ~(1u << w);
+        [[unroll]] for (int w = 0; w < 3; w++) {
+            if (abs(j) <= radii[w]) {
+                const uint row = rows[uint(w) * n + at];
+
+                farthest[w] = min(farthest[w], row & 0xFFFF);
+                nearest[w] = max(nearest[w], row >> 16);
+                within |= 1u << w;
+            }
         }
+        flat_bits &= rows[3 * n + at] | ~within;
     }
 }
 
@@ -48,8 +59,8 @@ bool is_in_list(uint d)
 {
     bool found = false;
 
-    for (uint i = 0; i < number; i++)
-        found = found || ((list[i] - d) & 0xFFFF) < uint(apart) || ((d - list[i]) & 0xFFFF) < uint(apart);
+    [[unroll]] for (uint i = 0; i < 8; i++)
+        found = found || (i < number && (((list[i] - d) & 0xFFFF) < uint(apart) || ((d - list[i]) & 0xFFFF) < uint(apart)));
     return found;
 }
 
@@ -57,7 +68,7 @@ void add(uint d)
 {
     if (d == NONE || number == 8 || is_in_list(d))
         return;
-    for (uint i = 0; i < 8; i++)
+    [[unroll]] for (uint i = 0; i < 8; i++)
         list[i] = i >= number ? d : list[i];
     number++;
 }
@@ -115,7 +126,7 @@ void main()
     near = projected[uint(width * height) + at];
     find_windows(x, y);
     number = 0;
-    for (uint i = 0; i < 8; i++)
+    [[unroll]] for (uint i = 0; i < 8; i++)
         list[i] = 0;
     if ((there & UNSEEN) == 0) {
         const bool alone = is_alone(d, far, near, first);
