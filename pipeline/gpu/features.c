@@ -86,10 +86,10 @@ static void set_test(struct test *t)
     }
 }
 
-int feature_cost_self_test(struct sst_gpu *g)
+static int test_costs(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     static const struct sst_gpu_features push = { TEST_WIDTH, TEST_HEIGHT };
-    const struct sst_gpu_work work = { .shader = SST_GPU_FEATURE_COST,
+    const struct sst_gpu_work work = { .shader = shader,
                                        .push = &push,
                                        .groups = { sst_gpu_match_blocks(TEST_WIDTH, 36), TEST_HEIGHT,
                                                    ARRAY_LEN(test_tiles) } };
@@ -105,4 +105,14 @@ int feature_cost_self_test(struct sst_gpu *g)
     }
     free(t);
     return err;
+}
+
+int feature_cost_self_test(struct sst_gpu *g)
+{
+    return test_costs(g, SST_GPU_FEATURE_COST);
+}
+
+int feature_cost_dot_self_test(struct sst_gpu *g)
+{
+    return test_costs(g, SST_GPU_FEATURE_COST_DOT);
 }

@@ -130,6 +130,7 @@ gpu_self_test_fn winner_self_test;
 gpu_self_test_fn census_self_test;
 gpu_self_test_fn match_cost_self_test;
 gpu_self_test_fn feature_cost_self_test;
+gpu_self_test_fn feature_cost_dot_self_test;
 gpu_self_test_fn support_arms_self_test;
 gpu_self_test_fn support_sum_self_test;
 gpu_self_test_fn support_mean_self_test;

@@ -46,14 +46,12 @@ uint half_of(uint two, uint i)
     return (two >> (16 * (i & 1))) & 0xFFFF;
 }
 
-Pixel read(ivec2 at, bool inside)
+Pixel read(ivec2 at)
 {
     const uint i = gl_SubgroupInvocationID & 7;
+    const ivec2 inside = clamp(at, ivec2(0), ivec2(width - 1, height - 1)); // what is read beyond the end does not count
+    const uint pixel = uint(inside.y * width + inside.x);
     Pixel p;
-
-    if (!inside)
-        return p;
-    const uint pixel = uint(at.y * width + at.x);
 
     p.entry = 8 * pixel + i;
     p.colour = pixels[own + pixel];
@@ -97,12 +95,12 @@ void main()
         table[k] = penalties[k];
     barrier();
     [[unroll]] for (int k = 0; k < CHUNK; k++, at += step)
-        next[k] = read(at, inside && k < length);
+        next[k] = read(at);
     for (int done = 0; done < length; done += CHUNK) {
         [[unroll]] for (int k = 0; k < CHUNK; k++)
             now[k] = next[k];
         [[unroll]] for (int k = 0; k < CHUNK; k++, at += step)
-            next[k] = read(at, inside && done + CHUNK + k < length);
+            next[k] = read(at);
         [[unroll]] for (int k = 0; k < CHUNK; k++) {
             const Pixel p = now[k];
             const uint way_here = way_to(p.d, before, table[step_between(p.colour, last)]);

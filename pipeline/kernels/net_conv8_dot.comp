@@ -8,22 +8,14 @@
 layout(local_size_x = 128) in;
 
 #include "net_conv8.glsl"
+#include "dot.glsl"
 
 const uint TILE = 64, TILE_OUT = 32, SLAB = 8, PIXELS = TILE * SLAB / 128, WEIGHTS = TILE_OUT * SLAB / 128;
-
-// OpSDot of SPV_KHR_integer_dot_product. format 0: four bytes in a word
-spirv_instruction(extensions = ["SPV_KHR_integer_dot_product"], capabilities = [6018, 6019], id = 4450)
-int signed_dot(uint a, uint b, spirv_literal int format);
 
 // Turned as in net_conv8.comp.
 shared uvec4 inputs[SLAB][TILE / 4];
 shared uvec4 weights[SLAB][TILE_OUT / 4];
 shared int weight_sum[128]; // of a lane; lanes of a channel are TILE_OUT apart
-
-int dot4(uint a, uint b)
-{
-    return signed_dot(a, b, 0);
-}
 
 void main()
 {

@@ -254,11 +254,13 @@ static int match_features(struct match *m, const struct sst_neighbour *n)
     struct device_pixels *own = &m->d->view[m->in->ref - m->in->run->desc];
     const struct device_pixels *other = &m->d->view[n->desc - m->in->run->desc];
     struct sst_gpu_buffer **kept = m->d->kept;
-    int err = need_features(m, m->in->ref, NULL);
+    enum sst_gpu_shader shader;
+    int err = sst_gpu_prepare_fastest(m->d->gpu, SST_GPU_FEATURE_COST, &shader);
 
+    err = err ? err : need_features(m, m->in->ref, NULL);
     err = err ? err : need_features(m, n->desc, own);
     return err ? err
-               : dispatch(m, SST_GPU_FEATURE_COST, &push, m->blocks, m->rows, (uint32_t)m->tiles,
+               : dispatch(m, shader, &push, m->blocks, m->rows, (uint32_t)m->tiles,
                           (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], own->features,
                                                             other->features, kept[KEPT_COST] },
                           SST_GPU_FEATURE_BUFFERS);
