@@ -1,0 +1,60 @@
+/* The frames that the cameras of a simulated world deliver, as RR_CC.jpg, and its true calibration:
+ *   raw_frames WORLD FOLDER
+ * FOLDER exists; it gets frames/, which `sst import folder` reads, and calib.yaml. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include <linux/videodev2.h>
+
+#include "base/file.h"
+#include "simulators/scene/world/sim_world.h"
+
+#define FRAME_MAX ((size_t)16 << 20)
+
+static int write_frame(struct sst_sim_world *w, const char *folder, int cam, uint8_t *frame)
+{
+    const struct sst_sim_exposure e = {
+        .cam = cam, .t_ns = 1000000000, .exposure_us = sst_sim_world_exposure_us(w), .gain = 1
+    };
+    int rows, cols, width, height, err;
+    char path[SST_PATH_MAX];
+    size_t bytes;
+
+    sst_sim_world_grid(w, &rows, &cols);
+    sst_sim_world_size(w, &width, &height);
+    err = sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, width, height, frame, FRAME_MAX, &bytes);
+    if (err)
+        return err;
+    snprintf(path, sizeof(path), "%s/frames/%02d_%02d.jpg", folder, cam / cols, cam % cols);
+    return sst_file_write(path, frame, bytes);
+}
+
+int main(int argc, char **argv)
+{
+    uint8_t *frame = malloc(FRAME_MAX);
+    struct sst_sim_world *w = NULL;
+    char path[SST_PATH_MAX];
+    int err = frame ? 0 : -ENOMEM;
+
+    if (argc != 3) {
+        fprintf(stderr, "usage: raw_frames WORLD FOLDER\n");
+        free(frame);
+        return 2;
+    }
+    snprintf(path, sizeof(path), "%s/frames", argv[2]);
+    if (!err && mkdir(path, 0777) && errno != EEXIST)
+        err = -errno;
+    snprintf(path, sizeof(path), "%s/calib.yaml", argv[2]);
+    err = err ? err : sst_sim_world_parameters(argv[1], path);
+    err = err ? err : sst_sim_world_open(&w, argv[1], argv[2]);
+    for (int cam = 0; w && cam < sst_sim_world_cameras(w) && !err; cam++)
+        err = write_frame(w, argv[2], cam, frame);
+    if (err)
+        fprintf(stderr, "raw_frames: %s: %s\n", argv[1], strerror(-err));
+    sst_sim_world_close(w);
+    free(frame);
+    return err ? 1 : 0;
+}
