@@ -28,12 +28,13 @@ FRAMES_SIZES = ((1008, 752), (2000, 1504))
 FRAMES_CUT = 0.045
 SOFTWARE_FRAMES = (256, 192)
 # Sizes of views, and MiB of the device that may be used; None: three quarters of it.
-RAYS = ((1000, 750, (None, 128, 64)), (2000, 1500, (None, 256, 128)))
+RAYS = ((1000, 750, (None, 256, 128)), (2000, 1500, (None, 1024, 512)))
 SOFTWARE_RAYS = (250, 188, (None, 8))
 # Scene and size of live worlds.
 LIVE = (("bush", 640, 480), ("pedestrian", 640, 480), ("bush", 1280, 960))
 SOFTWARE_LIVE = ("bush", 256, 192)
 LIVE_SETS = 21
+LIVE_STEPS = ("rectify, ms", "update, ms", "picture, ms", "CPU, ms")
 
 # Cameras with lenses that distort, turned a little, of different gains.
 WORLD = """scene: {scene}
@@ -109,13 +110,20 @@ def world_file(bench, scene, width, height, seconds, rate):
     return path
 
 
+def match(bench, field, preset):
+    """Its maps, on a GPU where that is measured: they are the same."""
+    bench.progress("maps", preset)
+    device = "cpu" if bench.software else bench.device["name"]
+    bench.sst("process", field, "--no-labels", "--preset", preset, "--device", device)
+
+
 def frames_field(bench, width, height):
-    """A calibrated light field of the JPEG frames of simulated cameras, with maps of the preset preview."""
+    """A calibrated light field of the JPEG frames of simulated cameras, with maps."""
     shots = bench.path(f"shots-{width}")
     os.makedirs(shots)
     bench.program("bench/raw_frames", world_file(bench, "bush", width, height, 0.5, 2), shots)
     field = bench.field(f"{shots}/frames", "--calib", f"{shots}/calib.yaml")
-    bench.sst("process", field, "--no-labels", "--preset", "preview")
+    match(bench, field, "balanced")
     bench.remove(shots)
     return field
 
@@ -130,13 +138,14 @@ def bench_frames(bench):
                 options = [o.format(cut=FRAMES_CUT * width) for o in options]
                 m, gpu, apart = rounds_of(bench, field, [*options, "--sampling", sampling])
                 assert gpu["device"]["verified_on_cpu"] == 0 and gpu["sampling"] == sampling, gpu
-                rows.append([f"{width}x{height}, {sampling}, {name}", f"{m['cpu_s']:.2f}", f"{m['all_s']:.2f}",
+                filled = f", {gpu['filled_percent']:.1f} % filled" if name == "clear" else ""
+                rows.append([f"{width}x{height}, {sampling}, {name}{filled}", f"{m['cpu_s']:.2f}", f"{m['all_s']:.2f}",
                              f"{m['cpu_ms']:.1f}", f"{m['all_ms']:.1f}", f"{m['device_ms']:.2f}",
                              f"{m['upload_ms']:.0f} ({m['upload_mb']:.0f})", f"{m['frames_ms']:.0f}",
                              str(gpu["device"]["in_parts"])] + off(apart))
         bench.remove(field)
-    head = ["`bush`, 36 frames of", "CPU, command s", "with device, command s", "CPU ms", "with device ms", "on device ms",
-            "upload ms (MB)", "frames ms", "pictures in parts", "worst levels", "values that differ %"]
+    head = ["`bush`, 36 frames of", "CPU, command s", "with device, command s", "CPU ms", "with device ms",
+            "on device ms", "upload ms (MB)", "frames ms", "pictures in parts", "worst levels", "values that differ %"]
     return (f"""JPEG frames of calibrated cameras, `--sampling rectified` and `raw`. A command makes {REPEAT + 1} pictures: its seconds
 include loading, and with a device its opening and tests; milliseconds are those of a picture after the first one.
 Views are rectified once: without a device while the CPU loads them, with one for the first picture. "Upload", and
@@ -149,7 +158,7 @@ def bench_rays(bench):
     rows = []
     for width, height, memory in [SOFTWARE_RAYS] if bench.software else RAYS[:1] if bench.quick else RAYS:
         field = bench.field(f"{bench.world('bush', (width, height))}/views")
-        bench.sst("process", field, "--no-labels", "--preset", "preview")
+        match(bench, field, "preview")
         for mib in memory:
             bench.progress("rays", width, height, mib or "all memory")
             m, gpu, apart = rounds_of(bench, field, ["--verify-rays", "auto"],
@@ -162,8 +171,8 @@ def bench_rays(bench):
         bench.remove(field)
     head = ["36 views of", "CPU ms", "with device ms", "ratio", "on device ms", "upload a picture, ms (MB)",
             "dispatches a picture", "verified on the CPU", "worst levels", "values that differ %"]
-    return """`--verify-rays auto` with maps of the preset preview. Where the memory does not hold all views in one buffer they are
-compared in rows, and give way to each other.
+    return """`--verify-rays auto` with maps of the preset preview, `--device-memory` as named. Where that does not hold all views in one
+buffer they are compared in rows, and give way to each other.
 
 """ + bench_report.table(head, rows)
 
@@ -188,7 +197,7 @@ def bench_live(bench):
             bench.progress("live", scene, width, height)
             cpu, _ = live_run(bench, world, None)
             gpu, views = live_run(bench, world, bench.device["name"])
-            rounds.append([means[k] for k in ("rectify, ms", "update, ms", "picture, ms", "CPU, ms") for means in (cpu, gpu)] +
+            rounds.append([means[k] for k in LIVE_STEPS for means in (cpu, gpu)] +
                           [gpu["tiles changed, %"], views / LIVE_SETS])
         m = [statistics.median(column) for column in zip(*rounds)]
         rows.append([f"{scene}, 36 of {width}x{height}", f"{m[8]:.0f}", f"{m[9]:.1f}", f"{m[0]:.1f}", f"{m[1]:.1f}",
