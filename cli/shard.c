@@ -13,7 +13,7 @@
 #include "base/text.h"
 #include "cli/cli_internal.h"
 
-#define MOST_ATTEMPTS 3 /* a piece that ended so many workers is not tried again */
+#define MOST_ATTEMPTS 3 /* a piece that ended this many workers is not tried again */
 #define POLL_NS       (200 * INT64_C(1000000))
 
 /* Variables in which schedulers give a process its number, how many there are, and the first number and the step of

@@ -420,7 +420,7 @@ def main() -> None:
     parser.add_argument("--scene-share", type=float, default=0.35, help="share of scenes in a batch")
     parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid's held-out pictures every "
                         "N steps")
-    parser.add_argument("--watch-every", type=int, default=1, help="of one such picture in so many")
+    parser.add_argument("--watch-every", type=int, default=1, help="of one such picture in N")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--views", type=int, default=4, help="views used of each light field")

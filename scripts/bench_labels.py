@@ -161,7 +161,7 @@ def main():
     parser.add_argument("--left-out", action="append", default=[], metavar="DRIVE=ONNX", help="also measure on this drive of "
                         "CamVid a network that was trained without it (models/train_pspnet.py --leave-out DRIVE)")
     parser.add_argument("--models", default="models", help="folder with the networks (%(default)s)")
-    parser.add_argument("--every", type=int, default=1, help="one image in so many, for a first look; docs/ stays as it is")
+    parser.add_argument("--every", type=int, default=1, help="measure one image in this many, for a first look; docs/ stays as it is")
     parser.add_argument("--part", action="append", choices=PARTS,
                         help="measure again only these; the others stay as they are")
     parser.add_argument("--self-test", action="store_true", help="check the figures' formulas against hand-worked values")

@@ -83,7 +83,7 @@ def make_coarse(lf, fine):
 
 
 def make_small(lf, fine, source, most):
-    """lf and fine, FINE times as large, of a photographed light field: at most so many pixels wide."""
+    """lf and fine, FINE times as large, of a photographed light field: at most `most` pixels wide."""
     info, views = read_views(source)
     width = min(most, info["width"] // FINE)
     height = width * info["height"] // info["width"]

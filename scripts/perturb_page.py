@@ -105,7 +105,7 @@ def first(rows, kind, holds):
 
 
 def loses(rows, found, field, db):
-    """Does the mean of bush or pedestrian lose so many dB against its unperturbed picture?"""
+    """Does the mean of bush or pedestrian lose that many dB against its unperturbed picture?"""
     return any((loss(rows, found, s, field) or 0) >= db for s in SCENES)
 
 

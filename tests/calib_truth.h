@@ -23,7 +23,7 @@ struct truth_config {
     double k[SST_LENS_MAX], k_spread;                /* of k1; the other radial ones' is a third and a tenth of it */
     double spacing_mm, place_sigma_mm, turn_sigma_deg;
     double near_mm, far_mm, tilt_deg; /* of boards; tilt: largest */
-    double aside;                     /* board centres reach so far towards the edge of the picture: 0..1 */
+    double aside;                     /* board centres reach this far towards the edge of the picture: 0..1 */
     double warp_mm[2];                /* as struct sst_solution has it */
     double noise_px;                  /* one axis, one sigma */
     double outliers, outlier_px;      /* share of corners moved, and how far at most along each axis */

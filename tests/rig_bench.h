@@ -35,7 +35,7 @@ struct bench {
     struct sst_frame frame;
     uint32_t shots;
     int moving;        /* exposures during which the true pose changed */
-    int fail_shots;    /* so many time out */
+    int fail_shots;    /* number of shots that time out */
     uint32_t fault_at; /* with this shot the fault below is set */
     const char *fault, *value;
 };

@@ -286,7 +286,7 @@ static int end_pictures(void **state)
     return 0;
 }
 
-/* Until there are so many, on the busiest machine. What comes may go and come again while it begins. */
+/* Until there are as many as wanted, on the busiest machine. What comes may go and come again while it begins. */
 static void wait_for(int (*count)(void), int want)
 {
     int now = count();

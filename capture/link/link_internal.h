@@ -190,7 +190,7 @@ void link_dtls_server_close(struct link_dtls_server *s);
 /* --- sets of a node on their way to the head's numbering; one thread --- */
 
 #define LINK_INBOX_SETS 32                 /* at once; a node has fewer on their way */
-#define LINK_QUIET_NS   INT64_C(50000000)  /* pieces are asked for when all were sent, and none has come for so long, */
+#define LINK_QUIET_NS   INT64_C(50000000)  /* pieces are asked for when all were sent, and none comes in this time, */
 #define LINK_SILENT_NS  INT64_C(200000000) /* ... or it is not known whether they were sent */
 
 struct link_inbox; /* opaque */

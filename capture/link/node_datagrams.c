@@ -17,8 +17,7 @@
 #define PAUSE_NS  INT64_C(100000000)  /* until another attempt; doubled with each, */
 #define DRY_NS    INT64_C(5000000000) /* ... and at least this where the connection stands and nothing arrives */
 #define PAUSE_MAX INT64_C(60000000000)
-#define FIRST_NS  INT64_C(1500000000) /* sets wait so long for the first connection: over TLS they would be late, too  \
-                                       */
+#define FIRST_NS  INT64_C(1500000000) /* sets wait for the first connection: over TLS they would be late, too */
 
 int node_datagrams_open(struct sst_link_node *n)
 {

@@ -379,7 +379,7 @@ json_t *view_settings_json(const struct view_settings *s);
 #define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
 #define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
 #define FRESH_MS   800                  /* a picture is waited for no longer */
-#define STARTED_MS 2000                 /* and what the live thread has begun, for so long in addition */
+#define STARTED_MS 2000                 /* and what the live thread has begun, for this long in addition */
 #define RATE_SLOTS 16                   /* seconds that rates are averaged over, and some */
 
 /** One view. */

@@ -11,7 +11,7 @@
 #include "daemon/storage/storage_internal.h"
 
 #define UNUSED_NS   60000000000 /* without a request: the file is closed, or no longer written */
-#define FRESH_NS    5000000000  /* an error, and a video of a recording that still grows, are good for so long */
+#define FRESH_NS    5000000000  /* an error, and a video of a recording that still grows, are good for this long */
 #define WAIT_NS     200000000   /* of a call for a file that is being written */
 #define FRAME_BYTES 96          /* of Matroska for each frame, more than there are */
 

@@ -7,7 +7,7 @@
 #define MOST     2048 /* blocks */
 #define DARK     16   /* mean levels: clipped noise is small */
 #define BRIGHT   239
-#define QUANTILE 20 /* one block in so many is below */
+#define QUANTILE 20 /* one block in this many is below */
 
 /* Sum of |response| over a block's pixels; -1: dark or bright. */
 static int response(const struct sst_image *img, int x0, int y0)

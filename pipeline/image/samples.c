@@ -8,7 +8,7 @@
 #include "pipeline/image/codec_formats.h"
 
 #define USUAL   32768 /* a wider span is scaled from all 16 bits, as other programs do */
-#define OUTLIER 10000 /* one sample in so many */
+#define OUTLIER 10000 /* one sample in this many is left out at either end */
 
 struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts)
 {

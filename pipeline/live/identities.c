@@ -12,10 +12,10 @@
 #define REACH_MOST 1.0                 /* ... at most */
 #define SAME_PX    3.0                 /* disparities of one thing, and ... */
 #define SAME_RATIO 1.4                 /* ... their ratio: one of both is enough */
-#define SURE_NS    INT64_C(3000000000) /* depth in the open is known better than behind leaves, and for so long */
+#define SURE_NS    INT64_C(3000000000) /* depth in the open is known better than behind leaves, for this long */
 #define MOVING     0.25                /* of its height, in a second: it goes to one side */
 #define SHRINK_S   0.1                 /* part by which its size shrinks in a second when only a part is seen */
-#define TOGETHER_S 1.0                 /* two that move together for so long are one */
+#define TOGETHER_S 1.0                 /* two that move together for this long are one */
 #define APART      0.5                 /* of the height: they do not move together */
 
 /* --- bindings -------------------------------------------------------------------------------------------------------

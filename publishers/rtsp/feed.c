@@ -18,7 +18,7 @@
 #include "pipeline/image/codec_formats.h"
 
 #define REPEAT_NS  1000000000LL /* a still picture is shown again */
-#define STILL_NS   300000000LL  /* a picture stands still if no newer one came for so long */
+#define STILL_NS   300000000LL  /* a picture stands still if no newer one came for this long */
 #define EAGER_NS   3000000000LL /* it is repeated more often for this long after a client came: receivers need some */
 #define EAGER_STEP 100000000LL  /*     pictures before they show the first */
 #define KEY_NS     2000000000LL /* between key frames, for clients that come later */

@@ -22,12 +22,12 @@ static const struct sim_fault faults[FAULTS] = {
     [SST_SIM_PTP_BUSY] = { "busy", 0, 60000, "ms for which the camera is busy, from the next capture on" },
     [SST_SIM_PTP_CARD_FULL] = { "card_full", 0, 1, "1: the card has no space" },
     [SST_SIM_PTP_BATTERY] = { "battery", 0, 100, "level of the battery in percent; 0: that of the world" },
-    [SST_SIM_PTP_REFUSE] = { "refuse", 0, 1000, "so many settings are refused" },
+    [SST_SIM_PTP_REFUSE] = { "refuse", 0, 1000, "number of settings that are refused" },
     [SST_SIM_PTP_CORRUPT] = { "corrupt", 0, 3,
                               "of the next file 1: the end is missing, 2: bytes are wrong, 3: the end is not sent" },
     [SST_SIM_PTP_SILENCE] = { "silence", 0, 1, "1: no answers until the camera is closed or reset" },
     [SST_SIM_PTP_DOWNLOAD] = { "unplug_download", 0, 60000, "ms for which the next download unplugs the camera" },
-    [SST_SIM_PTP_NO_EVENT] = { "no_event", 0, 1000, "so many pictures are not announced" },
+    [SST_SIM_PTP_NO_EVENT] = { "no_event", 0, 1000, "number of pictures that are not announced" },
     [SST_SIM_PTP_DIAL] = { "dial", 0, 10000, "somebody turns the dial: exposure time in 0.1 ms" },
     [FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back" },
 };
@@ -117,7 +117,7 @@ static void set_fault(struct sim_still *s, const char *name, double value)
         sst_log_error("%s", message);
 }
 
-/** Counted faults happen so many times more, others once. */
+/** Faults with a count happen that number of times, others once. */
 static void spend(void *arg, enum sst_sim_ptp_fault fault)
 {
     struct sim_still *s = arg;

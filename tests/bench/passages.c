@@ -25,7 +25,7 @@
 #define SIDE    6
 #define VIEWS   (SIDE * SIDE)
 #define QUALITY 75
-#define AFTER_S 6.0  /* what comes so soon after a passage is of it */
+#define AFTER_S 6.0 /* what comes this soon after a passage is of it */
 #define RIGHT   0.15 /* of a distance */
 #define POINTS  64
 #define EMPTY   64 /* sets without anybody that are kept: the wind repeats */

@@ -17,8 +17,8 @@
 #define KEYS       64
 #define LEARN_S    120.0 /* until the first person */
 #define EVERY_S    360.0 /* one person in this time, on average */
-#define AFTER_S    8.0   /* alarms so soon after a person are that person's */
-#define NEAR       0.25  /* of the picture's width: an alarm so near to a person is that person's */
+#define AFTER_S    8.0   /* alarms this soon after a person are that person's */
+#define NEAR       0.25  /* of the picture's width: an alarm this near to a person is that person's */
 
 static const char *const names[METHODS] = { "array", "camera", "refocus" };
 

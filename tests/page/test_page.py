@@ -85,7 +85,7 @@ def expect(what, seconds=60):
 
 
 def rest(what, seconds):
-    """Until a number stays the same for so long. Returns it; None: it does not rest."""
+    """Until a number stays the same for `seconds`. Returns it; None: it does not rest."""
     before, since, end = what(), time.time(), time.time() + 60
     while time.time() < end:
         time.sleep(0.05)

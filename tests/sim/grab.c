@@ -10,7 +10,7 @@
 #include "tests/quick.h"
 #include "tests/test.h"
 
-/* So long a condition may take on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
+/* A condition may need this on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
 #define PATIENCE_MS 60000
 #define ATTEMPTS    5
 

@@ -172,7 +172,7 @@ static double see_through(struct array *a, enum sst_render_method method, double
     return 10 * log10(255 * 255 / fmax(sum / n, 1e-9));
 }
 
-/* Seeing through beats refocusing by so much, and by own_db at the focus that is found by itself. */
+/* Seeing through beats refocusing by by_db, and by own_db at the focus that is found by itself. */
 static void assert_sees_through(struct array *a, double by_db, double own_db)
 {
     const double truth = sst_scene_occluder_at(a->scene, 0)->focus_px, found = sst_live_default_focus(a->live);

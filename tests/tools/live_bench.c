@@ -7,7 +7,7 @@
  * model=NAME (none) device=NAME (none) out=DIR (pictures of every set, and overlays of the last) threads=0 change=1
  * labels=1 background=0 min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this
  * set on the world stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from
- * this set on the world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear
+ * this set on the world is brighter by this factor) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear
  * pictures) tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false
  * ones accepted an hour of things behind leaves; 0: no search). slowest=0: stage times of this number of sets, the
  * slowest first. truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a

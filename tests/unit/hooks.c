@@ -58,7 +58,7 @@ static struct sst_hooks_counters counters(void)
     return n;
 }
 
-/* Until so many have been run and none runs. */
+/* Until that many have been run and none runs. */
 static struct sst_hooks_counters wait_for(uint64_t run)
 {
     struct sst_hooks_counters n = counters();

@@ -28,7 +28,7 @@
 #define WIDTH   320
 #define HEIGHT  208 /* the last row of tiles is half as high */
 #define STEP_NS 100000000
-#define SETS    4 /* any change is seen within so many */
+#define SETS    4 /* any change is seen within this many */
 
 static uint64_t seed = 1;
 

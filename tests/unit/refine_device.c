@@ -286,7 +286,7 @@ static void test_carried(void **state)
     } devices[] = {
         { 93, 61, 0, 0, 7, 0, 0 },
         { 93, 61, 0, 8 * 93 * 61 * 8, 7, 0, 0 }, /* few views at once, with entropies */
-        { 93, 61, 0, 3 * 93 * 61 * 8, 5, 5, 0 }, /* rows of them; gaps are filled from all of so few */
+        { 93, 61, 0, 3 * 93 * 61 * 8, 5, 5, 0 }, /* rows of them; gaps are filled from all, as they are few */
         { 93, 61, 0, 110000, 5, 5, 0 },
         { 24, 260, 0, 260000, 7, 7, 0 }, /* gaps are filled from a part of the rows */
         { 93, 61, 3, 0, 2, 0, 4 },       /* the third one of each opening */

@@ -18,7 +18,7 @@
 #define REACH_S     1.5 /* ... for at most this time: a candidate farther away belongs to another thing or is noise */
 #define DEPTH_STEPS 4.0 /* planes */
 #define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
-#define IMAGE_SIDES 2.0 /* ... within so many widths of both */
+#define IMAGE_SIDES 2.0 /* ... within this many times the sizes of both together */
 #define IMAGE_SETS  2   /* of a better one */
 #define GAIN        0.7
 #define GAIN_Z      0.3
@@ -31,7 +31,8 @@
 #define AFTER_S     30.0 /* of what begins there, or has been beside one, until it is reported */
 #define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
-#define PRIOR_H     0.03 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
+/* At the start: as if chance had made tracks for these hours, at this rate an hour and with this mean evidence. */
+#define PRIOR_H     0.03
 #define PRIOR_RATE  60.0
 #define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0

@@ -9,8 +9,8 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define LEARN_NS INT64_C(500000000) /* between two rounds, each of which renews a colour of one cell in PHASES, ... */
-#define SLOWLY   4 /* ... but of most cells in one of so many: who stands must not be remembered before being reported \
-                    */
+/* ... but of most cells in one round of this many: who stands must not be remembered before being reported */
+#define SLOWLY     4
 #define BEGIN      240 /* rounds at the beginning, when nothing is known: of all cells */
 #define ROUNDS     6   /* at most that many at once, after a pause */
 #define PHASES     8

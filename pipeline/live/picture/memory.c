@@ -19,7 +19,7 @@
 #define STRONG         (4 * SST_RENDER_SUPPORT) /* rays that agree and need no confirmation by earlier sets */
 #define SUPPORT_MOST   (12 * SST_RENDER_SUPPORT)
 #define MOVER_MS       900  /* in which what came in front, or has not been there for long, must be seen again */
-#define SETTLED_MS     3000 /* what has been there for so long stays for ... */
+#define SETTLED_MS     3000 /* what has been there for this long stays for ... */
 #define LONG_MS        20000
 #define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
 #define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... together like this many rays of the maps */

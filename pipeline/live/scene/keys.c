@@ -15,7 +15,7 @@
 #define PENALTY_2 90
 #define EDGE_STEP 24
 #define PATHS     4
-/* The last map of a rectangle and so many steps more on either side are searched (S3): 4 px. */
+/* The range of a rectangle's last map is searched, and this many steps more at either end (S3): 4 px. */
 #define AROUND_STEPS 4
 
 static bool present_at(const struct sst_lightfield *lf, int row, int col)

@@ -60,7 +60,7 @@ struct sst_disparity_config {
     bool frugal; /* one view after the other on one thread, with its neighbours' phases computed for it and freed again:
                     the same result in a fraction of the memory */
     int threads;
-    /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in so many is matched, and the maps of the
+    /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in this many is matched, and the maps of the
      * others are carried over from those and, with a second pass, repaired; 1: every view is matched. Without `fill` or
      * `joint`, or where the range is too narrow for the second pass asked for, every one is. */
     int key_spacing;

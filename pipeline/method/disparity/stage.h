@@ -229,7 +229,7 @@ SST_MUST_CHECK int sst_disparity_sgm_down(const struct sst_volume *v, const stru
 /* Pixels of a tile: with the longest support regions around them, 64x48. */
 #define SST_TILE_WIDTH  54
 #define SST_TILE_HEIGHT 38
-/* Pixels around it that are matched as well, for the support regions of so many rounds to reach into. */
+/* Pixels around it that are matched as well: the support regions of all rounds reach into them. */
 #define SST_TILE_HALO(rounds) ((rounds)*SST_SUPPORT_MAX_ARM)
 
 /** A part of a view: disparities first .. first + (steps - 1) / divisor px above the smallest. */

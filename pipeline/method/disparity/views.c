@@ -8,7 +8,7 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-/* Where only some views are matched, they are checked against others up to so many spacings away. */
+/* Where only some views are matched, they are checked against others up to this many spacings away. */
 #define CHECKED_FAR 3.5
 
 int run_cancelled(const struct disparity_run *run)

@@ -13,7 +13,7 @@ struct sst_share;
 #define SST_NOTICE_EDGE_PX      0.75
 #define SST_NOTICE_JPEG_QUALITY 70.0
 #define SST_NOTICE_MISSING      0.1 /* of the grid */
-/* A view's edges against the median view's: so many times as wide, and blurred by so much in between. */
+/* A soft view: its edges are wider than the median view's by this factor, as after a blur of this sigma. */
 #define SST_NOTICE_SOFTER    1.35
 #define SST_NOTICE_SOFTER_PX 0.3
 

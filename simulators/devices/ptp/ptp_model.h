@@ -12,16 +12,16 @@ struct sst_sim_ptp; /* opaque; one thread */
 
 /** Faults of the camera; a value of 0 is none. */
 enum sst_sim_ptp_fault {
-    SST_SIM_PTP_BUSY = 0,      /* the next request to capture, and those within so many ms after it: DeviceBusy */
+    SST_SIM_PTP_BUSY = 0,      /* the next request to capture, and those within this time in ms after it: DeviceBusy */
     SST_SIM_PTP_CARD_FULL = 1, /* 1: the card has no space */
     SST_SIM_PTP_BATTERY = 2,   /* level of the battery in percent */
-    SST_SIM_PTP_REFUSE = 3,    /* the next so many settings are refused: AccessDenied */
+    SST_SIM_PTP_REFUSE = 3,    /* this many settings are refused: AccessDenied */
     SST_SIM_PTP_CORRUPT = 4,   /* the next file: 1 its end is missing on the card, 2 bytes are wrong on the card,
                                   3 fewer bytes are sent than announced, once */
     SST_SIM_PTP_SILENCE = 5,   /* 1: no answers until the interface is released or reset */
-    SST_SIM_PTP_DOWNLOAD = 6,  /* unplugged in the middle of the next download, for so many ms */
-    SST_SIM_PTP_NO_EVENT = 7,  /* the next so many pictures are not announced by events */
-    SST_SIM_PTP_DIAL = 8,      /* somebody sets the exposure time to so many 0.1 ms */
+    SST_SIM_PTP_DOWNLOAD = 6,  /* unplugged in the middle of the next download, for this time in ms */
+    SST_SIM_PTP_NO_EVENT = 7,  /* this many pictures are not announced by events */
+    SST_SIM_PTP_DIAL = 8,      /* somebody sets the exposure time, in 0.1 ms */
     SST_SIM_PTP_FAULTS = 9,
 };
 
@@ -49,7 +49,7 @@ struct sst_sim_ptp_config {
     void (*stored)(void *arg, int shot, const char *name, const uint8_t *data, size_t bytes);
     double (*fault)(void *arg, enum sst_sim_ptp_fault fault);
     void (*spend)(void *arg, enum sst_sim_ptp_fault fault); /* it happened: count it down, or end it */
-    void (*unplug)(void *arg, int ms);                      /* for so many ms, from now on */
+    void (*unplug)(void *arg, int ms);                      /* for this time, from now on */
 };
 
 SST_MUST_CHECK int sst_sim_ptp_create(struct sst_sim_ptp **out, const struct sst_sim_ptp_config *cfg);
