@@ -331,12 +331,26 @@ static bool stays(struct live_identity *a, int width, int height, int64_t t_ns)
     return x >= 0 && x <= width && y >= 0 && y <= height && t_ns - a->seen_ns <= HOLD_NS;
 }
 
+/* Where time goes back nothing was seen later than now: what is covered is held from now on. */
+static void start_times(struct live_identities *w, int64_t t_ns)
+{
+    for (int i = 0; i < w->count; i++) {
+        struct live_identity *a = &w->who[i];
+
+        a->seen_ns = a->seen_ns < t_ns ? a->seen_ns : t_ns;
+        a->sure_ns = a->sure_ns < t_ns ? a->sure_ns : t_ns;
+        a->beside_ns = a->beside_ns < t_ns ? a->beside_ns : t_ns;
+    }
+}
+
 void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
                             const struct sst_hidden_thing *thing, int things, int width, int height, int64_t t_ns)
 {
     const double dt_s = w->t_ns ? fmax((double)(t_ns - w->t_ns) * 1e-9, 0) : 0;
     int kept = 0;
 
+    if (t_ns < w->t_ns)
+        start_times(w, t_ns);
     w->t_ns = t_ns;
     for (int i = 0; i < w->count; i++) {
         w->who[i].updated = false;

@@ -198,6 +198,27 @@ static void what_vanishes_is_covered(void **state)
     assert_int_equal(b.tracks, 0);
 }
 
+/* As a clock that is set: for six seconds from then on, not until the old time is reached again. */
+static void time_may_go_back(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    start(&b);
+    for (int n = 0; n < 6; n++) {
+        add_open(&b, 1, 300, 300, 0, NEARBY);
+        step(&b);
+    }
+    b.t_ns -= INT64_C(9000000000);
+    for (int n = 0; n < 18; n++) {
+        step(&b);
+        assert_int_equal(b.tracks, 1);
+    }
+    for (int n = 0; n < 2; n++)
+        step(&b);
+    assert_int_equal(b.tracks, 0);
+}
+
 /* More at once than there is room for. */
 static void there_is_room_for_those_who_are_there(void **state)
 {
@@ -249,13 +270,43 @@ static void the_best_image_is_reported(void **state)
     assert_in_range(reported, 7, 12); /* one in each set, from the first second on */
 }
 
+/* What has been there for ten minutes is part of the scene, and no better image of anybody, however much it differs. */
+static void who_is_reported_does_not_end_as_another(void **state)
+{
+    struct hidden_planes planes = { .count = 20, .step_px = 1 };
+    const struct hidden_candidate old = { .at = { 0, 34, 8, 54 }, .plane = 12, .z = 2 };
+    struct hidden_tracks tracks;
+    int64_t t_ns = 1;
+
+    (void)state;
+    for (int i = 0; i < planes.count; i++)
+        planes.disp_px[i] = 3 + i;
+    hidden_tracks_init(&tracks, 1000);
+    for (; t_ns < INT64_C(599000000000); t_ns += 1000000000)
+        hidden_tracks_follow(&tracks, &old, 1, &planes, t_ns, false);
+    for (int n = 0; n < 5; n++, t_ns += INT64_C(255000000)) {
+        const struct hidden_candidate c[] = { { .at = { 10, 34, 18, 54 }, .plane = 2, .z = 9 },
+                                              { .at = old.at, .plane = old.plane, .z = n < 4 ? 2 : 40 } };
+
+        hidden_tracks_follow(&tracks, c, 2, &planes, t_ns, false);
+        assert_int_equal(tracks.count, n < 4 ? 2 : 1); /* the old one ends when the new one is reported */
+    }
+    assert_int_equal(tracks.track[0].thing.disp_px, 5);
+    assert_true(tracks.track[0].thing.reported);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_passage_is_one_identity),   cmocka_unit_test(two_who_cross_stay_two),
-        cmocka_unit_test(who_overtakes_stays_another), cmocka_unit_test(what_turns_out_to_be_one_is),
-        cmocka_unit_test(what_vanishes_is_covered),    cmocka_unit_test(there_is_room_for_those_who_are_there),
+        cmocka_unit_test(a_passage_is_one_identity),
+        cmocka_unit_test(two_who_cross_stay_two),
+        cmocka_unit_test(who_overtakes_stays_another),
+        cmocka_unit_test(what_turns_out_to_be_one_is),
+        cmocka_unit_test(what_vanishes_is_covered),
+        cmocka_unit_test(there_is_room_for_those_who_are_there),
+        cmocka_unit_test(time_may_go_back),
         cmocka_unit_test(the_best_image_is_reported),
+        cmocka_unit_test(who_is_reported_does_not_end_as_another),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

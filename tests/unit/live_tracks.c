@@ -172,6 +172,32 @@ static void what_is_covered_comes_out_as_itself(void **state)
     }
 }
 
+/* As a clock that is set: who is lost ends as soon as otherwise, who goes on is reported as soon. */
+static void time_may_go_back(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b, 1);
+    b.t_ns += INT64_C(200000000000);
+    for (int n = 0; n < 25; n++) {
+        add_person(&b, 20 + 5.0 * n, blue);
+        step(&b);
+    }
+    assert_non_null(reported(&b, 0));
+    b.t_ns -= INT64_C(100000000000);
+    for (int n = 0; n < 12; n++)
+        step(&b);
+    assert_int_equal(b.tracks.count, 0);
+    for (int n = 0; n < 25; n++) {
+        add_person(&b, 20 + 5.0 * n, blue);
+        step(&b);
+        b.t_ns -= n == 2 ? INT64_C(100000000000) : 0;
+    }
+    assert_non_null(reported(&b, 0));
+    close_bench(&b);
+}
+
 /* Two that pass each other at one distance are one piece for a while. */
 static void who_meets_parts_as_before(void **state)
 {
@@ -441,6 +467,7 @@ int main(void)
         cmocka_unit_test(slow_sets_do),
         cmocka_unit_test(what_is_covered_comes_out_as_itself),
         cmocka_unit_test(who_meets_parts_as_before),
+        cmocka_unit_test(time_may_go_back),
         cmocka_unit_test(what_stands_stays),
         cmocka_unit_test(pieces_of_one_are_one),
         cmocka_unit_test(pieces_behind_leaves_are_one),

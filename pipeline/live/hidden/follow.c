@@ -278,7 +278,7 @@ static void assign(struct hidden_tracks *t, struct group *g, int groups, double 
     }
 }
 
-/* @return false: it has gone */
+/* @return false: it ends */
 static bool stays(struct hidden_track *a, double dt_s, int64_t t_ns)
 {
     const double missed_s = (double)(t_ns - a->thing.seen_ns) * 1e-9;
@@ -309,8 +309,8 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
 }
 
 /* Somebody who differs much from what was there before is seen on many planes, on the right one best; which of these
- * images has enough evidence first is chance. @return the best one that is not reported, of those near a track with no
- * less evidence than this that began until then; NULL: none */
+ * images has enough evidence first is chance. @return the best one that stays and is not reported, of those near a
+ * track with no less evidence than this that began until then; NULL: none */
 static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence,
                                       int64_t until_ns)
 {
@@ -319,8 +319,9 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *b = &t->track[i];
 
-        if (b != a && !b->thing.reported && b->seen && b->sets >= IMAGE_SETS && b->thing.evidence >= evidence &&
-            b->thing.first_ns <= until_ns && is_near(a, b) && (!best || b->z > best->z))
+        if (b != a && !b->thing.reported && b->seen && !b->gone && b->sets >= IMAGE_SETS &&
+            b->thing.evidence >= evidence && b->thing.first_ns <= until_ns && is_near(a, b) &&
+            (!best || b->z > best->z))
             best = b;
     }
     return best;
@@ -382,7 +383,6 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     struct group g[SST_HIDDEN_THINGS];
     const int groups = join(g, c, count, p);
     const double threshold = hidden_tracks_threshold(t);
-    bool gone[SST_HIDDEN_THINGS];
     int kept = 0;
 
     t->t_ns = t_ns;
@@ -398,21 +398,21 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         struct hidden_track *a = &t->track[i];
 
         a->beside |= a->behind_one || is_part(t, a) || was_left(t, a);
-        gone[i] = !stays(a, dt_s, t_ns);
+        a->gone = !stays(a, dt_s, t_ns);
     }
     for (int i = 0; i < t->count && !quiet; i++) {
-        if (gone[i])
+        if (t->track[i].gone)
             leave_to_heir(t, &t->track[i], threshold);
         else
             become_better(t, &t->track[i], threshold);
     }
     for (int i = 0; i < t->count && !quiet; i++)
-        if (!gone[i] && may_be_reported(t, &t->track[i], threshold))
+        if (!t->track[i].gone && may_be_reported(t, &t->track[i], threshold))
             report(t, &t->track[i]);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
-        if (gone[i]) {
+        if (a->gone) {
             if (!quiet)
                 note_chance(t, a);
             continue;

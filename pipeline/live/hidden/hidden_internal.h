@@ -137,6 +137,7 @@ struct hidden_track {
     double z;                      /* of its candidates lately */
     int sets;
     bool seen; /* in this set */
+    bool gone; /* it ends with this set */
 };
 
 /** Where a reported track has been. */

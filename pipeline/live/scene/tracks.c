@@ -481,12 +481,26 @@ static bool moves(const struct scene_track *a, const struct scene_tracks *t, dou
     return fabs(dx) >= fmax(far * a->w, MOVED_CELLS) || fabs(dy) >= fmax(far * a->h, MOVED_CELLS);
 }
 
+/* Where time goes back all was seen just before this set, which itself is not over. */
+static void start_times(struct scene_tracks *t, int64_t t_ns)
+{
+    for (int i = 0; i < t->count; i++) {
+        struct scene_track *a = &t->track[i];
+        int64_t *const all[] = { &a->first_ns, &a->seen_ns, &a->moved_ns, &a->way_ns };
+
+        for (size_t k = 0; k < ARRAY_LEN(all); k++)
+            *all[k] = *all[k] < t_ns ? *all[k] : t_ns - 1;
+    }
+}
+
 void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece, int pieces,
                          const struct sst_map_u16 *disp, int64_t t_ns)
 {
     const double dt_s = t->count ? fmax((double)(t_ns - t->t_ns) * 1e-9, 0) : 0;
     int owner[SCENE_PIECES], kept = 0;
 
+    if (t_ns < t->t_ns)
+        start_times(t, t_ns);
     t->t_ns = t_ns;
     for (int k = 0; k < pieces; k++)
         owner[k] = -1;
