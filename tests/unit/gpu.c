@@ -317,7 +317,7 @@ static void test_shapes(void **state)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-#define ROOM      "a device needs room for the rays that it verifies"
+#define ROOM      "a device needs room for the rays that it verifies: raise --device-memory, or use fewer or smaller views"
 #define UNDERFLOW "weights underflow in pixels that are left to votes"
 
 /* Whatever fits on the device at once: the same bytes. */
@@ -452,6 +452,57 @@ static void test_verify_refused(void **state)
     field_fini(&lf);
 }
 
+/* Render live, the pictures of two reasons in turn. @param said  what is logged */
+static void render_in_turn(const struct sst_lightfield *lf, char *said, size_t size)
+{
+    enum { TILE = 32, TILES = (FIELD_WIDTH / TILE + 1) * (FIELD_HEIGHT / TILE + 1) };
+    uint64_t stamps[FIELD_VIEWS][TILES] = { { 0 } }, *stamp[FIELD_VIEWS], since = 0;
+    const struct sst_render_live live = { stamp, TILE, FIELD_WIDTH / TILE + 1, FIELD_HEIGHT / TILE + 1, &since };
+    const int before = dup(2);
+    FILE *kept = tmpfile();
+    struct sst_renderer *r;
+
+    assert_non_null(kept);
+    for (int k = 0; k < FIELD_VIEWS; k++)
+        stamp[k] = stamps[k];
+    assert_int_equal(sst_renderer_create(&r, lf, 2), 0);
+    assert_int_equal(sst_renderer_use_live_device(r, "dummy:buffer=250", 0, &live), 0);
+    fflush(stderr);
+    dup2(fileno(kept), 2);
+    for (int i = 0; i < 6; i++) {
+        struct field_picture p;
+
+        field_render(&p, r, 9 + i % 2);
+        field_free(&p);
+    }
+    fflush(stderr);
+    dup2(before, 2);
+    close(before);
+    rewind(kept);
+    said[fread(said, 1, size - 1, kept)] = 0;
+    fclose(kept);
+    sst_renderer_destroy(r);
+}
+
+/* Two live views need not have the same reason: each is logged once, with what can be done. */
+static void test_reasons_logged(void **state)
+{
+    struct sst_lightfield lf;
+    char said[4096];
+    int lines = 0;
+
+    (void)state;
+    field_init(&lf);
+    render_in_turn(&lf, said, sizeof(said));
+    print_message("%s", said);
+    for (const char *at = said; (at = strstr(at, "rays are verified on the CPU")); at++)
+        lines++;
+    assert_int_equal(lines, 2);
+    assert_contains(said, UNDERFLOW "; rays");
+    assert_contains(said, "and its tables: raise live.device_memory_mb, or use fewer or smaller views; rays");
+    field_fini(&lf);
+}
+
 /* A device that is lost while it verifies rays: the picture is the CPU's. */
 static void test_verify_lost(void **state)
 {
@@ -579,6 +630,7 @@ int main(void)
         cmocka_unit_test(test_refused),
         serial_test(test_clear_refused),
         serial_test(test_verify_refused),
+        cmocka_unit_test(test_reasons_logged),
         serial_test(test_verify_lost),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
         cmocka_unit_test(test_no_cache),

@@ -11,6 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/gpu/opener.h"
 #include "pipeline/method/render/render_internal.h"
 
@@ -264,13 +265,30 @@ static void note_error(struct render_device *d, int err)
     }
 }
 
-/* Note that rays of a picture are verified on the CPU, and why; live that is logged once. */
+/* Note that rays of a picture are verified on the CPU, and why; live each reason is logged once. */
 static void note_unverified(struct render_device *d)
 {
+    static const char *const whys[] = {
+        [DEVICE_UNVERIFIED_NOT] = "",
+        [DEVICE_UNVERIFIED_FRAMES] = "what the maps explain is tested in frames",
+        [DEVICE_UNVERIFIED_AGREED] = "how many rays agree is wanted",
+        [DEVICE_UNVERIFIED_WEIGHTS] = "weights underflow in pixels that are left to votes",
+        [DEVICE_UNVERIFIED_REFUSED] = "a shader is refused",
+        [DEVICE_UNVERIFIED_SMALL] = "a device needs room for the rays that it verifies",
+        [DEVICE_UNVERIFIED_CRAMPED] = "what the maps explain needs room for some rows of all views, and its tables",
+    };
+    const enum device_unverified why = d->verify.why;
+    const unsigned bit = 1U << why;
+
     d->report.verified_on_cpu++;
-    if (d->changes && strcmp(d->report.why_verified, d->verify.why))
-        sst_log_warning("%s: %s; rays are verified on the CPU", d->report.name, d->verify.why);
-    snprintf(d->report.why_verified, sizeof(d->report.why_verified), "%s", d->verify.why);
+    snprintf(d->report.why_verified, sizeof(d->report.why_verified), "%s", whys[why]);
+    if (why == DEVICE_UNVERIFIED_SMALL || why == DEVICE_UNVERIFIED_CRAMPED)
+        sst_text_add(d->report.why_verified, sizeof(d->report.why_verified),
+                     ": raise %s, or use fewer or smaller views",
+                     d->changes ? "live.device_memory_mb" : "--device-memory");
+    if (d->changes && !(d->verify.logged & bit))
+        sst_log_warning("%s: %s; rays are verified on the CPU", d->report.name, d->report.why_verified);
+    d->verify.logged |= bit;
 }
 
 bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,

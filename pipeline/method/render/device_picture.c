@@ -278,11 +278,10 @@ static bool note_unverified(struct render_device *d, int err)
 {
     d->verify.small = d->verify.small || err == -ENOMEM;
     d->verify.cramped = d->verify.cramped || err == -EOVERFLOW;
-    snprintf(d->verify.why, sizeof(d->verify.why), "%s",
-             err == -EAGAIN      ? "weights underflow in pixels that are left to votes"
-             : err == -ENOTSUP   ? "a shader is refused"
-             : err == -EOVERFLOW ? DEVICE_VERIFY_CRAMPED
-                                 : DEVICE_VERIFY_SMALL);
+    d->verify.why = err == -EAGAIN      ? DEVICE_UNVERIFIED_WEIGHTS
+                    : err == -ENOTSUP   ? DEVICE_UNVERIFIED_REFUSED
+                    : err == -EOVERFLOW ? DEVICE_UNVERIFIED_CRAMPED
+                                        : DEVICE_UNVERIFIED_SMALL;
     return err == -EAGAIN || err == -ENOTSUP || err == -EOVERFLOW || err == -ENOMEM;
 }
 

@@ -38,19 +38,19 @@ static int cell_rows(const struct render_device *d)
 
 bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
 {
-    const char *why = NULL;
+    enum device_unverified why = DEVICE_UNVERIFIED_NOT;
 
     d->verify.wanted = true;
     for (int k = 0; k < p->count && p->explainer; k++)
-        why = p->tap[k].frame ? "what the maps explain is tested in frames" : why;
+        why = p->tap[k].frame ? DEVICE_UNVERIFIED_FRAMES : why;
     if (p->agreed)
-        why = "how many rays agree is wanted";
+        why = DEVICE_UNVERIFIED_AGREED;
     if (d->verify.small)
-        why = DEVICE_VERIFY_SMALL;
+        why = DEVICE_UNVERIFIED_SMALL;
     if (d->verify.cramped && p->explainer)
-        why = DEVICE_VERIFY_CRAMPED;
-    snprintf(d->verify.why, sizeof(d->verify.why), "%s", why ? why : "");
-    return !why;
+        why = DEVICE_UNVERIFIED_CRAMPED;
+    d->verify.why = why;
+    return why == DEVICE_UNVERIFIED_NOT;
 }
 
 void device_drop_verify(struct render_device *d)

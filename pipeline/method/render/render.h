@@ -204,7 +204,7 @@ struct sst_render_device_report {
     int64_t pictures;        /* made there */
     int64_t in_parts;        /* of them: clear pictures in bands of rows */
     int64_t verified_on_cpu; /* of them: their rays were verified on the CPU */
-    char why_verified[128];  /* the last one of these */
+    char why_verified[192];  /* the last one of these */
     int64_t filled_on_cpu;   /* likewise: the holes of clear pictures were filled there */
     char why_filled[128];
     int64_t on_cpu;          /* others */

@@ -182,8 +182,16 @@ struct device_frames {
     int spans;
 };
 
-#define DEVICE_VERIFY_SMALL "a device needs room for the rays that it verifies"
-#define DEVICE_VERIFY_CRAMPED "what the maps explain needs room for some rows of all views, and its tables"
+/** Why rays of a picture are verified on the CPU. */
+enum device_unverified {
+    DEVICE_UNVERIFIED_NOT = 0,     /* they are verified on the device */
+    DEVICE_UNVERIFIED_FRAMES = 1,  /* what the maps explain is tested in frames */
+    DEVICE_UNVERIFIED_AGREED = 2,  /* how many rays agree is wanted */
+    DEVICE_UNVERIFIED_WEIGHTS = 3, /* weights underflow in pixels that are left to votes */
+    DEVICE_UNVERIFIED_REFUSED = 4, /* a shader is refused */
+    DEVICE_UNVERIFIED_SMALL = 5,   /* no room for the rays */
+    DEVICE_UNVERIFIED_CRAMPED = 6, /* no room for what the maps explain */
+};
 
 /** What rays are verified with; all NULL and 0 until there is a picture to verify. */
 struct device_verify {
@@ -196,7 +204,8 @@ struct device_verify {
     size_t near_pixels;
     uint32_t *cell;     /* host memory of `cells`; owned */
     bool wanted;        /* verified pictures are */
-    char why[128];      /* the last picture was not verified on the device; "": it was */
+    enum device_unverified why; /* of the last picture */
+    unsigned logged;            /* bits: reasons that were, live */
 };
 
 /** The raw frame of a live view, and how it is resampled. */
