@@ -276,6 +276,54 @@ static void test_votes(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* Something else has most of the device for a while. @return what it has, for give_memory() */
+static struct sst_gpu_buffer *take_memory(struct device *d, size_t bytes)
+{
+    struct sst_gpu_buffer *taken = NULL;
+
+    sst_gpu_shared_lock(d->shared);
+    assert_int_equal(sst_gpu_buffer_create(sst_gpu_shared_device(d->shared), &taken, bytes), 0);
+    sst_gpu_shared_unlock(d->shared);
+    return taken;
+}
+
+static void give_memory(struct device *d, struct sst_gpu_buffer *taken)
+{
+    sst_gpu_shared_lock(d->shared);
+    sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), taken);
+    sst_gpu_shared_unlock(d->shared);
+}
+
+/* One shortage does not last: the next stage is tried whole, be it votes or a refinement. */
+static void test_memory_returns(void **state)
+{
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    assert_true(refine_config(&cfg, 0));
+    device_open(&d, "dummy", 3000000);
+    cfg.device = d.refine;
+    for (int i = 0; i < 4; i++) {
+        struct sst_gpu_buffer *taken = i % 2 ? NULL : take_memory(&d, i ? 1200000 : 2910000);
+
+        if (i < 2)
+            vote_compare(&lf, NULL, d.refine, &report);
+        else
+            refine_compare(&lf, &cfg, &report);
+        print_message("%lld voted, %lld in parts; %lld views, %lld in parts\n", (long long)report.voted,
+                      (long long)report.voted_in_parts, (long long)report.views, (long long)report.in_parts);
+        assert_int_equal(i < 2 ? report.voted : report.views, 5);
+        assert_int_equal(i < 2 ? report.voted_in_parts : report.in_parts, i % 2 ? 0 : 5);
+        give_memory(&d, taken);
+    }
+    device_close(&d);
+    sst_lightfield_fini(&lf);
+}
+
 /* Labels carried to other views, and filled there: likewise. */
 static void test_carried(void **state)
 {
@@ -395,7 +443,7 @@ int main(void)
         cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_grounds), serial_test(test_parts),
         cmocka_unit_test(test_skipped),    serial_test(test_fallback),     serial_test(test_lost_anywhere),
         cmocka_unit_test(test_votes),      cmocka_unit_test(test_carried), cmocka_unit_test(test_enlarged),
-        cmocka_unit_test(test_no_row),     cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_no_row),     cmocka_unit_test(test_refused), cmocka_unit_test(test_memory_returns),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

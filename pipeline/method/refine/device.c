@@ -220,6 +220,7 @@ void refine_device_start(struct sst_refine_device *d)
     sst_gpu_shared_lock(d->shared);
     d->has_table = false;
     d->stage++;
+    d->rows = d->band_rows = 0;
     sst_gpu_shared_unlock(d->shared);
 }
 

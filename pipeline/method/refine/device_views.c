@@ -24,6 +24,7 @@ void sst_refine_device_labels_changed(struct sst_refine_device *d)
         return;
     sst_gpu_shared_lock(d->shared);
     d->stage++;
+    d->band_rows = 0; /* another stage needs less, or others have given memory back */
     sst_gpu_shared_unlock(d->shared);
 }
 
@@ -33,6 +34,7 @@ void sst_refine_device_forget(struct sst_refine_device *d)
         return;
     sst_gpu_shared_lock(d->shared);
     refine_drop_views(d);
+    d->band_rows = 0;
     sst_gpu_shared_unlock(d->shared);
 }
 

@@ -98,7 +98,7 @@ struct sst_refine_device {
     bool has_table;                           /* REFINE_KEPT_TABLE holds the candidates of this refinement */
     struct refine_pixels view[SST_MAX_VIEWS]; /* least recently used ones make room */
     int in_work;                              /* view that is refined */
-    int rows;                                 /* of a band that it is refined in; 0: of the whole view */
+    int rows;                                 /* of a band that it is refined in, in this stage; 0: of the whole view */
     int band_rows;                            /* the same of votes, carried labels and labels from cells */
     int64_t turn;                             /* of the view in work: views of this turn stay */
     int64_t stage;                            /* sst_refine_device_labels_changed() */
