@@ -302,6 +302,56 @@ static void unchanged_parts_are_kept(void **state SST_UNUSED)
     hide(&s);
 }
 
+/* Everything comes nearer in some tiles of all views. */
+static void shift_tiles(struct shown *s, int first, int end, int by_q6)
+{
+    struct sst_lightfield *lf = &s->live->lf;
+    const int cols = s->changes.cols;
+
+    for (int at = 0; at < 9 * (end - first); at++) {
+        const int k = at / (end - first), i = first + at % (end - first);
+        const int x0 = i % cols * SST_LIVE_TILE, y0 = i / cols * SST_LIVE_TILE;
+
+        s->changes.map[k][i] = 1;
+        for (int y = y0; y < sst_min_int(y0 + SST_LIVE_TILE, lf->height); y++) {
+            uint16_t *disp = sst_map_u16_row(&lf->views[k].disp, y);
+
+            for (int x = x0; x < sst_min_int(x0 + SST_LIVE_TILE, lf->width); x++)
+                disp[x] = (uint16_t)(disp[x] == SST_DISP_NONE ? disp[x] : disp[x] + by_q6);
+        }
+    }
+}
+
+/* Where most of a view changes, how far its rays may reach is measured with the next picture that needs it. */
+static void views_that_change_are_measured_later(void **state SST_UNUSED)
+{
+    enum { TILE = 34 };
+    const int near_q6 = 24 * SST_DISP_SCALE;
+    struct shown s;
+    struct both b;
+    int64_t px[5];
+
+    show_box(&s);
+    open_both(&b, &s, 60);
+    for (int i = 0; i < 5; i++) {
+        if (i == 0)
+            shift_tiles(&s, 0, 1, 40 * SST_DISP_SCALE); /* the range is wide */
+        if (i == 1)
+            shift_tiles(&s, 1, s.changes.cols * s.changes.rows, 0); /* it might have been anything */
+        if (i > 0)
+            shift_tiles(&s, TILE, TILE + 1, i % 2 ? near_q6 : -near_q6);
+        take(&s, 1000000 + i * INT64_C(150000000));
+        render_both(&b, &s);
+        px[i] = b.kept_px;
+        print_message("%d: %d px\n", i, (int)px[i]);
+    }
+    assert_int_equal(px[1], 320 * 240);
+    assert_true(px[2] > px[3] && px[3] > 0);
+    assert_int_equal(px[3], px[4]);
+    close_both(&b);
+    hide(&s);
+}
+
 /* Pictures share the renderer's rays, also with different cuts; one that pauses goes on from its own last picture. */
 static void pictures_in_turn_keep_their_own(void **state SST_UNUSED)
 {
@@ -584,6 +634,7 @@ int main(void)
         serial_test(a_walker_vanishes_and_leaves_nothing),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(unchanged_parts_are_kept),
+        cmocka_unit_test(views_that_change_are_measured_later),
         cmocka_unit_test(pictures_in_turn_keep_their_own),
         serial_test(outlines_and_other_methods),
         serial_test(a_click_removes_and_brings_back),
