@@ -1,0 +1,269 @@
+/* pipeline/live/picture/behind.c: of cells behind leaves that move, those that show what they have shown are rendered a
+ * third as often, until something changes there; pipeline/live/picture/memory.c remembers them as much longer. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/live/picture/picture_internal.h"
+#include "tests/live_shown.h"
+
+#define WIDTH   256
+#define HEIGHT  96
+#define COLS    (WIDTH / SST_RENDER_CELL_WIDTH)
+#define ROWS    (HEIGHT / SST_RENDER_CELL_HEIGHT)
+#define CELLS   (COLS * ROWS)
+#define STEP_NS INT64_C(500000000) /* then a cell that changes is rendered in one set of TURNS */
+#define TURNS   3
+#define SLOW    (3 * TURNS)
+#define STARTED 12 /* sets in which all cells are rendered */
+#define LEVEL   1  /* of votes that are counted for a cell, and how many of them: */
+#define VOTES   8
+
+struct bench {
+    struct shown s;
+    struct picture_behind behind;
+    struct picture_memory memory;
+    struct sst_map_u8 weight; /* 0: the maps show nothing */
+    int64_t t_ns;
+    int rendered[CELLS]; /* sets in which it was up to date */
+};
+
+static void open_bench(struct bench *b)
+{
+    *b = (struct bench){ .t_ns = 1000000000 };
+    show(&b->s, "bush", WIDTH, HEIGHT, 3, false);
+    take(&b->s, b->t_ns);
+    b->s.live->cfg.skip_change = true;
+    b->s.live->low_confidence = true;
+    assert_int_equal(sst_map_u8_init(&b->weight, WIDTH, HEIGHT), 0);
+    for (int y = 0; y < HEIGHT; y++)
+        memset(sst_map_u8_row(&b->weight, y), 0, WIDTH);
+    assert_int_equal(picture_memory_init(&b->memory, WIDTH, HEIGHT), 0);
+    for (int i = 0; i < PICTURE_VOTE_LEVELS; i++)
+        memset(b->memory.level[i], 0, sizeof(*b->memory.level[i]) * (size_t)(b->memory.cols[i] * b->memory.rows[i]));
+}
+
+static void close_bench(struct bench *b)
+{
+    picture_behind_fini(&b->behind);
+    picture_memory_fini(&b->memory);
+    sst_map_u8_fini(&b->weight);
+    hide(&b->s);
+}
+
+/* Sets in which the first tiles of all views change: all, or a few. There is one plane, so that none is tried. */
+static void run(struct bench *b, int sets, int tiles)
+{
+    struct sst_live *live = b->s.live;
+
+    memset(b->rendered, 0, sizeof(b->rendered));
+    for (int n = 0; n < sets; n++) {
+        for (int k = 0; k < 9; k++)
+            memset(b->s.changes.map[k], 1, (size_t)tiles);
+        b->t_ns += STEP_NS;
+        take(&b->s, b->t_ns);
+        live->focus.focus_px = live->min_px = 5;
+        assert_true(picture_behind_render(&b->behind, live, &b->weight, 6));
+        assert_int_equal(b->behind.planned, 1);
+        for (int i = 0; i < CELLS; i++)
+            b->rendered[i] += !b->behind.cell[i].stale;
+        picture_behind_explore(&b->behind, &b->memory);
+    }
+}
+
+static int all_tiles(const struct bench *b)
+{
+    return b->s.changes.cols * b->s.changes.rows;
+}
+
+/* What some pixels of a cell show is the same as before, or has changed: in the first and last votes of the cell. */
+static void vote(struct bench *b, int at, int same, int changed)
+{
+    struct picture_votes *v = b->memory.level[LEVEL] + at / COLS * b->memory.cols[LEVEL] + at % COLS * VOTES;
+
+    v[0].same = (uint16_t)(same / 2);
+    v[VOTES - 1].same = (uint16_t)(same - same / 2);
+    v[0].changed = (uint16_t)(changed / 2);
+    v[VOTES - 1].changed = (uint16_t)(changed - changed / 2);
+}
+
+static void what_stays_is_rendered_a_third_as_often(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    run(&b, STARTED, all_tiles(&b));
+    for (int i = 0; i < CELLS; i++)
+        assert_int_equal(b.rendered[i], STARTED);
+    run(&b, 2 * SLOW, all_tiles(&b));
+    for (int i = 0; i < CELLS; i++) {
+        assert_int_equal(b.rendered[i], 2);
+        assert_int_equal(picture_behind_slowness(&b.behind, i), SLOW / TURNS);
+    }
+    close_bench(&b);
+}
+
+/* Three renderings have to show the same first. */
+static void cells_begin_as_all_others(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    run(&b, 2, all_tiles(&b));
+    assert_int_equal(picture_behind_slowness(&b.behind, 0), 1);
+    run(&b, 1, all_tiles(&b));
+    assert_int_equal(picture_behind_slowness(&b.behind, 0), SLOW / TURNS);
+    close_bench(&b);
+}
+
+/* A cell whose picture has changed, and those around it, are rendered as often as any until they stay again. */
+static void what_changes_wakes_its_neighbours(void **state)
+{
+    const int at = 5 * COLS + 2;
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    run(&b, STARTED + SLOW, all_tiles(&b));
+    vote(&b, at, 24, 8); /* a quarter is not enough */
+    run(&b, 1, all_tiles(&b));
+    assert_int_equal(picture_behind_slowness(&b.behind, at), SLOW / TURNS);
+    vote(&b, at, 0, 7); /* nor are few pixels */
+    run(&b, 1, all_tiles(&b));
+    assert_int_equal(picture_behind_slowness(&b.behind, at), SLOW / TURNS);
+    vote(&b, at, 23, 8);
+    run(&b, 1, all_tiles(&b));
+    for (int i = 0; i < CELLS; i++) {
+        const bool near = abs(i / COLS - at / COLS) <= 1 && abs(i % COLS - at % COLS) <= 1;
+
+        assert_int_equal(picture_behind_slowness(&b.behind, i), near ? 1 : SLOW / TURNS);
+    }
+    vote(&b, at, 0, 0);
+    run(&b, SLOW, all_tiles(&b));
+    for (int i = 0; i < CELLS; i++) {
+        const bool near = abs(i / COLS - at / COLS) <= 1 && abs(i % COLS - at % COLS) <= 1;
+
+        assert_int_equal(b.rendered[i], near ? SLOW / TURNS : 1);
+        assert_int_equal(picture_behind_slowness(&b.behind, i), SLOW / TURNS);
+    }
+    close_bench(&b);
+}
+
+/* Where few cells change that is something else than leaves: they are rendered as soon as any. */
+static void what_moves_alone_is_not_slow(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    run(&b, STARTED + SLOW, all_tiles(&b));
+    run(&b, SLOW, 1); /* until all cells are up to date */
+    run(&b, SLOW, 1);
+    assert_int_equal(b.rendered[0], SLOW / TURNS);
+    assert_int_equal(b.rendered[CELLS - 1], SLOW); /* it stays as it is */
+    for (int i = 0; i < CELLS; i++)
+        assert_int_equal(picture_behind_slowness(&b.behind, i), 1);
+    close_bench(&b);
+}
+
+/* In exact mode all cells are rendered whatever has changed. */
+static void exact_pictures_show_all(void **state)
+{
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    b.s.live->cfg.skip_change = false;
+    run(&b, STARTED + SLOW, all_tiles(&b));
+    for (int i = 0; i < CELLS; i++)
+        assert_int_equal(b.rendered[i], STARTED + SLOW);
+    close_bench(&b);
+}
+
+/* --- memory ------------------------------------------------------------------------------------------------------- */
+
+/* Time for which a pixel is remembered whose rays change all the time, and which is not seen. */
+static int remembered_ms(struct bench *b, int at)
+{
+    const struct sst_live *live = b->s.live;
+    const int x = at % COLS * SST_RENDER_CELL_WIDTH, y = at / COLS * SST_RENDER_CELL_HEIGHT;
+    struct picture_pixel *p = b->memory.pixel + (size_t)y * WIDTH + x;
+    struct sst_map_u8 support = { 0 }, kind = { 0 };
+    struct sst_map_u16 surface = { 0 };
+    struct sst_image image = { 0 };
+    int ms = 0;
+
+    assert_int_equal(sst_image_init(&image, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u16_init(&surface, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&support, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&kind, WIDTH, HEIGHT), 0);
+    picture_memory_forget(&b->memory);
+    for (int row = 0; row < HEIGHT; row++) {
+        uint16_t *to = sst_map_u16_row(&surface, row);
+
+        for (int col = 0; col < WIDTH; col++)
+            to[col] = SST_DISP_NONE;
+    }
+    for (int n = 0; n < 50; n++, ms += 100) {
+        const struct picture_merge in = { .lf = &live->lf,
+                                          .t_ns = 1 + n * INT64_C(100000000),
+                                          .threads = 1,
+                                          .image = &image,
+                                          .weight = &b->weight,
+                                          .surface = &surface,
+                                          .support = &support,
+                                          .kind = &kind,
+                                          .behind = &b->behind,
+                                          .cut_q6 = SST_DISP_NONE,
+                                          .views = live->sampled,
+                                          .view = live->sample,
+                                          .stamp = live->stamp,
+                                          .tile = SST_LIVE_TILE,
+                                          .tile_cols = b->s.changes.cols };
+
+        for (int row = 0; row < HEIGHT; row++)
+            memset(sst_map_u8_row(&b->weight, row), 0, WIDTH);
+        memset(b->behind.agreed.data, 0, b->behind.agreed.stride * HEIGHT); /* nothing is found there, either */
+        assert_int_equal(picture_memory_merge(&b->memory, &in), 0);
+        if (!n)
+            *p = (struct picture_pixel){ .support = 200, .disp = 64 };
+        else if (p->disp == SST_DISP_NONE)
+            break;
+    }
+    sst_image_fini(&image);
+    sst_map_u16_fini(&surface);
+    sst_map_u8_fini(&support);
+    sst_map_u8_fini(&kind);
+    return ms;
+}
+
+static void what_is_rendered_seldom_is_remembered_longer(void **state)
+{
+    const int at = 5 * COLS + 2;
+    struct bench b;
+
+    (void)state;
+    open_bench(&b);
+    run(&b, STARTED, all_tiles(&b));
+    assert_int_equal(remembered_ms(&b, at), 2700);
+    b.behind.cell[at].calm = 0;
+    assert_int_equal(remembered_ms(&b, at), 900);
+    assert_int_equal(remembered_ms(&b, at + 1), 2700);
+    close_bench(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_stays_is_rendered_a_third_as_often),
+        cmocka_unit_test(cells_begin_as_all_others),
+        cmocka_unit_test(what_changes_wakes_its_neighbours),
+        cmocka_unit_test(what_moves_alone_is_not_slow),
+        cmocka_unit_test(exact_pictures_show_all),
+        cmocka_unit_test(what_is_rendered_seldom_is_remembered_longer),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
