@@ -106,7 +106,7 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 
 # --- sources -------------------------------------------------------------------------------------------------------
 # Simulated devices go into sst-sim and the library that it preloads, never into the product.
-SIM_SRC := $(sort $(wildcard simulators/devices/*.c))
+SIM_SRC := $(sort $(wildcard simulators/devices/*.c simulators/devices/camera/*.c simulators/devices/server/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c,$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))

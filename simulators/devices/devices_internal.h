@@ -1,10 +1,9 @@
-/* simulators/devices/devices_internal.h - what the files of this folder share; code outside of it includes the public
- * headers. */
+/* simulators/devices/devices_internal.h - what the devices of a session share: the server and its faults (server/), the
+ * cameras as an array (camera/), and the files of this folder; code outside of it includes the public headers. */
 #ifndef SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 
 #include <jansson.h>
-#include <linux/videodev2.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -176,6 +175,9 @@ void sim_node_remove(struct sim_server *s, struct sim_node *node);
 /** A link in the session's /dev: "/dev/v4l/by-id/x" to "../../video0"; target NULL removes it. @return 0 or -errno. */
 SST_MUST_CHECK int sim_link(struct sim_server *s, const char *path, const char *target);
 
+/** Create the parent folders of a path, whose first `base` bytes exist. @return 0 or -errno */
+SST_MUST_CHECK int sim_make_parents(char *path, size_t base);
+
 /* --- the server --------------------------------------------------------------------------------------------------- */
 
 /** Handler of the session's control calls; set by the main program. */
@@ -189,6 +191,8 @@ struct session_control {
 SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct session_control *control);
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
+/** The session's folder. */
+const char *sim_server_dir(const struct sim_server *s);
 
 /** Call fn when fd is readable, as long as the server is open. The caller owns fd. @return 0 or -errno. */
 SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
@@ -280,209 +284,6 @@ uint64_t sim_array_frames(const struct sim_array *a);
 
 /** Member "cameras" of the status: an array of objects, owned by the caller; NULL: out of memory. */
 json_t *sim_array_status(const struct sim_array *a);
-
-/* --- camera: state of one simulated V4L2 camera. --- */
-
-#define SST_SIM_CAM_BUFFERS  32 /* as in the kernel's queues */
-#define SST_SIM_CAM_CONTROLS 16
-#define SST_SIM_CAM_SHOTS    64 /* exposed, not delivered yet */
-
-struct sim_cam;
-
-/* --- controls (controls.c) ---------------------------------------------------------------------------------------- */
-
-struct sim_control_def {
-    uint32_t id, type; /* V4L2_CID_, V4L2_CTRL_TYPE_ */
-    const char *name;
-    int32_t min, max, step, value;
-    const char *const *menu; /* [max + 1], NULL entries are not offered */
-};
-
-enum sim_control_index { /* controls that the camera itself evaluates */
-                         SST_SIM_CONTROL_AUTO_WHITE = 4,
-                         SST_SIM_CONTROL_GAIN = 5,
-                         SST_SIM_CONTROL_WHITE = 7,
-                         SST_SIM_CONTROL_AUTO_EXPOSURE = 9,
-                         SST_SIM_CONTROL_EXPOSURE = 10,
-                         SST_SIM_CONTROL_TRIGGER = 11,
-};
-
-struct sim_open;
-
-/** Handle a control ioctl. @return -ENOTTY: not a control ioctl */
-int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
-void sim_cam_controls_reset(struct sim_cam *cam);
-/** Index of a control, or -1. */
-int sim_cam_control_find(uint32_t id);
-/** Fill the control part of an event. */
-void sim_cam_control_state(const struct sim_cam *cam, int control, uint32_t changes, struct v4l2_event *out);
-
-/* --- events (events.c) -------------------------------------------------------------------------------------------- */
-
-/** Per open file. */
-struct sim_open {
-    struct sim_cam *cam;
-    struct sim_handle *handle;
-    uint32_t priority; /* enum v4l2_priority */
-    struct v4l2_event_subscription subscribed[SST_SIM_CAM_CONTROLS];
-    int subscriptions;
-    struct v4l2_event event[SST_SIM_CAM_CONTROLS]; /* one per subscription: a newer event replaces an older one */
-    int events;
-    uint32_t event_sequence;
-    struct sim_request *event_waiter;
-    struct sim_open *next;
-};
-
-int sim_cam_subscribe(struct sim_open *o, const struct v4l2_event_subscription *s);
-int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription *s, struct sim_request *r);
-int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r);
-/** Send the event of a changed control; `by` only gets it if it asked for feedback. */
-void sim_cam_control_event(struct sim_cam *cam, const struct sim_open *by, int control, uint32_t changes);
-
-/* --- formats (formats.c) ------------------------------------------------------------------------------------------ */
-
-/** Handle a format, size, interval or S_PARM ioctl. @return -ENOTTY: none of them */
-int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r);
-void sim_cam_formats_reset(struct sim_cam *cam);
-
-/* --- buffers (queue.c) -------------------------------------------------------------------------------------------- */
-
-enum sim_buffer_state {
-    SST_SIM_BUFFER_DEQUEUED = 0,
-    SST_SIM_BUFFER_QUEUED = 1,
-    SST_SIM_BUFFER_DONE = 2,
-};
-
-struct sim_buffer {
-    enum sim_buffer_state state;
-    bool prepared, mapped, error;
-    int memory;    /* memfd */
-    uint8_t *data; /* [length] of it, mapped */
-    uint32_t length, bytesused, sequence;
-    int64_t stamp_ns;
-    unsigned long userptr;
-    uint32_t user_length;
-    int dmabuf;            /* the program's DMA buffer, or -1 */
-    int32_t dmabuf_number; /* its descriptor number in the program */
-};
-
-struct sim_queue {
-    struct sim_buffer buffer[SST_SIM_CAM_BUFFERS];
-    uint32_t count, memory; /* enum v4l2_memory, 0: none */
-    struct sim_open *owner;
-    bool streaming;
-    uint32_t queued[SST_SIM_CAM_BUFFERS], done[SST_SIM_CAM_BUFFERS]; /* indices, oldest first */
-    int queued_count, done_count;
-    struct sim_request *waiter; /* a blocking DQBUF */
-};
-
-/** Handle a buffer or streaming ioctl. @return -ENOTTY: none of them */
-int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
-int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r);
-/** The buffer for the next frame, or NULL. */
-struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam);
-/** Mark that buffer as filled. */
-void sim_cam_queue_done(struct sim_cam *cam);
-void sim_cam_queue_stop(struct sim_cam *cam, struct sim_request *r); /* r: of STREAMOFF, or NULL */
-void sim_cam_queue_free(struct sim_cam *cam);
-
-/* --- exposures (exposure.c) --------------------------------------------------------------------------------------- */
-
-/** Faults of a camera, in the order of the table in camera_faults.c. */
-enum sim_cam_fault {
-    SST_SIM_FAULT_UNPLUG,
-    SST_SIM_FAULT_EIO,
-    SST_SIM_FAULT_ERROR_FLAG,
-    SST_SIM_FAULT_GAP,
-    SST_SIM_FAULT_LATE_MS,
-    SST_SIM_FAULT_LATE_P,
-    SST_SIM_FAULT_DUPLICATE,
-    SST_SIM_FAULT_FROZEN,
-    SST_SIM_FAULT_TRUNCATED,
-    SST_SIM_FAULT_CORRUPT_SOI,
-    SST_SIM_FAULT_CORRUPT_EOI,
-    SST_SIM_FAULT_CORRUPT_MID,
-    SST_SIM_FAULT_SHORT,
-    SST_SIM_FAULT_STALL,
-    SST_SIM_FAULT_BUSY,
-    SST_SIM_FAULT_NOSPACE,
-    SST_SIM_FAULT_SEQUENCE_WRAP,
-    SST_SIM_FAULT_TIME_WRAP,
-    SST_SIM_FAULT_BACKWARDS,
-    SST_SIM_FAULT_CLOCK_STEP_US,
-    SST_SIM_FAULT_SWAP,
-    SST_SIM_FAULT_CONTROL_STUCK,
-    SST_SIM_FAULT_SLOW_OPEN_MS,
-    SST_SIM_FAULTS_OF_CAMERA,
-};
-extern const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA];
-
-struct sim_shot {
-    struct sim_timer timer;
-    struct sim_cam *cam;
-    struct sst_sim_exposure exposure;
-    uint32_t sequence;
-};
-
-struct sim_cam_counters {
-    uint64_t frames, lost, overtrigger, exposures;
-};
-
-struct sim_cam {
-    /* fixed after open */
-    struct sim_array *array;
-    struct sim_server *server;
-    struct sst_sim_world *world;
-    int index;
-    /* the device */
-    struct sim_node *node; /* NULL: unplugged */
-    int number;            /* N of /dev/videoN; kept when unplugged */
-    struct sim_open *opens;
-    struct v4l2_pix_format format;
-    struct v4l2_fract interval;
-    int32_t control[SST_SIM_CAM_CONTROLS];
-    struct sim_queue queue;
-    bool reserved; /* bus bandwidth is reserved */
-    /* the sensor */
-    uint64_t random;
-    int64_t busy_until_ns;
-    uint32_t sequence;
-    uint64_t free_run; /* index of the next frame */
-    int64_t free_run_start_ns;
-    struct sim_timer free_run_timer;
-    struct sim_shot shot[SST_SIM_CAM_SHOTS];
-    uint8_t *frozen; /* frame kept for fault "frozen", [frozen_bytes] */
-    size_t frozen_bytes;
-    int64_t time_wrap_ns;
-    struct sim_cam_counters counters;
-};
-
-/** Initialise the sensor. */
-void sim_cam_exposure_init(struct sim_cam *cam);
-int sim_cam_start(struct sim_cam *cam); /* at STREAMON; 0 or -ENOSPC */
-void sim_cam_stop(struct sim_cam *cam); /* at STREAMOFF; pending exposures are lost */
-/** A pulse on the trigger input; ignored in free run. */
-void sim_cam_edge(struct sim_cam *cam, uint64_t trigger, int64_t t_ns);
-/** S_PARM or trigger_mode changed while streaming. */
-void sim_cam_retime(struct sim_cam *cam);
-void sim_cam_fault_set(struct sim_cam *cam, int fault, double value);
-
-/* --- interface of the array to its cameras (camera_array.c)
- * -------------------------------------------------------------- */
-
-double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault);
-bool sim_cam_chance(struct sim_cam *cam, double probability);
-double sim_cam_gauss(struct sim_cam *cam);
-int64_t sim_array_opened_ns(const struct sim_array *a);
-const struct sim_bus *sim_array_bus(const struct sim_array *a);
-/** The camera at the end of this one's cable: another one with fault "swap". */
-int sim_cam_body(const struct sim_cam *cam);
-/** Write the outcome of an exposure to the truth log. why: NULL for delivered. */
-void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
-                     const char *why);
-
-/* v4l2.c */
-extern const struct sim_ops sim_cam_ops;
 
 /* --- sysfs: a session's /sys, its udev data, and the events of both. --- */
 
@@ -585,89 +386,6 @@ extern const char sim_rig_faults[];
 
 /** Member "rig" of the status; NULL: no memory. */
 json_t *sim_rig_status(struct sim_rig *rig);
-
-/* --- server_internal: state of the server. --- */
-
-#define SST_SIM_HANDLES_MAX 16384
-
-/** Target of epoll's pointer: the first member of every event source. */
-struct sim_source {
-    void (*ready)(struct sim_server *s, struct sim_source *source, uint32_t events);
-};
-
-struct sim_conn {
-    struct sim_source source;
-    int fd;
-    bool pending, dead;
-    struct sim_request request;
-    struct sim_timer delay; /* for sim_answer_at() */
-    struct sim_server *server;
-    int delayed_result;
-    struct sim_conn *next;
-    uint8_t data[SST_SIM_PAYLOAD_MAX];
-};
-
-struct sim_open_file {
-    struct sim_source source;
-    struct sim_handle handle; /* lent to the device */
-    struct sim_node *node;    /* NULL: made by an ioctl */
-    bool dead;
-    struct sim_open_file *next_dead;
-};
-
-struct sim_node {
-    char path[256];
-    unsigned dev_major, dev_minor;
-    const struct sim_ops *ops;
-    void *device;
-    struct sim_node *next;
-};
-
-struct sim_watched {
-    struct sim_source source;
-    void (*fn)(void *arg);
-    void *arg;
-    struct sim_watched *next;
-};
-
-struct sim_server {
-    char dir[SST_PATH_MAX];
-    struct session_control control;
-    int epoll, listener, timerfd;
-    int hangups; /* nested epoll of the open files' ends */
-    bool stop;
-    struct sim_source listener_source, timer_source, hangups_source;
-    struct sim_conn *conns;
-    struct sim_node *nodes;
-    struct sim_watched *watched;
-    struct sim_open_file **files; /* [file_slots]; NULL: free */
-    int file_slots;
-    uint32_t generation;
-    struct sim_open_file *dead_files; /* freed once no event can point to them */
-    struct sim_timer **heap;          /* [timers], earliest first */
-    int timers, heap_room;
-};
-
-/* server_timer.c */
-void sim_timers_fire(struct sim_server *s);
-void sim_timers_arm(struct sim_server *s);
-
-/* server_files.c */
-struct sim_open_file *sim_file_find(struct sim_server *s, uint32_t id);
-SST_MUST_CHECK int sim_file_open(struct sim_server *s, struct sim_request *r);
-uint64_t sim_file_device(const struct sim_open_file *f);                /* major << 32 | minor; 0: none */
-void sim_files_drop(struct sim_server *s, const struct sim_node *node); /* NULL: all */
-void sim_files_free_dead(struct sim_server *s);
-
-/* server_dev.c */
-/** Create the parent folders of a path, whose first `base` bytes exist. @return 0 or -errno */
-SST_MUST_CHECK int sim_make_parents(char *path, size_t base);
-SST_MUST_CHECK int sim_dev_open(struct sim_server *s);
-struct sim_node *sim_node_find(struct sim_server *s, const char *path);
-
-/* server.c */
-SST_MUST_CHECK int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source);
-void sim_requests_fail(struct sim_server *s, struct sim_handle *h, int err);
 
 /* --- session: the folder through which programs find their devices, and the command that runs in it. --- */
 

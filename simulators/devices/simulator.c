@@ -48,7 +48,7 @@ static json_t *status(const struct sim_simulator *sim)
         return NULL;
     }
     sim_faults_each(sim->faults, add_fault, faults);
-    (void)json_object_set_new(all, "dir", json_string(sim->server->dir));
+    (void)json_object_set_new(all, "dir", json_string(sim_server_dir(sim->server)));
     (void)json_object_set_new(all, "faults", faults);
     (void)json_object_set_new(all, "cameras", sim_array_status(sim->array));
     if (sim_wires_rig(sim->wires))

@@ -2,6 +2,7 @@
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
+#include <linux/videodev2.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -203,7 +203,7 @@ int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
     if (!fs)
         return -ENOMEM;
     fs->server = server;
-    snprintf(fs->root, sizeof(fs->root), "%s", server->dir);
+    snprintf(fs->root, sizeof(fs->root), "%s", sim_server_dir(server));
     show_through(fs, "/sys", top);
     show_through(fs, "/sys/bus", bus);
     show_through(fs, "/sys/class", class);

@@ -167,7 +167,7 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     if (!err)
         err = sim_usb_front_open(&w->usb, &usb);
     if (!err && (cfg->options.rig || usb.cameras == 1))
-        err = sim_rig_open(&w->rig, cfg->server->dir, cfg->options.rig_port, sst_sim_world_seed(cfg->world));
+        err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, sst_sim_world_seed(cfg->world));
     if (err) {
         sim_wires_close(w);
         return err;

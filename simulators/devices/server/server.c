@@ -1,6 +1,6 @@
 /* The simulator's event loop: connections of programs and their calls. */
 #define _GNU_SOURCE
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/server/server_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -462,4 +462,9 @@ void sim_server_close(struct sim_server *s)
     free(s->files);
     free(s->heap);
     free(s);
+}
+
+const char *sim_server_dir(const struct sim_server *s)
+{
+    return s->dir;
 }

@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 #define KERNEL_VERSION_SHOWN (6u << 16 | 1u << 8)
 

@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 #define MS     1000000LL
 #define SECOND 1000000000LL

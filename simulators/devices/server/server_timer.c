@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/server/server_internal.h"
 
 static void place(struct sim_server *s, int i, struct sim_timer *timer)
 {

@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 #define OFFSET_SHIFT 26 /* mmap offsets of buffers lie this far apart; larger than any buffer */
 #define CAPABILITIES                                                                                                   \

@@ -2,7 +2,7 @@
 #include <errno.h>
 #include <string.h>
 
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 #define CLASS_OF(id)     ((id)&0x0fff0000u)
 #define CID_TRIGGER_MODE (V4L2_CID_CAMERA_CLASS_BASE + 0x1000)

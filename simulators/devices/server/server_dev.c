@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/server/server_internal.h"
 
 static bool hidden(const char *name)
 {

@@ -1,5 +1,5 @@
 /* Faults of a camera. */
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
     [SST_SIM_FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back, perhaps as another /dev/videoN" },

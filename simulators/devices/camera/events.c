@@ -3,7 +3,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 static int find_subscription(const struct sim_open *o, uint32_t id)
 {

@@ -11,7 +11,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/server/server_internal.h"
 
 #define SLOT_BITS 14 /* SST_SIM_HANDLES_MAX */
 

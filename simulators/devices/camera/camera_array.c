@@ -1,5 +1,5 @@
 /* The array of simulated cameras: identity, plugging, trigger edges, the truth log. */
-#include "simulators/devices/devices_internal.h"
+#include "simulators/devices/camera/camera_internal.h"
 
 #include <errno.h>
 #include <math.h>
