@@ -16,6 +16,7 @@ import sys
 import time
 
 import bench_report
+import charts
 
 PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz", "aloe/aloeGT.png")
 SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
@@ -266,7 +267,7 @@ def everything(build, out, used):
         flags = f.read().strip()
     sst = json.loads(call(f"{build}/sst", "version", "--json", stdout=subprocess.PIPE).stdout)
     about = {"commit": version("git", "describe", "--always", "--dirty", "--abbrev=12"), "flags": flags,
-             "compiler": version("gcc", "--version"), "processor": bench_report.cpu_name(), "kernels": sst["cpu"],
+             "compiler": version("gcc", "--version"), "processor": charts.cpu_name(), "kernels": sst["cpu"],
              "threads": int(THREADS), "processors_busy": used, "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
     write(f"{out}/bench.json", json.dumps({**about, "figures": figures}, indent=1))
 

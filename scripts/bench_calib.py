@@ -13,7 +13,7 @@ import statistics
 import subprocess
 import sys
 
-import bench_report
+import charts
 from bench import say
 
 FRAMES = (10, 20, 40, 70, 100)
@@ -213,7 +213,7 @@ def bars(m):
         rows.append(bar(f"cross disparity of all 630 pairs, p95, {name}", 0.35, 0.2,
                         worst(full, at_depth(kind, index, "all", "p95")), 3, " px"))
     rows.append(sigma_row(m))
-    return bench_report.table(["bar", "pass", "stretch", "measured", "verdict"], rows + robust_rows(m))
+    return charts.table(["bar", "pass", "stretch", "measured", "verdict"], rows + robust_rows(m))
 
 
 def depth_table(m):
@@ -225,7 +225,7 @@ def depth_table(m):
             cells = [worst(m["full"], at_depth(kind, index, g, f)) for g in ("neighbours", "all")
                      for f in ("mean", "p95", "max")]
             rows.append([name, f"{depth / 1000:.1f} m" if depth < 1e5 else "infinity"] + [f"{v:.3f}" for v in cells])
-    return bench_report.table(["geometry", "depth", "neighbours: mean px", "p95", "max", "all pairs: mean px", "p95",
+    return charts.table(["geometry", "depth", "neighbours: mean px", "p95", "max", "all pairs: mean px", "p95",
                                "max"], rows)
 
 
@@ -242,7 +242,7 @@ def frames_table(m):
                      f"{worst(solved, at_depth('levelled', 1, 'neighbours', 'p95')):.3f}",
                      f"{worst(solved, lambda s: s['worst_position_mm']):.3f}",
                      f"{100 * worst(solved, lambda s: s['worst_focal']):.4f}"])
-    return bench_report.table(["frames", "solved", "CPU s", "cross disparity, 1.4 m, camera depth known, p95 px",
+    return charts.table(["frames", "solved", "CPU s", "cross disparity, 1.4 m, camera depth known, p95 px",
                                "worst position, mm", "worst focal length, %"], rows)
 
 
@@ -257,7 +257,7 @@ def lens_table(m):
                      " / ".join(f"{v:.3f}" for v in s["held_out_px"]) if s["held_out_px"][0] else "-",
                      f"{s['sigma_px']:.3f}", f"{s['rectified'][1]['neighbours']['p95']:.3f}",
                      f"{s['rectified'][1]['neighbours']['max']:.3f}"])
-    return bench_report.table(["true coefficients", "solved with", "RMS px", "outliers", "held out 5 / 8, px",
+    return charts.table(["true coefficients", "solved with", "RMS px", "outliers", "held out 5 / 8, px",
                                "predicted sigma px", "cross disparity, 1.4 m, p95 px", "max"], rows)
 
 
@@ -273,7 +273,7 @@ def outlier_text(m):
 def pairs_table(pairs):
     rows = [[name, p["detections"], f"{p['rms_px']:.4f}", f"{p['focal_px']:.2f}", f"{p['baseline_mm']:.3f}"]
             for name, p in pairs.items()]
-    return bench_report.table(["13 pairs of a real chessboard", "boards found", "RMS, px per point", "focal length, px",
+    return charts.table(["13 pairs of a real chessboard", "boards found", "RMS, px per point", "focal length, px",
                                "baseline, mm"], rows)
 
 
@@ -292,7 +292,7 @@ solves the board's warp and leaves out outliers.
 def style(title, command):
     return [f'set title "{{/*1.3 {title}}}"', "set border 3 lc rgb '#444444'", "set tics nomirror",
             "set grid lc rgb '#dddddd' lt 1", "set bmargin 5.5", "set tmargin 3.5",
-            f'set label "{command}; {bench_report.cpu_name()}, 1 thread" at screen 0.01, 0.025 font ",9" '
+            f'set label "{command}; {charts.cpu_name()}, 1 thread" at screen 0.01, 0.025 font ",9" '
             'tc rgb "#555555" noenhanced']
 
 
@@ -306,14 +306,14 @@ def depth_chart(m, out, command):
               'set label "bar" at 4.45, 0.25 right offset 0, 0.6 tc rgb "#888888"',
               "set arrow from 0.7, 0.25 to 4.5, 0.25 nohead dt 2 lc rgb '#888888'"]
     shown = (("rectified_by_truth", "light field, true parameters", 4, "#888888", 2.6),
-             ("rectified", "light field, calibrated", 7, bench_report.COLOURS[0], 1.2),
-             ("levelled", "calibrated, depth of each camera known", 5, bench_report.COLOURS[1], 1.2))
+             ("rectified", "light field, calibrated", 7, charts.COLOURS[0], 1.2),
+             ("levelled", "calibrated, depth of each camera known", 5, charts.COLOURS[1], 1.2))
     plots = []
     for kind, name, symbol, colour, size in shown:
         lines += [f"${kind} << EOD"] + [f"{i + 1} {worst(m['full'], at_depth(kind, i, 'neighbours', 'p95'))}"
                                         for i in range(4)] + ["EOD"]
         plots.append(f"${kind} with linespoints lw 1.5 pt {symbol} ps {size} lc rgb '{colour}' title '{name}'")
-    return bench_report.draw(out, "calibration-depth", lines + ["plot " + ", ".join(plots)])
+    return charts.draw(out, "calibration-depth", lines + ["plot " + ", ".join(plots)])
 
 
 def frames_chart(m, out, command):
@@ -327,11 +327,11 @@ def frames_chart(m, out, command):
                                  for s in m["frames"][n] if "error" not in s] + ["EOD"]
     lines += ["$sigma << EOD"] + [f"{n} {s['sigma_px']}" for n in FRAMES
                                   for s in m["frames"][n] if "error" not in s] + ["EOD"]
-    plots = [f"$true with points pt 7 ps 1.2 lc rgb '{bench_report.COLOURS[0]}' title "
+    plots = [f"$true with points pt 7 ps 1.2 lc rgb '{charts.COLOURS[0]}' title "
              "'cross disparity at 1.4 m, camera depth known, p95, by the truth'",
-             f"$sigma with points pt 5 ps 1.2 lc rgb '{bench_report.COLOURS[1]}' title "
+             f"$sigma with points pt 5 ps 1.2 lc rgb '{charts.COLOURS[1]}' title "
              "'sigma\\_px that the calibration tells, mean of the cameras'"]
-    return bench_report.draw(out, "calibration-frames", lines + ["plot " + ", ".join(plots)])
+    return charts.draw(out, "calibration-frames", lines + ["plot " + ", ".join(plots)])
 
 
 def time_chart(m, out, command):
@@ -348,8 +348,8 @@ def time_chart(m, out, command):
                            worst(solved, at_depth("levelled", 1, "neighbours", "p95")), n))
     lines += [f"set {axis}range [{min(p[i] for p in points) / 1.5}:{max(p[i] for p in points) * 1.5}]" for i, axis in enumerate("xy")]
     lines += ["$t << EOD"] + [f'{x} {y} "{n} frames"' for x, y, n in points] + ["EOD"]
-    colour = bench_report.COLOURS[0]
-    return bench_report.draw(out, "time-error-calibration", lines + [
+    colour = charts.COLOURS[0]
+    return charts.draw(out, "time-error-calibration", lines + [
         f"plot $t using 1:2 with linespoints pt 7 ps 1.4 lw 1.5 lc rgb '{colour}', "
         f"$t using 1:2:3 with labels left offset 0.5, 0.8 tc rgb '{colour}'"])
 
@@ -363,8 +363,8 @@ def report(m, out, command):
     text += f"Eight true coefficients: an equidistant lens.\n\n{lens_table(m)}\n{WIDE_TEXT}{outlier_text(m)}"
     if m["pairs"]:
         text += PAIRS_TEXT + pairs_table(m["pairs"])
-    page = bench_report.page("Calibration against known truth", command, text)
-    return (bench_report.write_page(out, "bench-calibration", page) + depth_chart(m, out, command) +
+    page = charts.page("Calibration against known truth", command, text)
+    return (charts.write_page(out, "bench-calibration", page) + depth_chart(m, out, command) +
             frames_chart(m, out, command) + time_chart(m, out, command))
 
 

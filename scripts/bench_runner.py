@@ -13,7 +13,7 @@ import numpy as np
 import onnx
 from PIL import Image
 
-import bench_report
+import charts
 from bench import call, say
 
 PAIRS = {"cones": ("cones/im2.png", "cones/im6.png"), "teddy": ("teddy/im2.png", "teddy/im6.png"),
@@ -93,7 +93,7 @@ def time_table(times):
             ends = [ms(times, way, scale, threads, key=k) for k in ("min_ms", "max_ms")]
             rows.append([way, threads, f"{whole:.1f}", "{:.1f}..{:.1f}".format(*ends),
                          f"{ms(times, way, scale, threads, key='cpu_ms'):.1f}", f"{bare:.1f}", f"{whole / bare:.2f}"])
-    return bench_report.table(head, rows)
+    return charts.table(head, rows)
 
 
 TEXT = """\
@@ -113,20 +113,20 @@ def report(measured, out, command):
         text += "## {}, {}x{}\n\n{}\n".format(name, *SIZES[name], time_table(times))
         if m["errors"] and name == MATCHING:
             head = ["pixels off by more than 2 px, %"] + [f"{p}, {k}" for p in PAIRS for k in ("raw", "chain")]
-            text += bench_report.table(head, [[way] + [f"{e[p][k]['bad2']:.2f}" for p in PAIRS for k in ("raw", "chain")]
+            text += charts.table(head, [[way] + [f"{e[p][k]['bad2']:.2f}" for p in PAIRS for k in ("raw", "chain")]
                                               for way, e in m["errors"].items()])
             text += "\nRaw: the winner of the features alone; chain: preset accurate. All pixels, hidden ones too.\n\n"
             groups[name] = [(way, ms(times, way, scale), np.mean([e["chain"]["bad2"] for e in m["errors"][way].values()]))
                             for way, scale in WAYS]
         elif m["errors"]:
             head = ["CamVid validation", "mean IoU %", "pixels right %", "same label as f32 %"]
-            text += bench_report.table(head, [[way] + [f"{e[k]:.2f}" for k in ("miou", "right", "same")]
+            text += charts.table(head, [[way] + [f"{e[k]:.2f}" for k in ("miou", "right", "same")]
                                               for way, e in m["errors"].items()])
             text += f"\n{m['errors']['f32']['pictures']} pictures, spread evenly.\n\n"
             groups[name] = [(way, ms(times, way, scale), 100 - m["errors"][way]["miou"]) for way, scale in WAYS]
-    made = bench_report.write_page(out, "bench-runner", bench_report.page("Networks: time against error", command, text))
+    made = charts.write_page(out, "bench-runner", charts.page("Networks: time against error", command, text))
     if groups:
-        made += bench_report.chart(out, "time-error-networks", "Networks by precision",
+        made += charts.chart(out, "time-error-networks", "Networks by precision",
                                    ("time, ms", "bad 2 px (matching), 100 - mean IoU (labels), %"), groups, command)
     return made
 

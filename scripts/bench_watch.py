@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 
-import bench_report
+import charts
 from bench import say
 
 COVERS, WINDS = (0.5, 0.65, 0.8), (0.5, 1.0)
@@ -99,9 +99,9 @@ def chart(out, some):
             found = sum(w["methods"][method]["found_at"][k] for w in some) / passes
             lines.append(f"{max(alarms, 0.03)} {found}")
         lines.append("EOD")
-        plots.append(f"$m{i} with linespoints lw 2 pt {5 + 2 * i} ps 0.7 lc rgb '{bench_report.COLOURS[i]}' "
+        plots.append(f"$m{i} with linespoints lw 2 pt {5 + 2 * i} ps 0.7 lc rgb '{charts.COLOURS[i]}' "
                      f"title '{text}'")
-    return bench_report.draw(out, "watch-recall", lines + ["plot " + ", ".join(plots)])
+    return charts.draw(out, "watch-recall", lines + ["plot " + ", ".join(plots)])
 
 
 TEXT = """\
@@ -173,7 +173,7 @@ def write(out, figures, cost):
     text = TEXT.format(worlds=len(some), hours=sum(w["hours"] for w in some), passes=sum(w["passes"] for w in some),
                        empty=sum(w["empty_hours"] for w in some), covers="\n".join(covers + [line("all", some)]),
                        splits="\n".join(splits), rows="\n".join(rows), best=best, cost=cost)
-    return chart(out, some) + bench_report.write_page(out, "bench-watch", text)
+    return chart(out, some) + charts.write_page(out, "bench-watch", text)
 
 
 def main():

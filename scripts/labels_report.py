@@ -1,5 +1,5 @@
 """docs/measured/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
-from bench_report import COLOURS, cpu_name, draw, number, page, table, write_page
+from charts import COLOURS, cpu_name, draw, number, page, table, write_page
 
 # Published: Mehta et al., ESPNet (ECCV 2018), as quoted in the source paper's comparison.
 REFERENCE = ("ESPNet on CamVid's *test* part, which is another split, measured by others on another machine: 58.68 % mIoU, "

@@ -3,7 +3,7 @@ import os
 import subprocess
 
 import perturb
-from bench_report import COLOURS, cpu_name
+from charts import COLOURS, cpu_name
 
 SCENES = ("bush", "pedestrian")  # all strengths, and without correction
 OTHERS = ("transportation", "cell", "humvee", "cd-cases", "cat")  # small, few strengths
