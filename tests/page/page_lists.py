@@ -1,0 +1,386 @@
+"""What users do with cameras, events, recordings, visits and zones: tests of test_page.py."""
+import json
+import os
+import time
+import urllib.request
+
+from page_bench import check, expect, mode, rest
+
+
+def test_cameras(b, fake):
+    fake.set(cameras={"r3c2": {"state": "absent", "reason": "Nothing is plugged into port 2-1.9"}},
+             status={"state": "degraded", "reason": "35 of 36 cameras: r3c2 is absent", "capture": {"present": 35}},
+             events=[{"level": 1, "type": "camera-lost", "message": "Camera r3c2 was unplugged"}])
+    b.wait("document.querySelector('[data-name=r3c2]').dataset.kind === 'bad'")
+    check(b.js("document.querySelector('[data-name=r3c2] b').textContent") == "×", "told by colour alone")
+    check("Nothing is plugged" in b.js("document.querySelector('[data-name=r3c2]').title"), "no reason")
+    b.wait("document.getElementById('state-word').textContent === 'Degraded'")  # it may have been asked for just before
+    b.wait("document.getElementById('latest').textContent.includes('unplugged')")
+    b.click("[data-name=r3c2]")
+    b.wait("document.getElementById('camera').textContent.includes('Nothing is plugged')")
+    b.click("[data-name=r0c0]")
+    b.wait("document.querySelector('#camera .none').hidden")
+    check(any(r["path"] == "/snapshot/camera/r0c0" for r in fake.log()), "no thumbnail")
+    b.click("[data-name=r0c0]")
+    fake.set(cameras={"r1c1": {"lost": 7}})
+    b.wait("document.querySelector('[data-name=r1c1]').classList.contains('lossy')")
+    fake.set(cameras={"r3c2": {"state": "streaming", "reason": ""}},
+             status={"state": "capturing", "reason": "", "capture": {"present": 36}})
+
+
+def test_events(b, fake):
+    b.click("#tab-events")
+    b.js("document.querySelector('input[name=level][value=warning]').click()")
+    b.wait("document.querySelectorAll('#events li').length === 1")
+    fake.set(events=[{"level": 2, "type": "storage", "message": "The disk takes nothing"}])
+    b.wait("document.querySelector('#events li').textContent.includes('The disk takes nothing')")
+    b.wait("document.getElementById('toasts').textContent.includes('The disk takes nothing')")
+    b.js("document.querySelector('input[name=level][value=info]').click()")
+    fake.set(events=[{"level": 0, "type": "visit", "message": "Pedestrian came in gate", "data": {"label": "Pedestrian", "zones": ["gate"], "active": False}},
+                     {"level": 0, "type": "motion", "message": "motion in street began", "data": {"zone": "street"}, "ago_s": 7200}])
+    rows = "document.querySelectorAll('#events li').length"
+    choose = lambda name, value: b.js(f"(() => {{ const s = document.getElementById('events-{name}'); s.value = '{value}'; s.dispatchEvent(new Event('change')); }})()")
+    b.wait("document.querySelectorAll('#events-zone option').length === 3")
+    choose("zone", "street")
+    b.wait(f"{rows} === 1 && document.querySelector('#events li').textContent.includes('street')")
+    choose("since", "3600")
+    b.wait(f"{rows} === 0 && document.getElementById('events-state').textContent !== ''")
+    choose("zone", "gate")
+    choose("label", "Pedestrian")
+    b.wait(f"{rows} === 1")
+    for name in ("zone", "label", "since"):
+        choose(name, "")
+    b.wait(f"{rows} > 3")
+
+
+def test_recordings(b, fake):
+    b.click("#tab-recordings")
+    b.click("#record")
+    check(expect(lambda: fake.posts("/api/v1/record")) == [{"action": "start"}], "recording does not start")
+    b.wait("/Stop 0\\d:\\d\\d/.test(document.getElementById('record-text').textContent)")
+    b.wait("document.querySelectorAll('.recording').length === 5")  # nothing moves any more under what is clicked
+    b.click("#record")
+    check(expect(lambda: len(fake.posts("/api/v1/record")) == 2), "recording does not stop")
+    b.wait("document.querySelectorAll('.recording').length === 4")
+    b.click(".recording:last-child summary")
+    b.wait("document.querySelector('.recording:last-child').open")
+    check(b.js("[...document.querySelectorAll('.recording:last-child .take a')].map((a) => a.download.slice(20)).join()") == ".mkv,.tar",
+          "a recording cannot be taken away")
+    check("without the first 20 s" not in b.js("document.querySelector('.recording:last-child select').textContent")
+          and b.js("[...document.querySelectorAll('.recording select')].filter((s) => s.textContent.includes('without the first 20 s')).length") == 2,
+          "what a video lacks is not said")
+    b.js("const s = document.querySelector('.recording:last-child select'); s.value = '.r2c3'; s.dispatchEvent(new Event('change'))")
+    check(b.js("document.querySelector('.recording:last-child .take a').download.endsWith('Z.r2c3.mkv')"), "no camera's video")
+    check(b.js("document.querySelectorAll('.moment').length") == 3, "snapshots and exports are not listed")
+    b.click(".moment:last-child .danger")
+    b.wait("document.getElementById('delete').open && document.getElementById('delete-text').textContent.includes('31 MB')")
+    b.click("#delete-no")
+    check(not fake.posts("/api/v1/delete"), "deleted without a yes")
+    b.click(".moment:last-child .danger")
+    b.click("#delete-yes")
+    check(expect(lambda: len(fake.posts("/api/v1/delete")) == 1), "not deleted")
+    b.wait("document.querySelectorAll('.moment').length === 2")
+    b.click(".recording:last-child .export button")
+    export = expect(lambda: fake.posts("/api/v1/export"))
+    check(export and export[0]["time"].endswith("Z") and export[0]["recording"], f"no export: {export}")
+    b.wait("document.querySelector('.made a')?.getAttribute('href').endsWith('.tar')")
+    b.click("#snapshot")
+    check(expect(lambda: fake.posts("/api/v1/snapshot") == [{}]), "no snapshot")
+    check(expect(lambda: any(n.startswith("sst-") and n.endswith(".jpg") for n in os.listdir(b.folder))), "no picture saved")
+    fake.set(refuse={"/api/v1/record": [507, "The disk is full: remove recordings or raise storage.quota_gb"]})
+    b.click("#record")
+    b.wait("document.getElementById('toasts').textContent.includes('The disk is full')")
+    fake.set(refuse={})
+    b.click("#tab-overview")
+
+
+def test_visits(b, fake):
+    """Cards of who came, filtered; one opens large, and leads to the recording of that moment."""
+    b.click("#tab-visits")
+    cards = "document.querySelectorAll('#visits .visit')"
+    b.wait(f"{cards}.length === 4 && [...document.querySelectorAll('#visits img')].some((i) => i.naturalWidth > 0)")
+    text = b.js("document.querySelector('#visits .visit').textContent")
+    check("Pedestrian" in text and "left to right" in text and "gate" in text and "6.1 m" in text, f"the card says {text}")
+    check("gate, crossed drive forward" in text, f"the card of who crossed a line says {text}")
+    check("behind the foreground" in b.js(f"{cards}[3].textContent") and "behind" not in text, "who is hidden is not said to be")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = 'Car'; s.dispatchEvent(new Event('change')); })()")
+    b.wait(f"{cards}.length === 1 && {cards}[0].textContent.includes('Car')")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.wait(f"{cards}.length === 4")
+    b.js("(() => { const s = document.getElementById('visits-zone'); s.value = 'street'; s.dispatchEvent(new Event('change')); })()")
+    b.wait(f"{cards}.length === 2")
+    b.js("(() => { const s = document.getElementById('visits-zone'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.wait(f"{cards}.length === 4")
+    b.click("#visits .visit:nth-child(2)")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.click("#visit-play")  # nothing was recorded then
+    b.wait("document.getElementById('visit-facts').textContent.includes('no recording')")
+    b.key("ArrowRight", 39)
+    b.wait("document.getElementById('visit-title').textContent.includes('Pedestrian')")
+    check(len(b.js("document.getElementById('visit-way').getAttribute('points')").split()) == 3, "no way")
+    b.click("#visit-kind label:nth-of-type(2)")
+    b.wait("document.getElementById('visit-image').src.endsWith('/camera')")
+    b.click("#visit-keep")
+    b.wait("document.getElementById('visit-keep').getAttribute('aria-pressed') === 'true'")
+    check("kept" in b.js("document.getElementById('visit-facts').textContent"), "not said to be kept")
+    b.click("#visit-export")
+    b.wait("document.getElementById('visit-facts').textContent.includes('light field is kept as')")
+    b.js("document.querySelector('#mode input[value=clear]').click()")
+    b.click("#visit-play")
+    b.wait("!document.getElementById('visit').open && !document.getElementById('replay').hidden")
+    cuts = lambda path: [p["cut_px"] for p in fake.posts(path) if "cut_px" in p]
+    check(expect(lambda: cuts("/replay/api/v1/views")[-1:] == [8.9]), f"the visitor is removed with what stands in front: {cuts('/replay')}")
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden")
+    check(expect(lambda: cuts("/api/v1/views")[-1:] == [None]), "the live picture has the cut of the visit")
+    b.js("document.querySelector('#mode input[value=sst]').click()")
+    b.click("#visits .visit:last-child")
+    b.wait("document.getElementById('visit').open")
+    b.click("#visit-delete")
+    check(not any("delete" in (r or {}) for r in fake.posts("/api/v1/visits")), "deleted by one click")
+    b.wait("document.getElementById('visit-delete').textContent.includes('Really')")
+    b.click("#visit-delete")
+    b.wait(f"{cards}.length === 3")
+    b.click("#visit-close")
+    name = fake.visits()[1]["visit"]
+    b.js(f"location.hash = '#visit={name}'")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.click("#visit-close")
+    b.js("history.replaceState(null, '', '/')")
+    b.click("#tab-overview")
+
+
+def test_timeline(b, fake):
+    """A day below the picture: visits and recordings on it; a moment is chosen by keys or a click, and plays."""
+    check(b.js("document.getElementById('timeline').hidden"), "a timeline beside the cameras")
+    b.click("#tab-visits")
+    b.wait("!document.getElementById('timeline').hidden")
+    time.sleep(1)
+    if not b.js("document.querySelectorAll('.day .visited').length"):
+        b.click("#day-before")  # it is shortly after midnight
+    b.wait("document.querySelectorAll('.day .visited').length > 0 && document.querySelectorAll('.day .recorded').length > 0")
+    b.js("document.getElementById('day').focus()")
+    b.key("End", 35)
+    b.key("PageUp", 33)
+    said = b.js("document.getElementById('day').getAttribute('aria-valuetext')")
+    check("Pedestrian" in said and "recorded" in said and "not recorded" not in said, f"the moment is {said}")
+    left = b.js("parseFloat(document.querySelector('.day .cursor').style.left)")
+    x, y, w, h = b.box("#day")
+    for _ in range(4):
+        b.mouse("mouseWheel", x - w / 2 + w * left / 100, y, deltaX=0, deltaY=-100)
+    b.wait("Number(document.querySelectorAll('#day-ticks span').length) > 2")
+    width = b.js("Math.max(...[...document.querySelectorAll('.day .recorded')].map((n) => parseFloat(n.style.width)))")
+    check(width > 1.5, f"the wheel does not stretch the day: {width} %")
+    b.mouse("mouseMoved", x, y - 300)
+    b.js("document.getElementById('day').focus()")
+    b.key("End", 35)
+    b.key("PageUp", 33)
+    b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('replay').hidden && document.querySelector('.day .played') !== null")
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden")
+    b.click("#tab-overview")
+    b.wait("document.getElementById('timeline').hidden")
+
+
+def test_notify(b, fake):
+    """What comes is told by the browser, if it is of the chosen kind, also behind other windows."""
+    b.call("Browser.grantPermissions", permissions=["notifications"], origin=fake.url.rstrip("/"))
+    b.click("#tab-visits")
+    b.js("window.notes = []; window.Notification = class extends EventTarget { constructor(title, more) { super(); notes.push([title, more.tag]); "
+         "this.close = () => {}; window.note = this; } static permission = 'granted'; static requestPermission = async () => 'granted'; }")
+    b.click("#notify")
+    b.wait("document.getElementById('notify').getAttribute('aria-pressed') === 'true'")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = 'Car'; s.dispatchEvent(new Event('change')); })()")
+    expect(lambda: any(r["path"] == "/api/v1/events/stream" for r in fake.log()))
+    time.sleep(0.5)  # it listens
+    car = fake.visits()[1]["visit"]
+    for label, zones, active in (("Pedestrian", ["gate"], True), ("Car", ["street"], True), ("Car", ["street"], False)):
+        fake.set(events=[{"level": 0, "type": "visit", "message": f"{label} came", "data":
+                          {"visit": car, "active": active, "label": label, "zones": zones}}])
+    b.wait("window.notes.length > 0")
+    time.sleep(0.5)
+    crossing = {"visit": car, "label": "Car", "zone": "drive", "direction": "forward"}
+    line = {"level": 0, "type": "line", "message": "Car crossed drive forward", "data": crossing}
+    fake.set(events=[line])  # of a visit that was told already
+    time.sleep(0.5)
+    check(b.js("window.notes.map((n) => n[0]).join()") == "Car in street", b.js("JSON.stringify(window.notes)"))
+    b.js("(() => { const s = document.getElementById('visits-zone'); s.add(new Option('drive')); s.value = 'drive'; })()")
+    fake.set(events=[line])
+    b.wait("window.notes.length === 2 && window.notes[1][0] === 'Car crossed drive forward'")
+    b.js("(() => { const s = document.getElementById('visits-zone'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.js("window.tones = 0; AudioContext.prototype.createOscillator = ((make) => function () { tones++; return make.call(this); })"
+         "(AudioContext.prototype.createOscillator)")
+    b.click("#notify-sound")
+    b.wait("window.tones === 1")  # as an example
+    pedestrian = fake.visits()[0]["visit"]
+    b.js("document.getElementById('visits-label').value = ''")
+    fake.set(events=[{"level": 0, "type": "visit", "message": "it came", "data": {"visit": pedestrian, "active": True, "label": "", "zones": []}}])
+    b.wait("window.tones === 2 && window.notes.at(-1)[0] === 'Something moves'")
+    b.click("#notify-sound")
+    b.js("window.note.dispatchEvent(new Event('click'))")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Pedestrian')")
+    b.click("#visit-close")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.click("#notify")
+    b.wait("document.getElementById('notify').getAttribute('aria-pressed') === 'false'")
+    b.click("#tab-overview")
+
+
+def test_replay(b, fake):
+    """A recording in the large place, with the controls of the picture of now; then back to that."""
+    mode(b, "clear")
+    replayed = lambda path: [r for r in fake.log() if r["path"].startswith("/replay/") and path in r["path"]]
+    seconds = "(Number(document.getElementById('replay-at').value) / 1000)"
+    b.click("#tab-recordings")
+    b.wait("document.querySelectorAll('.recording').length === 4")
+    if not b.js("document.querySelector('.recording').open"):
+        b.click(".recording summary")
+    b.click(".recording .take button")
+    b.wait("!document.getElementById('replay').hidden")
+    check(expect(lambda: replayed("/stream/")), "no moving picture of the recording")
+    b.wait("document.getElementById('age').textContent === 'Playback'")
+    b.wait(f"{seconds} > 1")  # it plays
+    b.click("#replay-play")
+    b.wait("document.getElementById('replay-play').getAttribute('aria-label') === 'Play'")
+    b.js("(() => { const s = document.getElementById('replay-at'); s.value = 30000; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change')); })()")
+    check(expect(lambda: [p for p in fake.posts("/api/v1/replay") if "time" in p]), "no moment is chosen")
+    b.wait(f"Math.abs({seconds} - 30) < 0.2")
+    b.click("#replay-on")
+    b.wait(f"Math.abs({seconds} - 35) < 0.2")
+    b.click("#cut-auto")
+    b.js("(() => { const s = document.getElementById('cut'); s.value = 600; s.dispatchEvent(new Event('input')); })()")
+    check(expect(lambda: [r for r in replayed("/api/v1/views/") if r["method"] == "POST" and "cut_px" in (r["body"] or {})]), "the cut is of another picture")
+    b.js("document.querySelector('input[name=overlay][value=disparity]').click()")
+    check(expect(lambda: replayed("/snapshot/disparity")), "the depths are of another picture")
+    b.click("#overlay label:nth-of-type(1)")
+    b.click("#compare")
+    b.wait("!document.getElementById('canvas-plain').hidden")
+    check(len({r["path"] for r in replayed("/stream/")}) > 1, "the compared picture is of another time")
+    b.click("#compare")
+    before = len(fake.posts("/api/v1/export"))
+    b.click("#snapshot")
+    check(expect(lambda: len(fake.posts("/api/v1/export")) > before), "a snapshot of a recording is no export")
+    b.js("(() => { const s = document.getElementById('replay-speed'); s.value = 4; s.dispatchEvent(new Event('change')); })()")
+    check(expect(lambda: [p for p in fake.posts("/api/v1/replay") if p.get("speed") == 4]), "no speed")
+    before = len(replayed(""))
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden && document.getElementById('age').textContent !== 'Playback'")
+    check(expect(lambda: fake.posts("/api/v1/replay")[-1].get("close")), "the recording stays open")
+    check(rest(lambda: len(replayed("")), 3) <= before + 2, "requests about the recording go on")
+    mode(b, "sst")
+    b.click("#tab-overview")
+
+
+def test_zones(b, fake):
+    """A zone is drawn, changed and deleted: with the mouse, and with keys alone."""
+    posts = lambda: fake.posts("/api/v1/zones")
+    names = lambda: [z["name"] for z in json.load(urllib.request.urlopen(fake.url + "api/v1/zones", timeout=60))["zones"]]
+    shapes = "document.querySelectorAll('#zone-shapes .line').length"
+    asked = lambda: len([r for r in fake.log() if r["path"].endswith(("/remove", "/pick"))])
+    before = asked()
+    b.wait("document.getElementById('explain').hidden")
+    b.click("#zones")
+    b.wait("document.getElementById('zone-list').textContent === 'gatewatched'")
+    check(b.js(shapes) == 1, "the zone is not in the picture")
+    b.click("#zone-new")
+    b.wait("document.activeElement === document.getElementById('stage')")
+    x, y, w, h = b.box("#stage")
+    b.mouse("mousePressed", x - 0.2 * w, y - 0.1 * h, button="left", clickCount=1)
+    for i in range(5):
+        b.mouse("mouseMoved", x - 0.2 * w + 0.06 * i * w, y - 0.1 * h + 0.05 * i * h, button="left", buttons=1)
+    b.mouse("mouseReleased", x + 0.04 * w, y + 0.1 * h, button="left", clickCount=1)
+    b.wait("document.querySelectorAll('.corner:not(.more)').length === 4 && document.activeElement.id === 'zone-name'")
+    b.click("#zone-save")
+    b.wait("document.getElementById('zone-error').textContent.includes('needs a name')")
+    b.js("document.getElementById('zone-name').focus()")
+    b.call("Input.insertText", text="Back door")
+    b.wait("document.getElementById('zone-name-note').textContent.includes('back-door')")
+    b.js("[...document.querySelectorAll('#zone-labels .chip')].find((n) => n.textContent === 'Building').click()")
+    check(b.js("document.querySelector('#zone-labels .chip').textContent") == "Pedestrian", "what moves is not named first")
+    nx, ny, nw, _ = b.box("#zone-near")
+    b.click((nx - 0.25 * nw, ny))
+    b.wait("document.getElementById('zone-near-exact').value !== ''")
+    b.js("(() => { const n = document.getElementById('zone-far-exact'); n.value = '40'; n.dispatchEvent(new Event('change')); })()")
+    b.click("#zone-save")
+    sent = expect(lambda: posts() and posts()[-1]["zones"][-1])
+    check(sent["name"] == "back-door" and sent["labels"] == ["Building"] and not sent["mask"], f"sent: {sent}")
+    (x0, y0), _, (x1, y1), _ = sent["points"]
+    check(abs(x0 - 0.3) < 0.02 and abs(y0 - 0.4) < 0.02 and abs(x1 - 0.54) < 0.03 and abs(y1 - 0.6) < 0.03, f"at {sent['points']}")
+    check(sent["near_px"] > sent["far_px"] and abs(sent["far_px"] - 560 * 0.12 / 40) < 0.01, f"depth: {sent}")
+    b.wait("document.getElementById('zone-list').children.length === 2 && document.getElementById('zone-one').hidden")
+    check("Building" in b.js("document.getElementById('zone-list').textContent"), "its label is not in the list")
+
+    b.js("document.querySelectorAll('.zone')[1].focus()")  # renamed, its first corner moved, ignored: by keys
+    b.key("Enter", 13, "\r")
+    b.wait("document.activeElement.id === 'zone-name'")
+    b.js("document.activeElement.select()")
+    b.call("Input.insertText", text="tree")
+    b.js("document.querySelector('.corner').focus()")
+    b.key("ArrowRight", 39)
+    b.key("ArrowRight", 39)
+    check(b.js("document.activeElement.className") == "corner", "the corner loses the focus when it moves")
+    b.js("document.getElementById('zone-mask').focus()")
+    b.key(" ", 32, " ")
+    fake.set(refuse={"/api/v1/zones": [400, "the zones are not applied, the old ones stay: sstd.yaml:9:3: unknown zone `back-door`"]})
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-error').textContent.includes('unknown zone')")
+    fake.set(refuse={})
+    check(names() == ["gate", "back-door"], "something has changed")
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-one').hidden")
+    tree = posts()[-1]["zones"][-1]
+    check(tree["name"] == "tree" and tree["mask"] and abs(tree["points"][0][0] - x0 - 0.02) < 0.001, f"sent: {tree}")
+
+    b.js("document.getElementById('zone-new').click()")  # a triangle, corner by corner
+    b.wait("document.activeElement === document.getElementById('stage')")
+    for keys in (("ArrowLeft", 37, 3), ("ArrowDown", 40, 5), ("ArrowRight", 39, 6)):
+        for _ in range(keys[2]):
+            b.key(*keys[:2])
+        b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('zone-done').disabled")
+    b.js("document.getElementById('zone-done').click()")
+    b.call("Input.insertText", text="lawn")
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-list').children.length === 3")
+    check(len(posts()[-1]["zones"][-1]["points"]) == 3, "no triangle")
+    check(asked() == before, "corners are clicks on the picture, too")
+    b.click("#line-new")  # a line, dragged; then its direction
+    b.wait("document.activeElement === document.getElementById('stage')")
+    b.wait("!document.getElementById('line-help').hidden && document.getElementById('zone-help').hidden")
+    b.drag((x - 0.25 * w, y + 0.2 * h), (x + 0.25 * w, y + 0.2 * h))
+    b.wait("document.querySelectorAll('.corner').length === 2 && document.activeElement.id === 'zone-name'")
+    check(not b.js("document.getElementById('zone-mask-box').checkVisibility()"), "a line can be ignored")
+    arrows = "document.querySelector('#zone-shapes path.line.edited').getAttribute('d').split('M').length"
+    both = b.js(arrows)
+    b.call("Input.insertText", text="drive")
+    b.click("#line-direction label:nth-of-type(2)")
+    check(b.js(arrows) < both, "the arrow against the line is still there")
+    _, tip = b.js("document.querySelector('#zone-shapes path.line.edited').getAttribute('d').split(' ').at(2).split(',').slice(0, 2).map(parseFloat)")
+    check(tip > 0.7, f"forward points to the left of a line that goes to the right: {tip}")
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-list').children.length === 4")
+    line = posts()[-1]["zones"][-1]
+    check(line["line"] and line["direction"] == "forward" and len(line["points"]) == 2 and not line["mask"], f"sent: {line}")
+    check("line, forward" in b.js("document.getElementById('zone-list').textContent"), "the list has it as something else")
+    b.js("document.querySelectorAll('.zone')[3].click()")
+    b.js("document.getElementById('zone-delete').click()")
+    b.wait("document.getElementById('zone-list').children.length === 3")
+    b.js("document.querySelectorAll('.zone')[2].click()")
+    b.js("document.getElementById('zone-delete').click()")
+    b.wait("document.getElementById('zone-list').children.length === 2")
+    fake.set(role="view")
+    b.wait("document.getElementById('zone-new').getAttribute('aria-disabled') === 'true'")
+    fake.set(role="control")
+    b.wait("!document.getElementById('zone-new').hasAttribute('aria-disabled')")
+    b.click("#zones-shown")
+    b.click("#zones-close")
+    check(b.js(shapes) == 2, "the zones are not shown any more")
+    b.click("#zones")
+    b.click("#zones-shown")
+    b.click("#zones-close")
+    check(b.js(shapes) == 0, "the zones are still shown")
+    b.js("document.getElementById('toasts').replaceChildren()")
+
+
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones]
