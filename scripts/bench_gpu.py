@@ -20,7 +20,7 @@ import traceback
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 sys.path.insert(0, os.path.join(ROOT, "scripts"))
-import bench_report  # noqa: E402
+import charts  # noqa: E402
 import gpu_page  # noqa: E402
 import gpu_pictures  # noqa: E402
 import gpu_stages  # noqa: E402
@@ -107,7 +107,7 @@ class Bench:
 def measure(bench, parts, args):
     """Renew a device's sections, one after the other, so that none is lost with those after it. Returns whether all
     parts ended well."""
-    machine, well = f"On {bench_report.cpu_name()}, {os.cpu_count()} threads", True
+    machine, well = f"On {charts.cpu_name()}, {os.cpu_count()} threads", True
     for part in parts:
         bench.rounds = args.rounds or (1 if args.quick and part in LONG else ROUNDS)
         start = time.monotonic()

@@ -2,7 +2,7 @@
 import os
 import re
 
-import bench_report
+import charts
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 PAGE = os.path.join(ROOT, "docs/measured/gpu.md")
@@ -140,9 +140,9 @@ def roofline(limits):
                    [f"{all_ * path_bytes(4) / rate * 1e3:.0f} ms" for _, rate in memory] +
                    [f"{all_ * MATCH_BYTES / best * 1e3:.0f} ms"])
     return (ROOFLINE.format(measured=measured) +
-            bench_report.table(["light field", "bytes a picture"] + [f"at {m}" for m, _ in memory], blend) +
+            charts.table(["light field", "bytes a picture"] + [f"at {m}" for m, _ in memory], blend) +
             MATCHING_ROOFLINE +
-            bench_report.table(["light field, disparities", "disparities"] + [f"optimisation at {m}" for m, _ in memory] +
+            charts.table(["light field, disparities", "disparities"] + [f"optimisation at {m}" for m, _ in memory] +
                                [f"all of the first pass at {memory[0][0]}"], sgm) +
             PATHS_ROOFLINE.format(rate=best / path_bytes(4) / 1e9, at=memory[0][0], latency=4 * 36 * 1.75) +
             network_roofline(limits))
@@ -163,7 +163,7 @@ def network_roofline(limits):
     if not limits:
         text += " `net_conv8_matrix` has not run on\na GPU, so what it reaches of that rate is not known."
     head = ["network", "products a picture"] + [f"at {r}" for r, _ in rates]
-    return NETWORK_ROOFLINE + bench_report.table(head, rows) + text + "\n"
+    return NETWORK_ROOFLINE + charts.table(head, rows) + text + "\n"
 
 
 def write(path, new):

@@ -9,9 +9,10 @@ import subprocess
 import numpy as np
 from PIL import Image
 
-import bench_report
+import charts
 
 REPEAT = 3  # pictures of a round after the first
+REPEAT_SHADERS = 100  # of what shaders take: until clocks are up
 VIEWS = 36
 SIZES = ((250, 188), (500, 375), (1000, 750), (2000, 1500))
 SOFTWARE_WIDTH = 500  # software devices are measured up to it
@@ -74,6 +75,14 @@ def rounds_of(bench, field, options, device_options=()):
     return {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}, gpu, abs(want - got)
 
 
+def shaders_ms(bench, field, options):
+    """What the shaders of a picture take together, the mean over many."""
+    path = os.path.join(bench.folder, "gpu.png")
+    _, log = bench.sst("render", field, *options, "--device", bench.device["name"], "--repeat", str(REPEAT_SHADERS), "-o", path,
+                       "-v", env={"SST_GPU_TIMES": "1"}, log=True)
+    return sum(float(ms) for ms in re.findall(r": ([\d.]+) ms in \d+ dispatches", log)) / (REPEAT_SHADERS + 1)
+
+
 def off(apart):
     return [str(apart.max()), f"{100 * (apart > 0).mean():.3f}"]
 
@@ -81,7 +90,7 @@ def off(apart):
 def bench_pictures(bench):
     rows, limits = [], bench.limits()
     for size in [s for s in SIZES if not bench.software or s[0] <= SOFTWARE_WIDTH]:
-        if bench.quick and size != ((250, 188) if bench.software else (1000, 750)):
+        if bench.quick and size not in ([(250, 188)] if bench.software else SIZES[2:]):
             continue
         for scene in ("bush",) if bench.quick else ("bush", "transportation"):
             world = bench.world(scene, size)
@@ -91,16 +100,19 @@ def bench_pictures(bench):
                 bench.progress(scene, size, name)
                 m, gpu, apart = rounds_of(bench, field, options)
                 assert gpu["device"]["verified_on_cpu"] == 0, gpu
-                gb_s = gpu["width"] * gpu["height"] * views * ray_bytes / m["device_ms"] / 1e6
+                shaders = m["device_ms"] if bench.software else shaders_ms(bench, field, options)
+                gb_s = gpu["width"] * gpu["height"] * views * ray_bytes / shaders / 1e6
                 filled = f", {gpu['filled_percent']:.1f} % filled" if "clear" in name else ""
                 rows.append([f"{scene} {size[0]}x{size[1]}, {name}{filled}", f"{m['cpu_ms']:.1f}", f"{m['all_ms']:.1f}",
-                             f"{m['all_ms'] / m['cpu_ms']:.2f}", f"{m['device_ms']:.2f}", f"{m['download_ms']:.2f}",
+                             f"{m['all_ms'] / m['cpu_ms']:.2f}", f"{m['device_ms']:.2f}",
+                             "" if bench.software else f"{shaders:.3f}", f"{m['download_ms']:.2f}",
                              f"{m['upload_ms']:.0f} ({m['upload_mb']:.0f})", f"{gb_s:.1f}",
                              f"{100 * gb_s / limits['copy_gb_s']:.0f}"] + off(apart))
             bench.remove(field)
-    head = ["36 views of", "CPU ms", "with device ms", "ratio", "on device ms", "download ms", "upload ms (MB)",
-            "GB/s of rays", "of the copy rate %", "worst levels", "values that differ %"]
-    return "Holes of clear pictures are filled on the device.\n\n" + bench_report.table(head, rows)
+    head = ["36 views of", "CPU ms", "with device ms", "ratio", "on device ms", "of them shaders ms", "download ms",
+            "upload ms (MB)", "GB/s of rays", "of the copy rate %", "worst levels", "values that differ %"]
+    return (f"Holes of clear pictures are filled on the device. Of GPUs the shaders' own time is the mean of {REPEAT_SHADERS} pictures, "
+            "and the rates are those of the shaders.\n\n" + charts.table(head, rows))
 
 
 def world_file(bench, scene, width, height, seconds, rate):
@@ -151,7 +163,7 @@ include loading, and with a device its opening and tests; milliseconds are those
 Views are rectified once: without a device while the CPU loads them, with one for the first picture. "Upload", and
 "frames", the part of it that decodes and makes tables, are those of all pictures.
 
-""" + bench_report.table(head, rows))
+""" + charts.table(head, rows))
 
 
 def bench_rays(bench):
@@ -174,7 +186,7 @@ def bench_rays(bench):
     return """`--verify-rays auto` with maps of the preset preview, `--device-memory` as named. Where that does not hold all views in one
 buffer they are compared in rows, and give way to each other.
 
-""" + bench_report.table(head, rows)
+""" + charts.table(head, rows)
 
 
 def live_run(bench, world, device):
@@ -207,4 +219,4 @@ def bench_live(bench):
     return f"""`live_bench WORLD calib=truth model=none clear=1`, means of the {LIVE_SETS - 1} sets after the first. Rectification on the
 device has the upload of the tiles that changed and the download of those that depend on them.
 
-""" + bench_report.table(head, rows)
+""" + charts.table(head, rows)

@@ -8,7 +8,7 @@ import time
 import numpy as np
 from PIL import Image
 
-import bench_report
+import charts
 import gpu_page
 
 PRESETS = ("preview", "balanced", "accurate")
@@ -19,12 +19,12 @@ MATCHED_QUICK = ((6, 6, 1000, 750),)
 MATCHED_SOFTWARE = ((3, 3, 96, 72), (3, 3, 160, 120))
 MATCHED_SOFTWARE_QUICK = ((3, 3, 96, 72),)
 # Width, height, disparities of the semi-global optimisation.
-PATHS = ((1000, 750, 64), (2000, 1500, 128))
+PATHS = ((1000, 750, 64), (1000, 750, 128), (2000, 1500, 128), (2000, 1500, 256))
 PATHS_SOFTWARE = ((96, 72, 32),)
 TIMES_SHARE = 0.01  # of the device's time, from which on a shader is listed
 # Networks, and sizes of pictures.
 NETWORKS = (("pspnet-small.onnx", (480, 360), "int8"), ("pspnet-small.onnx", (480, 360), "f32"),
-            ("pspnet-large.onnx", (480, 360), "int8"), ("mccnn-fast.onnx", (640, 256), "int8"))
+            ("pspnet-large.onnx", (480, 360), "int8"), ("mccnn-fast.onnx", (640, 256), "int8"), ("mccnn-fast.onnx", (1000, 750), "int8"))
 NETWORK_SOFTWARE = (160, 120)
 
 
@@ -79,7 +79,7 @@ def bench_matching(bench):
             rows.append([f"{grid_rows}x{cols} of {width}x{height}, {preset}"] + figures_text(rounds) +
                         [f"{d['views']} / {d['tested']}", ", ".join(d["stages_on_cpu"]) or "none", f"{other} of {maps}"])
         bench.remove(field)
-    return bench_report.table(["`bush`, views of"] + FIGURES +
+    return charts.table(["`bush`, views of"] + FIGURES +
                               ["views matched / tested", "stages on the CPU", "maps that differ"], rows)
 
 
@@ -111,7 +111,7 @@ def bench_refinement(bench):
                     [str(d["views"]), f"{other} of {maps}"])
         bench.remove(field)
         bench.remove(labels)
-    return bench_report.table(["`bush`, views of"] + FIGURES + ["views refined", "maps that differ"], rows)
+    return charts.table(["`bush`, views of"] + FIGURES + ["views refined", "maps that differ"], rows)
 
 
 def measure_whole(bench, field, preset):
@@ -141,7 +141,7 @@ def bench_whole(bench):
         bench.remove(field)
     head = ["whole `sst process`, with labels", "CPU s", "with device s", "maps that differ", "clear picture: worst levels",
             "stages on the CPU"]
-    return "One run each.\n\n" + bench_report.table(head, rows)
+    return "One run each.\n\n" + charts.table(head, rows)
 
 
 def read_times(log):
@@ -186,7 +186,7 @@ def times_text(name, command_s, seconds, shaders, total):
     head = ["shader", "ms", "dispatches", "us a dispatch", "of the device's time %"]
     return (f"### {name}\n\nThe command takes {command_s:.2f} s, from load to end {seconds['total']:.2f} s ({stages}). The device "
             f"works {all_ms / 1e3:.3f} s\nof it, {100 * all_ms / 1e3 / command_s:.0f} %, in {submissions:.0f} submissions: "
-            f"{sum_ms / 1e3:.3f} s in dispatches, {copies_ms / 1e3:.3f} s between them.\n\n{bench_report.table(head, rows)}\n")
+            f"{sum_ms / 1e3:.3f} s in dispatches, {copies_ms / 1e3:.3f} s between them.\n\n{charts.table(head, rows)}\n")
 
 
 def bench_times(bench):
@@ -211,17 +211,17 @@ def bench_sgm(bench):
     for width, height, disparities in PATHS_SOFTWARE if bench.software else PATHS:
         bench.progress("optimisation", width, height, disparities)
         r = json.loads(bench.program("bench/device_sgm", bench.device["name"], f"{width}x{height}", str(disparities)))
-        row = [f"{width}x{height}, {disparities}"] + [f"{r[k]:.3g}" for k in ("rows_ms", "columns_ms", "paths4_ms", "paths8_ms")]
+        row = [f"{width}x{height}, {disparities}", f"`{r['shader']}`"] + [f"{r[k]:.3g}" for k in ("row_ms", "column_ms", "paths4_ms", "paths8_ms")]
         for paths in (4, 8):
             rate = r[f"paths{paths}_g_disparities_s"]
             row += [f"{rate:.3g}", f"{100 * rate * gpu_page.path_bytes(paths) / limits['copy_gb_s']:.1f}"]
         rows.append(row)
-    head = ["a view of, disparities", "2 directions along rows, ms", "2 along columns, ms", "4 paths ms", "8 paths ms",
+    head = ["a view of, disparities", "shader", "a direction along rows, ms", "along columns, ms", "4 paths ms", "8 paths ms",
             "4 paths: G disparities/s", "of the copy rate %", "8 paths: G disparities/s", "of the copy rate %"]
-    return f"""`device_sgm`: the shader `sgm_path` on one view with random costs, best of 7. A disparity takes {gpu_page.path_bytes(4)} bytes
+    return f"""`device_sgm`: one view with random costs, best of 7 after 0.2 s of work. A disparity takes {gpu_page.path_bytes(4)} bytes
 along 4 paths, {gpu_page.path_bytes(8)} along 8.
 
-""" + bench_report.table(head, rows)
+""" + charts.table(head, rows)
 
 
 def bench_networks(bench):
@@ -248,4 +248,4 @@ def bench_networks(bench):
                          f"{v['most'] / v['largest']:.1e}"])
     head = ["network", "convolutions", "CPU ms", "device ms", "ratio", "upload ms", "download ms", "memory MB", "TFLOP/s",
             "of the rate of floats %", "results that differ %", "worst, of the largest"]
-    return bench_report.table(head, rows)
+    return charts.table(head, rows)
