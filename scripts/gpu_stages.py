@@ -239,13 +239,13 @@ def bench_networks(bench):
         products = gpu_page.PRODUCTS[model] * width * height
         for v in r["variants"]:
             assert v["on_cpu"] == 0, r
+            tflop_s = 2 * products / (v["device_ms"] - v["upload_ms"] - v["download_ms"])
             shader = f"`{v['conv8']}`{'' if v['chosen'] else ', by name'}" if v["conv8"] else "`net_conv`"
             rows.append([f"{model[:-5]} {width}x{height}, {precision}", shader, f"{r['cpu_ms']:.1f}",
                          f"{v['device_ms']:.1f}", f"{v['device_ms'] / r['cpu_ms']:.2f}", f"{v['upload_ms']:.2f}",
                          f"{v['download_ms']:.2f}", f"{v['memory_bytes'] / 1e6:.1f}",
-                         f"{2 * products / v['device_ms']:.2g}",
-                         f"{200 * products / v['device_ms'] / limits['float_tflop_s']:.0f}", f"{100 * v['differ']:.3f}",
+                         f"{tflop_s:.2g}", f"{100 * tflop_s / limits['float_tflop_s']:.0f}", f"{100 * v['differ']:.3f}",
                          f"{v['most'] / v['largest']:.1e}"])
     head = ["network", "convolutions", "CPU ms", "device ms", "ratio", "upload ms", "download ms", "memory MB", "TFLOP/s",
             "of the rate of floats %", "results that differ %", "worst, of the largest"]
-    return charts.table(head, rows)
+    return "TFLOP/s are those of the time without transfers.\n\n" + charts.table(head, rows)
