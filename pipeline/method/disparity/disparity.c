@@ -57,34 +57,63 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     return 0;
 }
 
-/* Scale the map up to the view's size (disparities in full-size pixels) and store it. */
-static int deliver(struct disparity_run *run, int view)
+/* A row of the map at full size, disparities in pixels of that size. Filled pixels have confidence 0. */
+static void deliver_row(uint16_t *disp, uint8_t *conf, const struct disparity_run *run, int view, int row)
 {
-    struct sst_view *v = &run->lf->views[view];
-    struct sst_map_u16 *from = run->filled[view].data ? &run->filled[view] : &run->disp[view], disp = { 0 };
-    const struct sst_map_u8 *conf_from = &run->confidence[view];
-    struct sst_map_u8 conf = { 0 };
-    int err = sst_map_u16_init(&disp, run->lf->width, run->lf->height);
+    const struct sst_map_u16 *from = run->filled[view].data ? &run->filled[view] : &run->disp[view];
+    const uint16_t *in = sst_map_u16_row(from, row);
+    const uint8_t *conf_in = sst_map_u8_row(&run->confidence[view], row);
+    const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], row) : NULL;
+    const int width = run->lf->width, scale = run->scale, shift = scale - 1; /* of 1 or 2 */
 
+    for (int x = 0; x < width; x++)
+        disp[x] = in[x >> shift];
+    for (int x = 0; x < width && scale > 1; x++)
+        disp[x] = (uint16_t)(disp[x] == SST_DISP_NONE ? disp[x] : disp[x] * scale);
+    for (int x = 0; x < width; x++)
+        conf[x] = conf_in[x >> shift];
+    for (int x = 0; status && x < width; x++)
+        conf[x] = (uint8_t)(status[x >> shift] ? 0 : conf[x]);
+}
+
+/* Unseen pixels have neither. */
+static void deliver_unseen(uint16_t *disp, uint8_t *conf, const uint8_t *valid, int width)
+{
+    for (int x = 0; x < width; x++) {
+        disp[x] = valid[x] ? disp[x] : (uint16_t)SST_DISP_NONE;
+        conf[x] = valid[x] ? conf[x] : 0;
+    }
+}
+
+/* Scale the map up to the view's size and store it. */
+static int deliver(void *arg, int view, int worker SST_UNUSED)
+{
+    struct disparity_run *run = arg;
+    struct sst_view *v = &run->lf->views[view];
+    struct sst_map_u16 disp = { 0 };
+    struct sst_map_u8 conf = { 0 };
+    int err;
+
+    if (!v->present)
+        return 0;
+    err = sst_map_u16_init(&disp, run->lf->width, run->lf->height);
     err = err ? err : sst_map_u8_init(&conf, run->lf->width, run->lf->height);
     if (err) {
         sst_map_u16_fini(&disp);
         return err;
     }
     for (int y = 0; y < disp.height; y++) {
-        const uint16_t *in = sst_map_u16_row(from, y / run->scale);
-        const uint8_t *conf_in = sst_map_u8_row(conf_from, y / run->scale);
-        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
-        const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], y / run->scale) : NULL;
+        uint16_t *disp_row = sst_map_u16_row(&disp, y);
+        uint8_t *conf_row = sst_map_u8_row(&conf, y);
 
-        for (int x = 0; x < disp.width; x++) {
-            const bool seen = !valid || valid[x];
-            const unsigned d = seen ? in[x / run->scale] : SST_DISP_NONE;
-
-            sst_map_u16_row(&disp, y)[x] = (uint16_t)(d == SST_DISP_NONE ? d : d * (unsigned)run->scale);
-            /* Filled pixels have confidence 0. */
-            sst_map_u8_row(&conf, y)[x] = !seen || (status && status[x / run->scale]) ? 0 : conf_in[x / run->scale];
+        if (y % run->scale && !v->valid.data) { /* that above */
+            memcpy(disp_row, sst_map_u16_row(&disp, y - 1), disp.stride);
+            memcpy(conf_row, sst_map_u8_row(&conf, y - 1), conf.stride);
+            continue;
         }
+        deliver_row(disp_row, conf_row, run, view, y / run->scale);
+        if (v->valid.data)
+            deliver_unseen(disp_row, conf_row, sst_map_u8_row(&v->valid, y), disp.width);
     }
     sst_map_u16_fini(&v->disp);
     sst_map_u8_fini(&v->confidence);
@@ -177,6 +206,19 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
     return err;
 }
 
+static int fill_background(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct disparity_run *run = arg;
+    struct sst_map_u16 *disp = &run->disp[view];
+
+    if (!run->lf->views[view].present)
+        return 0;
+    sst_fill_background(disp);
+    if (*sst_map_u16_row(disp, 0) == SST_DISP_NONE) /* nothing arrived: far away */
+        memset(disp->data, 0, disp->stride * (size_t)run->height);
+    return 0;
+}
+
 /* Check the matched views against each other, and carry them to the others. */
 static int carry(struct disparity_run *run, const struct sst_visible_views *in, int threads)
 {
@@ -187,13 +229,7 @@ static int carry(struct disparity_run *run, const struct sst_visible_views *in, 
     if (!err && run->cfg->report)
         run->cfg->report->views_error = error;
     err = err ? err : sst_disparity_carry(in, run->status, threads);
-    for (int k = 0; !err && k < in->count; k++) {
-        if (in->view[k].image)
-            sst_fill_background(&run->disp[k]);
-        if (in->view[k].image && *sst_map_u16_row(&run->disp[k], 0) == SST_DISP_NONE) /* nothing arrived: far away */
-            memset(run->disp[k].data, 0, run->disp[k].stride * (size_t)run->height);
-    }
-    return err;
+    return err ? err : sst_parallel_for(in->count, threads, fill_background, run);
 }
 
 /* Give the carried views the key views' maps, unless they were matched. */
@@ -373,7 +409,6 @@ static void free_first(struct disparity_run *run)
 
 static int run_all(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
-    const int views = run->lf->rows * run->lf->cols;
     int err = run_make_coarse(run, threads);
 
     if (err)
@@ -390,10 +425,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
     free_first(run);
     run_report_ranges(run);
     err = err ? err : finish_maps(run, threads);
-    for (int view = 0; !err && view < views; view++) {
-        if (run->lf->views[view].present)
-            err = deliver(run, view);
-    }
+    err = err ? err : sst_parallel_for(run->lf->rows * run->lf->cols, threads, deliver, run);
     if (!err)
         run->lf->disp_min_px = (double)run->disp_min * run->scale;
     if (!err && progress)

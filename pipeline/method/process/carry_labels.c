@@ -194,13 +194,15 @@ static int carry_job(void *arg, int index, int worker SST_UNUSED)
 
     if (j->done[view])
         return 0;
+    err = j->c->device ? 0 : open_view(j, view);
     gathered = (struct gathered){ .label = &own->label,
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
                                   .entropy = j->entropy,
                                   .source = source,
                                   .known = source && source->data,
                                   .packed = j->packed };
-    err = source && !source->data ? sst_map_u8_init(source, own->label.width, own->label.height) : 0;
+    if (!err && source && !source->data)
+        err = sst_map_u8_init(source, own->label.width, own->label.height);
     if (err)
         return err;
     err = gather_labels(j->c, view, &gathered);
@@ -247,12 +249,12 @@ static int carry_batch(void *arg, const int *index, int count)
     int err = 0;
 
     j->batch = index;
-    for (int i = 0; i < count && !err; i++) {
+    for (int i = 0; i < count && !err && j->c->device; i++) {
         const int view = j->view[index[i]];
         struct sst_refine_carry how = { .entropies = j->entropy, .fill = j->fill };
 
         err = open_view(j, view);
-        if (!err && j->c->device)
+        if (!err)
             j->done[view] =
                 carry_on_device(j->c, view, &j->c->lf->views[view].label, j->entropy ? &j->entropy[view] : NULL, &how);
     }

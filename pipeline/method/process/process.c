@@ -100,20 +100,39 @@ static int find_eps_h(const struct run *run, double *eps_h)
     return err;
 }
 
+/* Labelled pixels and all of each view. */
+struct covered {
+    const struct sst_lightfield *lf;
+    int64_t labelled[SST_MAX_VIEWS], all[SST_MAX_VIEWS];
+};
+
+static int count_labelled(void *arg, int view, int worker SST_UNUSED)
+{
+    struct covered *c = arg;
+    const struct sst_map_u8 *map = &c->lf->views[view].label;
+
+    for (int y = 0; y < map->height; y++) {
+        const uint8_t *row = sst_map_u8_row(map, y);
+        int labelled = 0;
+
+        for (int x = 0; x < map->width; x++)
+            labelled += row[x] != SST_LABEL_NONE;
+        c->labelled[view] += labelled;
+    }
+    c->all[view] = (int64_t)map->width * map->height;
+    return 0;
+}
+
 static double coverage(const struct run *run)
 {
+    struct covered c = { .lf = run->lf };
     int64_t labelled = 0, all = 0;
 
+    if (sst_parallel_for(views_of(run), run->cfg->threads, count_labelled, &c))
+        return NAN;
     for (int view = 0; view < views_of(run); view++) {
-        const struct sst_map_u8 *map = &run->lf->views[view].label;
-
-        for (int y = 0; y < map->height; y++) {
-            const uint8_t *row = sst_map_u8_row(map, y);
-
-            for (int x = 0; x < map->width; x++)
-                labelled += row[x] != SST_LABEL_NONE;
-        }
-        all += (int64_t)map->width * map->height;
+        labelled += c.labelled[view];
+        all += c.all[view];
     }
     return all ? 100.0 * (double)labelled / (double)all : NAN;
 }
@@ -303,22 +322,28 @@ static int carry_views(struct run *run)
     return log_oom(err);
 }
 
+static int open_segmenter(void *arg, int index, int worker SST_UNUSED)
+{
+    struct run *run = arg;
+    const struct sst_process_config *cfg = run->cfg;
+    int err = 0;
+
+    if (!run->segmenters[index])
+        err = sst_segmenter_open(&run->segmenters[index], cfg->model, cfg->precision, 1);
+    if (!err)
+        sst_segmenter_use_device(run->segmenters[index], cfg->networks);
+    return err;
+}
+
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
 static int open_segmenters(struct run *run, int workers)
 {
     const struct sst_process_config *cfg = run->cfg;
-    int err = 0;
 
     run->segmenters = cfg->segmenters ? cfg->segmenters : calloc((size_t)workers, sizeof(*run->segmenters));
     if (!run->segmenters)
         return log_oom(-ENOMEM);
-    for (int i = 0; !err && i < workers; i++) {
-        if (!run->segmenters[i])
-            err = sst_segmenter_open(&run->segmenters[i], cfg->model, cfg->precision, 1);
-        if (!err)
-            sst_segmenter_use_device(run->segmenters[i], cfg->networks);
-    }
-    return err;
+    return sst_parallel_for(workers, cfg->networks ? 1 : workers, open_segmenter, run);
 }
 
 static void close_segmenters(struct run *run, int workers)
@@ -368,22 +393,30 @@ static int segment(struct run *run, double *eps_h)
     return err;
 }
 
+struct threshold {
+    struct run *run;
+    double eps_h;
+};
+
+static int threshold_view(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct threshold *t = arg;
+    struct run *run = t->run;
+    struct sst_view *v = &run->lf->views[view];
+
+    if (!v->present)
+        return 0;
+    sst_hcsm(&v->label, &run->entropy[view], t->eps_h);
+    sst_map_f32_fini(&run->entropy[view]);
+    return run->extras ? log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label)) : 0;
+}
+
 /* Drop the labels of high entropy. */
 static int threshold_views(struct run *run, double eps_h)
 {
-    int err = 0;
+    struct threshold t = { run, eps_h };
 
-    for (int view = 0; !err && view < views_of(run); view++) {
-        struct sst_view *v = &run->lf->views[view];
-
-        if (!v->present)
-            continue;
-        sst_hcsm(&v->label, &run->entropy[view], eps_h);
-        sst_map_f32_fini(&run->entropy[view]);
-        if (run->extras)
-            err = log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label));
-    }
-    return err;
+    return sst_parallel_for(views_of(run), run->cfg->threads, threshold_view, &t);
 }
 
 static int allocate(struct run *run)
