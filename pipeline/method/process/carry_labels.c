@@ -183,18 +183,14 @@ static bool carry_on_device(const struct process_carry *c, int view, struct sst_
     return sst_refine_device_carry(c->device, label, own_entropy, how);
 }
 
-static int carry_job(void *arg, int index, int worker SST_UNUSED)
+/* What the device has not carried. */
+static int carry_here(const struct job *j, int view)
 {
-    const struct job *j = arg;
-    const int view = j->view[j->batch[index]];
     struct sst_view *own = &j->c->lf->views[view];
     struct sst_map_u8 *source = j->c->source ? &j->c->source[view] : NULL;
     struct gathered gathered;
-    int err;
+    int err = j->c->device ? 0 : open_view(j, view);
 
-    if (j->done[view])
-        return 0;
-    err = j->c->device ? 0 : open_view(j, view);
     gathered = (struct gathered){ .label = &own->label,
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
                                   .entropy = j->entropy,
@@ -203,10 +199,17 @@ static int carry_job(void *arg, int index, int worker SST_UNUSED)
                                   .packed = j->packed };
     if (!err && source && !source->data)
         err = sst_map_u8_init(source, own->label.width, own->label.height);
-    if (err)
-        return err;
-    err = gather_labels(j->c, view, &gathered);
+    err = err ? err : gather_labels(j->c, view, &gathered);
     return !err && j->fill ? process_fill_labels(own) : err;
+}
+
+static int carry_job(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+    const int view = j->view[j->batch[index]];
+    const int err = j->done[view] ? 0 : carry_here(j, view);
+
+    return err || !j->c->then ? err : j->c->then(j->c->arg, view);
 }
 
 static int pack_job(void *arg, int view, int worker SST_UNUSED)

@@ -194,19 +194,52 @@ static int copy_extras(void *arg, int view, int worker SST_UNUSED)
     const struct sst_view *v = &run->lf->views[view];
     int err;
 
-    if (!v->present)
+    if (!v->present || !run->entropy[view].data)
         return 0;
     err = copy_map(&extras->map[SST_EXTRA_INITIAL][view], &v->label);
     return log_oom(
         err ? err : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view], run->lf->classes.count));
 }
 
+/* Labels that are complete, and the threshold of their entropies. */
+struct threshold {
+    struct run *run;
+    double eps_h;
+};
+
+/* Drop the labels of high entropy, and the entropies. */
+static int threshold_view(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct threshold *t = arg;
+    struct run *run = t->run;
+    struct sst_view *v = &run->lf->views[view];
+
+    if (!v->present || !run->entropy[view].data)
+        return 0;
+    sst_hcsm(&v->label, &run->entropy[view], t->eps_h);
+    sst_map_f32_fini(&run->entropy[view]);
+    return run->extras ? log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label)) : 0;
+}
+
+/* Both for a view that labels are carried to, while its maps are in the cache. */
+static int finish_carried(void *arg, int view)
+{
+    const struct threshold *t = arg;
+    const int err = t->run->extras ? copy_extras(t->run, view, 0) : 0;
+
+    return err ? err : threshold_view(arg, view, 0);
+}
+
 static struct process_carry carry_of(const struct run *run)
 {
     const struct sst_process_config *cfg = run->cfg;
 
-    return (
-        struct process_carry){ run->lf, run->carried, cfg->share, cfg->threads, cfg->refinement.device, run->source };
+    return (struct process_carry){ .lf = run->lf,
+                                   .carried = run->carried,
+                                   .share = cfg->share,
+                                   .threads = cfg->threads,
+                                   .device = cfg->refinement.device,
+                                   .source = run->source };
 }
 
 /* What one process measures for all. */
@@ -309,13 +342,18 @@ static int choose_first(struct run *run)
 }
 
 /* The carried views' labels, and what this changes. */
-static int carry_views(struct run *run)
+static int carry_views(struct run *run, double eps_h)
 {
     struct measured error = { carry_of(run), NAN };
+    struct threshold t = { run, eps_h };
     int err;
 
     if (!run->carried)
         return 0;
+    if (run->entropy && !run->cfg->share && !run->cfg->hand_label) {
+        error.carry.then = finish_carried;
+        error.carry.arg = &t;
+    }
     err = process_carry_labels(&error.carry, run->entropy, false);
     err = err ? err : sst_share_for(run->cfg->share, 1, 1, measure_carried, &error, measured_values);
     run->report->labels_error = error.value;
@@ -393,24 +431,6 @@ static int segment(struct run *run, double *eps_h)
     return err;
 }
 
-struct threshold {
-    struct run *run;
-    double eps_h;
-};
-
-static int threshold_view(void *arg, int view, int worker SST_UNUSED)
-{
-    const struct threshold *t = arg;
-    struct run *run = t->run;
-    struct sst_view *v = &run->lf->views[view];
-
-    if (!v->present)
-        return 0;
-    sst_hcsm(&v->label, &run->entropy[view], t->eps_h);
-    sst_map_f32_fini(&run->entropy[view]);
-    return run->extras ? log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label)) : 0;
-}
-
 /* Drop the labels of high entropy. */
 static int threshold_views(struct run *run, double eps_h)
 {
@@ -447,7 +467,7 @@ static int label_views(struct run *run)
     if (run->cfg->skip_labels && run->report->parallax != SST_PARALLAX_NONE)
         err = err ? err : log_oom(choose_first(run));
     err = err ? err : segment(run, &eps_h);
-    err = err ? err : carry_views(run);
+    err = err ? err : carry_views(run, eps_h);
     if (run->extras)
         err = err ? err : sst_parallel_for(views_of(run), run->cfg->threads, copy_extras, run);
     if (!err && run->cfg->hand_label)

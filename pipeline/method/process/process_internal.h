@@ -102,6 +102,10 @@ SST_MUST_CHECK int process_choose_labelled(bool *carried, struct process_cover *
 double process_labels_differ(const struct sst_lightfield *lf, const bool *carried, const struct sst_map_f32 *entropy,
                              double eps_h);
 
+/** What is done with a view's labels and entropies once they are carried, by the thread that carried them.
+ *  @return 0, -ENOMEM */
+typedef int process_carried_fn(void *arg, int view);
+
 /** Labels carried from labelled views to others. */
 struct process_carry {
     struct sst_lightfield *lf; /* disparities of all present views, labels of the labelled views */
@@ -111,6 +115,8 @@ struct process_carry {
     struct sst_refine_device *device; /* with the same bytes; or NULL */
     struct sst_map_u8 *source; /* [views], zeroed, the caller's: filled by the first process_carry_labels(), for later
                                   ones of the same disparities; it frees the maps. NULL: not kept */
+    process_carried_fn *then;  /* or NULL; without `share` */
+    void *arg;
 };
 
 /**
