@@ -22,14 +22,16 @@
 
 static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
 static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
+static bool pending_synced[MAX_PENDING];        /* likewise: a folder that sst_outdir_commit() syncs */
 static sem_t interrupted;
 static _Atomic int interrupted_by; /* the first signal */
 
-static void pending_add_locked(const char *path)
+static void pending_add_locked(const char *path, bool synced)
 {
     for (int i = 0; i < MAX_PENDING; i++) {
         if (!pending[i][0]) {
             snprintf(pending[i], SST_PATH_MAX, "%s", path);
+            pending_synced[i] = synced;
             break;
         }
     }
@@ -44,7 +46,7 @@ static int pending_make(char *name, bool folder)
     pthread_mutex_lock(&pending_lock);
     fd = !folder ? mkostemp(name, O_CLOEXEC) : mkdtemp(name) ? 0 : -1;
     if (fd >= 0)
-        pending_add_locked(name);
+        pending_add_locked(name, folder);
     pthread_mutex_unlock(&pending_lock);
     return fd;
 }
@@ -59,10 +61,25 @@ static void pending_drop(const char *path)
     pthread_mutex_unlock(&pending_lock);
 }
 
+/* Whether a path lies in a folder that is synced as a whole later. */
+static bool pending_holds(const char *path)
+{
+    bool holds = false;
+
+    pthread_mutex_lock(&pending_lock);
+    for (int i = 0; i < MAX_PENDING && !holds; i++) {
+        const size_t n = pending_synced[i] ? strlen(pending[i]) : 0;
+
+        holds = n && !strncmp(path, pending[i], n) && path[n] == '/';
+    }
+    pthread_mutex_unlock(&pending_lock);
+    return holds;
+}
+
 void sst_file_remove_on_interrupt(const char *path)
 {
     pthread_mutex_lock(&pending_lock);
-    pending_add_locked(path);
+    pending_add_locked(path, false);
     pthread_mutex_unlock(&pending_lock);
 }
 
@@ -345,7 +362,7 @@ int sst_outfile_commit(struct sst_outfile *out)
     }
     pending_drop(out->temporary);
     out->temporary[0] = 0;
-    err = out->unsynced ? 0 : sync_parent(out->path);
+    err = out->unsynced || pending_holds(out->path) ? 0 : sync_parent(out->path);
     return err ? output_error("sync the folder of", out->path, -err) : 0;
 }
 
@@ -433,6 +450,18 @@ static int sync_entry(const char *path, const struct stat *st SST_UNUSED, int ty
     return err;
 }
 
+static int sync_folder(const char *path, const struct stat *st, int type, struct FTW *ftw)
+{
+    return type == FTW_DP ? sync_entry(path, st, type, ftw) : 0;
+}
+
+int sst_outdir_sync(const struct sst_outdir *out)
+{
+    const int err = nftw(out->temporary, out->synced ? sync_folder : sync_entry, 16, FTW_DEPTH | FTW_PHYS);
+
+    return err < 0 ? -errno : -err;
+}
+
 int sst_path_swap(const char *fresh, const char *path)
 {
     char aside[SST_PATH_MAX];
@@ -459,9 +488,8 @@ int sst_path_swap(const char *fresh, const char *path)
 
 int sst_outdir_commit(struct sst_outdir *out)
 {
-    int err = nftw(out->temporary, sync_entry, 16, FTW_DEPTH | FTW_PHYS);
+    int err = sst_outdir_sync(out);
 
-    err = err < 0 ? -errno : -err;
     sst_file_hold_interrupt();
     if (!err)
         err = out->replace ? sst_path_swap(out->temporary, out->path) : rename(out->temporary, out->path) ? -errno : 0;

@@ -46,7 +46,8 @@ struct sst_outfile {
 /** @return 0, or -EIO/-ENOSPC/-EROFS/-EACCES, logged. */
 SST_MUST_CHECK int sst_outfile_open(struct sst_outfile *out, const char *path);
 
-/** Flush, sync and rename; on failure the old file stays and the temporary one is removed. Always closes. Logged. */
+/** Flush, sync and rename; the folder is synced as well, unless it is one of an sst_outdir. On failure the old file
+ * stays and the temporary one is removed. Always closes. Logged. */
 SST_MUST_CHECK int sst_outfile_commit(struct sst_outfile *out);
 
 /** Discard the output. A zeroed or committed object is fine. */
@@ -66,11 +67,15 @@ SST_MUST_CHECK int sst_file_write(const char *path, const void *data, size_t siz
  */
 struct sst_outdir {
     bool replace;
+    bool synced; /* set by the caller: all files are those of sst_outfile_commit(), which need no second sync */
     char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
 };
 
 SST_MUST_CHECK int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace);
 SST_MUST_CHECK int sst_outdir_commit(struct sst_outdir *out);
+
+/** Sync what is in it, for callers that move it themselves. @return 0 or -errno, not logged */
+SST_MUST_CHECK int sst_outdir_sync(const struct sst_outdir *out);
 void sst_outdir_abort(struct sst_outdir *out);
 
 /** Commit, or discard it after an error. @return err, else as sst_outdir_commit() */

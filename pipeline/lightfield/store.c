@@ -309,33 +309,31 @@ int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int 
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-static int write_view(void *arg, int k, int worker SST_UNUSED)
+/* Map `index % MAP_KINDS` of view `index / MAP_KINDS`. */
+static int write_map(void *arg, int index, int worker SST_UNUSED)
 {
     const struct job *job = arg;
+    const enum map_kind kind = (enum map_kind)(index % MAP_KINDS);
+    const int k = index / MAP_KINDS;
     const struct sst_view *v = &job->in->views[k];
     char path[SST_PATH_MAX];
-    int err = 0;
+    int err;
 
-    for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
-        if (!sst_view_has(v, kinds[kind].load))
-            continue;
-        err = map_path(path, job->in, job->dir, kind, k);
-        if (err)
-            break;
-        switch (kind) {
-        case MAP_DISPARITY:
-            err = sst_map_u16_write_png(&v->disp, path);
-            break;
-        case MAP_LABELS:
-            err = sst_map_u8_write_png(&v->label, path, sst_classes_palette());
-            break;
-        case MAP_CONFIDENCE:
-        case MAP_KINDS:
-            err = sst_map_u8_write_png(&v->confidence, path, NULL);
-            break;
-        }
+    if (!sst_view_has(v, kinds[kind].load))
+        return 0;
+    err = map_path(path, job->in, job->dir, kind, k);
+    if (err)
+        return err;
+    switch (kind) {
+    case MAP_DISPARITY:
+        return sst_map_u16_write_png(&v->disp, path);
+    case MAP_LABELS:
+        return sst_map_u8_write_png(&v->label, path, sst_classes_palette());
+    case MAP_CONFIDENCE:
+    case MAP_KINDS:
+    default:
+        return sst_map_u8_write_png(&v->confidence, path, NULL);
     }
-    return err;
 }
 
 static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
@@ -406,7 +404,7 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
     }
     job.dir = out;
     if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, SST_WRITE_THREADS, write_view, &job);
+        err = sst_parallel_for(lf->rows * lf->cols * MAP_KINDS, SST_WRITE_THREADS, write_map, &job);
     if (err)
         goto out;
     json = lightfield_to_json(lf, job.hashes, calibration_sha256);
@@ -465,7 +463,15 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
         err = sst_outdir_open(&fresh, path, true);
     if (err)
         return err;
+    fresh.synced = true;
     err = write_files(lf, lf->files ? lf->files->calibration_sha256 : "", dir, fresh.temporary, threads);
+    if (!err) {
+        err = sst_outdir_sync(&fresh);
+        if (err) {
+            sst_log_error("cannot sync the new maps of %s: %s", dir, strerror(-err));
+            err = -EIO;
+        }
+    }
     for (enum map_kind kind = 0; kind < MAP_KINDS; kind++) {
         if (sst_lightfield_has(lf, kinds[kind].load))
             names[count++] = kinds[kind].folder;

@@ -8,9 +8,6 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-/* Pixels of the views that are described before some of them are matched: their descriptions are in memory at once. */
-#define BATCH_PIXELS ((size_t)3 << 20)
-
 /* Where only some views are matched, they are checked against others up to this many spacings away. */
 #define CHECKED_FAR 3.5
 
@@ -491,14 +488,11 @@ static int init_maps(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
 }
 
-/* Views that are matched without waiting for each other in between: they differ in time by their neighbours. */
+/* Views that are described before any of them is matched. A view's time depends on its neighbours: threads wait for
+ * each other less often with more than one view each. */
 static int batch_of(const struct disparity_run *run, int threads)
 {
-    const size_t fit = BATCH_PIXELS / ((size_t)run->width * (size_t)run->height);
-
-    return run->cfg->share || run->cfg->device || run->cfg->frugal || run->inner > 1
-               ? threads
-               : sst_max_int(threads, sst_min_int((int)fit, SST_MAX_VIEWS));
+    return run->cfg->share || run->cfg->device || run->cfg->frugal || run->inner > 1 ? threads : 2 * threads;
 }
 
 int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)

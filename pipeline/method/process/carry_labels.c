@@ -20,6 +20,7 @@ struct job {
     bool *done;       /* [views] on the device */
     uint64_t **packed; /* [views] of the sources, once the CPU asks them */
     const int *batch; /* of view: what is done at once */
+    struct sst_map_f32 *spare; /* [threads] entropies of a view that is done; NULL: they are kept */
 };
 
 /* The nearest labelled views other than the view itself, the nearest first. @return their number */
@@ -160,14 +161,19 @@ static int gather_labels(const struct process_carry *c, int view, const struct g
     return err;
 }
 
-/* Memory for what is carried to a view. */
-static int open_view(const struct job *j, int view)
+/* Memory for what is carried to a view. @param spare  or NULL */
+static int open_view(const struct job *j, int view, struct sst_map_f32 *spare)
 {
     const struct sst_lightfield *lf = j->c->lf;
     int err;
 
     sst_map_u8_fini(&lf->views[view].label);
     err = sst_map_u8_init(&lf->views[view].label, lf->width, lf->height);
+    if (spare && spare->data) {
+        j->entropy[view] = *spare;
+        *spare = (struct sst_map_f32){ 0 };
+        return err;
+    }
     return err || !j->entropy ? err : sst_map_f32_init(&j->entropy[view], lf->width, lf->height);
 }
 
@@ -184,12 +190,12 @@ static bool carry_on_device(const struct process_carry *c, int view, struct sst_
 }
 
 /* What the device has not carried. */
-static int carry_here(const struct job *j, int view)
+static int carry_here(const struct job *j, int view, struct sst_map_f32 *spare)
 {
     struct sst_view *own = &j->c->lf->views[view];
     struct sst_map_u8 *source = j->c->source ? &j->c->source[view] : NULL;
     struct gathered gathered;
-    int err = j->c->device ? 0 : open_view(j, view);
+    int err = j->c->device ? 0 : open_view(j, view, spare);
 
     gathered = (struct gathered){ .label = &own->label,
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
@@ -203,13 +209,21 @@ static int carry_here(const struct job *j, int view)
     return !err && j->fill ? process_fill_labels(own) : err;
 }
 
-static int carry_job(void *arg, int index, int worker SST_UNUSED)
+static int carry_job(void *arg, int index, int worker)
 {
     const struct job *j = arg;
     const int view = j->view[j->batch[index]];
-    const int err = j->done[view] ? 0 : carry_here(j, view);
+    struct sst_map_f32 *spare = j->spare ? &j->spare[worker] : NULL;
+    int err = j->done[view] ? 0 : carry_here(j, view, spare);
 
-    return err || !j->c->then ? err : j->c->then(j->c->arg, view);
+    if (j->c->then)
+        err = err ? err : j->c->then(j->c->arg, view);
+    if (spare) {
+        sst_map_f32_fini(spare);
+        *spare = j->entropy[view];
+        j->entropy[view] = (struct sst_map_f32){ 0 };
+    }
+    return err;
 }
 
 static int pack_job(void *arg, int view, int worker SST_UNUSED)
@@ -256,7 +270,7 @@ static int carry_batch(void *arg, const int *index, int count)
         const int view = j->view[index[i]];
         struct sst_refine_carry how = { .entropies = j->entropy, .fill = j->fill };
 
-        err = open_view(j, view);
+        err = open_view(j, view, NULL);
         if (!err)
             j->done[view] =
                 carry_on_device(j->c, view, &j->c->lf->views[view].label, j->entropy ? &j->entropy[view] : NULL, &how);
@@ -282,8 +296,13 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
                      .fill = fill,
                      .view = calloc((size_t)views, sizeof(*j.view)),
                      .done = calloc((size_t)views, sizeof(*j.done)) };
+    const int spares = c->then && entropy ? sst_max_int(c->threads, 1) : 0;
     int count = 0, err = j.view && j.done ? 0 : -ENOMEM;
 
+    if (spares) {
+        j.spare = calloc((size_t)spares, sizeof(*j.spare));
+        err = j.spare ? err : -ENOMEM;
+    }
     sst_refine_device_labels_changed(c->device);
     for (int k = 0; !err && k < views; k++) {
         if (c->lf->views[k].present && c->carried[k])
@@ -291,6 +310,9 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
     }
     err = err ? err : sst_share_batches(c->share, count, c->share ? c->threads : views, carry_batch, &j, carried_maps);
     unpack_sources(&j);
+    for (int i = 0; j.spare && i < spares; i++)
+        sst_map_f32_fini(&j.spare[i]);
+    free(j.spare);
     free(j.view);
     free(j.done);
     return err;

@@ -207,7 +207,7 @@ struct threshold {
     double eps_h;
 };
 
-/* Drop the labels of high entropy, and the entropies. */
+/* Drop the labels of high entropy. */
 static int threshold_view(void *arg, int view, int worker SST_UNUSED)
 {
     const struct threshold *t = arg;
@@ -217,7 +217,6 @@ static int threshold_view(void *arg, int view, int worker SST_UNUSED)
     if (!v->present || !run->entropy[view].data)
         return 0;
     sst_hcsm(&v->label, &run->entropy[view], t->eps_h);
-    sst_map_f32_fini(&run->entropy[view]);
     return run->extras ? log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label)) : 0;
 }
 

@@ -102,8 +102,8 @@ SST_MUST_CHECK int process_choose_labelled(bool *carried, struct process_cover *
 double process_labels_differ(const struct sst_lightfield *lf, const bool *carried, const struct sst_map_f32 *entropy,
                              double eps_h);
 
-/** What is done with a view's labels and entropies once they are carried, by the thread that carried them.
- *  @return 0, -ENOMEM */
+/** What is done with a view's labels and entropies once they are carried, by the thread that carried them; the
+ * entropies are gone afterwards. @return 0, -ENOMEM */
 typedef int process_carried_fn(void *arg, int view);
 
 /** Labels carried from labelled views to others. */

@@ -10,23 +10,25 @@ static const char *const extra_names[SST_EXTRAS] = { "labels_initial", "labels_h
 
 struct job {
     const struct sst_lightfield *lf;
-    const struct sst_map_u8 *maps; /* [views] */
-    const struct sst_outdir *out;
-    const uint8_t (*palette)[3]; /* or NULL */
+    const struct sst_process_extras *extras;
+    struct sst_outdir out[SST_EXTRAS];
 };
 
-static int write_extra(void *arg, int view, int worker SST_UNUSED)
+/* Map `index % views` of extra `index / views`. */
+static int write_extra(void *arg, int index, int worker SST_UNUSED)
 {
     const struct job *job = arg;
+    const int views = job->lf->rows * job->lf->cols, extra = index / views, view = index % views;
+    const struct sst_map_u8 *map = &job->extras->map[extra][view];
     char name[16], file[32], path[SST_PATH_MAX];
     int err;
 
-    if (!job->maps[view].data)
+    if (!map->data)
         return 0;
     sst_view_name(job->lf, view, name);
     snprintf(file, sizeof(file), "%s.png", name);
-    err = sst_path_join(path, job->out->temporary, file);
-    return err ? err : sst_map_u8_write_png(&job->maps[view], path, job->palette);
+    err = sst_path_join(path, job->out[extra].temporary, file);
+    return err ? err : sst_map_u8_write_png(map, path, extra == SST_EXTRA_ENTROPY ? NULL : sst_classes_palette());
 }
 
 static void remove_folder(const char *dir, const char *name)
@@ -49,24 +51,22 @@ static void remove_stale(const struct sst_lightfield *lf, const char *dir)
 int sst_process_save(const struct sst_lightfield *lf, const struct sst_process_extras *extras, const char *dir,
                      int threads)
 {
-    struct sst_outdir out[SST_EXTRAS];
+    struct job job = { .lf = lf, .extras = extras };
     char path[SST_PATH_MAX];
     int err = 0, opened = 0;
 
     for (; !err && extras->map[0] && opened < SST_EXTRAS; opened++) {
-        struct job job = { lf, extras->map[opened], &out[opened],
-                           opened == SST_EXTRA_ENTROPY ? NULL : sst_classes_palette() };
-
         err = sst_path_join(path, dir, extra_names[opened]);
-        err = err ? err : sst_outdir_open(&out[opened], path, true);
+        err = err ? err : sst_outdir_open(&job.out[opened], path, true);
         if (err)
             break;
-        err = sst_parallel_for(lf->rows * lf->cols, SST_WRITE_THREADS, write_extra, &job);
+        job.out[opened].synced = true;
     }
+    err = err ? err : sst_parallel_for(opened * lf->rows * lf->cols, SST_WRITE_THREADS, write_extra, &job);
     err = err ? err : sst_lightfield_save_maps(lf, dir, threads);
     for (int i = 0; i < opened; i++) {
-        err = err ? err : sst_outdir_commit(&out[i]);
-        sst_outdir_abort(&out[i]);
+        err = err ? err : sst_outdir_commit(&job.out[i]);
+        sst_outdir_abort(&job.out[i]);
     }
     if (!err)
         remove_stale(lf, dir);
