@@ -104,18 +104,28 @@ static int support_rounds(const struct pair *p)
     return p->cfg->support_arm ? p->cfg->support_before : 0;
 }
 
+/* The index-th row of tiles: each thread has its part of the image, so that two seldom wait for one huge page of the
+ * volume, which both would clear. */
+static int apart(const struct pair *p, int index)
+{
+    const int parts = sst_min_int(p->workers, p->tiles.rows), part = index % parts;
+
+    return part * (p->tiles.rows / parts) + sst_min_int(part, p->tiles.rows % parts) + index / parts;
+}
+
 /* Costs and horizontal paths of a row of tiles. */
 static int row_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    const struct sst_tile *t = &p->tiles.tile[(size_t)index * (size_t)p->tiles.columns];
+    const int row = apart(p, index);
+    const struct sst_tile *t = &p->tiles.tile[(size_t)row * (size_t)p->tiles.columns];
     int err = p->cfg->cancel && *p->cfg->cancel ? -ECANCELED : 0;
 
     for (int i = 0; !err && i < p->tiles.columns; i++)
         err = sst_tiles_fill(&p->tiles, &t[i], &p->worker[worker].tile, &p->desc[0], &p->right, 1, &p->support,
                              support_rounds(p));
     return err ? err
-               : sst_tiles_paths_along(&p->tiles, &p->desc[0].image, &p->penalties, index, &p->worker[worker].lines);
+               : sst_tiles_paths_along(&p->tiles, &p->desc[0].image, &p->penalties, row, &p->worker[worker].lines);
 }
 
 /* Vertical paths of a column of tiles. */

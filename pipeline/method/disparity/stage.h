@@ -247,7 +247,7 @@ struct sst_tiles {
     struct sst_tile *tile;        /* [rows][columns] */
     uint8_t *cost;
     uint16_t *sum;
-    struct sst_mem_kept memory[3]; /* that holds them */
+    struct sst_mem_kept memory[2]; /* that holds them */
 };
 
 /** Disparities of the view at 1 / factor of its size; a tile around which all are SST_DISP_NONE has the whole range. */

@@ -79,9 +79,10 @@ int sst_tiles_init(struct sst_tiles *all, int width, int top, int height, const 
         t->cells = cells;
         cells += (size_t)t->width * (size_t)t->height * t->steps_padded;
     }
-    all->cost = sst_mem_keep(&all->memory[1], cells, sizeof(*all->cost));
-    all->sum = sst_mem_keep(&all->memory[2], cells, sizeof(*all->sum));
-    return all->cost && all->sum ? 0 : -ENOMEM;
+    /* One block: of the smaller half alone each page would be a fault of its own. */
+    all->sum = sst_mem_keep(&all->memory[1], cells, sizeof(*all->sum) + sizeof(*all->cost));
+    all->cost = (uint8_t *)(all->sum + cells);
+    return all->sum ? 0 : -ENOMEM;
 }
 
 int sst_tiles_fill(struct sst_tiles *all, const struct sst_tile *t, struct sst_volume *v,
