@@ -96,43 +96,54 @@ static void filter_all(uint8_t *to, const struct png_map *map, const void *zeros
     }
 }
 
-/* @return bytes of `out`; 0: it is too small */
-static size_t deflate_all(uint8_t *out, size_t capacity, uint8_t *samples, size_t n, uint8_t *memory)
-{
-    struct isal_zstream z = { 0 }; /* the next call leaves hist_bits as it is */
+/* What the library works in. */
+struct work {
+    struct isal_huff_histogram histogram;
+    struct isal_hufftables tables;
+    struct isal_zstream stream;
+};
 
-    isal_deflate_stateless_init(&z);
-    z.level = 1;
-    z.level_buf = memory;
-    z.level_buf_size = ISAL_DEF_LVL1_DEFAULT;
-    z.gzip_flag = IGZIP_ZLIB;
-    z.flush = NO_FLUSH;
-    z.end_of_stream = 1;
-    z.next_in = samples;
-    z.avail_in = (uint32_t)n;
-    z.next_out = out;
-    z.avail_out = (uint32_t)capacity;
-    return isal_deflate_stateless(&z) == COMP_OK && !z.avail_in ? z.total_out : 0;
+/* Level 0 with tables of the samples' own: as small as level 1, whose first matches depend on where the stream lies in
+ * memory (its code of 2.30 for x86 hashes the address of the stream in place of the samples after the first byte).
+ * @param work  of zeros  @return bytes of `out`; 0: it is too small */
+static size_t deflate_all(uint8_t *out, size_t capacity, uint8_t *samples, size_t n, struct work *work)
+{
+    struct isal_zstream *z = &work->stream;
+
+    isal_update_histogram(samples, (int)n, &work->histogram);
+    if (isal_create_hufftables(&work->tables, &work->histogram))
+        return 0;
+    isal_deflate_stateless_init(z);
+    z->hufftables = &work->tables;
+    z->gzip_flag = IGZIP_ZLIB;
+    z->flush = NO_FLUSH;
+    z->end_of_stream = 1;
+    z->next_in = samples;
+    z->avail_in = (uint32_t)n;
+    z->next_out = out;
+    z->avail_out = (uint32_t)capacity;
+    return isal_deflate_stateless(z) == COMP_OK && !z->avail_in ? z->total_out : 0;
 }
 
 bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map)
 {
     const size_t n = (size_t)map->height * ((size_t)map->width * (map->u16 ? 2 : 1) + 1), capacity = n + n / 8 + MORE;
-    uint8_t *samples, *file, *end, *memory;
+    struct work *work; /* and a row of zeros */
+    uint8_t *samples, *file, *end;
     size_t packed = 0;
 
     if (capacity > INT32_MAX) /* a chunk is not longer */
         return false;
     samples = sst_mem_alloc_raw(n, 1);
     file = end = malloc(capacity + 2 * MORE);
-    memory = calloc(ISAL_DEF_LVL1_DEFAULT + map->stride, 1);
-    if (samples && file && memory) {
-        filter_all(samples, map, memory + ISAL_DEF_LVL1_DEFAULT);
+    work = calloc(sizeof(*work) + map->stride, 1);
+    if (samples && file && work) {
+        filter_all(samples, map, work + 1);
         end = put_header(file, map);
-        packed = deflate_all(end + 8, capacity, samples, n, memory);
+        packed = deflate_all(end + 8, capacity, samples, n, work);
     }
     sst_mem_free(samples);
-    free(memory);
+    free(work);
     if (!packed) {
         free(file);
         return false;
