@@ -122,8 +122,8 @@ static void test_faults(void **state)
 
 /* --- variants ----------------------------------------------------------------------------------------------------- */
 
-/* The shader that is chosen for convolutions on 8 bits. @param named  SST_GPU_VARIANT; NULL: unset */
-static int chosen(const char *device, const char *named)
+/* The shader that is chosen. @param of  shader or variant of it @param named  SST_GPU_VARIANT; NULL: unset */
+static int chosen_of(enum sst_gpu_shader of, const char *device, const char *named)
 {
     enum sst_gpu_shader out = SST_GPU_SHADERS;
     struct sst_gpu *g;
@@ -134,10 +134,15 @@ static int chosen(const char *device, const char *named)
     else
         unsetenv("SST_GPU_VARIANT");
     assert_int_equal(sst_gpu_open(&g, device, NULL), 0);
-    err = sst_gpu_prepare_fastest(g, SST_GPU_NET_CONV8, &out);
+    err = sst_gpu_prepare_fastest(g, of, &out);
     sst_gpu_close(g);
     unsetenv("SST_GPU_VARIANT");
     return err ? err : (int)out;
+}
+
+static int chosen(const char *device, const char *named)
+{
+    return chosen_of(SST_GPU_NET_CONV8, device, named);
 }
 
 static void test_variants(void **state)
@@ -189,6 +194,32 @@ static void test_abilities(void **state)
     assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_MATRIX), -ENOTSUP);
     assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_DOT), 0);
     sst_gpu_close(g);
+}
+
+static void test_variants_of_matching(void **state)
+{
+    static const struct {
+        const char *device, *named;
+        enum sst_gpu_shader of, want;
+    } cases[] = {
+        { "dummy", NULL, SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
+        { "dummy:subgroup=1", NULL, SST_GPU_SGM_PATH, SST_GPU_SGM_PATH_SUBGROUP },
+        { "dummy:subgroup=1", "plain", SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
+        { "dummy:subgroup=1", "dot", SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
+        { "dummy:subgroup=1,wrong=1", NULL, SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
+        { "dummy:subgroup=1", NULL, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_PATH_SUBGROUP },
+        { "dummy:subgroup=1,wrong=6", NULL, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_PATH },
+        { "dummy:subgroup=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
+        { "dummy:dot=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST_DOT },
+        { "dummy:dot=2", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
+        { "dummy:dot=1,wrong=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        print_message("%s, %s\n", cases[i].device, cases[i].named ? cases[i].named : "nothing named");
+        assert_int_equal(chosen_of(cases[i].of, cases[i].device, cases[i].named), cases[i].want);
+    }
 }
 
 /* A variant with wrong results gives way to the next one: every part of its self-test counts. */
@@ -617,6 +648,7 @@ int main(void)
         cmocka_unit_test(test_memory),
         serial_test(test_faults),
         cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_variants_of_matching),
         cmocka_unit_test(test_abilities),
         cmocka_unit_test(test_wrong_variants),
         cmocka_unit_test(test_deadly_variant),
