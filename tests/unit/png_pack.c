@@ -9,7 +9,7 @@
 
 #define WIDTH  211
 #define HEIGHT 97
-#define PLACES ((size_t)12000)
+#define PLACES ((size_t)8000)
 #define STEP   ((size_t)1 << 16)
 #define STACK  ((size_t)1 << 20)
 
