@@ -13,6 +13,8 @@
 #define UP          2          /* filter: differences from the row above */
 #define MORE        (1u << 16) /* bytes: chunks, palette, and what samples that do not shrink grow by */
 
+#define WHOLE (1u << 18) /* bytes of samples below which all of them are counted */
+
 enum { GREY = 0, INDEXED = 3 }; /* colour types */
 
 static uint8_t *put_big_endian(uint8_t *at, uint32_t v)
@@ -109,8 +111,9 @@ struct work {
 static size_t deflate_all(uint8_t *out, size_t capacity, uint8_t *samples, size_t n, struct work *work)
 {
     struct isal_zstream *z = &work->stream;
+    const size_t counted = n < WHOLE ? n : n / 4; /* from the middle: enough for the tables, in a quarter of the time */
 
-    isal_update_histogram(samples, (int)n, &work->histogram);
+    isal_update_histogram(samples + (n - counted) / 2, (int)counted, &work->histogram);
     if (isal_create_hufftables(&work->tables, &work->histogram))
         return 0;
     isal_deflate_stateless_init(z);

@@ -488,13 +488,6 @@ static int init_maps(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
 }
 
-/* Views that are described before any of them is matched. A view's time depends on its neighbours: threads wait for
- * each other less often with more than one view each. */
-static int batch_of(const struct disparity_run *run, int threads)
-{
-    return run->cfg->share || run->cfg->device || run->cfg->frugal || run->inner > 1 ? threads : 2 * threads;
-}
-
 int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
@@ -505,8 +498,7 @@ int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress,
         if (run->lf->views[view].present && run_is_carried(run, view) == run->others)
             m.view[m.count++] = view;
     }
-    err =
-        err ? err : sst_share_batches(run->cfg->share, m.count, batch_of(run, threads), match_batch, &m, matched_maps);
+    err = err ? err : sst_share_batches(run->cfg->share, m.count, threads, match_batch, &m, matched_maps);
     free(m.view);
     return err;
 }
