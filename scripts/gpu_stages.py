@@ -227,8 +227,8 @@ along 4 paths, {gpu_page.path_bytes(8)} along 8.
 def bench_networks(bench):
     """The CPU and the device in turn: time, and results that differ."""
     rows, limits = [], bench.limits()
-    for model, size, precision in NETWORKS:
-        width, height = NETWORK_SOFTWARE if bench.software else size
+    sizes = {(model, NETWORK_SOFTWARE if bench.software else size, precision): None for model, size, precision in NETWORKS}
+    for model, (width, height), precision in sizes:
         path = os.path.join(gpu_page.ROOT, "models", model)
         if not os.path.exists(path):
             bench.progress("networks: there is no", model)
