@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measure the service on simulated arrays: rate, latency, processor time, memory; writes docs/measured/bench-service.md.
 
-The processor time of the simulation is its own process's and told apart. With --soak MINUTES instead: faults are set and
+The processor time of the simulation is that of its own process, and reported apart. With --soak MINUTES instead: faults are set and
 taken back at random, and the slope of memory is fitted."""
 import argparse
 import http.client

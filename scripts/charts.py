@@ -6,7 +6,7 @@ import statistics
 import subprocess
 
 BASELINE = "OpenCV SGBM 3WAY"
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499")  # of groups; told apart with any colour vision, and on light and dark
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499")  # of groups; distinct with any colour vision, on light and dark
 # gnuplot point types of methods: open for others', full for ours
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
            BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7, "live, first set": 13, "live, mean of later sets": 11}

@@ -14,7 +14,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 
 
 def free_port():
-    """One that is free, also while the service is away: the kernel gives it to nobody who connects."""
+    """One that is free, also while the service is away: the kernel assigns it to no client that connects."""
     for i in range(1000):
         port = 10000 + (os.getpid() * 7 + i) % 20000
         with socket.socket() as s:

@@ -12,7 +12,7 @@ def test_cameras(b, fake):
              status={"state": "degraded", "reason": "35 of 36 cameras: r3c2 is absent", "capture": {"present": 35}},
              events=[{"level": 1, "type": "camera-lost", "message": "Camera r3c2 was unplugged"}])
     b.wait("document.querySelector('[data-name=r3c2]').dataset.kind === 'bad'")
-    check(b.js("document.querySelector('[data-name=r3c2] b').textContent") == "×", "told by colour alone")
+    check(b.js("document.querySelector('[data-name=r3c2] b').textContent") == "×", "the state is shown by colour alone")
     check("Nothing is plugged" in b.js("document.querySelector('[data-name=r3c2]').title"), "no reason")
     b.wait("document.getElementById('state-word').textContent === 'Degraded'")  # it may have been asked for just before
     b.wait("document.getElementById('latest').textContent.includes('unplugged')")
@@ -184,7 +184,7 @@ def test_timeline(b, fake):
 
 
 def test_notify(b, fake):
-    """What comes is told by the browser, if it is of the chosen kind, also behind other windows."""
+    """The browser notifies of events of the chosen kind, also behind other windows."""
     b.call("Browser.grantPermissions", permissions=["notifications"], origin=fake.url.rstrip("/"))
     b.click("#tab-visits")
     b.js("window.notes = []; window.Notification = class extends EventTarget { constructor(title, more) { super(); notes.push([title, more.tag]); "
@@ -202,7 +202,7 @@ def test_notify(b, fake):
     time.sleep(0.5)
     crossing = {"visit": car, "label": "Car", "zone": "drive", "direction": "forward"}
     line = {"level": 0, "type": "line", "message": "Car crossed drive forward", "data": crossing}
-    fake.set(events=[line])  # of a visit that was told already
+    fake.set(events=[line])  # of a visit that was notified already
     time.sleep(0.5)
     check(b.js("window.notes.map((n) => n[0]).join()") == "Car in street", b.js("JSON.stringify(window.notes)"))
     b.js("(() => { const s = document.getElementById('visits-zone'); s.add(new Option('drive')); s.value = 'drive'; })()")

@@ -179,7 +179,7 @@ def test_shared(b, fake):
     check(expect(lambda: asked() > count), "a view of its own is not asked for again")
     b.js("document.getElementById('auto').click()")  # while there is none to tell
     fake.set(hold=False)
-    check(expect(lambda: any(r["path"] == "/api/v1/views/main" for r in fake.log())), "the main view cannot be told")
+    check(expect(lambda: any(r["path"] == "/api/v1/views/main" for r in fake.log())), "the main view cannot be set")
     fake.set(role="view")
     x, y, w, _ = b.box("#focus")
     b.click((x - 0.3 * w, y))
@@ -289,6 +289,14 @@ def test_update(b, fake):
     b.wait("document.getElementById('state-word').textContent === 'Live'")
 
 
+def check_rows(b, pairs, width, height):
+    """The two elements of each pair stand beside each other."""
+    for left, right in pairs:
+        apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
+                     f"document.getElementById('{right}').getBoundingClientRect().y)")
+        check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+
+
 def test_phone(b, fake):
     b.size(390, 844, phone=True)
     for tab in ("overview", "health", "events", "recordings", "visits"):
@@ -321,16 +329,10 @@ def test_phone(b, fake):
     for width, height in ((360, 640), (320, 568), (740, 360)):
         b.size(width, height, phone=True)
         check(b.js(f"document.documentElement.scrollWidth <= {width}"), f"{width} x {height} scrolls sideways")
-        for left, right in (("auto", "sweep"), ("adjust", "record")):
-            apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
-                         f"document.getElementById('{right}').getBoundingClientRect().y)")
-            check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+        check_rows(b, (("auto", "sweep"), ("adjust", "record")), width, height)
         mode(b, "clear")
         check(b.js(f"document.documentElement.scrollWidth <= {width}"), f"clear: {width} x {height} scrolls sideways")
-        for left, right in (("cut-auto", "outline"), ("snapshot", "record")):
-            apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
-                         f"document.getElementById('{right}').getBoundingClientRect().y)")
-            check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+        check_rows(b, (("cut-auto", "outline"), ("snapshot", "record")), width, height)
         mode(b, "sst")
     b.size(1440, 900)
 

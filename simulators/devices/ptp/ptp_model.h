@@ -21,7 +21,7 @@ enum sst_sim_ptp_fault {
     SST_SIM_PTP_SILENCE = 5,   /* 1: no answers until the interface is released or reset */
     SST_SIM_PTP_DOWNLOAD = 6,  /* unplugged in the middle of the next download, for this time in ms */
     SST_SIM_PTP_NO_EVENT = 7,  /* this many pictures are not announced by events */
-    SST_SIM_PTP_DIAL = 8,      /* somebody sets the exposure time, in 0.1 ms */
+    SST_SIM_PTP_DIAL = 8,      /* the exposure time is set at the camera itself, in 0.1 ms */
     SST_SIM_PTP_FAULTS = 9,
 };
 
