@@ -45,6 +45,7 @@ enum sst_cpu_level {
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
     X(median_votes_row)                                                                                                \
+    X(land_row)                                                                                                        \
     X(hypothesis_cost_row)                                                                                             \
     X(hypothesis_path_row)                                                                                             \
     X(subpixel_fit_row)                                                                                                \
@@ -235,6 +236,29 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
  */
 typedef void sst_median_votes_row_fn(uint32_t *near, uint32_t *all, const uint16_t *const disp[11],
                                      const uint8_t *const colour[3][11], size_t n);
+
+/** Another view, and where the pixels of a row land there: along one axis a disparity d moves by
+ *  whole + floor((part + d step) / 2^16). */
+struct sst_landing {
+    int width, height; /* at most 32768, 2^28 pixels */
+    int32_t whole[2];  /* across, down; magnitudes below 2^17 */
+    int32_t part[2];   /* 0 .. 65535 */
+    int32_t step[2];   /* magnitudes at most 32768 */
+    int y;             /* the row */
+    uint32_t source;   /* a bit of 16, for the row's view */
+};
+
+/**
+ * Move n pixels to where they land, [height][width].
+ *
+ * @param nearest   in, out: the largest (disp + 1) << SST_LANDED_DISP | rank that landed; 0: nothing
+ * @param farthest  in, out, or NULL: sources << 16 | the smallest disp that landed; 0xFFFF: nothing
+ * @param disp      stored disparities; 0xFFFF lands nowhere
+ * @param rank      or NULL: all 0
+ */
+typedef void sst_land_row_fn(uint32_t *nearest, uint32_t *farthest, const struct sst_landing *l, const uint16_t *disp,
+                             const uint8_t *rank, size_t n);
+#define SST_LANDED_DISP     8
 #define SST_MEDIAN_REACH    5
 #define SST_MEDIAN_SIDE     (2 * SST_MEDIAN_REACH + 1)
 #define SST_MEDIAN_STEP_Q6  64

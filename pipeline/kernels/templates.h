@@ -13,6 +13,7 @@
 #include "pipeline/kernels/guide_cells_tmpl.h"
 #include "pipeline/kernels/hypothesis_cost_tmpl.h"
 #include "pipeline/kernels/hypothesis_path_tmpl.h"
+#include "pipeline/kernels/land_row_tmpl.h"
 #include "pipeline/kernels/light_row_tmpl.h"
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/median_votes_tmpl.h"

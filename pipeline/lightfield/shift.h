@@ -19,6 +19,14 @@ static inline struct sst_shift sst_shift_by(double spacings, double disp_min_px)
                                llround(spacings * 65536 / SST_DISP_SCALE) };
 }
 
+/** For kernels, in 32 bits: whole + floor((part + d step) / 2^16). |spacings| at most 32 */
+static inline void sst_shift_parts(struct sst_shift s, int32_t *whole, int32_t *part, int32_t *step)
+{
+    *whole = (int32_t)(s.at >> 16);
+    *part = (int32_t)(s.at & 0xFFFF);
+    *step = (int32_t)s.step;
+}
+
 static inline int sst_shifted(int x, struct sst_shift s, int disp)
 {
     return x + (int)((s.at + disp * s.step) >> 16);

@@ -57,6 +57,7 @@ static const struct {
     { "winner_other_row", UINT32_MAX, UINT32_MAX, "sum << 16 | d" },
     { "median5_row", UINT16_MAX, UINT16_MAX, "compares" },
     { "median_votes_row", 86.0 * 225, UINT16_MAX, "a row's 11 shares, 86 at most, of colours' 225" },
+    { "land_row", 65534 * 32768.0 + 65535, INT32_MAX, "disparity times spacing, and the part" },
     { "hypothesis_cost_row", 8 * (SST_HYPOTHESIS_VIEWS + SST_HYPOTHESIS_BEST) * (double)SST_HYPOTHESIS_LIMIT * 9,
       INT32_MAX, "windows of 9, 24 + 4 views" },
     { "hypothesis_path_row", 4.0 * (SST_HYPOTHESIS_FAR + SST_DISPARITY_MAX_PENALTY), UINT16_MAX, "4 paths" },

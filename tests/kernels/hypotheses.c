@@ -191,6 +191,91 @@ static void path_along_a_row(void **state SST_UNUSED)
     }
 }
 
+/* Disparity 64 moves by one to the right: whole numbers, a part of 1/2, 2^16 / 64 a step. */
+static const struct sst_landing landing_right = {
+    .width = W, .height = H, .part = { 32768, 32768 }, .step = { 1024, 0 }, .y = 2, .source = 4
+};
+
+static void pixels_land_where_they_are_known_to(void **state SST_UNUSED)
+{
+    const uint16_t disp[] = { 128, 31, 0, 65535, 96, 64 }; /* to 2, 1, 2, nowhere, 6, 6 */
+    const uint8_t rank[] = { 7, 8, 200, 1, 2, 3 };
+    uint32_t nearest[W * H] = { 0 }, farthest[W * H];
+
+    for (int i = 0; i < W * H; i++)
+        farthest[i] = 0x0001FFFF;
+    sst_land_row_ref(nearest, farthest, &landing_right, disp, rank, ARRAY_LEN(disp));
+    for (int i = 0; i < W * H; i++) {
+        const int x = i - 2 * W;
+        const uint32_t want = x == 1 ? 32 << 8 | 8 : x == 2 ? 129 << 8 | 7 : x == 6 ? 97 << 8 | 2 : 0;
+        const uint32_t far = x == 1 ? 0x0005001F : x == 2 ? 0x00050000 : x == 6 ? 0x00050040 : 0x0001FFFF;
+
+        assert_int_equal(nearest[i], want);
+        assert_int_equal(farthest[i], far);
+    }
+}
+
+/* Of one value, of a few, of any: pixels that move alike, that cross, and that leave the view. */
+static void check_landing(const struct sst_kernels *k, int n, unsigned values)
+{
+    const size_t bytes = W * H * sizeof(uint32_t);
+    uint16_t *disp = guard_random((size_t)n * sizeof(*disp), &seed);
+    uint8_t *rank = below(4) ? guard_random((size_t)n, &seed) : NULL;
+    uint32_t *want = guard_random(bytes, &seed), *got = guard_random(bytes, &seed);
+    uint32_t *want_far = guard_random(bytes, &seed), *got_far = guard_random(bytes, &seed);
+    struct sst_landing l = landing_right;
+    const bool both = below(4);
+
+    for (int i = 0; i < n; i++)
+        disp[i] = below(30) ? (uint16_t)(disp[i] % values) : 65535;
+    l.step[0] = below(4096) - 2048;
+    l.step[1] = below(1024) - 512;
+    l.whole[0] = below(5) - 2;
+    l.y = below(H);
+    for (int i = 0; i < W * H; i++)
+        want[i] = below(2) ? want[i] & 0xFFFF : 0;
+    memcpy(got, want, bytes);
+    memcpy(got_far, want_far, bytes);
+    sst_land_row_ref(want, both ? want_far : NULL, &l, disp, rank, (size_t)n);
+    k->land_row(got, both ? got_far : NULL, &l, disp, rank, (size_t)n);
+    assert_memory_equal(got, want, bytes);
+    assert_memory_equal(got_far, want_far, bytes);
+    guard_free_all();
+}
+
+static void landing(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    FOR_EACH_LEVEL(k, level)
+    {
+        for (int n = 1; n <= W; n++) {
+            check_landing(&k, n, 1);
+            check_landing(&k, n, 8);
+            check_landing(&k, n, 256);
+            check_landing(&k, n, 65535);
+        }
+    }
+}
+
+static void the_largest_moves_do_not_overflow(void **state SST_UNUSED)
+{
+    const uint16_t disp[] = { 65534, 65534 };
+    uint32_t nearest[W * H] = { 0 };
+    struct sst_landing l = {
+        .width = W, .height = H, .whole = { -32766, 32767 }, .part = { 65535, 0 }, .step = { 32768, -32768 }, .y = 1
+    };
+    struct sst_kernels k;
+
+    FOR_EACH_LEVEL(k, level)
+    {
+        memset(nearest, 0, sizeof(nearest));
+        k.land_row(nearest, NULL, &l, disp, NULL, ARRAY_LEN(disp));
+        assert_int_equal(nearest[W + 1], 65535 << 8);
+        assert_int_equal(nearest[W + 2], 65535 << 8);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -198,6 +283,9 @@ int main(void)
         cmocka_unit_test(costs_of_known_views),
         cmocka_unit_test(paths),
         cmocka_unit_test(path_along_a_row),
+        cmocka_unit_test(pixels_land_where_they_are_known_to),
+        cmocka_unit_test(landing),
+        cmocka_unit_test(the_largest_moves_do_not_overflow),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

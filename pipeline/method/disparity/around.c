@@ -8,31 +8,25 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
-static const int radii[SST_AROUND_EXTREMES / 2] = { 2, 6, 16 };
+/* The farthest and nearest surface that lands at each pixel, as land_row has them. */
+struct landed {
+    uint32_t *nearest, *farthest;
+};
 
-static void project_view(struct sst_projected *to, const struct sst_visible_view *from, double bx, double by,
-                         double disp_min_px)
+static void project_view(const struct landed *to, const struct sst_visible_view *own,
+                         const struct sst_visible_view *from, double disp_min_px)
 {
-    const struct sst_shift across = sst_shift_by(bx, disp_min_px), down = sst_shift_by(by, disp_min_px);
+    struct sst_landing l = { .width = own->disp->width, .height = own->disp->height };
 
-    for (int y = 0; y < from->disp->height; y++) {
-        const uint16_t *d = sst_map_u16_row(from->disp, y);
-
-        for (int x = 0; x < from->disp->width; x++) {
-            const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
-            uint16_t *far, *near;
-
-            if (d[x] == SST_DISP_NONE || xt < 0 || yt < 0 || xt >= to->far.width || yt >= to->far.height)
-                continue;
-            far = &sst_map_u16_row(&to->far, yt)[xt];
-            near = &sst_map_u16_row(&to->near, yt)[xt];
-            *far = d[x] < *far ? d[x] : *far;
-            *near = d[x] > *near ? d[x] : *near;
-        }
-    }
+    sst_shift_parts(sst_shift_by(from->bx - own->bx, disp_min_px), &l.whole[0], &l.part[0], &l.step[0]);
+    sst_shift_parts(sst_shift_by(from->by - own->by, disp_min_px), &l.whole[1], &l.part[1], &l.step[1]);
+    for (l.y = 0; l.y < from->disp->height; l.y++)
+        sst_kernels_get()->land_row(to->nearest, to->farthest, &l, sst_map_u16_row(from->disp, l.y), NULL,
+                                    (size_t)from->disp->width);
 }
 
 /* A map of this size, of any content. */
@@ -45,86 +39,114 @@ static int keep_map(struct sst_map_u16 *map, const struct sst_map_u16 *size)
 }
 
 /* Surfaces of the matched views up to two spacings away on the axes and one on the diagonals. */
-static int project_around(struct sst_projected *to, const struct sst_visible_views *in, int k)
+static int project_around(struct sst_around *a, const struct sst_visible_views *in, int k)
 {
     const struct sst_visible_view *own = &in->view[k];
-    int err = keep_map(&to->far, own->disp);
+    const size_t pixels = (size_t)own->disp->width * (size_t)own->disp->height;
+    uint32_t *words = sst_mem_keep(&a->lines, 2 * pixels, sizeof(*words));
+    const struct landed landed = { words, words + pixels };
+    int err = words ? keep_map(&a->projected.far, own->disp) : -ENOMEM;
 
-    err = err ? err : keep_map(&to->near, own->disp);
+    err = err ? err : keep_map(&a->projected.near, own->disp);
     if (err)
         return err;
-    memset(to->far.data, 0xFF, to->far.stride * (size_t)to->far.height);
-    memset(to->near.data, 0, to->near.stride * (size_t)to->near.height);
+    memset(landed.nearest, 0, pixels * sizeof(*words));
+    memset(landed.farthest, 0xFF, pixels * sizeof(*words));
     for (int i = 0; i < in->count; i++) {
         const struct sst_visible_view *v = &in->view[i];
-        const double bx = v->bx - own->bx, by = v->by - own->by;
 
-        if (i != k && v->image && !v->carried && fabs(bx) + fabs(by) < 2.5)
-            project_view(to, v, bx, by, in->disp_min_px);
+        if (i != k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < 2.5)
+            project_view(&landed, own, v, in->disp_min_px);
+    }
+    for (int y = 0; y < own->disp->height; y++) {
+        uint16_t *near = sst_map_u16_row(&a->projected.near, y), *far = sst_map_u16_row(&a->projected.far, y);
+        const size_t row = (size_t)y * (size_t)own->disp->width;
+
+        for (size_t x = 0; x < (size_t)own->disp->width; x++) {
+            const uint32_t above = landed.nearest[row + x] >> SST_LANDED_DISP; /* 0: nothing */
+
+            near[x] = (uint16_t)(above - (above != 0));
+            far[x] = (uint16_t)landed.farthest[row + x];
+        }
     }
     return 0;
 }
 
-/* v[i] = least of v[i .. i + 2 radius], in place; n + 2 radius values. Windows grow by doubling. */
-static void least_ahead(uint16_t *v, int n, int radius)
-{
-    const int total = 2 * radius + 1;
+/* Square windows, each made of nine of the one before, `apart` pixels from each other; the last ones are wanted. */
+#define LEVELS 4
+#define REACH  16 /* of the largest one */
+static const struct level {
+    int apart, reach;
+} levels[LEVELS] = { { 1, 1 }, { 1, 2 }, { 4, 6 }, { 10, REACH } };
+#define WANTED (LEVELS - SST_AROUND_EXTREMES / 2)
 
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int i = 0; i <= n + 2 * radius - have - more; i++)
-            v[i] = v[i + more] < v[i] ? v[i + more] : v[i];
+static void least_of(uint16_t *restrict to, const uint16_t *a, const uint16_t *b, const uint16_t *c, int n)
+{
+    for (int i = 0; i < n; i++) {
+        const uint16_t least = a[i] < b[i] ? a[i] : b[i];
+
+        to[i] = least < c[i] ? least : c[i];
     }
 }
 
-/* The same over rows of n values. */
-static void least_below(uint16_t *v, int n, int rows, int radius)
+/* Row y of a level's windows along rows; 2 apart + 1 of them are kept. */
+static uint16_t *kept_row(uint16_t *rows, int stride, int level, int y)
 {
-    const int total = 2 * radius + 1;
+    const int turns = 2 * levels[level].apart + 1;
 
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int y = 0; y <= rows + 2 * radius - have - more; y++) {
-            uint16_t *a = v + (size_t)y * (size_t)n;
-            const uint16_t *b = v + (size_t)(y + more) * (size_t)n;
+    for (int i = 0; i < level; i++)
+        rows += (2 * levels[i].apart + 1) * stride;
+    return rows + (y + REACH) % turns * stride;
+}
 
-            for (int x = 0; x < n; x++)
-                a[x] = b[x] < a[x] ? b[x] : a[x];
-        }
+static void take_extremes(struct sst_map_u16 *out, const uint16_t *row, int y, uint16_t flip)
+{
+    uint16_t *to = sst_map_u16_row(out, y);
+
+    for (int x = 0; x < out->width; x++)
+        to[x] = row[x] == SST_DISP_NONE ? row[x] : (uint16_t)(flip ? flip - row[x] : row[x]);
+}
+
+/* A row of the map, with REACH pixels on both sides, and above and below. */
+static void padded_row(uint16_t *row, const struct sst_map_u16 *map, int y, uint16_t flip)
+{
+    memset(row, 0xFF, ((size_t)map->width + 2 * REACH) * sizeof(*row));
+    for (int x = 0; y >= 0 && y < map->height && x < map->width; x++) {
+        const uint16_t d = sst_map_u16_row(map, y)[x];
+
+        row[x + REACH] = d == SST_DISP_NONE ? d : (uint16_t)(flip ? flip - d : d);
     }
 }
 
 /*
- * The farthest (nearest: the nearest) known disparity in windows of 2 radius + 1; NONE where nothing is known. The
- * nearest is the least of the complements.
- * @param lines  scratch
+ * The farthest (nearest: the nearest) known disparity in the windows of all radii; NONE where nothing is known. The
+ * nearest is the least of the complements. Rows go through all levels while they are in the cache.
+ * @param out    every `step`-th one @param lines  scratch
  */
-static int find_extreme(struct sst_map_u16 *out, const struct sst_map_u16 *map, int radius, bool nearest,
-                        struct sst_mem_kept *lines)
+static int find_extremes(struct sst_map_u16 *out, int step, const struct sst_map_u16 *map, bool nearest,
+                         struct sst_mem_kept *lines)
 {
-    const int w = map->width, h = map->height;
+    const int stride = map->width + 2 * REACH;
     const uint16_t flip = nearest ? SST_DISP_MAX_Q6 : 0;
-    const size_t row = (size_t)w, all = row * (size_t)(h + 2 * radius);
-    uint16_t *rows = sst_mem_keep(lines, all + row + 2 * (size_t)radius, sizeof(*rows)), *line = rows + all;
-    const int err = rows ? keep_map(out, map) : -ENOMEM;
+    uint16_t *row = sst_mem_keep(lines, (size_t)stride * (1 + LEVELS + 2 * REACH), sizeof(*row));
+    int err = row ? 0 : -ENOMEM;
 
-    for (int y = -radius; !err && y < h + radius; y++) {
-        memset(line, 0xFF, (size_t)(w + 2 * radius) * sizeof(*line));
-        for (int x = 0; y >= 0 && y < h && x < w; x++) {
-            const uint16_t d = sst_map_u16_row(map, y)[x];
+    for (int i = 0; !err && i < SST_AROUND_EXTREMES / 2; i++)
+        err = keep_map(&out[i * step], map);
+    for (int t = -REACH; !err && t < map->height + REACH; t++) {
+        padded_row(row, map, t, flip);
+        for (int i = 0; i < LEVELS && t + REACH >= 2 * (levels[i].reach - levels[i].apart); i++) {
+            const int apart = levels[i].apart, reach = levels[i].reach, n = stride - 2 * reach, y = t - reach;
+            uint16_t *rows = row + stride;
 
-            line[x + radius] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
-        }
-        least_ahead(line, w, radius);
-        memcpy(rows + (size_t)(y + radius) * row, line, row * sizeof(*line));
-    }
-    if (!err)
-        least_below(rows, w, h, radius);
-    for (int y = 0; !err && y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            const uint16_t d = rows[(size_t)y * row + (size_t)x];
-
-            sst_map_u16_row(out, y)[x] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
+            least_of(kept_row(rows, stride, i, y + apart) + reach, row + reach - apart, row + reach,
+                     row + reach + apart, n);
+            if (t + REACH < 2 * reach)
+                break;
+            least_of(row + reach, kept_row(rows, stride, i, y - apart) + reach, kept_row(rows, stride, i, y) + reach,
+                     kept_row(rows, stride, i, y + apart) + reach, n);
+            if (i >= WANTED && y >= 0 && y < map->height)
+                take_extremes(&out[(i - WANTED) * step], row + REACH, y, flip);
         }
     }
     return err;
@@ -165,13 +187,12 @@ int sst_around_init(struct sst_around *a, const struct sst_visible_views *in, in
                     const struct sst_sweep *sweep, int sweeps)
 {
     const struct sst_map_u16 *map = in->view[k].disp;
-    int err = project_around(&a->projected, in, k);
+    int err = project_around(a, in, k);
 
     err = err ? err : find_steps(&a->steps, map, step);
-    for (int i = 0; !err && i < SST_AROUND_EXTREMES / 2; i++)
-        err = find_extreme(&a->flat[i], &a->steps, radii[i], false, &a->lines);
-    for (int i = 0; !err && i < SST_AROUND_EXTREMES; i++)
-        err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2, &a->lines);
+    err = err ? err : find_extremes(a->flat, 1, &a->steps, false, &a->lines);
+    for (int i = 0; !err && i < 2; i++)
+        err = find_extremes(&a->extreme[i], 2, map, i, &a->lines);
     sst_sweep_candidates_fini(&a->swept);
     return err ? err
                : sst_sweep_candidates(&a->swept, sweep, sweeps, in->view[k].bx, in->view[k].by, map, in->disp_min_px,

@@ -10,6 +10,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/gpu/carry.h"
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -20,7 +21,7 @@
 
 /* What arrives at a pixel, the larger the better: disparity + 1 (0: nothing yet), the check's result, half of the
  * confidence. */
-#define DISP_SHIFT 8
+#define DISP_SHIFT SST_LANDED_DISP
 #define CONFIRMED  128u
 
 static int disp_of(uint32_t arrived)
@@ -59,80 +60,74 @@ static int sources_of(const struct sst_visible_views *in, int k, int *source)
     return n;
 }
 
-/* The farthest disparity that arrives at a pixel, and from which sources any does. */
-struct farthest {
-    uint16_t disp, sources;
-};
-
-/* One source's part of a view. farthest: NULL, not wanted */
-static void carry_row(uint32_t *arrived, struct farthest *farthest, int width, int height,
-                      const struct sst_visible_view *from, const struct sst_map_u8 *status, int y,
-                      struct sst_shift across, struct sst_shift down, uint16_t source)
+/* One source's part of a view. @param farthest  NULL: not wanted @param rank  scratch, a row */
+static void carry_view(uint32_t *arrived, uint32_t *farthest, const struct carry *c, const struct sst_visible_view *own,
+                       int source, uint32_t bit, uint8_t *rank)
 {
-    const uint16_t *d = sst_map_u16_row(from->disp, y);
-    const uint8_t *confidence = sst_map_u8_row(from->confidence, y), *s = status ? sst_map_u8_row(status, y) : NULL;
+    const struct sst_visible_view *from = &c->in->view[source];
+    const int width = from->disp->width;
+    struct sst_landing l = { .width = own->disp->width, .height = own->disp->height, .source = bit };
 
-    for (int x = 0; x < width; x++) {
-        const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
-        const uint32_t checked = s && s[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0;
-        const uint32_t value = ((uint32_t)d[x] + 1) << DISP_SHIFT | checked | confidence[x] >> 1;
-        size_t at;
+    sst_shift_parts(sst_shift_by(from->bx - own->bx, c->in->disp_min_px), &l.whole[0], &l.part[0], &l.step[0]);
+    sst_shift_parts(sst_shift_by(from->by - own->by, c->in->disp_min_px), &l.whole[1], &l.part[1], &l.step[1]);
+    for (l.y = 0; l.y < from->disp->height; l.y++) {
+        const uint8_t *confidence = sst_map_u8_row(from->confidence, l.y);
+        const uint8_t *status = c->status ? sst_map_u8_row(&c->status[source], l.y) : NULL;
 
-        if (d[x] == SST_DISP_NONE || (unsigned)xt >= (unsigned)width || (unsigned)yt >= (unsigned)height)
-            continue;
-        at = (size_t)yt * (size_t)width + (size_t)xt;
-        arrived[at] = value > arrived[at] ? value : arrived[at];
-        if (farthest) {
-            farthest[at].disp = d[x] < farthest[at].disp ? d[x] : farthest[at].disp;
-            farthest[at].sources |= source;
-        }
+        for (int x = 0; x < width; x++)
+            rank[x] = (uint8_t)(confidence[x] >> 1 | (status && status[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0));
+        sst_kernels_get()->land_row(arrived, farthest, &l, sst_map_u16_row(from->disp, l.y), rank, (size_t)width);
     }
 }
 
 /* A gap of a pixel between pixels a and b of one nearer surface: slanted surfaces get wider from view to view. */
-static uint32_t between(uint32_t at, uint32_t a, uint32_t b)
+static inline uint32_t between(uint32_t at, uint32_t a, uint32_t b)
 {
     const int d = disp_of(at), da = disp_of(a), db = disp_of(b), least = da < db ? da : db;
+    const bool gap = (least >= 0) & (abs(da - db) < STEP_Q6) & ((d < 0) | (least > d + STEP_Q6));
 
-    return least >= 0 && abs(da - db) < STEP_Q6 && (d < 0 || least > d + STEP_Q6) ? (da < db ? a : b) : at;
+    return gap ? (da < db ? a : b) : at;
 }
 
-static void close_gaps(uint32_t *arrived, int width, int height)
+/* Of two pixels side by side only one is a gap, so that a row can be read as it was. @param closed  scratch, a row */
+static void close_gaps(uint32_t *arrived, int width, int height, uint32_t *restrict closed)
 {
     for (int y = 0; y < height; y++) {
-        uint32_t *at = arrived + (size_t)y * (size_t)width;
+        uint32_t *restrict at = arrived + (size_t)y * (size_t)width;
 
+        closed[0] = at[0];
+        closed[width - 1] = at[width - 1];
         for (int x = 1; x + 1 < width; x++)
-            at[x] = between(at[x], at[x - 1], at[x + 1]);
-        for (int x = 0; y > 0 && y + 1 < height && x < width; x++)
-            at[x] = between(at[x], at[x - width], at[x + width]);
+            closed[x] = between(at[x], at[x - 1], at[x + 1]);
+        if (y == 0 || y + 1 == height) {
+            memcpy(at, closed, (size_t)width * sizeof(*at));
+            continue;
+        }
+        for (int x = 0; x < width; x++)
+            at[x] = between(closed[x], at[x - width], at[x + width]);
     }
 }
 
-/* What arrives in view k from the matched views other than itself. @param arrived, farthest  out, [height][width] */
-static int carry_to(uint32_t *arrived, struct farthest *farthest, const struct carry *c, int k)
+/* What arrives in view k from the matched views other than itself. @param arrived, farthest  out, [height][width]; see
+ * land_row; the latter NULL: not wanted */
+static int carry_to(uint32_t *arrived, uint32_t *farthest, const struct carry *c, int k)
 {
     const struct sst_visible_view *own = &c->in->view[k];
     const int width = own->disp->width, height = own->disp->height;
+    const size_t pixels = (size_t)width * (size_t)height;
+    uint32_t *row = sst_mem_alloc_raw((size_t)width, sizeof(*row));
     int source[SOURCES];
-    const int n = sources_of(c->in, k, source);
+    const int n = row ? sources_of(c->in, k, source) : -ENOMEM;
 
-    if (n < 0)
-        return n;
-    memset(arrived, 0, (size_t)width * (size_t)height * sizeof(*arrived));
-    for (size_t i = 0; farthest && i < (size_t)width * (size_t)height; i++)
-        farthest[i] = (struct farthest){ SST_DISP_NONE, 0 };
-    for (int i = 0; i < n; i++) {
-        const struct sst_visible_view *from = &c->in->view[source[i]];
-        const struct sst_shift across = sst_shift_by(from->bx - own->bx, c->in->disp_min_px);
-        const struct sst_shift down = sst_shift_by(from->by - own->by, c->in->disp_min_px);
-
-        for (int y = 0; y < height; y++)
-            carry_row(arrived, farthest, width, height, from, c->status ? &c->status[source[i]] : NULL, y, across, down,
-                      (uint16_t)(1 << i));
-    }
-    close_gaps(arrived, width, height);
-    return 0;
+    memset(arrived, 0, pixels * sizeof(*arrived));
+    for (size_t i = 0; farthest && i < pixels; i++)
+        farthest[i] = SST_DISP_NONE;
+    for (int i = 0; i < n; i++)
+        carry_view(arrived, farthest, c, own, source[i], 1u << i, (uint8_t *)row);
+    if (n >= 0)
+        close_gaps(arrived, width, height, row);
+    sst_mem_free(row);
+    return n < 0 ? n : 0;
 }
 
 static uint32_t *arrived_init(const struct sst_visible_view *v)
@@ -140,13 +135,22 @@ static uint32_t *arrived_init(const struct sst_visible_view *v)
     return sst_mem_alloc_raw((size_t)v->disp->width * (size_t)v->disp->height, sizeof(uint32_t));
 }
 
+/* Are there three bits? */
+static bool agree(uint32_t sources)
+{
+    _Static_assert(AGREED == 3, "two bits are taken away");
+    sources &= sources - 1;
+    return sources & (sources - 1);
+}
+
 /* Set SST_GPU_CARRY_AGREED where most of the sources put the same surface at a pixel, and no other one a different
  * surface. */
-static void find_agreed(uint32_t *arrived, const struct farthest *farthest, size_t pixels)
+static void find_agreed(uint32_t *arrived, const uint32_t *farthest, size_t pixels)
 {
     for (size_t i = 0; i < pixels; i++) {
-        if (__builtin_popcount(farthest[i].sources) >= AGREED && disp_of(arrived[i]) - farthest[i].disp < STEP_Q6)
-            arrived[i] |= SST_GPU_CARRY_AGREED;
+        const bool same = disp_of(arrived[i]) - (int)(farthest[i] & 0xFFFF) < STEP_Q6;
+
+        arrived[i] |= same && agree(farthest[i] >> 16) ? SST_GPU_CARRY_AGREED : 0;
     }
 }
 
@@ -182,7 +186,7 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
 {
     const struct carry *c = arg;
     const struct sst_visible_view *own = &c->in->view[k];
-    struct farthest *farthest = NULL;
+    uint32_t *farthest = NULL;
     const size_t pixels = own->image ? (size_t)own->disp->width * (size_t)own->disp->height : 0;
     uint32_t *arrived;
     int err;

@@ -622,7 +622,7 @@ struct sst_around {
     struct sst_map_u16 steps;
     struct sst_map_u16 flat[SST_AROUND_EXTREMES / 2]; /* 0 where the window holds a step: a slant alone has none */
     struct sst_map_u16 extreme[SST_AROUND_EXTREMES];
-    struct sst_projected {
+    struct {
         struct sst_map_u16 far, near; /* of other views: the farthest (SST_DISP_NONE: none) and the nearest (0) */
     } projected;
     struct sst_sweep_candidates swept;

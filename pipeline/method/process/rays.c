@@ -77,10 +77,7 @@ void process_rays_find(struct process_rays *r, const struct sst_view *there, con
                                .same = PROCESS_SAME_Q6,
                                .similar = PROCESS_SIMILAR };
 
-    for (int axis = 0; axis < 2; axis++) {
-        shown.whole[axis] = (int32_t)(shift[axis].at >> 16);
-        shown.part[axis] = (int32_t)(shift[axis].at & 0xFFFF);
-        shown.step[axis] = (int32_t)shift[axis].step;
-    }
+    for (int axis = 0; axis < 2; axis++)
+        sst_shift_parts(shift[axis], &shown.whole[axis], &shown.part[axis], &shown.step[axis]);
     sst_kernels_get()->shown_row(r->at, r->label, &shown, r->own, (size_t)r->count);
 }

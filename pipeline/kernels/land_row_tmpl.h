@@ -1,0 +1,98 @@
+/* land_row. With AVX-512 neighbouring pixels that all move alike are stored at once. The others are stored one by one:
+ * masked stores of a part of them stall the loads that follow. */
+
+#define LAND_BLOCK 16
+
+/* One pixel. */
+static inline void KERNEL(land)(uint32_t *restrict nearest, uint32_t *restrict farthest, int32_t to, uint32_t value,
+                                uint32_t source)
+{
+    nearest[to] = nearest[to] < value ? value : nearest[to];
+    if (farthest) {
+        const uint32_t d = (value >> SST_LANDED_DISP) - 1, old = farthest[to], least = old & 0xFFFF;
+
+        farthest[to] = (old & 0xFFFF0000) | source | (d < least ? d : least);
+    }
+}
+
+#if defined(__AVX512BW__)
+static inline __m512i KERNEL(land_place)(const struct sst_landing *l, int axis, __m512i own, __m512i d)
+{
+    const __m512i moved = _mm512_srai_epi32(
+        _mm512_add_epi32(_mm512_mullo_epi32(d, _mm512_set1_epi32(l->step[axis])), _mm512_set1_epi32(l->part[axis])),
+        16);
+
+    return _mm512_add_epi32(_mm512_add_epi32(own, _mm512_set1_epi32(l->whole[axis])), moved);
+}
+
+static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict farthest, const struct sst_landing *l,
+                             const uint16_t *restrict disp, const uint8_t *restrict rank, size_t n)
+{
+    const __m512i lane = _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
+    const struct sst_landing v = *l;
+    const uint32_t source = v.source << 16;
+
+    for (size_t i = 0; i < n; i += LAND_BLOCK) {
+        const __mmask16 used = (__mmask16)(n - i >= LAND_BLOCK ? 0xFFFF : (1 << (n - i)) - 1);
+        const __m512i d = _mm512_cvtepu16_epi32(_mm256_mask_loadu_epi16(_mm256_set1_epi16(-1), used, disp + i));
+        const __m512i x = KERNEL(land_place)(&v, 0, _mm512_add_epi32(lane, _mm512_set1_epi32((int)i)), d);
+        const __m512i y = KERNEL(land_place)(&v, 1, _mm512_set1_epi32(v.y), d);
+        const __m512i to = _mm512_add_epi32(_mm512_mullo_epi32(y, _mm512_set1_epi32(v.width)), x);
+        __m512i value = _mm512_slli_epi32(_mm512_add_epi32(d, _mm512_set1_epi32(1)), SST_LANDED_DISP);
+        __mmask16 left = _mm512_cmpneq_epi32_mask(d, _mm512_set1_epi32(65535));
+        int32_t at[LAND_BLOCK];
+        uint32_t values[LAND_BLOCK];
+
+        if (rank)
+            value = _mm512_or_si512(value, _mm512_cvtepu8_epi32(_mm_maskz_loadu_epi8(used, rank + i)));
+        left = _mm512_mask_cmplt_epu32_mask(left, x, _mm512_set1_epi32(v.width));
+        left = _mm512_mask_cmplt_epu32_mask(left, y, _mm512_set1_epi32(v.height));
+        _mm512_storeu_si512(at, to);
+        if (left == 0xFFFF && _mm512_cmpeq_epi32_mask(to, _mm512_add_epi32(lane, _mm512_set1_epi32(at[0]))) == 0xFFFF) {
+            uint32_t *row = nearest + at[0];
+
+            _mm512_storeu_si512(row, _mm512_max_epu32(_mm512_loadu_si512(row), value));
+            if (farthest) { /* the upper halves of d, all ones, leave the sources as they are */
+                row = farthest + at[0];
+                _mm512_storeu_si512(
+                    row, _mm512_or_si512(_mm512_min_epu16(_mm512_loadu_si512(row),
+                                                          _mm512_or_si512(d, _mm512_set1_epi32((int)0xFFFF0000))),
+                                         _mm512_set1_epi32((int)source)));
+            }
+            continue;
+        }
+        _mm512_storeu_si512(values, value);
+        for (; left; left &= (__mmask16)(left - 1)) {
+            const int k = __builtin_ctz(left);
+
+            KERNEL(land)(nearest, farthest, at[k], values[k], source);
+        }
+    }
+}
+#else
+static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict farthest, const struct sst_landing *l,
+                             const uint16_t *restrict disp, const uint8_t *restrict rank, size_t n)
+{
+    const struct sst_landing v = *l;
+    int32_t x[LAND_BLOCK], y[LAND_BLOCK];
+    uint32_t value[LAND_BLOCK];
+
+    for (size_t i = 0; i < n; i += LAND_BLOCK) {
+        const int count = n - i < LAND_BLOCK ? (int)(n - i) : LAND_BLOCK;
+
+        for (int k = 0; k < count; k++) {
+            const int d = disp[i + (size_t)k] == 65535 ? 0 : disp[i + (size_t)k]; /* 65535 has no place */
+
+            x[k] = (int)i + k + v.whole[0] + ((v.part[0] + d * v.step[0]) >> 16);
+            y[k] = v.y + v.whole[1] + ((v.part[1] + d * v.step[1]) >> 16);
+            value[k] = (uint32_t)(d + 1) << SST_LANDED_DISP | (rank ? rank[i + (size_t)k] : 0);
+        }
+        for (int k = 0; k < count; k++) {
+            if (disp[i + (size_t)k] != 65535 && (unsigned)x[k] < (unsigned)v.width &&
+                (unsigned)y[k] < (unsigned)v.height)
+                KERNEL(land)(nearest, farthest, y[k] * v.width + x[k], value[k], v.source << 16);
+        }
+    }
+}
+#endif
+#undef LAND_BLOCK
