@@ -1,4 +1,5 @@
 /* sst: the command line. One file per subcommand; this one dispatches. */
+#include <malloc.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,6 +7,9 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+
+#define LARGE_BYTES (32 << 20)  /* blocks from here on are the system's again when they are freed */
+#define KEPT_BYTES  (256 << 20) /* freed memory that is kept at most */
 
 static const struct cli_command *const commands[] = {
     &cli_demo,     &cli_scene,    &cli_import, &cli_recording,   &cli_export,    &cli_rectify,
@@ -37,8 +41,17 @@ static int describe(void)
     return r;
 }
 
+/* Memory that one step of a command frees is the next one's: the system clears each page before it gives it. */
+static void keep_memory(void)
+{
+    mallopt(M_ARENA_MAX, 1);
+    mallopt(M_MMAP_THRESHOLD, LARGE_BYTES);
+    mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
+}
+
 int main(int argc, char **argv)
 {
+    keep_memory();
     if (sst_file_clean_on_interrupt())
         return CLI_MEMORY;
     signal(SIGPIPE, SIG_IGN);

@@ -177,19 +177,24 @@ static double residual(const struct system *s, const struct observation *o)
 
 /* --- normal equations --------------------------------------------------------------------------------------------- */
 
+/* Of the lower half, a block for two cameras at a time. */
 static void add_observation(struct system *s, const struct observation *o, double weight)
 {
-    for (int i = 0; i < o->cams * STATES; i++) {
-        const int row = o->cam[i / STATES] * STATES + i % STATES;
-        const double f = weight * o->part[i / STATES][i % STATES];
+    for (int i = 0; i < o->cams; i++) {
+        for (int j = 0; j < o->cams; j++) {
+            double *block = s->normal + (size_t)o->cam[i] * STATES * (size_t)s->n + (size_t)o->cam[j] * STATES;
 
-        s->right[row] += f * o->value;
-        for (int j = 0; j < o->cams * STATES; j++) {
-            const int col = o->cam[j / STATES] * STATES + j % STATES;
+            if (o->cam[j] > o->cam[i])
+                continue;
+            for (int row = 0; row < STATES; row++, block += s->n) {
+                const double f = weight * o->part[i][row];
 
-            if (col <= row)
-                s->normal[(size_t)row * (size_t)s->n + (size_t)col] += f * o->part[j / STATES][j % STATES];
+                for (int col = 0; col < STATES; col++) /* with what is above the diagonal, which nothing reads */
+                    block[col] += f * o->part[j][col];
+            }
         }
+        for (int row = 0; row < STATES; row++)
+            s->right[o->cam[i] * STATES + row] += weight * o->part[i][row] * o->value;
     }
 }
 

@@ -257,19 +257,20 @@ static inline int add_candidates(list_lanes *list, int count, const struct sst_s
     return count;
 }
 
-static bool is_near(uint16_t a, uint16_t b, int apart)
+/* Which pixels inside a surface have no other hypothesis than their own disparity, from column `left` on? */
+static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n, int apart)
 {
-    return abs(a - b) < apart;
-}
+    const uint16_t *own = r->own + left, *far = r->far + left, *near = r->near + left;
+    const uint16_t *flat = r->flat[SST_AROUND_EXTREMES / 2 - 1] + left;
 
-/* Does a pixel inside a surface have no other hypothesis than its own disparity? @param absent  some candidate of the
- * sweep is absent from the map */
-static bool is_alone(const struct around_row *r, int x, bool absent, int apart)
-{
-    const uint16_t own = r->own[x], far = r->far[x], near = r->near[x];
+    for (int x = 0; x < n; x++) {
+        const int d = own[x], off = abs(far[x] - d), near_off = abs(near[x] - d);
 
-    return own != SST_DISP_NONE && r->flat[SST_AROUND_EXTREMES / 2 - 1][x] && !absent && (!r->seen || r->seen[x]) &&
-           (far == SST_DISP_NONE || is_near(far, own, apart)) && (!near || is_near(near, own, apart));
+        alone[x] = (uint8_t)((d != (int)SST_DISP_NONE) & (flat[x] != 0) & ((far[x] == SST_DISP_NONE) | (off < apart)) &
+                             ((near[x] == 0) | (near_off < apart)));
+    }
+    for (int x = 0; r->seen && x < n; x++)
+        alone[x] &= r->seen[left + x] != 0;
 }
 
 /* The hypotheses of a pixel, its own disparity first; unused entries repeat the last, or are 0. @return their number */
@@ -301,20 +302,21 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
     int next = 0;
 
     around_row_init(&row, a, v, y);
+    find_alone(count, &row, left, n, apart);
     for (int x = left; x < left + n; x = next) {
         const struct sst_sweep_peak *peak = sst_sweep_candidates_at(&a->swept, x, y);
-        bool absent = false;
+        bool absent = false; /* from the map is some candidate of the sweep */
 
         for (int i = 0; i < SST_SWEEP_PEAKS; i++)
             absent |= peak[i].disp != SST_DISP_NONE && peak[i].absent;
         next = sst_min_int((x / a->swept.cell + 1) * a->swept.cell, left + n);
         for (int i = x; i < next; i++) {
             uint16_t *to = list + (i - left) * SST_HYPOTHESES;
-            const bool alone = is_alone(&row, i, absent, apart);
 
-            if (alone)
+            if (count[i - left] && !absent)
                 *(list_lanes *)to = (list_lanes){ 0 } + row.own[i];
-            count[i - left] = alone ? 1 : (uint8_t)list_hypotheses(to, &row, peak, i, apart);
+            else
+                count[i - left] = (uint8_t)list_hypotheses(to, &row, peak, i, apart);
         }
     }
 }

@@ -95,19 +95,41 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
     }
 }
 
-/* The label of pixel (x, y) from the first of the sources that shows its surface and has a label there, of which the
- * nearest one is known. */
+/* A source's labels, and where pixels of the own view lie there. */
+struct known {
+    const struct sst_map_u8 *label;
+    int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
+};
+
+static struct known known_of(const struct sst_lightfield *lf, const struct sst_refine_voter *s)
+{
+    struct known k = { .label = &lf->views[s->view].label };
+
+    sst_shift_parts(s->across, &k.whole[0], &k.part[0], &k.step[0]);
+    sst_shift_parts(s->down, &k.whole[1], &k.part[1], &k.step[1]);
+    return k;
+}
+
+/* The label there of a pixel whose surface the source shows. */
+static uint8_t known_label(const struct known *k, int x, int y, int d)
+{
+    return sst_map_u8_row(
+        k->label, y + k->whole[1] +
+                      ((k->part[1] + d * k->step[1]) >> 16))[x + k->whole[0] + ((k->part[0] + d * k->step[0]) >> 16)];
+}
+
+/* The label of pixel (x, y) from the first of the sources from `first` on that shows its surface and has a label there.
+ */
 static uint8_t find_label(const struct process_carry *c, const struct sst_view *own,
-                          const struct sst_refine_voter *source, int n, int nearest, int x, int y)
+                          const struct sst_refine_voter *source, int first, int n, int x, int y)
 {
     const int d = sst_map_u16_row(&own->disp, y)[x];
 
-    for (int i = nearest; i < n; i++) {
+    for (int i = first; i < n; i++) {
         const struct sst_view *there = &c->lf->views[source[i].view];
         const struct process_place at = process_place_in(&source[i], x, y, d);
-        const uint8_t label = i == nearest || process_shows(there, own, x, y, d, at)
-                                  ? sst_map_u8_row(&there->label, at.y)[at.x]
-                                  : (uint8_t)SST_LABEL_NONE;
+        const uint8_t label = process_shows(there, own, x, y, d, at) ? sst_map_u8_row(&there->label, at.y)[at.x]
+                                                                     : (uint8_t)SST_LABEL_NONE;
 
         if (label != SST_LABEL_NONE)
             return label;
@@ -115,18 +137,27 @@ static uint8_t find_label(const struct process_carry *c, const struct sst_view *
     return SST_LABEL_NONE;
 }
 
-/* Labels of a view whose nearest sources are known. */
+/* Labels of a view whose nearest sources are known: mostly they have a label, and the others are not asked. */
 static void gather_known(const struct process_carry *c, int view, const struct gathered *out,
                          const struct sst_refine_voter *source, int n)
 {
     const struct sst_view *own = &c->lf->views[view];
+    struct known known[SOURCES];
 
+    for (int i = 0; i < n; i++)
+        known[i] = known_of(c->lf, &source[i]);
     for (int y = 0; y < out->label->height; y++) {
+        const uint16_t *d = sst_map_u16_row(&own->disp, y);
         const uint8_t *nearest = sst_map_u8_row(out->source, y);
         uint8_t *to = sst_map_u8_row(out->label, y);
 
-        for (int x = 0; x < out->label->width; x++)
-            to[x] = nearest[x] < n ? find_label(c, own, source, n, nearest[x], x, y) : (uint8_t)SST_LABEL_NONE;
+        for (int x = 0; x < out->label->width; x++) {
+            const int i = nearest[x];
+
+            to[x] = i < n ? known_label(&known[i], x, y, d[x]) : (uint8_t)SST_LABEL_NONE;
+            if (to[x] == SST_LABEL_NONE && i + 1 < n)
+                to[x] = find_label(c, own, source, i + 1, n, x, y);
+        }
     }
 }
 

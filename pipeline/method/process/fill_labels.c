@@ -4,6 +4,7 @@
  */
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "pipeline/method/process/process_internal.h"
 
@@ -41,6 +42,14 @@ static void consider(struct gap *g, const struct sst_view *v, int y, int from_x,
     }
 }
 
+/* @return the first column without a label from x on; width: none */
+static int start_of_gap(const uint8_t *label, int x, int width)
+{
+    const uint8_t *at = x < width ? memchr(label + x, SST_LABEL_NONE, (size_t)(width - x)) : NULL;
+
+    return at ? (int)(at - label) : width;
+}
+
 /* Columns x .. end - 1 have no label. @return end */
 static int end_of_gap(const uint8_t *label, int x, int width)
 {
@@ -55,8 +64,10 @@ static int list_gaps(struct gaps *g)
     size_t n = 0;
 
     for (int y = 0; y < label->height; y++) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+
         for (int x = 0; x < label->width; x++)
-            n += sst_map_u8_row(label, y)[x] == SST_LABEL_NONE;
+            n += row[x] == SST_LABEL_NONE;
         g->row[y + 1] = n;
     }
     g->gap = malloc((n + !n) * sizeof(*g->gap));
@@ -66,7 +77,8 @@ static int list_gaps(struct gaps *g)
     for (int y = 0; y < label->height; y++) {
         const uint8_t *row = sst_map_u8_row(label, y);
 
-        for (int from = 0, end; from < label->width; from = end + 1) {
+        for (int from = start_of_gap(row, 0, label->width), end; from < label->width;
+             from = start_of_gap(row, end, label->width)) {
             end = end_of_gap(row, from, label->width);
             for (int x = from; x < end; x++) {
                 struct gap *gap = &g->gap[n++];
@@ -125,7 +137,7 @@ static void fill_row(struct sst_view *v, const struct gap *gap, int y)
     uint8_t *label = sst_map_u8_row(&v->label, y);
     const int width = v->label.width;
 
-    for (int from = 0, end; from < width; from = end + 1) {
+    for (int from = start_of_gap(label, 0, width), end; from < width; from = start_of_gap(label, end, width)) {
         end = end_of_gap(label, from, width);
         for (int x = from; x < end; x++, gap++) {
             const bool left = from > 0 && (end == width || abs(d[x] - d[from - 1]) <= abs(d[x] - d[end]));
