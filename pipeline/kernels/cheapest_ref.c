@@ -14,6 +14,24 @@ void sst_cheapest_row_ref(uint8_t *first, uint8_t *second, const uint8_t *a, con
     }
 }
 
+void sst_cheapest_hamming_row_ref(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
+                                  int count, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        first[x] = second[x] = SST_COST_ABSENT;
+        for (int i = 0; i < count; i++) {
+            const uint8_t cost = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[i][x]));
+
+            if (cost < first[x]) {
+                second[x] = first[x];
+                first[x] = cost;
+            } else if (cost < second[x]) {
+                second[x] = cost;
+            }
+        }
+    }
+}
+
 void sst_cheapest_mean_row_ref(uint8_t *first, const uint8_t *second, int two, size_t n)
 {
     for (size_t x = 0; x < n; x++) {

@@ -42,6 +42,70 @@ static void KERNEL(cheapest_row)(uint8_t *restrict first, uint8_t *restrict seco
     }
 }
 
+#if defined(__AVX512VBMI__) && defined(__AVX512VPOPCNTDQ__)
+/* Up to 64 pixels: eight at a time, one byte of each lane; the order of bytes is put right at the end. */
+static inline __attribute__((always_inline)) void KERNEL(cheapest_hamming)(uint8_t *first, uint8_t *second,
+                                                                           const uint64_t *a, const uint64_t *const *b,
+                                                                           int count, size_t at, size_t n)
+{
+    const __mmask64 used = n >= 64 ? ~(__mmask64)0 : ((__mmask64)1 << n) - 1;
+    __m512i own[8], one = _mm512_set1_epi8(63), two = one;
+    uint8_t order[64];
+
+    for (int p = 0; p < 64; p++)
+        order[p] = (uint8_t)(8 * (p % 8) + p / 8);
+    for (int k = 0; k < 8; k++)
+        own[k] = _mm512_maskz_loadu_epi64((__mmask8)(used >> 8 * k), a + at + 8 * k);
+    for (int i = 0; i < count; i++) {
+        const uint64_t *there = b[i] + at;
+        __m512i bits[8], cost, over;
+
+        for (int k = 0; k < 8; k++)
+            bits[k] = _mm512_popcnt_epi64(
+                _mm512_xor_si512(own[k], _mm512_maskz_loadu_epi64((__mmask8)(used >> 8 * k), there + 8 * k)));
+        for (int k = 0; k < 8; k += 2)
+            bits[k] = _mm512_or_si512(bits[k], _mm512_slli_epi64(bits[k + 1], 8));
+        for (int k = 0; k < 8; k += 4)
+            bits[k] = _mm512_or_si512(bits[k], _mm512_slli_epi64(bits[k + 2], 16));
+        cost = _mm512_or_si512(bits[0], _mm512_slli_epi64(bits[4], 32));
+        over = _mm512_max_epu8(one, cost);
+        one = _mm512_min_epu8(one, cost);
+        two = _mm512_min_epu8(two, over);
+    }
+    one = _mm512_permutexvar_epi8(_mm512_loadu_si512(order), _mm512_slli_epi64(one, 2));
+    two = _mm512_permutexvar_epi8(_mm512_loadu_si512(order), _mm512_slli_epi64(two, 2));
+    _mm512_mask_storeu_epi8(first + at, used, count < 1 ? _mm512_set1_epi8((int8_t)SST_COST_ABSENT) : one);
+    _mm512_mask_storeu_epi8(second + at, used, count < 2 ? _mm512_set1_epi8((int8_t)SST_COST_ABSENT) : two);
+}
+
+static void KERNEL(cheapest_hamming_row)(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
+                                         int count, size_t n)
+{
+    size_t x = 0;
+
+    for (; n - x >= 64; x += 64)
+        KERNEL(cheapest_hamming)(first, second, a, b, count, x, 64);
+    if (x < n)
+        KERNEL(cheapest_hamming)(first, second, a, b, count, x, n - x);
+}
+#else
+static void KERNEL(cheapest_hamming_row)(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
+                                         int count, size_t n)
+{
+    uint8_t cost[64];
+
+    for (size_t x = 0, m; x < n; x += m) {
+        m = n - x < sizeof(cost) ? n - x : sizeof(cost);
+        memset(first + x, SST_COST_ABSENT, m);
+        memset(second + x, SST_COST_ABSENT, m);
+        for (int i = 0; i < count; i++) {
+            KERNEL(hamming_row)(cost, a + x, b[i] + x, m);
+            KERNEL(cheapest_row)(first + x, second + x, cost, cost, m);
+        }
+    }
+}
+#endif
+
 static void KERNEL(cheapest_mean_row)(uint8_t *restrict first, const uint8_t *restrict second, int two, size_t n)
 {
     size_t x = 0;

@@ -33,6 +33,7 @@ enum sst_cpu_level {
     X(hamming_row)                                                                                                     \
     X(hamming_steps_row)                                                                                               \
     X(feature_cost_rows)                                                                                               \
+    X(cheapest_hamming_row)                                                                                            \
     X(cheapest_row)                                                                                                    \
     X(cheapest_mean_row)                                                                                               \
     X(transpose_u8)                                                                                                    \
@@ -115,6 +116,11 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
 /** Insert the mean of two costs, rounded up and at most SST_COST_MAX - 1, into the two smallest ones so far, first <=
  *  second. a and b may be the same. */
 typedef void sst_cheapest_row_fn(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n);
+
+/** The two smallest of the costs of hamming_row against `count` other stretches, first <= second; SST_COST_ABSENT where
+ * there are fewer. */
+typedef void sst_cheapest_hamming_row_fn(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
+                                         int count, size_t n);
 
 /** One cost from the two smallest ones, into the first: their mean, rounded up; with `two`, of two neighbours, the
  * smaller one weighs three times the other, rounded to nearest. Without a second one the first alone, without any

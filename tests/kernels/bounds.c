@@ -46,6 +46,7 @@ static const struct {
     { "hamming_row", 4 * 62, SST_COST_MAX, "4 popcount of 62 bits" },
     { "hamming_steps_row", 4 * 62, SST_COST_MAX, "likewise" },
     { "feature_cost_rows", SST_FEATURE_CHANNELS * 128.0 * 255, INT32_MAX, "64 signed by unsigned bytes" },
+    { "cheapest_hamming_row", 4 * 62, SST_COST_MAX, "4 popcount of 62 bits" },
     { "cheapest_row", 2 * 255 + 1, UINT16_MAX, "mean of two bytes, rounded up" },
     { "cheapest_mean_row", 3 * 255 + 255 + 2, UINT16_MAX, "3 a + b" },
     { "transpose_u8", 255, UINT8_MAX, "moves bytes" },

@@ -197,6 +197,52 @@ static void cheapest(void **state SST_UNUSED)
 }
 
 /* Every pair of costs, 256 at a time. */
+/* Of 0 to 12 neighbours, whose censuses have a few bits other than the own one, so that many costs are equal. */
+static void cheapest_of_neighbours(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 200; n += n < 140 ? 1 : 29) {
+        uint64_t *a = random_bytes(n * sizeof(*a)), *other[12];
+        uint8_t want[2][200], got[2][200];
+
+        for (int i = 0; i < 12; i++) {
+            other[i] = random_bytes(n * sizeof(*a));
+            for (size_t x = 0; x < n; x++)
+                other[i][x] = i % 4 ? a[x] ^ (other[i][x] & 0x1F) : other[i][x] >> 2 ^ (a[x] & ~(UINT64_MAX >> 2));
+        }
+        for (int count = 0; count <= 12; count++) {
+            sst_cheapest_hamming_row_ref(want[0], want[1], a, (const uint64_t *const *)other, count, n);
+            FOR_EACH_LEVEL(k, level)
+            {
+                k.cheapest_hamming_row(got[0], got[1], a, (const uint64_t *const *)other, count, n);
+                same(got[0], want[0], n, "cheapest_hamming_row, first", level, n);
+                same(got[1], want[1], n, "cheapest_hamming_row, second", level, n);
+            }
+        }
+        for (int i = 0; i < 12; i++)
+            sst_mem_free(other[i]);
+        sst_mem_free(a);
+    }
+}
+
+static void cheapest_of_known_neighbours(void **state SST_UNUSED)
+{
+    const uint64_t own = 0, far = UINT64_MAX >> 2, near = 3, same_bits = 0;
+    const uint64_t *const other[] = { &far, &near, &same_bits };
+    uint8_t first, second;
+
+    sst_cheapest_hamming_row_ref(&first, &second, &own, other, 0, 1);
+    assert_int_equal(first, SST_COST_ABSENT);
+    assert_int_equal(second, SST_COST_ABSENT);
+    sst_cheapest_hamming_row_ref(&first, &second, &own, other, 1, 1);
+    assert_int_equal(first, 248);
+    assert_int_equal(second, SST_COST_ABSENT);
+    sst_cheapest_hamming_row_ref(&first, &second, &own, other, 3, 1);
+    assert_int_equal(first, 0);
+    assert_int_equal(second, 8);
+}
+
 static void cheapest_means(void **state SST_UNUSED)
 {
     struct sst_kernels k;
@@ -503,6 +549,8 @@ int main(void)
         cmocka_unit_test(feature_costs),
         cmocka_unit_test(feature_costs_of_known_vectors),
         cmocka_unit_test(cheapest),
+        cmocka_unit_test(cheapest_of_neighbours),
+        cmocka_unit_test(cheapest_of_known_neighbours),
         cmocka_unit_test(cheapest_means),
         cmocka_unit_test(cheapest_of_known_costs),
         cmocka_unit_test(transpose),

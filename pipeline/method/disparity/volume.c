@@ -9,8 +9,9 @@
 #include "pipeline/method/disparity/stage.h"
 
 /*
- * Costs are computed in tiles: BAND rows of a strip of columns, one neighbour after the other. A tile's part of a
- * neighbour (one row per step for those above and below) then stays in the second-level cache for all rows of the band.
+ * Costs are computed in strips of columns. With the census alone a row is compared with all neighbours at once, whose
+ * part stays in the first-level cache from step to step; else BAND rows, one neighbour after the other, whose part (one
+ * row per step for those above and below) then stays in the second-level cache for all rows of the band.
  */
 #define BAND  16
 #define STRIP 128 /* multiple of 64 */
@@ -27,7 +28,15 @@ size_t sst_volume_bytes(int width, int height, int steps)
     return 3 * cells;
 }
 
-/* Two costs of a tile, feature costs of a row of it, one row of census costs; then positions and steps. */
+/* Where a strip lies in a neighbour at a step. */
+struct reach {
+    const uint64_t *census; /* of the phase */
+    ptrdiff_t at;           /* of the strip's first column in row 0 */
+    int top, end;           /* rows in which all of the strip lies inside; none: top == end */
+    bool part;              /* only a part of it does */
+};
+
+/* Two costs of a tile, feature costs of a row of it, one row of census costs; then positions, steps and reaches. */
 static size_t tile_bytes(const struct sst_volume *v)
 {
     return STRIP * ((2 * BAND + 1) * v->steps_padded + 1);
@@ -36,7 +45,8 @@ static size_t tile_bytes(const struct sst_volume *v)
 static size_t scratch_bytes(const struct sst_volume *v)
 {
     return tile_bytes(v) +
-           v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct sst_volume_step));
+           v->steps_padded *
+               (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * (sizeof(struct sst_volume_step) + sizeof(struct reach)));
 }
 
 int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
@@ -151,6 +161,7 @@ struct strip {
     uint8_t *first, *second;    /* [BAND][steps][padded] cheapest costs so far */
     uint8_t *features, *census; /* [place][STRIP], [STRIP]: costs of one row */
     const uint8_t **places;
+    struct reach *reach; /* [step][SST_MAX_NEIGHBOURS]; NULL: neighbours are matched one by one */
 };
 
 /* Costs of row y against every place of a neighbour's features. */
@@ -202,35 +213,107 @@ static void merge_valid(const struct strip *s, const struct sst_neighbour *n, co
     }
 }
 
-/* Merge the costs of row y against one neighbour into the two cheapest costs, [steps][padded] each. Columns are
- * the volume's, which begins at column v->x0 of the view. */
+/* Columns of the strip that lie inside at a step, x0 .. x1 - 1. */
+struct columns {
+    int x0, x1;
+};
+
+static struct columns columns_at(const struct strip *s, const struct sst_volume_step *at)
+{
+    return (struct columns){
+        sst_max_int(s->x0, -s->v->x0 - sst_min_int(at->x, at->near_x)),
+        sst_min_int(s->x1, s->ref->width - s->v->x0 - sst_max_int(at->x, at->near_x)),
+    };
+}
+
+/* Merge the costs of row y at a step against one neighbour into the two cheapest costs, [padded] each. Columns are the
+ * volume's, which begins at column v->x0 of the view. */
+static void match_step(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *at, int y,
+                       uint8_t *first, uint8_t *second)
+{
+    const struct sst_volume *v = s->v;
+    const struct sst_descriptor *ref = s->ref;
+    const struct columns c = columns_at(s, at);
+    const int yn = y + at->y, near_y = y + at->near_y;
+    const uint8_t *features = s->features + (size_t)at->place * STRIP + (c.x0 - s->x0);
+
+    if (yn < 0 || near_y < 0 || yn >= ref->height || near_y >= ref->height || c.x1 <= c.x0)
+        return;
+    if (ref->census[0])
+        sst_kernels_get()->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + c.x0),
+                                       n->desc->census[at->phase] + (size_t)yn * ref->census_stride +
+                                           (v->x0 + c.x0 + at->x),
+                                       (size_t)(c.x1 - c.x0));
+    if (ref->seen.data || n->desc->seen.data)
+        merge_valid(s, n, at, c.x0, c.x1, y, first, second, features);
+    else
+        merge_costs(s, first + (c.x0 - s->x0), second + (c.x0 - s->x0), features, 0, c.x1 - c.x0);
+}
+
+/* The same at all steps, [steps][padded]. */
 static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps, int y,
                       uint8_t *first, uint8_t *second)
 {
-    const struct sst_kernels *k = sst_kernels_get();
-    const struct sst_volume *v = s->v;
-    const struct sst_descriptor *ref = s->ref;
-    const int h = ref->height;
-
-    if (ref->features)
+    if (s->ref->features)
         feature_costs(s, n, steps, y);
-    for (int i = 0; i < v->steps; i++, first += s->padded, second += s->padded) {
-        const struct sst_volume_step *at = &steps[i];
-        const int yn = y + at->y, near_y = y + at->near_y;
-        const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
-        const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
-        const uint8_t *features = s->features + (size_t)at->place * STRIP + (x0 - s->x0);
+    for (int i = 0; i < s->v->steps; i++, first += s->padded, second += s->padded)
+        match_step(s, n, &steps[i], y, first, second);
+}
 
-        if (yn < 0 || near_y < 0 || yn >= h || near_y >= h || x1 <= x0)
-            continue;
-        if (ref->census[0])
-            k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
-                           n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
-                           (size_t)(x1 - x0));
-        if (ref->seen.data || n->desc->seen.data)
-            merge_valid(s, n, at, x0, x1, y, first, second, features);
-        else
-            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
+/* Costs of the census alone, without masks, are compared for all neighbours at once. */
+static bool census_alone(const struct strip *s, const struct sst_neighbour *neighbours, int count)
+{
+    bool yes = s->ref->census[0] && !s->ref->features && !s->ref->seen.data;
+
+    for (int j = 0; j < count; j++)
+        yes &= !neighbours[j].desc->seen.data;
+    return yes;
+}
+
+static void find_reach(const struct strip *s, const struct sst_neighbour *neighbours,
+                       const struct sst_volume_step *steps, int count)
+{
+    for (int j = 0; j < count; j++) {
+        for (int i = 0; i < s->v->steps; i++) {
+            const struct sst_volume_step *at = &steps[(size_t)j * (size_t)s->v->steps + (size_t)i];
+            const struct columns c = columns_at(s, at);
+            const bool all = c.x0 == s->x0 && c.x1 == s->x1;
+            struct reach *r = &s->reach[i * SST_MAX_NEIGHBOURS + j];
+
+            r->census = neighbours[j].desc->census[at->phase];
+            r->at = (ptrdiff_t)at->y * (ptrdiff_t)s->ref->census_stride + (s->v->x0 + s->x0 + at->x);
+            r->top = all ? sst_max_int(0, -sst_min_int(at->y, at->near_y)) : 0;
+            r->end = all ? s->ref->height - sst_max_int(0, sst_max_int(at->y, at->near_y)) : 0;
+            r->part = !all && c.x1 > c.x0;
+        }
+    }
+}
+
+/* The two cheapest costs of row y, [steps][padded] each. */
+static void match_all(const struct strip *s, const struct sst_neighbour *neighbours,
+                      const struct sst_volume_step *steps, int count, int y, uint8_t *first, uint8_t *second)
+{
+    const size_t row = (size_t)y * s->ref->census_stride, width = (size_t)(s->x1 - s->x0), rest = s->padded - width;
+    const uint64_t *own = s->ref->census[0] + row + (s->v->x0 + s->x0);
+
+    for (int i = 0; i < s->v->steps; i++, first += s->padded, second += s->padded) {
+        const struct reach *r = s->reach + (size_t)i * SST_MAX_NEIGHBOURS;
+        const uint64_t *there[SST_MAX_NEIGHBOURS];
+        bool part = false;
+        int n = 0;
+
+        for (int j = 0; j < count; j++) {
+            if (y >= r[j].top && y < r[j].end)
+                there[n++] = r[j].census + ((ptrdiff_t)row + r[j].at);
+            part |= r[j].part;
+        }
+        sst_kernels_get()->cheapest_hamming_row(first, second, own, there, n, width);
+        memset(first + width, SST_COST_ABSENT, rest);
+        memset(second + width, SST_COST_ABSENT, rest);
+        for (int j = 0; j < count && part; j++) {
+            if (r[j].part)
+                match_step(s, &neighbours[j], &steps[(size_t)j * (size_t)s->v->steps + (size_t)i], y, first, second);
+        }
     }
 }
 
@@ -240,7 +323,7 @@ static bool alone(const struct strip *s, const struct sst_neighbour *n, int coun
     return count == 1 && s->ref->census[0] && !s->ref->features && !s->ref->seen.data && !n->desc->seen.data;
 }
 
-/* match_row() and merge() for that. */
+/* match_row() for that. */
 static void match_alone(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps,
                         int y, uint8_t *out)
 {
@@ -261,35 +344,54 @@ static void match_alone(const struct strip *s, const struct sst_neighbour *n, co
     }
 }
 
-/* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
+/* One cost from the two cheapest ones of row y, into the volume. */
+static void store_row(const struct strip *s, uint8_t *first, const uint8_t *second, int count, int y)
+{
+    const struct sst_volume *v = s->v;
+    const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
+    uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
+
+    if (second)
+        sst_kernels_get()->cheapest_mean_row(first, second, count == 2, real);
+    memset(first + real, SST_COST_MAX, cells - real);
+    sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
+}
+
+/* Rows y0 .. y1-1 of a strip, one neighbour after the other. @param steps  [neighbour][v->steps] */
 static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours,
                       const struct sst_volume_step *steps, int count, int y0, int y1)
 {
     const struct sst_volume *v = s->v;
-    const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
+    const size_t cells = s->padded * v->steps_padded;
 
-    const bool single = alone(s, neighbours, count);
-
-    if (!single) {
-        memset(s->first, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
-        memset(s->second, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
-    }
-    for (int i = 0; i < count && !single; i++) {
+    memset(s->first, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
+    memset(s->second, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
+    for (int i = 0; i < count; i++) {
         for (int y = y0; y < y1; y++)
             match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, v->y0 + y,
                       s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells);
     }
-    for (int y = y0; y < y1; y++) {
-        uint8_t *first = s->first + (single ? 0 : (size_t)(y - y0) * cells);
-        uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
+    for (int y = y0; y < y1; y++)
+        store_row(s, s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells, count, y);
+}
 
+static void fill_strip(const struct strip *s, const struct sst_neighbour *neighbours,
+                       const struct sst_volume_step *steps, int count)
+{
+    const struct sst_volume *v = s->v;
+    const bool single = alone(s, neighbours, count);
+
+    if (s->reach)
+        find_reach(s, neighbours, steps, count);
+    for (int y = 0; y < v->height && (single || s->reach); y++) {
         if (single)
-            match_alone(s, neighbours, steps, v->y0 + y, first);
+            match_alone(s, neighbours, steps, v->y0 + y, s->first);
         else
-            sst_kernels_get()->cheapest_mean_row(first, s->second + (size_t)(y - y0) * cells, count == 2, real);
-        memset(first + real, SST_COST_MAX, cells - real);
-        sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
+            match_all(s, neighbours, steps, count, v->y0 + y, s->first, s->second);
+        store_row(s, s->first, single ? NULL : s->second, count, y);
     }
+    for (int y = 0; y < v->height && !single && !s->reach; y += BAND)
+        fill_tile(s, neighbours, steps, count, y, sst_min_int(y + BAND, v->height));
 }
 
 /* Are the steps pixel by pixel to the left, all within the neighbour's rows? What is half a pixel or more below or to
@@ -345,14 +447,16 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
     s.features = s.second + tile;
     s.census = s.features + STRIP * v->steps_padded;
     s.places = (const uint8_t **)(void *)(s.first + tile_bytes(v));
-    steps = (struct sst_volume_step *)(void *)(s.places + v->steps_padded);
+    s.reach = (struct reach *)(void *)(s.places + v->steps_padded);
+    steps = (struct sst_volume_step *)(void *)(s.reach + SST_MAX_NEIGHBOURS * v->steps_padded);
+    if (!census_alone(&s, neighbours, count))
+        s.reach = NULL;
     for (int i = 0; i < count; i++)
         sst_volume_steps(steps + (size_t)i * (size_t)v->steps, v, neighbours[i].bx, neighbours[i].by);
     for (s.x0 = 0; s.x0 < v->width; s.x0 += STRIP) {
         s.x1 = sst_min_int(s.x0 + STRIP, v->width);
         s.padded = ((size_t)(s.x1 - s.x0) + 63) / 64 * 64;
-        for (int y = 0; y < v->height; y += BAND)
-            fill_tile(&s, neighbours, steps, count, y, sst_min_int(y + BAND, v->height));
+        fill_strip(&s, neighbours, steps, count);
     }
 }
 
