@@ -89,12 +89,70 @@ static void KERNEL(cheapest_hamming_row)(uint8_t *first, uint8_t *second, const 
         KERNEL(cheapest_hamming)(first, second, a, b, count, x, n - x);
 }
 #else
+#if defined(__AVX2__)
+/* Counts of four pixels' bits. */
+static inline __m256i KERNEL(count_bits)(__m256i v)
+{
+    const __m256i low = _mm256_set1_epi8(15);
+    const __m256i of = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4, 0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2,
+                                        3, 2, 3, 3, 4);
+    const __m256i bytes = _mm256_add_epi8(_mm256_shuffle_epi8(of, _mm256_and_si256(v, low)),
+                                          _mm256_shuffle_epi8(of, _mm256_and_si256(_mm256_srli_epi64(v, 4), low)));
+
+    return _mm256_sad_epu8(bytes, _mm256_setzero_si256());
+}
+
+/* Byte k of lane i is pixel 4 k + i, without the factor of 4. */
+static inline void KERNEL(store_costs)(uint8_t *to, __m256i v)
+{
+    const __m256i pairs = _mm256_setr_epi8(0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15, 0, 8, 1, 9, 2, 10, 3,
+                                           11, 4, 12, 5, 13, 6, 14, 7, 15);
+    const __m256i paired = _mm256_shuffle_epi8(_mm256_slli_epi64(v, 2), pairs);
+    const __m128i a = _mm256_castsi256_si128(paired), b = _mm256_extracti128_si256(paired, 1);
+
+    _mm_storeu_si128((__m128i *)(void *)to, _mm_unpacklo_epi16(a, b));
+    _mm_storeu_si128((__m128i *)(void *)(to + 16), _mm_unpackhi_epi16(a, b));
+}
+
+/* 32 pixels: four at a time, one byte of each lane. */
+static void KERNEL(cheapest_hamming)(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
+                                     int count, size_t at)
+{
+    __m256i one = _mm256_set1_epi8(63), two = one;
+
+    for (int i = 0; i < count; i++) {
+        __m256i cost = _mm256_setzero_si256(), over;
+
+        for (int k = 0; k < 8; k++) {
+            const __m256i own = _mm256_loadu_si256((const __m256i *)(const void *)(a + at + 4 * k));
+            const __m256i there = _mm256_loadu_si256((const __m256i *)(const void *)(b[i] + at + 4 * k));
+
+            cost = _mm256_or_si256(cost, _mm256_slli_epi64(KERNEL(count_bits)(_mm256_xor_si256(own, there)), 8 * k));
+        }
+        over = _mm256_max_epu8(one, cost);
+        one = _mm256_min_epu8(one, cost);
+        two = _mm256_min_epu8(two, over);
+    }
+    KERNEL(store_costs)(first + at, one);
+    KERNEL(store_costs)(second + at, two);
+    if (count < 1)
+        memset(first + at, SST_COST_ABSENT, 32);
+    if (count < 2)
+        memset(second + at, SST_COST_ABSENT, 32);
+}
+#endif
+
 static void KERNEL(cheapest_hamming_row)(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
                                          int count, size_t n)
 {
     uint8_t cost[64];
+    size_t x = 0;
 
-    for (size_t x = 0, m; x < n; x += m) {
+#if defined(__AVX2__)
+    for (; n - x >= 32; x += 32)
+        KERNEL(cheapest_hamming)(first, second, a, b, count, x);
+#endif
+    for (size_t m; x < n; x += m) {
         m = n - x < sizeof(cost) ? n - x : sizeof(cost);
         memset(first + x, SST_COST_ABSENT, m);
         memset(second + x, SST_COST_ABSENT, m);
