@@ -54,38 +54,63 @@ static int voters_of(const struct vote *v, int view, struct sst_refine_voter vot
     return n;
 }
 
-/* What a voter sees on the surface of pixel (x, y): a label, or SST_LABEL_NONE if it does not see that. */
-static uint8_t vote_of(const struct vote *v, const struct sst_refine_voter *voter, const struct sst_view *own, int x,
-                       int y, int d)
-{
-    const struct sst_view *there = &v->lf->views[voter->view];
-    const struct process_place at = process_place_in(voter, x, y, d);
+/* A voter's labels, and where pixels of the own view lie there. */
+struct ballot {
+    const struct sst_view *there;
+    int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
+};
 
-    return process_shows(there, own, x, y, d, at) ? sst_map_u8_row(&there->label, at.y)[at.x] : SST_LABEL_NONE;
+static struct ballot ballot_of(const struct vote *v, const struct sst_refine_voter *voter)
+{
+    struct ballot b = { .there = &v->lf->views[voter->view] };
+
+    sst_shift_parts(voter->across, &b.whole[0], &b.part[0], &b.step[0]);
+    sst_shift_parts(voter->down, &b.whole[1], &b.part[1], &b.step[1]);
+    return b;
 }
 
-/* The label with most votes; the own one where it has as many as another, then that of the nearer voter. */
-static uint8_t elect(const struct vote *v, const struct sst_refine_voter *voter, int n, const struct sst_view *own,
-                     int x, int y, int d)
+/* The label where a voter would show the surface of pixel (x, y), whether it does or not. @param at  out */
+static inline uint8_t label_there(const struct ballot *b, int x, int y, int d, struct process_place *at)
 {
-    uint8_t label[SOURCES + 1] = { sst_map_u8_row(&own->label, y)[x] };
-    int count[SOURCES + 1] = { label[0] != SST_LABEL_NONE }, labels = 1, best = 0;
+    const struct sst_map_u8 *label = &b->there->label;
+
+    at->x = x + b->whole[0] + ((b->part[0] + d * b->step[0]) >> 16);
+    at->y = y + b->whole[1] + ((b->part[1] + d * b->step[1]) >> 16);
+    return (unsigned)at->x < (unsigned)label->width && (unsigned)at->y < (unsigned)label->height
+               ? sst_map_u8_row(label, at->y)[at->x]
+               : (uint8_t)SST_LABEL_NONE;
+}
+
+/* The label with most votes of those that see the surface of pixel (x, y) and have a label there; the own one where it
+ * has as many as another, then that of the nearer voter. */
+static uint8_t elect(const struct ballot *ballot, int n, const struct sst_view *own, int x, int y, int d)
+{
+    const uint8_t mine = sst_map_u8_row(&own->label, y)[x];
+    uint8_t there[SOURCES], label[SOURCES + 1] = { mine };
+    int count[SOURCES + 1] = { mine != SST_LABEL_NONE }, labels = 1, best = 0;
+    struct process_place at[SOURCES];
+    bool differ = false;
 
     for (int i = 0; i < n; i++) {
-        const uint8_t l = vote_of(v, &voter[i], own, x, y, d);
+        there[i] = label_there(&ballot[i], x, y, d, &at[i]);
+        differ |= there[i] != mine && there[i] != SST_LABEL_NONE;
+    }
+    if (!differ) /* whoever sees it */
+        return mine;
+    for (int i = 0; i < n; i++) {
         int k = 0;
 
-        if (l == SST_LABEL_NONE)
+        if (there[i] == SST_LABEL_NONE || !process_shows(ballot[i].there, own, x, y, d, at[i]))
             continue;
-        while (k < labels && label[k] != l)
+        while (k < labels && label[k] != there[i])
             k++;
         if (k == labels) {
-            label[labels] = l;
+            label[labels] = there[i];
             count[labels++] = 0;
         }
         count[k]++;
         if (k == 0 && 2 * count[0] > n + 1) /* the others cannot win any more */
-            return label[0];
+            return mine;
     }
     for (int k = 1; k < labels; k++)
         best = count[k] > count[best] ? k : best;
@@ -99,11 +124,14 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
     const int view = v->view[v->batch[index]];
     const struct sst_view *own = &v->lf->views[view];
     struct sst_refine_voter voter[SOURCES];
+    struct ballot ballot[SOURCES];
     int n, err;
 
     if (v->out[view].data)
         return 0;
     n = voters_of(v, view, voter);
+    for (int i = 0; i < n; i++)
+        ballot[i] = ballot_of(v, &voter[i]);
     err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
     for (int y = 0; !err && y < own->label.height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
@@ -112,7 +140,7 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
         uint8_t *to = sst_map_u8_row(&v->out[view], y);
 
         for (int x = 0; x < own->label.width; x++)
-            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(v, voter, n, own, x, y, d[x]);
+            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(ballot, n, own, x, y, d[x]);
     }
     return err;
 }
