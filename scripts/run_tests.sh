@@ -17,6 +17,8 @@ trap 'exit 130' INT TERM
 mkfifo "$dir/nothing" || exit 1
 # Simulated worlds are prepared once, for the sanitized builds too, which take minutes for it.
 export XDG_CACHE_HOME="${XDG_CACHE_HOME:-$PWD/build/cache}"
+# Mesa compiles a shader once for all tests, also for those with a cache of pipelines of their own.
+export MESA_SHADER_CACHE_DIR="${MESA_SHADER_CACHE_DIR:-$XDG_CACHE_HOME}"
 
 # marked WORD TEST: as the table says, where tests are called unit/disparity, system/page
 marked() {

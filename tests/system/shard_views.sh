@@ -33,6 +33,7 @@ for step in range(100):
     while worker.poll() is None and not held_in(step, worker.pid) and not os.path.exists(later):
         if time.monotonic() > end:
             sys.exit("step %d does not end" % step)
+        time.sleep(0.002)
     if worker.poll() is None:
         worker.kill()
         killed += 1

@@ -77,7 +77,7 @@ static void failures_end_on_the_cpu(void **state SST_UNUSED)
     };
     struct sst_render_device_report report;
 
-    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+    for (size_t i = 0; i < (small_level() >= 2 ? 1 : ARRAY_LEN(devices)); i++) {
         for (int sampled = 0; sampled < 2; sampled++) {
             print_message("%s\n", devices[i].name);
             assert_int_equal(frames_compare(&field, sampled, devices[i].name, 0, 0, &report), 0);
@@ -439,10 +439,10 @@ int main(void)
         cmocka_unit_test(failures_end_on_the_cpu),
         cmocka_unit_test(encoded_frames_are_decoded_where_they_are_needed),
         cmocka_unit_test(a_damaged_frame_is_an_error),
-        cmocka_unit_test(decoding_to_memory_gives_the_same_pixels),
-        cmocka_unit_test(samples_become_the_colours_of_the_decoder),
-        cmocka_unit_test(tables_have_the_places_of_the_map),
-        cmocka_unit_test(patches_have_the_places_of_the_map),
+        serial_test(decoding_to_memory_gives_the_same_pixels),
+        serial_test(samples_become_the_colours_of_the_decoder),
+        serial_test(tables_have_the_places_of_the_map),
+        serial_test(patches_have_the_places_of_the_map),
     };
 
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -567,47 +567,50 @@ static int misplaced(const struct view *v, const struct view *ref, int bx, int b
     return wrong;
 }
 
-static void truth_of_layers_agrees_between_views(void **state SST_UNUSED)
+static void check_truth_between_views(struct sst_scene *s)
 {
-    for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
-        struct sst_scene *s = create_layers(kinds[i], 5 + i);
-        struct view ref = render(s, 240, 180, 0, 0, 0, false), v = render(s, 240, 180, 2, -1, 0, false);
-        int checked = 0;
-        const int wrong = misplaced(&v, &ref, 2, -1, &checked);
-        double lo, hi;
+    struct view ref = render(s, 240, 180, 0, 0, 0, false), v = render(s, 240, 180, 2, -1, 0, false);
+    int checked = 0;
+    const int wrong = misplaced(&v, &ref, 2, -1, &checked);
+    double lo, hi;
 
-        sst_scene_range(s, &lo, &hi);
-        assert_true(lo > 0 && hi < 60 && sst_scene_occluder_at(s, 0)->focus_px > lo);
-        assert_true(checked > 240 * 180 / 4 && wrong * 200 < checked);
-        view_fini(&v);
-        view_fini(&ref);
-        sst_scene_destroy(s);
-    }
+    sst_scene_range(s, &lo, &hi);
+    assert_true(lo > 0 && hi < 60 && sst_scene_occluder_at(s, 0)->focus_px > lo);
+    assert_true(checked > 240 * 180 / 4 && wrong * 200 < checked);
+    view_fini(&v);
+    view_fini(&ref);
 }
 
 /* Hidden, nothing in front of the focus is left; shown, the mask marks what is nearer. */
-static void occluders_of_layers_stand_in_front(void **state SST_UNUSED)
+static void check_occluder(struct sst_scene *s)
+{
+    const double focus = sst_scene_occluder_at(s, 0)->focus_px;
+    struct view front = render(s, 240, 180, 0, 0, 0, false), behind = render(s, 240, 180, 0, 0, 1, false);
+    struct sst_map_u8 mask = { 0 };
+    int covered = 0;
+
+    assert_int_equal(sst_map_u8_init(&mask, 240, 180), 0);
+    assert_int_equal(scene_mask(s, 0, &mask), 0);
+    for (int k = 0; k < 240 * 180; k++) {
+        const int x = k % 240, y = k / 240;
+
+        assert_true(sst_map_f32_row(&behind.disp, y)[x] < focus + 1);
+        assert_int_equal(sst_map_f32_row(&front.disp, y)[x] > focus + 4, sst_map_u8_row(&mask, y)[x] != 0);
+        covered += sst_map_u8_row(&mask, y)[x] != 0;
+    }
+    assert_true(covered > 240 * 180 / 10 && covered < 240 * 180 * 9 / 10);
+    sst_map_u8_fini(&mask);
+    view_fini(&behind);
+    view_fini(&front);
+}
+
+static void layers_agree_between_views_and_hide_what_is_behind(void **state SST_UNUSED)
 {
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
         struct sst_scene *s = create_layers(kinds[i], 21 + i);
-        const double focus = sst_scene_occluder_at(s, 0)->focus_px;
-        struct view front = render(s, 240, 180, 0, 0, 0, false), behind = render(s, 240, 180, 0, 0, 1, false);
-        struct sst_map_u8 mask = { 0 };
-        int covered = 0;
 
-        assert_int_equal(sst_map_u8_init(&mask, 240, 180), 0);
-        assert_int_equal(scene_mask(s, 0, &mask), 0);
-        for (int k = 0; k < 240 * 180; k++) {
-            const int x = k % 240, y = k / 240;
-
-            assert_true(sst_map_f32_row(&behind.disp, y)[x] < focus + 1);
-            assert_int_equal(sst_map_f32_row(&front.disp, y)[x] > focus + 4, sst_map_u8_row(&mask, y)[x] != 0);
-            covered += sst_map_u8_row(&mask, y)[x] != 0;
-        }
-        assert_true(covered > 240 * 180 / 10 && covered < 240 * 180 * 9 / 10);
-        sst_map_u8_fini(&mask);
-        view_fini(&behind);
-        view_fini(&front);
+        check_truth_between_views(s);
+        check_occluder(s);
         sst_scene_destroy(s);
     }
 }
@@ -675,8 +678,7 @@ int main(void)
         serial_test(time_moves_the_walker_and_the_leaves),
         cmocka_unit_test(any_number_of_threads_gives_the_same_bytes),
         cmocka_unit_test(folder_says_what_is_in_it),
-        serial_test(truth_of_layers_agrees_between_views),
-        serial_test(occluders_of_layers_stand_in_front),
+        serial_test(layers_agree_between_views_and_hide_what_is_behind),
         cmocka_unit_test(layers_repeat_for_any_number_of_threads),
         cmocka_unit_test(hostile_photos_are_refused),
         cmocka_unit_test(odd_sizes_work),
