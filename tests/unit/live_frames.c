@@ -22,8 +22,8 @@
 #define WATCH_THREADS false
 #endif
 
-#define ROWS    4
-#define COLS    4
+#define ROWS    3
+#define COLS    3
 #define VIEWS   (ROWS * COLS)
 #define WIDTH   320
 #define HEIGHT  208 /* the last row of tiles is half as high */

@@ -379,7 +379,7 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
             close_field(&f);
             skip();
         }
-        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+        nanosleep(&(struct timespec){ .tv_nsec = small_level() >= 2 ? 200000000 : 20000000 }, NULL);
         update(&f);
     }
     draw(&f, 41); /* what changes meanwhile keeps its own maps */
