@@ -448,7 +448,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     int64_t rendered_px;
     int leaves = 0, right_leaf = 0, right_behind = 0;
 
-    show(&s, "bush", 320, 240, 6, false);
+    show(&s, "bush", 320, 240, 4, false);
     take(&s, 1);
     assert_int_equal(sst_map_f32_init(&disp, 320, 240), 0);
     assert_int_equal(sst_map_u8_init(&label, 320, 240), 0);
@@ -566,7 +566,7 @@ static void neighbours_in_depth_are_two(void **state SST_UNUSED)
     struct shown s;
     int at[2] = { 0 };
 
-    show(&s, "cat", 320, 240, 6, false);
+    show(&s, "cat", 320, 240, 4, false);
     take(&s, 1);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
     for (int i = 0; i < 2; i++) {
