@@ -8,7 +8,7 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "tests/live_shown.h"
 
-#define SIDE   3
+#define SIDE   4
 #define WIDTH  320
 #define HEIGHT 240
 #define FROM_S 2.4 /* no pedestrian; from 2.7 s on one view after the other has one at its edge */
