@@ -67,9 +67,9 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fPIE \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
-# ... but for kernels and drawn scenes, in which sanitized tests would spend most of their time.
+# ... but for kernels, references of shaders and drawn scenes, in which sanitized tests would spend most of their time.
 ifneq (,$(SAN))
-$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
+$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
 endif
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
 # With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
