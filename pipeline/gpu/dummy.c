@@ -137,6 +137,14 @@ static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offse
     return upload(g, b, offset, (const uint8_t *)s->data + from, bytes);
 }
 
+static int copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, struct sst_gpu_buffer *from,
+                size_t from_offset, size_t bytes)
+{
+    (void)g;
+    memcpy(data_of(to) + to_offset, data_of(from) + from_offset, bytes);
+    return 0;
+}
+
 static int wait_done(struct sst_gpu *g)
 {
     (void)g;
@@ -148,8 +156,8 @@ static void close_dummy(struct sst_gpu *g)
     free(g);
 }
 
-static const struct gpu_ops ops = { create,    destroy,     compile,     upload,       download,   dispatch,
-                                    wait_done, close_dummy, span_create, span_destroy, upload_span };
+static const struct gpu_ops ops = { create,    destroy,     compile,     upload,       download,    dispatch,
+                                    wait_done, close_dummy, span_create, span_destroy, upload_span, copy };
 
 static int read_faults(struct dummy *d, const char *text)
 {

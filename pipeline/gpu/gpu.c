@@ -338,6 +338,14 @@ int sst_gpu_upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offs
     return g->lost ? g->lost : note(g, g->ops->upload_span(g, b, offset, s, from, bytes));
 }
 
+int sst_gpu_copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, struct sst_gpu_buffer *from,
+                 size_t from_offset, size_t bytes)
+{
+    assert(from_offset <= from->bytes && bytes <= from->bytes - from_offset && to_offset <= to->bytes &&
+           bytes <= to->bytes - to_offset);
+    return g->lost ? g->lost : note(g, g->ops->copy(g, to, to_offset, from, from_offset, bytes));
+}
+
 int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
     if (g->lost)

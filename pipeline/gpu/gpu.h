@@ -90,6 +90,7 @@ enum sst_gpu_shader {
     SST_GPU_SGM_PATH_SUBGROUP = 71, /* variants of SST_GPU_SGM_PATH, SST_GPU_HYPOTHESIS_PATH */
     SST_GPU_HYPOTHESIS_PATH_SUBGROUP = 72,
     SST_GPU_FEATURE_COST_DOT = 73, /* a variant of SST_GPU_FEATURE_COST */
+    SST_GPU_CONVERT = 74,          /* convert.h */
     SST_GPU_SHADERS
 };
 
@@ -241,6 +242,11 @@ void *sst_gpu_span_data(const struct sst_gpu_span *s);
  * written again before sst_gpu_wait(). */
 SST_MUST_CHECK int sst_gpu_upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset,
                                        const struct sst_gpu_span *s, size_t from, size_t bytes);
+
+/** Copy `bytes` bytes between two buffers, or ranges of one that do not overlap; offsets and bytes are multiples of 4.
+ */
+SST_MUST_CHECK int sst_gpu_copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset,
+                                struct sst_gpu_buffer *from, size_t from_offset, size_t bytes);
 
 struct sst_gpu_work {
     enum sst_gpu_shader shader;                     /* prepared */

@@ -223,6 +223,8 @@ gpu_self_test_fn verify_rays_self_test;
 gpu_self_test_fn verify_mode_self_test;
 gpu_self_test_fn verify_blend_self_test;
 gpu_self_test_fn limits_self_test;
+gpu_reference_fn convert_reference;
+gpu_self_test_fn convert_self_test;
 
 /* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
  *
@@ -281,6 +283,8 @@ struct gpu_ops {
     void (*span_destroy)(struct sst_gpu *g, struct sst_gpu_span *s);
     int (*upload_span)(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const struct sst_gpu_span *s,
                        size_t from, size_t bytes);
+    int (*copy)(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, struct sst_gpu_buffer *from,
+                size_t from_offset, size_t bytes);
 };
 
 enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };

@@ -6,6 +6,7 @@
 #include "pipeline/gpu/carry.h"
 #include "pipeline/gpu/check.h"
 #include "pipeline/gpu/clear_sample.h"
+#include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/hole.h"
 #include "pipeline/gpu/hypotheses.h"
@@ -131,6 +132,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                    SST_GPU_FEATURE_COST, "dot" },
     [SST_GPU_RECTIFY] = { "rectify", SST_GPU_RECTIFY_BUFFERS, sizeof(struct sst_gpu_rectify), rectify_reference,
                           rectify_self_test },
+    [SST_GPU_CONVERT] = { "convert", SST_GPU_CONVERT_BUFFERS, sizeof(struct sst_gpu_convert), convert_reference,
+                          convert_self_test },
     [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
                         tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,

@@ -21,6 +21,7 @@ struct sst_gpu_shared {
     int64_t opening; /* counts them */
     struct sst_gpu_backoff backoff;
     struct sst_gpu_user *users;
+    struct sst_gpu_residents residents;
     struct sst_gpu_opener *opener; /* live: at work on opening it again */
     int err;                       /* live: of the first opening */
     char why[SST_LOG_MAX];         /* live: what the last error said */
@@ -64,6 +65,8 @@ static void close_locked(struct sst_gpu_shared *s)
         return;
     for (struct sst_gpu_user *u = s->users; u; u = u->next)
         u->drop(u->arg);
+    s->residents.turn++;
+    sst_gpu_resident_drop_unused(&s->residents, s->gpu);
     sst_gpu_close(s->gpu);
     s->gpu = NULL;
 }
@@ -209,6 +212,7 @@ const struct sst_gpu_info *sst_gpu_shared_info(const struct sst_gpu_shared *s)
 struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_user *user, int *err)
 {
     *err = 0;
+    s->residents.turn++;
     if (sst_gpu_backoff_skips(&s->backoff))
         return NULL;
     if (!s->gpu)
@@ -242,7 +246,13 @@ bool sst_gpu_shared_make_room(struct sst_gpu_shared *s, const struct sst_gpu_use
         if (u != user)
             u->drop(u->arg);
     }
+    sst_gpu_resident_drop_unused(&s->residents, s->gpu);
     return sst_gpu_free_bytes(s->gpu) > before;
+}
+
+struct sst_gpu_residents *sst_gpu_shared_residents(struct sst_gpu_shared *s)
+{
+    return &s->residents;
 }
 
 struct sst_gpu *sst_gpu_shared_device(struct sst_gpu_shared *s)

@@ -5,6 +5,7 @@
 
 #include "base/log.h"
 #include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/resident.h"
 
 struct sst_gpu_shared; /* any thread, under its lock */
 
@@ -80,8 +81,12 @@ void sst_gpu_shared_succeed(struct sst_gpu_shared *s);
  */
 int sst_gpu_shared_fail(struct sst_gpu_shared *s);
 
-/** Let the other users drop their buffers. @return true if this freed memory */
+/** Let the other users drop their buffers, and views that this piece of work does not use. @return true if this freed
+ * memory */
 bool sst_gpu_shared_make_room(struct sst_gpu_shared *s, const struct sst_gpu_user *user);
+
+/** Views that stay from one kind of work to the next. They are gone when the device is closed. */
+struct sst_gpu_residents *sst_gpu_shared_residents(struct sst_gpu_shared *s);
 
 /** The device that is open, for buffers that are left; NULL: it failed. */
 struct sst_gpu *sst_gpu_shared_device(struct sst_gpu_shared *s);

@@ -221,6 +221,18 @@ static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offse
     return err;
 }
 
+static int copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, struct sst_gpu_buffer *from,
+                size_t from_offset, size_t bytes)
+{
+    const VkBufferCopy region = { from_offset, to_offset, bytes };
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
+    const int err = begin(v);
+
+    if (!err && bytes)
+        v->vk->vkCmdCopyBuffer(v->batch[v->now].command, memory_of(from)->buffer, memory_of(to)->buffer, 1, &region);
+    return err;
+}
+
 /* A part of a download that runs. */
 struct part {
     int batch;
@@ -397,8 +409,8 @@ static void close_device(struct sst_gpu *g)
     free(v);
 }
 
-static const struct gpu_ops ops = { create,    destroy,      gpu_vulkan_compile, upload,       download,   dispatch,
-                                    wait_done, close_device, span_create,        span_destroy, upload_span };
+static const struct gpu_ops ops = { create,    destroy,      gpu_vulkan_compile, upload,       download,    dispatch,
+                                    wait_done, close_device, span_create,        span_destroy, upload_span, copy };
 
 static int open_staging(struct gpu_vulkan_device *v)
 {

@@ -100,6 +100,13 @@ static void test_transfer(void **state)
     assert_memory_equal(back, data + 4092, 52);
     sst_gpu_span_destroy(g, span);
     sst_gpu_span_destroy(g, NULL);
+    /* between buffers, and within one */
+    assert_int_equal(sst_gpu_copy(g, b, 0, a, 4096, 4), 0);
+    assert_int_equal(sst_gpu_copy(g, a, 0, a, 4096, 64), 0);
+    assert_int_equal(sst_gpu_download(g, back, b, 0, 4), 0);
+    assert_int_equal(sst_gpu_download(g, back + 4, a, 0, 64), 0);
+    assert_memory_equal(back, data + 4096, 4);
+    assert_memory_equal(back + 4, data + 4096, 64);
     sst_gpu_buffer_destroy(g, a);
     sst_gpu_buffer_destroy(g, b);
     assert_int_equal(sst_gpu_wait(g), 0); /* -EIO if a validation layer has found a fault */

@@ -252,13 +252,13 @@ static int load_sources(const struct carry *c, int which)
     return err;
 }
 
-/* carry_to() and, if `agreed`, find_agreed() on the device. @return likewise */
-static int carry_to_on_device(uint32_t *arrived, const struct carry *c, int k, bool agreed)
+/* carry_to() and, if `agreed`, find_agreed() on the device. @param stays  struct device_carry @return likewise */
+static int carry_to_on_device(uint32_t *arrived, const struct carry *c, int k, bool agreed, bool stays)
 {
     int source[SOURCES];
     const int n = sources_of(c->in, k, source);
     const struct device_carry in = {
-        .in = c->in, .view = k, .source = source, .sources = n, .agreed = agreed, .out = arrived
+        .in = c->in, .view = k, .source = source, .sources = n, .agreed = agreed, .stays = stays, .out = arrived
     };
 
     return n < 0 ? n : disparity_device_carry(c->in->device, &in);
@@ -281,7 +281,7 @@ static int carry_on_device(const struct carry *c)
         }
         if (!arrived)
             arrived = arrived_init(own);
-        err = arrived ? carry_to_on_device(arrived, c, k, own->agreed) : -ENOMEM;
+        err = arrived ? carry_to_on_device(arrived, c, k, own->agreed, true) : -ENOMEM;
         if (err != 1)
             break;
         err = take_arrived(c, k, arrived);
@@ -303,6 +303,10 @@ int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *s
         err = err ? err : carry_on_device(&c);
     err =
         err ? err : sst_share_blocks(in->share, in->count, sst_visible_block(in), threads, carry_job, &c, carried_maps);
+    for (int k = 0; c.done && k < in->count; k++) {
+        if (in->view[k].carried && !c.done[k])
+            disparity_device_map_changed(in->device, k);
+    }
     free(c.done);
     return err;
 }
@@ -313,7 +317,7 @@ static int carry_to_one(uint32_t *arrived, const struct carry *c, int k)
     int done = c->in->device ? load_sources(c, k) : 0;
 
     if (done == 1)
-        done = carry_to_on_device(arrived, c, k, false);
+        done = carry_to_on_device(arrived, c, k, false, false);
     return done == 0 ? carry_to(arrived, NULL, c, k) : done < 0 ? done : 0;
 }
 

@@ -22,7 +22,7 @@ static const enum sst_gpu_shader shaders[] = {
     SST_GPU_FEATURE_COST,    SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
     SST_GPU_SUBPIXEL_WINDOW, SST_GPU_SWEEP_POINTS,    SST_GPU_SWEEP_GATHER,    SST_GPU_SWEEP_PEAKS,
     SST_GPU_SURFACE_START,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_START,
-    SST_GPU_CARRY_PROJECT,   SST_GPU_CARRY_CLOSE
+    SST_GPU_CARRY_PROJECT,   SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
 };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
@@ -39,17 +39,12 @@ const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
-static void drop_view(struct sst_disparity_device *d, struct device_pixels *p)
-{
-    sst_gpu_buffer_destroy(d->gpu, p->buffer);
-    sst_gpu_buffer_destroy(d->gpu, p->features);
-    p->buffer = p->features = NULL;
-}
-
 void disparity_device_drop_views(struct sst_disparity_device *d)
 {
-    for (int i = 0; i < SST_MAX_VIEWS; i++)
-        drop_view(d, &d->view[i]);
+    for (int i = 0; i < SST_MAX_VIEWS; i++) {
+        sst_gpu_buffer_destroy(d->gpu, d->view[i].features);
+        d->view[i].features = NULL;
+    }
     d->run = NULL;
 }
 
@@ -155,6 +150,7 @@ void disparity_device_resume(struct sst_disparity_device *d)
 {
     sst_gpu_shared_lock(d->shared);
     d->gpu = sst_gpu_shared_device(d->shared);
+    disparity_device_next_view(d);
 }
 
 void disparity_device_end(struct sst_disparity_device *d)
@@ -185,6 +181,8 @@ void disparity_device_forget(struct sst_disparity_device *d, const struct dispar
     if (d->run == run)
         disparity_device_drop_views(d);
     disparity_device_end(d);
+    if (!run->cfg->stays)
+        sst_disparity_device_forget(d);
 }
 
 const char *disparity_device_refuses(const struct disparity_run *run)
@@ -207,20 +205,6 @@ void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why)
 }
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
-
-/* Free the views that this turn does not use. @return whether there was one */
-static bool drop_unused(struct sst_disparity_device *d)
-{
-    bool any = false;
-
-    for (int i = 0; i < SST_MAX_VIEWS; i++) {
-        if (!d->view[i].buffer || d->view[i].used == d->turn)
-            continue;
-        drop_view(d, &d->view[i]);
-        any = true;
-    }
-    return any;
-}
 
 /* Free the features of all views but one. @param stays  or NULL @return likewise */
 static bool drop_features(struct sst_disparity_device *d, const struct device_pixels *stays)
@@ -245,7 +229,7 @@ int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gp
 
     if (bytes > sst_gpu_get_info(d->gpu)->buffer_bytes) /* whatever gives way */
         return err;
-    if (err == -ENOMEM && drop_unused(d))
+    if (err == -ENOMEM && disparity_device_drop_unused(d))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
     if (err == -ENOMEM && drop_features(d, stays))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
@@ -282,10 +266,4 @@ int disparity_device_upload_at(struct sst_disparity_device *d, struct sst_gpu_bu
 int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
 {
     return disparity_device_upload_at(d, b, 0, data, bytes);
-}
-
-int disparity_device_upload_view(struct sst_disparity_device *d, enum device_kept which, int k, const uint32_t *words,
-                                 size_t n)
-{
-    return disparity_device_upload_at(d, d->kept[which], (size_t)k * n * sizeof(*words), words, n * sizeof(*words));
 }

@@ -12,27 +12,47 @@ static size_t pixels_of(const struct sst_visible_view *v)
     return (size_t)v->disp->width * (size_t)v->disp->height;
 }
 
-static int upload_view(struct sst_disparity_device *d, const struct sst_visible_views *in,
+/* A map whose check was the CPU's. */
+static int upload_view(struct sst_disparity_device *d, const struct sst_visible_view *v,
                        const struct sst_map_u8 *status, int k)
 {
-    const struct sst_visible_view *v = &in->view[k];
     const size_t n = pixels_of(v);
     uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words)), *to = words;
-    const int err = words ? disparity_device_keep(d, KEPT_MAPS, (size_t)in->count * n, sizeof(*words)) : -ENOMEM;
 
-    if (err)
-        return err;
+    if (!words)
+        return -ENOMEM;
     for (int y = 0; y < v->disp->height; y++) {
         const uint16_t *from = sst_map_u16_row(v->disp, y);
-        const uint8_t *confidence = sst_map_u8_row(v->confidence, y);
-        const uint8_t *checked = status ? sst_map_u8_row(&status[k], y) : NULL;
+        const uint8_t *confidence = sst_map_u8_row(v->confidence, y), *checked = sst_map_u8_row(status, y);
 
         for (int x = 0; x < v->disp->width; x++)
             *to++ = from[x] | (uint32_t)(confidence[x] >> 1) << 16 |
-                    (checked && checked[x] == SST_DISPARITY_CORRECT ? SST_GPU_CARRY_CONFIRMED : 0);
+                    (checked[x] == SST_DISPARITY_CORRECT ? SST_GPU_CARRY_CONFIRMED : 0);
     }
     d->report.uploads++;
-    return disparity_device_upload_view(d, KEPT_MAPS, k, words, n);
+    return disparity_device_upload_at(d, d->kept[KEPT_MAPS], (size_t)k * n * sizeof(*words), words, n * sizeof(*words));
+}
+
+static int load_view(struct sst_disparity_device *d, const struct sst_visible_views *in,
+                     const struct sst_map_u8 *status, int k)
+{
+    const struct device_view v = disparity_device_view(in, k);
+    const size_t n = (size_t)v.width * (size_t)v.height;
+    const struct sst_gpu_convert push = { .width = v.width,
+                                          .height = v.height,
+                                          .conversion = SST_GPU_TO_SOURCES,
+                                          .value = status != NULL,
+                                          .from = (uint32_t)((size_t)k * n),
+                                          .to = (uint32_t)((size_t)k * n) };
+    int err = disparity_device_keep(d, KEPT_MAPS, (size_t)in->count * n, sizeof(uint32_t));
+    struct sst_gpu_buffer *map;
+
+    disparity_device_next_view(d);
+    if (status && !d->checked)
+        return err ? err : upload_view(d, &in->view[k], &status[k], k);
+    err = err ? err : disparity_device_map(d, &v, &map);
+    return err ? err
+               : disparity_device_convert(d, push, NULL, map, status ? d->kept[KEPT_PIXELS] : map, d->kept[KEPT_MAPS]);
 }
 
 bool disparity_device_carry_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
@@ -47,7 +67,7 @@ bool disparity_device_carry_load(struct sst_disparity_device *d, const struct ss
     disparity_device_drop(d);
     for (int k = 0; k < in->count && !err; k++) {
         if (wanted[k])
-            err = upload_view(d, in, status, k);
+            err = load_view(d, in, status, k);
     }
     d->loaded = !err;
     if (err)
@@ -92,6 +112,18 @@ static int project(struct sst_disparity_device *d, const struct device_carry *in
                           d->kept[KEPT_PROJECTED], (uint32_t)in->sources);
 }
 
+/* The view's map from now on. */
+static int store(struct sst_disparity_device *d, const struct device_carry *in)
+{
+    const struct sst_map_u16 *map = in->in->view[in->view].disp;
+    const struct sst_gpu_convert push = { .width = map->width,
+                                          .height = map->height,
+                                          .conversion = SST_GPU_FROM_SOURCES };
+    const int err = disparity_device_store(d, in->view, push, NULL, d->kept[KEPT_CHOSEN]);
+
+    return err ? err : disparity_device_background(d, in->view, map->width, map->height);
+}
+
 static int carry(struct sst_disparity_device *d, const struct device_carry *in)
 {
     const size_t n = pixels_of(&in->in->view[in->view]);
@@ -102,6 +134,8 @@ static int carry(struct sst_disparity_device *d, const struct device_carry *in)
     err = err ? err : dispatch(d, in, SST_GPU_CARRY_START, d->kept[KEPT_PROJECTED], NULL, NULL, 1);
     err = err ? err : project(d, in);
     err = err ? err : dispatch(d, in, SST_GPU_CARRY_CLOSE, d->kept[KEPT_PROJECTED], d->kept[KEPT_CHOSEN], NULL, 1);
+    if (in->stays)
+        err = err ? err : store(d, in);
     return err ? err : disparity_device_fetch(d, d->kept[KEPT_CHOSEN], 0, n, in->out);
 }
 

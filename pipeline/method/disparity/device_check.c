@@ -49,25 +49,29 @@ static uint32_t first_of(const struct disparity_run *run, const struct sst_check
     return (uint32_t)((size_t)(v->disp_q6 - run->disp) * pixels_of(run));
 }
 
-/* All maps. */
-static int upload_maps(struct sst_disparity_device *d, const struct disparity_run *run)
+/* All maps that are checked. */
+static int load_maps(struct sst_disparity_device *d, const struct disparity_run *run)
 {
-    const size_t n = pixels_of(run), width = (size_t)run->width;
+    const size_t n = pixels_of(run);
     const int views = run->lf->rows * run->lf->cols;
-    uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
-    int err = words ? disparity_device_keep(d, KEPT_PIXELS, (size_t)views * n, sizeof(*words)) : -ENOMEM;
+    int err = disparity_device_keep(d, KEPT_PIXELS, (size_t)views * n, sizeof(uint32_t));
 
     for (int k = 0; k < views && !err; k++) {
-        if (!run->lf->views[k].present)
-            continue;
-        for (int y = 0; y < run->height; y++) {
-            const uint16_t *from = sst_map_u16_row(&run->disp[k], y);
+        const struct device_view v = { .view = k,
+                                       .width = run->width,
+                                       .height = run->height,
+                                       .disp = &run->disp[k],
+                                       .confidence = &run->confidence[k] };
+        const struct sst_gpu_convert push = {
+            .width = run->width, .height = run->height, .conversion = SST_GPU_TO_PLAIN, .to = (uint32_t)((size_t)k * n)
+        };
+        struct sst_gpu_buffer *map;
 
-            for (size_t x = 0; x < width; x++)
-                words[(size_t)y * width + x] = from[x];
-        }
-        err = disparity_device_upload_view(d, KEPT_PIXELS, k, words, n);
-        d->report.uploads++;
+        if (!run->lf->views[k].present || run_is_carried(run, k))
+            continue;
+        disparity_device_next_view(d);
+        err = disparity_device_map(d, &v, &map);
+        err = err ? err : disparity_device_convert(d, push, NULL, map, NULL, d->kept[KEPT_PIXELS]);
     }
     return err;
 }
@@ -128,7 +132,7 @@ static int check_views(struct sst_disparity_device *d, struct disparity_run *run
     int err;
 
     disparity_device_drop(d);
-    err = upload_maps(d, run);
+    err = load_maps(d, run);
     for (int k = 0; k < views && !err; k++) {
         if (run->lf->views[k].present && !run_is_carried(run, k))
             err = check_view(d, run, k);
@@ -202,6 +206,9 @@ static int fill_view(struct sst_disparity_device *d, struct disparity_run *run, 
     const size_t n = pixels_of(run), width = (size_t)run->width;
     const struct sst_gpu_fill push = { run->width, run->height, (uint32_t)((size_t)view * n) };
     const struct sst_gpu_background background = { run->width, run->height };
+    const struct sst_gpu_convert stays = { .width = run->width,
+                                           .height = run->height,
+                                           .conversion = SST_GPU_FROM_PLAIN };
     struct sst_checked_view views[SST_MAX_NEIGHBOURS];
     struct sst_map_u16 *out = &run->filled[view];
     uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
@@ -219,6 +226,7 @@ static int fill_view(struct sst_disparity_device *d, struct disparity_run *run, 
     err =
         err ? err : dispatch(d, run, SST_GPU_FILL_ALONG, &background, d->kept[KEPT_MAP], d->kept[KEPT_FILTERED], NULL);
     err = err ? err : dispatch(d, run, SST_GPU_FILL_DOWN, &background, d->kept[KEPT_FILTERED], d->kept[KEPT_MAP], NULL);
+    err = err ? err : disparity_device_store(d, view, stays, NULL, d->kept[KEPT_MAP]);
     err = err ? err : disparity_device_fetch(d, d->kept[KEPT_MAP], 0, n, words);
     sst_map_u16_fini(out);
     err = err ? err : sst_map_u16_init(out, run->width, run->height);
@@ -245,6 +253,7 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
     }
     d->checked = NULL;
     for (int k = 0; k < run->lf->rows * run->lf->cols && !err; k++) {
+        disparity_device_next_view(d);
         if (run->lf->views[k].present)
             err = fill_view(d, run, k);
     }

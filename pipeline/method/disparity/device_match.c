@@ -56,36 +56,16 @@ static int dispatch_plane(struct match *m, enum sst_gpu_shader shader, const voi
 /* The pixels of a view on the device. */
 static int need_view(struct match *m, const struct sst_descriptor *desc)
 {
-    struct sst_disparity_device *d = m->d;
-    struct device_pixels *p = &d->view[desc - m->in->run->desc];
-    const size_t n = (size_t)m->width * (size_t)m->height;
-    uint32_t *words;
-    int err;
+    const struct device_view v = { .view = (int)(desc - m->in->run->desc),
+                                   .width = m->width,
+                                   .height = m->height,
+                                   .image = &desc->image,
+                                   .seen = &desc->seen,
+                                   .stays = true };
+    struct sst_gpu_buffer *found;
 
-    p->used = d->turn;
     m->masks = m->masks || desc->seen.data;
-    if (p->buffer)
-        return 0;
-    words = sst_mem_keep(&d->words, n, sizeof(*words));
-    err = words ? disparity_device_create_buffer(d, &p->buffer, n * sizeof(*words), NULL) : -ENOMEM;
-    if (err)
-        return err;
-    for (int y = 0; y < m->height; y++) {
-        const uint8_t *r = sst_image_row(&desc->image, 0, y), *g = sst_image_row(&desc->image, 1, y);
-        const uint8_t *b = sst_image_row(&desc->image, 2, y);
-        const uint8_t *seen = desc->seen.data ? sst_map_u8_row(&desc->seen, y) : NULL;
-        uint32_t *to = words + (size_t)y * (size_t)m->width;
-
-        for (int x = 0; x < m->width; x++)
-            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
-    }
-    d->report.uploads++;
-    err = disparity_device_upload(d, p->buffer, words, n * sizeof(*words));
-    if (err) {
-        sst_gpu_buffer_destroy(d->gpu, p->buffer);
-        p->buffer = NULL;
-    }
-    return err;
+    return disparity_device_colours(m->d, &v, &found);
 }
 
 /* The features of a view on the device. @param stays  as of disparity_device_create_buffer() */
@@ -122,7 +102,9 @@ static int need_features(struct match *m, const struct sst_descriptor *desc, con
 
 static struct sst_gpu_buffer *pixels_of(const struct match *m, const struct sst_descriptor *desc)
 {
-    return m->d->view[desc - m->in->run->desc].buffer;
+    const enum sst_gpu_resident which = m->in->run->scale == 1 ? SST_GPU_RESIDENT_COLOURS : SST_GPU_RESIDENT_REDUCED;
+
+    return disparity_device_find(m->d, which, (int)(desc - m->in->run->desc));
 }
 
 /* A tile with what its aggregation reaches around it. */
@@ -424,6 +406,16 @@ static int filter(struct match *m, enum device_kept *map)
         SST_GPU_BILATERAL_BUFFERS);
 }
 
+/* The map of a whole view stays. */
+static int store(struct match *m, enum device_kept map)
+{
+    const struct sst_gpu_convert push = { .width = m->width, .height = m->height, .conversion = SST_GPU_FROM_MATCH };
+
+    return m->in->filter ? disparity_device_store(m->d, (int)(m->in->ref - m->in->run->desc), push,
+                                                  pixels_of(m, m->in->ref), m->d->kept[map])
+                         : 0;
+}
+
 /* Disparities and confidences of the host's maps. */
 static int fetch(struct match *m, enum device_kept map)
 {
@@ -572,6 +564,7 @@ static int match_view(struct match *m)
         m->band = ((m->band + 1) / 2 + unit - 1) / unit * unit;
     }
     err = err ? err : filter(m, &map);
+    err = err ? err : store(m, map);
     return err ? err : fetch(m, map);
 }
 
@@ -589,7 +582,6 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     if (d->run != run)
         disparity_device_drop_views(d);
     d->run = run;
-    d->turn++;
     m.rounds = run->cfg->support_arm && !run->cfg->raw ? run->cfg->support_before : 0;
     err = match_view(&m);
     d->report.total_ns += sst_clock_now_ns() - start_ns;

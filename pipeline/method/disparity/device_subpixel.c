@@ -9,7 +9,6 @@
 #include "pipeline/method/disparity/disparity_internal.h"
 
 /* Memory of the second pass, which is over. */
-#define KEPT_COLOURS KEPT_COUNTS
 #define KEPT_DISP    KEPT_CHOSEN /* of this step and of the next one, in turn */
 #define KEPT_NEXT    KEPT_SUMS
 #define KEPT_FITS    KEPT_COSTS
@@ -33,30 +32,19 @@ static int dispatch(struct sst_disparity_device *d, const struct device_refine *
     return sst_gpu_dispatch(d->gpu, &work);
 }
 
-/* Colours and disparities of the view, and the views that it is compared with. */
-static int upload_view(struct sst_disparity_device *d, const struct device_refine *in)
+/* Colours and disparities of the view, and the views that it is compared with. @param colours  out */
+static int load_view(struct sst_disparity_device *d, const struct device_refine *in, struct sst_gpu_buffer **colours)
 {
     const struct sst_subpixel_fit *f = in->fit;
-    const size_t n = pixels_of(in), width = (size_t)f->width;
+    const size_t n = pixels_of(in);
+    const struct device_view own = disparity_device_view(in->in, in->view);
+    const struct sst_gpu_convert push = { .width = f->width, .height = f->height, .conversion = SST_GPU_TO_STEPS };
     struct sst_gpu_subpixel_view view[SST_SUBPIXEL_VIEWS];
-    uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
-    int err = words ? 0 : -ENOMEM;
+    struct sst_gpu_buffer *map;
+    int err = disparity_device_colours(d, &own, colours);
 
-    for (int y = 0; y < f->height && !err; y++) {
-        const uint8_t *r = sst_image_row(in->image, 0, y), *g = sst_image_row(in->image, 1, y);
-        const uint8_t *b = sst_image_row(in->image, 2, y);
-
-        for (size_t x = 0; x < width; x++)
-            words[(size_t)y * width + x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
-    }
-    err = err ? err : disparity_device_upload(d, d->kept[KEPT_COLOURS], words, n * sizeof(*words));
-    for (int y = 0; y < f->height && !err; y++) {
-        const uint16_t *from = sst_map_u16_row(in->disp, y);
-
-        for (size_t x = 0; x < width; x++)
-            words[(size_t)y * width + x] = (from[x] < SST_SUBPIXEL_NONE ? from[x] : SST_SUBPIXEL_NONE) * 65537U;
-    }
-    err = err ? err : disparity_device_upload(d, d->kept[KEPT_DISP], words, n * sizeof(*words));
+    err = err ? err : disparity_device_map(d, &own, &map);
+    err = err ? err : disparity_device_convert(d, push, NULL, map, NULL, d->kept[KEPT_DISP]);
     for (int k = 0; k < f->views; k++) {
         const struct sst_subpixel_view *v = &f->view[k];
 
@@ -68,22 +56,21 @@ static int upload_view(struct sst_disparity_device *d, const struct device_refin
                             : disparity_device_upload(d, d->kept[KEPT_VIEWS], view, (size_t)f->views * sizeof(*view));
 }
 
-static int prepare(struct sst_disparity_device *d, const struct device_refine *in)
+static int prepare(struct sst_disparity_device *d, const struct device_refine *in, struct sst_gpu_buffer **colours)
 {
     const size_t n = pixels_of(in), weight = sizeof(struct sst_gpu_subpixel_weight);
     int err = disparity_device_keep(d, KEPT_VIEWS, SST_SUBPIXEL_VIEWS, sizeof(struct sst_gpu_subpixel_view));
 
-    err = err ? err : disparity_device_keep(d, KEPT_COLOURS, n, sizeof(uint32_t));
     err = err ? err : disparity_device_keep(d, KEPT_DISP, n, sizeof(uint32_t));
     err = err ? err : disparity_device_keep(d, KEPT_NEXT, n, sizeof(uint32_t));
     err = err ? err : disparity_device_keep(d, KEPT_FITS, n, weight);
     err = err ? err : disparity_device_keep(d, KEPT_WINDOWS, n, weight);
-    return err ? err : upload_view(d, in);
+    return err ? err : load_view(d, in, colours);
 }
 
 /* A step from one buffer of disparities to another. */
 static int refine(struct sst_disparity_device *d, const struct device_refine *in, int views,
-                  struct sst_gpu_buffer *from, struct sst_gpu_buffer *to)
+                  struct sst_gpu_buffer *colours, struct sst_gpu_buffer *from, struct sst_gpu_buffer *to)
 {
     const struct sst_subpixel_fit *f = in->fit;
     const struct sst_gpu_subpixel_fit push = { f->width,     f->height,
@@ -97,32 +84,35 @@ static int refine(struct sst_disparity_device *d, const struct device_refine *in
 
     return err ? err
                : dispatch(d, in, SST_GPU_SUBPIXEL_WINDOW, in->window,
-                          (struct sst_gpu_buffer *const[]){ kept[KEPT_COLOURS], from, kept[KEPT_FITS],
-                                                            kept[KEPT_WINDOWS], to },
+                          (struct sst_gpu_buffer *const[]){ colours, from, kept[KEPT_FITS], kept[KEPT_WINDOWS], to },
                           SST_GPU_SUBPIXEL_WINDOW_BUFFERS);
 }
 
 static int refine_view(struct sst_disparity_device *d, const struct device_refine *in)
 {
     const size_t n = pixels_of(in), width = (size_t)in->fit->width;
-    struct sst_gpu_buffer *from, *to, *swap;
+    const struct sst_gpu_convert stays = { .width = in->fit->width,
+                                           .height = in->fit->height,
+                                           .conversion = SST_GPU_FROM_PLAIN };
+    struct sst_gpu_buffer *colours = NULL, *from, *to, *swap;
     uint32_t *words;
-    int err = prepare(d, in);
+    int err = prepare(d, in, &colours);
 
     from = d->kept[KEPT_DISP];
     to = d->kept[KEPT_NEXT];
     for (int i = 0; i < in->steps && !err; i++) {
-        err = refine(d, in, i ? in->fit->views : sst_min_int(in->fit->views, in->first_views), from, to);
+        err = refine(d, in, i ? in->fit->views : sst_min_int(in->fit->views, in->first_views), colours, from, to);
         swap = from;
         from = to;
         to = swap;
     }
     /* The large windows write no weights. */
-    err = err ? err
-              : dispatch(d, in, SST_GPU_SUBPIXEL_WINDOW, in->wide,
-                         (struct sst_gpu_buffer *const[]){ d->kept[KEPT_COLOURS], from, d->kept[KEPT_WINDOWS],
-                                                           d->kept[KEPT_FITS], to },
-                         SST_GPU_SUBPIXEL_WINDOW_BUFFERS);
+    err =
+        err ? err
+            : dispatch(d, in, SST_GPU_SUBPIXEL_WINDOW, in->wide,
+                       (struct sst_gpu_buffer *const[]){ colours, from, d->kept[KEPT_WINDOWS], d->kept[KEPT_FITS], to },
+                       SST_GPU_SUBPIXEL_WINDOW_BUFFERS);
+    err = err ? err : disparity_device_store(d, in->view, stays, NULL, to);
     words = sst_mem_keep(&d->words, n, sizeof(*words));
     err = err ? err : words ? disparity_device_fetch(d, to, 0, n, words) : -ENOMEM;
     for (int y = 0; y < in->fit->height && !err; y++) {
@@ -134,16 +124,38 @@ static int refine_view(struct sst_disparity_device *d, const struct device_refin
     return err;
 }
 
-bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
-                                     int width, int height)
+/* Lumas of a view. */
+static int load_luma(struct sst_disparity_device *d, const struct sst_visible_views *in, int k)
 {
+    const struct device_view v = disparity_device_view(in, k);
+    const struct sst_gpu_convert push = { .width = v.width,
+                                          .height = v.height,
+                                          .conversion = SST_GPU_TO_LUMA,
+                                          .to = (uint32_t)((size_t)k * (size_t)v.width * (size_t)v.height) };
+    struct sst_gpu_buffer *colours, *map;
     int err;
 
+    disparity_device_next_view(d);
+    err = disparity_device_colours(d, &v, &colours);
+    err = err ? err : disparity_device_map(d, &v, &map);
+    return err ? err : disparity_device_convert(d, push, colours, map, NULL, d->kept[KEPT_PIXELS]);
+}
+
+bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_visible_views *in)
+{
+    size_t n = 0;
+    int err;
+
+    for (int k = 0; k < in->count; k++)
+        n = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : n;
     if (!disparity_device_begin(d)) {
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL);
         return false;
     }
-    err = disparity_device_upload_packed(d, view, count, width, height);
+    disparity_device_drop(d);
+    err = disparity_device_keep(d, KEPT_PIXELS, (size_t)in->count * n, sizeof(uint32_t));
+    for (int k = 0; k < in->count && !err; k++)
+        err = in->view[k].image ? load_luma(d, in, k) : 0;
     d->loaded = !err;
     if (err)
         disparity_device_leave(d, SST_DISPARITY_STAGE_SUBPIXEL, err);

@@ -45,31 +45,6 @@ static int dispatch_plane(struct sst_disparity_device *d, const struct device_hy
                     (uint32_t)(in->test->height + 7) / 8, layers);
 }
 
-int disparity_device_load_maps(struct sst_disparity_device *d, const struct sst_visible_views *in, size_t pixels)
-{
-    uint32_t *words = sst_mem_keep(&d->words, pixels, sizeof(*words));
-    int err = words ? disparity_device_keep(d, KEPT_MAPS, (size_t)in->count * pixels, sizeof(*words)) : -ENOMEM;
-
-    for (int k = 0; k < in->count && !err; k++) {
-        const struct sst_visible_view *v = &in->view[k];
-        uint32_t *to = words;
-
-        if (!v->image)
-            continue;
-        for (int y = 0; y < v->disp->height; y++) {
-            const uint16_t *from = sst_map_u16_row(v->disp, y);
-            const uint8_t *seen = v->seen && v->seen->data ? sst_map_u8_row(v->seen, y) : NULL;
-            const uint8_t *agreed = v->agreed && v->agreed->data ? sst_map_u8_row(v->agreed, y) : NULL;
-
-            for (int x = 0; x < v->disp->width; x++)
-                *to++ = from[x] | (seen && !seen[x] ? SST_GPU_SURFACE_UNSEEN : 0) |
-                        (agreed && agreed[x] ? SST_GPU_SURFACE_AGREED : 0);
-        }
-        err = disparity_device_upload_view(d, KEPT_MAPS, k, words, pixels);
-    }
-    return err;
-}
-
 /* --- points of a view --------------------------------------------------------------------------------------------- */
 
 int disparity_device_find_points(struct sst_disparity_device *d, const struct device_hypotheses *in,

@@ -27,42 +27,53 @@ static void give_up(struct sst_disparity_device *d, int err)
     snprintf(d->report.why, sizeof(d->report.why), "%s", why);
 }
 
-int disparity_device_upload_packed(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
-                                   int width, int height)
+struct device_view disparity_device_view(const struct sst_visible_views *in, int k)
 {
-    const size_t n = (size_t)width * (size_t)height;
-    uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
-    int err;
+    const struct sst_visible_view *v = &in->view[k];
 
-    disparity_device_drop(d);
-    err = words ? disparity_device_keep(d, KEPT_PIXELS, (size_t)count * n, sizeof(*words)) : -ENOMEM;
-    for (int k = 0; k < count && !err; k++) {
-        if (!view[k].pixels)
-            continue;
-        for (int y = 0; y < height; y++)
-            memcpy(words + (size_t)y * (size_t)width, view[k].pixels + y * view[k].stride,
-                   (size_t)width * sizeof(*words));
-        err = disparity_device_upload_view(d, KEPT_PIXELS, k, words, n);
-        d->report.uploads++;
-    }
-    return err;
+    return (struct device_view){ .view = k,
+                                 .width = v->disp->width,
+                                 .height = v->disp->height,
+                                 .image = v->image,
+                                 .seen = v->seen,
+                                 .disp = v->disp,
+                                 .confidence = v->confidence,
+                                 .agreed = v->agreed };
 }
 
-bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
-                           const struct sst_packed_view *view)
+static int load_view(struct sst_disparity_device *d, const struct sst_visible_views *in, int k)
 {
-    int width = 0, height = 0, err;
+    const struct device_view v = disparity_device_view(in, k);
+    struct sst_gpu_convert push = { .width = v.width,
+                                    .height = v.height,
+                                    .conversion = SST_GPU_TO_HYPOTHESES,
+                                    .value = (uint32_t)in->range * 64 + 1,
+                                    .to = (uint32_t)((size_t)k * (size_t)v.width * (size_t)v.height) };
+    struct sst_gpu_buffer *colours, *map;
+    int err;
 
-    for (int k = 0; k < in->count; k++) {
-        if (in->view[k].image) {
-            width = in->view[k].disp->width;
-            height = in->view[k].disp->height;
-        }
-    }
+    disparity_device_next_view(d);
+    err = disparity_device_colours(d, &v, &colours);
+    err = err ? err : disparity_device_map(d, &v, &map);
+    err = err ? err : disparity_device_convert(d, push, colours, map, NULL, d->kept[KEPT_PIXELS]);
+    push.conversion = SST_GPU_TO_SURFACES;
+    return err ? err : disparity_device_convert(d, push, colours, map, NULL, d->kept[KEPT_MAPS]);
+}
+
+bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in)
+{
+    size_t n = 0;
+    int err;
+
+    for (int k = 0; k < in->count; k++)
+        n = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : n;
     if (!disparity_device_begin(d))
         return false;
-    err = disparity_device_upload_packed(d, view, in->count, width, height);
-    err = err ? err : disparity_device_load_maps(d, in, (size_t)width * (size_t)height);
+    disparity_device_drop(d);
+    err = disparity_device_keep(d, KEPT_PIXELS, (size_t)in->count * n, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(d, KEPT_MAPS, (size_t)in->count * n, sizeof(uint32_t));
+    for (int k = 0; k < in->count && !err; k++)
+        err = in->view[k].image ? load_view(d, in, k) : 0;
     if (err)
         give_up(d, err);
     else
@@ -207,6 +218,9 @@ static int choose(struct sst_disparity_device *d, const struct device_hypotheses
     const size_t n = (size_t)in->test->width * (size_t)in->test->height;
     const size_t across = (size_t)SST_GPU_HYPOTHESIS_PIXELS * SST_GPU_HYPOTHESIS_ACROSS;
     const struct sst_gpu_hypothesis_choice push = { (uint32_t)n };
+    const struct sst_gpu_convert stays = { .width = in->test->width,
+                                           .height = in->test->height,
+                                           .conversion = SST_GPU_FROM_CHOICE };
     const int64_t start_ns = sst_clock_now_ns();
     int64_t done_ns;
     int err;
@@ -218,6 +232,7 @@ static int choose(struct sst_disparity_device *d, const struct device_hypotheses
                     .push = &push,
                     .buffer = { d->kept[KEPT_LIST], d->kept[KEPT_COUNTS], d->kept[KEPT_SUMS], d->kept[KEPT_CHOSEN] },
                     .groups = { SST_GPU_HYPOTHESIS_ACROSS, (uint32_t)((n + across - 1) / across), 1 } });
+    err = err ? err : disparity_device_store(d, in->view, stays, NULL, d->kept[KEPT_CHOSEN]);
     err = err ? err : sst_gpu_wait(d->gpu);
     done_ns = sst_clock_now_ns();
     err = err ? err : sst_gpu_download(d->gpu, in->out, d->kept[KEPT_CHOSEN], 0, n * sizeof(*in->out));

@@ -229,6 +229,8 @@ static int carry(struct disparity_run *run, const struct sst_visible_views *in, 
     if (!err && run->cfg->report)
         run->cfg->report->views_error = error;
     err = err ? err : sst_disparity_carry(in, run->status, threads);
+    if (!err)
+        disparity_device_fill_all(run->cfg->device, run);
     return err ? err : sst_parallel_for(in->count, threads, fill_background, run);
 }
 
@@ -413,6 +415,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
 
     if (err)
         return err;
+    disparity_device_claim(run->cfg->device, run);
     err = allocate_workers(run, threads);
     if (!err) {
         count_workers(run, threads);

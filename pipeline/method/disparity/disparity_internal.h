@@ -5,6 +5,7 @@
 
 #include "base/thread.h"
 #include "pipeline/gpu/check.h"
+#include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/shared.h"
 #include "pipeline/method/disparity/stage.h"
@@ -151,7 +152,7 @@ enum device_kept {
     KEPT_SUM = 7,
     KEPT_MAP = 8,
     KEPT_FILTERED = 9,
-    KEPT_PIXELS = 10, /* of all views: with depth codes in the second pass, then their maps */
+    KEPT_PIXELS = 10, /* of all views: with depth codes in the second pass, lumas, then their maps */
     KEPT_VIEWS = 11,
     KEPT_LIST = 12,
     KEPT_COUNTS = 13,
@@ -167,13 +168,14 @@ enum device_kept {
     KEPT_SHIFTS = 23,
     KEPT_WEIGHTS = 24,
     KEPT_PEAKS = 25,
+    KEPT_COLOURS = 26, /* of the view in work, if there is no room for them to stay; and its map */
+    KEPT_VIEW_MAP = 27,
     KEPT
 };
 
 struct device_pixels {
-    struct sst_gpu_buffer *buffer;   /* NULL: not on the device */
-    struct sst_gpu_buffer *features; /* likewise; given up where memory is needed, also in the turn that uses them */
-    int64_t used;                    /* turn in which it was used last */
+    struct sst_gpu_buffer *features; /* NULL: not on the device; given up where memory is needed, also in the turn that
+                                        uses them */
 };
 
 struct sst_disparity_device {
@@ -184,9 +186,10 @@ struct sst_disparity_device {
     struct sst_gpu *gpu; /* from disparity_device_begin() or disparity_device_resume() to disparity_device_end() */
     struct sst_gpu_buffer *kept[KEPT];
     size_t bytes[KEPT];
+    const struct sst_lightfield *lf; /* whose views stay; NULL: none */
+    bool stays;                      /* also when it has been matched */
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
-    int64_t turn;
     uint32_t points;                     /* of the second pass, in KEPT_POINTS */
     const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
     bool loaded;                         /* views lie there: of a round of the second pass, to be refined or carried */
@@ -213,7 +216,7 @@ SST_MUST_CHECK int disparity_device_keep(struct sst_disparity_device *d, enum de
 SST_MUST_CHECK int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gpu_buffer **out,
                                                   size_t bytes, const struct device_pixels *stays);
 
-/** Free the views of the first pass. */
+/** Free the features of views. */
 void disparity_device_drop_views(struct sst_disparity_device *d);
 
 /** Upload to a byte of the buffer; counted in the report. @return 0 or an error of the device */
@@ -223,14 +226,56 @@ SST_MUST_CHECK int disparity_device_upload_at(struct sst_disparity_device *d, st
 SST_MUST_CHECK int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data,
                                            size_t bytes);
 
-/** Upload a map of view k, as n words, to its place in KEPT_PIXELS or KEPT_MAPS. @return 0 or an error of the device */
-SST_MUST_CHECK int disparity_device_upload_view(struct sst_disparity_device *d, enum device_kept which, int k,
-                                                const uint32_t *words, size_t n);
+/* --- device_resident.c: what stays of views --- */
 
-/** Upload the packed pixels of `count` views into KEPT_PIXELS; those without memory are left out. @return 0 or an error
- *  of the device */
-SST_MUST_CHECK int disparity_device_upload_packed(struct sst_disparity_device *d, const struct sst_packed_view *view,
-                                                  int count, int width, int height);
+/** A view, at the size that is matched. */
+struct device_view {
+    int view, width, height;
+    const struct sst_image *image; /* or at twice the size */
+    const struct sst_map_u8 *seen; /* NULL or without memory: all of it */
+    bool stays; /* its colours do, while others of this piece of work are needed as well: views in no use make room */
+    const struct sst_map_u16 *disp;
+    const struct sst_map_u8 *confidence, *agreed; /* agreed: as `seen`, none of it */
+};
+
+/** Views of this run stay from now on, those of another light field no more, and no maps yet. @param d  or NULL */
+void disparity_device_claim(struct sst_disparity_device *d, const struct disparity_run *run);
+
+/** The CPU changes the map of a view. @param d  or NULL */
+void disparity_device_map_changed(struct sst_disparity_device *d, int view);
+
+/** Fill the background of all maps that stay, as the last step of carrying. @param d  or NULL */
+void disparity_device_fill_all(struct sst_disparity_device *d, const struct disparity_run *run);
+
+/* Between begin and end: */
+
+/** Free what stays and is not of the view in work. @return whether there was any */
+bool disparity_device_drop_unused(struct sst_disparity_device *d);
+
+/** The last view is not in use any more. */
+void disparity_device_next_view(struct sst_disparity_device *d);
+
+/** @return NULL: it does not stay */
+struct sst_gpu_buffer *disparity_device_find(struct sst_disparity_device *d, enum sst_gpu_resident which, int view);
+
+/** Colours of a view, or its map, for this piece of work until the next view; uploaded if they did not stay. @return 0
+ * or an error of the device */
+SST_MUST_CHECK int disparity_device_colours(struct sst_disparity_device *d, const struct device_view *v,
+                                            struct sst_gpu_buffer **out);
+SST_MUST_CHECK int disparity_device_map(struct sst_disparity_device *d, const struct device_view *v,
+                                        struct sst_gpu_buffer **out);
+
+/** Dispatch `convert`. @param colours, map, from  one of them at least; NULL: not read */
+SST_MUST_CHECK int disparity_device_convert(struct sst_disparity_device *d, struct sst_gpu_convert push,
+                                            struct sst_gpu_buffer *colours, struct sst_gpu_buffer *map,
+                                            struct sst_gpu_buffer *from, struct sst_gpu_buffer *to);
+
+/** Store what a step left as the map that stays, or nothing if there is no room. @param push  conversion to a map */
+SST_MUST_CHECK int disparity_device_store(struct sst_disparity_device *d, int view, struct sst_gpu_convert push,
+                                          struct sst_gpu_buffer *colours, struct sst_gpu_buffer *from);
+
+/** Fill the background of a map that stays. */
+SST_MUST_CHECK int disparity_device_background(struct sst_disparity_device *d, int view, int width, int height);
 
 /** Words first .. first + n - 1 of a buffer, once all that was dispatched is done. @return 0 or an error of the device
  */
@@ -289,10 +334,12 @@ struct device_hypotheses {
     int first, every;
 };
 
-/** Upload the views of a round: their packed pixels and maps; those without memory are left out. @return false: the
- *  device failed or has no room; logged, noted */
-bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
-                           const struct sst_packed_view *view);
+/** View k as it is matched. */
+struct device_view disparity_device_view(const struct sst_visible_views *in, int k);
+
+/** Load the views of a round: their colours with depth codes, and maps. @return false: the device failed or has no
+ * room; logged, noted */
+bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in);
 
 /** Find the points of a view, as sst_sweep_view() does. One thread at a time. @return false: likewise, and the views
  * are not loaded any more */
@@ -309,10 +356,7 @@ void disparity_device_note_untested(struct sst_disparity_device *d);
 
 /* --- device_surfaces.c: the surfaces around each pixel, which are its hypotheses, and the sweep --- */
 
-/** Upload all maps of the second pass. @return 0 or an error of the device, as those below */
-SST_MUST_CHECK int disparity_device_load_maps(struct sst_disparity_device *d, const struct sst_visible_views *in,
-                                              size_t pixels);
-
+/** @return 0 or an error of the device, as those below */
 SST_MUST_CHECK int disparity_device_upload_points(struct sst_disparity_device *d, const struct sst_sweep *sweep,
                                                   int sweeps);
 
@@ -332,11 +376,12 @@ struct device_carry {
     const int *source; /* [sources] views that have been loaded */
     int sources;
     bool agreed;   /* wanted */
+    bool stays;    /* the view has no other map: what arrives is stored with the background filled */
     uint32_t *out; /* [height][width] of SST_GPU_CARRY_CLOSE_OUT */
 };
 
 /**
- * Upload the maps of some matched views.
+ * Load the maps of some matched views.
  * @param status  [in->count] or NULL
  * @param wanted  [in->count] these views
  * @return false: the device failed or has no room; logged, noted
@@ -355,18 +400,15 @@ struct sst_gpu_subpixel_window;
 struct device_refine {
     const struct sst_subpixel_fit *fit;
     const int *nearest;            /* [fit->views] these views */
+    const struct sst_visible_views *in;
     int view;                      /* which is refined */
     int steps, first_views;        /* views that the first step compares at most */
-    const struct sst_image *image; /* at the size of the maps */
-    const struct sst_map_u16 *disp;
     const struct sst_gpu_subpixel_window *window, *wide; /* of a step, and after the last one */
     struct sst_map_u16 *out;                             /* initialised */
 };
 
-/** Upload the lumas of `count` views, packed as for struct sst_subpixel_view. @return false: the CPU is to do it; noted
- */
-bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
-                                     int width, int height);
+/** Load the lumas of all views, packed as for struct sst_subpixel_view. @return false: the CPU is to do it; noted */
+bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_visible_views *in);
 
 /** Refine a view of those. @return false: the CPU is to do this one and the next ones; noted */
 bool disparity_device_refine(struct sst_disparity_device *d, const struct device_refine *in);

@@ -48,6 +48,8 @@ int run_fill_views(struct disparity_run *run, int threads)
     } else if (device && disparity_device_fill(device, run)) {
         return run_cancelled(run);
     }
+    for (int k = 0; device && k < run->lf->rows * run->lf->cols; k++)
+        disparity_device_map_changed(device, k);
     return sst_share_blocks(run->cfg->share, run->lf->rows * run->lf->cols, block_of(run), threads, run_fill, run,
                             filled_maps);
 }

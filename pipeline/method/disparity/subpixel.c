@@ -43,6 +43,7 @@ struct pass {
     int steps, views;
     struct packed *view;     /* [in->count] */
     struct sst_map_u16 *out; /* [in->count]; without memory: not refined yet */
+    bool *stays;             /* [in->count] the device has `out` as well */
     struct planes *planes;   /* [threads] made by the first view of a thread */
 };
 
@@ -363,56 +364,38 @@ static int refine_on_device(struct pass *p, int k)
     const struct sst_gpu_subpixel_window window = { width, height, 1, SIMILAR, APART, 0, MOST, last, FEW, ENOUGH };
     const struct sst_gpu_subpixel_window wide = { width, height, WIDE_STEP, SIMILAR, WIDE_APART,
                                                   1,     MOST,   last,      FEW,     ENOUGH };
-    struct sst_image half = { 0 };
     struct sst_subpixel_fit fit;
     int nearest[SST_SUBPIXEL_VIEWS];
     const struct device_refine in = { .fit = &fit,
                                       .nearest = nearest,
+                                      .in = p->in,
                                       .view = k,
                                       .steps = p->steps,
                                       .first_views = FIRST_VIEWS,
-                                      .image = p->in->scale == 2 ? &half : v->image,
-                                      .disp = v->disp,
                                       .window = &window,
                                       .wide = &wide,
                                       .out = &p->out[k] };
-    int err = p->in->cancel && *p->in->cancel ? -ECANCELED : 0;
+    int err = p->in->cancel && *p->in->cancel ? -ECANCELED : sst_map_u16_init(&p->out[k], width, height);
 
-    if (!err && p->in->scale == 2)
-        err = sst_image_halve(&half, v->image);
-    err = err ? err : sst_map_u16_init(&p->out[k], width, height);
-    if (!err) {
-        set_fit(&fit, p, k, nearest);
-        if (!disparity_device_refine(p->in->device, &in)) {
-            sst_map_u16_fini(&p->out[k]);
-            err = 1;
-        }
-    }
-    sst_image_fini(&half);
-    return err;
+    if (err)
+        return err;
+    set_fit(&fit, p, k, nearest);
+    p->stays[k] = disparity_device_refine(p->in->device, &in);
+    if (!p->stays[k])
+        sst_map_u16_fini(&p->out[k]);
+    return !p->stays[k];
 }
 
 /* Refine as many views as the device does. */
 static int refine_all_on_device(struct pass *p)
 {
     const struct sst_visible_views *in = p->in;
-    struct sst_packed_view *packed = calloc((size_t)in->count, sizeof(*packed));
-    int width = 0, height = 0, err = packed ? 0 : -ENOMEM;
+    int err = !disparity_device_begin_refining(in->device, in);
 
-    for (int k = 0; k < in->count && !err; k++) {
-        if (!in->view[k].image)
-            continue;
-        packed[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
-        width = in->view[k].disp->width;
-        height = in->view[k].disp->height;
-    }
-    if (!err && !disparity_device_begin_refining(in->device, packed, in->count, width, height))
-        err = 1;
     for (int k = 0; k < in->count && !err; k++) {
         if (in->view[k].image && !in->view[k].carried)
             err = refine_on_device(p, k);
     }
-    free(packed);
     return err > 0 ? 0 : err;
 }
 
@@ -423,17 +406,20 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
 
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
+    p.stays = calloc((size_t)in->count, sizeof(*p.stays));
     p.planes = calloc((size_t)threads, sizeof(*p.planes));
-    if (p.view && p.out && p.planes)
+    if (p.view && p.out && p.stays && p.planes)
         err = sst_parallel_for(in->count, threads, pack_job, &p);
     if (in->device && in->share) /* its views are the processes' */
         sst_disparity_device_note_stage(in->device, SST_DISPARITY_STAGE_SUBPIXEL);
     else if (in->device)
         err = err ? err : refine_all_on_device(&p);
     err = err ? err : sst_share_for(in->share, in->count, threads, refine_job, &p, refined_maps);
-    for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
+    for (int k = 0; p.view && p.out && p.stays && p.planes && k < in->count; k++) {
         if (!err && p.out[k].data)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);
+        if (p.out[k].data && !p.stays[k])
+            disparity_device_map_changed(in->device, k);
         sst_map_u16_fini(&p.out[k]);
         sst_mem_free(p.view[k].memory);
     }
@@ -441,6 +427,7 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
         sst_mem_free(p.planes[i].memory);
     free(p.planes);
     free(p.view);
+    free(p.stays);
     free(p.out);
     return err;
 }

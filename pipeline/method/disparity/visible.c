@@ -49,6 +49,7 @@ struct pass {
     uint8_t *code;       /* [65536], see struct sst_hypothesis_test */
     struct packed *view; /* [in->count] */
     struct sst_map_u16 *out;
+    bool *stays; /* [in->count] the device has `out` as well */
     struct sst_hypothesis_penalty penalty;
     struct scratch *scratch; /* [threads] */
     struct sst_sweep_plan plan;
@@ -427,6 +428,7 @@ static bool choose_on_device(struct pass *p, int k, struct hypothesis_lists *lis
     done = p->loaded && disparity_device_test(p->in->device, &in);
     p->loaded = done;
     pthread_mutex_unlock(&p->lock);
+    p->stays[k] = done;
     for (int y = 0; done && y < lists->height; y++) {
         const uint32_t *from = lists->chosen + (size_t)y * width;
         uint16_t *disp = sst_map_u16_row(&p->out[k], y);
@@ -510,36 +512,22 @@ static void set_plan(struct pass *p)
     }
 }
 
-/* Upload all views with the depths of this round. */
-static int load_device(struct pass *p)
-{
-    const struct sst_visible_views *in = p->in;
-    struct sst_packed_view *view = calloc((size_t)in->count, sizeof(*view));
-
-    if (!view)
-        return -ENOMEM;
-    for (int k = 0; k < in->count; k++) {
-        if (in->view[k].image)
-            view[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
-    }
-    p->loaded = disparity_device_load(in->device, in, view);
-    free(view);
-    return 0;
-}
-
 static int one_round(struct pass *p, int round, int threads)
 {
     const struct sst_visible_views *in = p->in;
     int err = sst_parallel_for(in->count, threads, code_job, p);
 
-    if (in->device && (round || !p->loaded)) /* the sweep has the views of the first one */
-        err = err ? err : load_device(p);
+    if (!err && in->device && (round || !p->loaded)) /* the sweep has the views of the first one */
+        p->loaded = disparity_device_load(in->device, in);
     if (!err && p->loaded)
         p->loaded = disparity_device_load_points(in->device, p->sweep, p->sweeps);
     err = err ? err : sst_share_for(in->share, in->count, threads, second_job, p, second_maps);
     for (int k = 0; k < in->count; k++) {
         if (!err && p->out[k].data)
             memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);
+        if (p->out[k].data && !p->stays[k])
+            disparity_device_map_changed(in->device, k);
+        p->stays[k] = false;
         sst_map_u16_fini(&p->out[k]);
     }
     return err;
@@ -554,16 +542,17 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
     p.scratch = calloc((size_t)threads, sizeof(*p.scratch));
+    p.stays = calloc((size_t)in->count, sizeof(*p.stays));
     p.counted = calloc((size_t)in->count, sizeof(*p.counted));
     p.code = sst_mem_alloc_raw(65536, 1);
-    if (p.view && p.out && p.scratch && p.counted && p.code) {
+    if (p.view && p.out && p.stays && p.scratch && p.counted && p.code) {
         set_codes(&p);
         set_plan(&p);
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
         err = err ? err : sst_parallel_for(in->count, threads, code_job, &p);
-        if (in->device)
-            err = err ? err : load_device(&p);
+        if (!err && in->device)
+            p.loaded = disparity_device_load(in->device, in);
         err = err ? err : sweep_views(&p, threads);
     }
     for (int i = 0; !err && i < rounds; i++)
@@ -585,6 +574,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     sst_mem_free(p.code);
     free(p.view);
     free(p.out);
+    free(p.stays);
     pthread_mutex_destroy(&p.lock);
     return err;
 }

@@ -553,6 +553,7 @@ static int match_views(struct run *run)
     cfg.cancel = run->cfg->cancel;
     cfg.share = run->cfg->share;
     cfg.report = &run->report->skipped;
+    cfg.stays = run->cfg->refinement.device;
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         cfg.disp_min_px = lf->range_min_px;
         cfg.disp_max_px = lf->range_max_px;
@@ -645,6 +646,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
     sst_refine_device_forget(cfg->refinement.device);
+    sst_disparity_device_forget(cfg->disparity.device);
     for (int view = 0; run.source && view < views_of(&run); view++)
         sst_map_u8_fini(&run.source[view]);
     free(run.source);

@@ -1,0 +1,54 @@
+/* pipeline/gpu/convert.h - the shader `convert`: what stays of a view (resident.h) in the words that a step of matching
+ * or of labels reads, and what a step leaves in the words that stay.
+ *
+ * All numbers are integers. Groups of 32 x 8 pixels.
+ */
+#ifndef SST_PIPELINE_GPU_CONVERT_H
+#define SST_PIPELINE_GPU_CONVERT_H
+
+#include "pipeline/gpu/resident.h"
+
+/* Structures have the layout of pipeline/kernels/convert.comp (std430). */
+
+/** A map that stays, uint32_t[height][width]: disparity, SST_DISP_NONE if it is not known, confidence << 16. */
+#define SST_GPU_MAP_AGREED (1U << 24) /* carried: the sources agree */
+
+enum sst_gpu_conversion {
+    /* From what stays to what a step reads: */
+    SST_GPU_TO_HALF = 0, /* colours at half of the size, of which all four must count */
+    SST_GPU_TO_HYPOTHESES =
+        1,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
+    SST_GPU_TO_SURFACES = 2, /* maps of surfaces.h */
+    SST_GPU_TO_SOURCES = 3,  /* maps of carry.h; with `value` not 0 `from` has those of check.h, checked */
+    SST_GPU_TO_PLAIN = 4,    /* disparities alone: maps of check.h that are to be checked */
+    SST_GPU_TO_LUMA = 5,     /* pixels of subpixel.h */
+    SST_GPU_TO_STEPS = 6,    /* disparities of subpixel.h */
+    SST_GPU_TO_LABELS = 7, /* the lower halves of label.h's first plane, at `value` times the size; SST_DISP_NONE where
+                              colours do not count */
+    /* From what a step leaves, to the map that stays: */
+    SST_GPU_FROM_MATCH = 8,    /* disparities and confidences of match.h; none where colours do not count */
+    SST_GPU_FROM_CHOICE = 9,   /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 10,   /* disparities alone */
+    SST_GPU_FROM_FILLED = 11,  /* likewise; 0 where nothing is known */
+    SST_GPU_FROM_SOURCES = 12, /* what arrived: carry.h */
+};
+
+/** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */
+struct sst_gpu_convert {
+    int32_t width, height;
+    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the map of SST_GPU_TO_LABELS */
+    uint32_t conversion;             /* enum sst_gpu_conversion */
+    uint32_t value;
+    uint32_t colours, from, to;
+};
+
+/** Buffers, by binding; those that a conversion does not read: any. */
+enum sst_gpu_convert_buffer {
+    SST_GPU_CONVERT_COLOURS = 0,
+    SST_GPU_CONVERT_MAP = 1,
+    SST_GPU_CONVERT_FROM = 2,
+    SST_GPU_CONVERT_TO = 3, /* in and out; another buffer than those that are read */
+    SST_GPU_CONVERT_BUFFERS
+};
+
+#endif

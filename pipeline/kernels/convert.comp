@@ -1,0 +1,114 @@
+// What stays of a view in the words that a step reads, and what a step leaves in those that stay. Buffers, constants and
+// conversions: pipeline/gpu/convert.h. Definition: convert_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Colours { uint pixel[]; };
+layout(std430, binding = 1) readonly buffer Map { uint map[]; };
+layout(std430, binding = 2) readonly buffer From { uint source[]; };
+layout(std430, binding = 3) buffer To { uint result[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, full_width, full_height;
+    uint conversion, value, colours, from, to;
+};
+
+const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_SOURCES = 3, TO_PLAIN = 4, TO_LUMA = 5, TO_STEPS = 6,
+           TO_LABELS = 7, FROM_MATCH = 8, FROM_CHOICE = 9, FROM_PLAIN = 10, FROM_FILLED = 11, FROM_SOURCES = 12;
+const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
+const uint CONFIRMED = 1 << 23, CORRECT = 0, STEPS_NONE = 32768, CHANGED = 1 << 24, ARRIVED_AGREED = 1 << 24;
+
+bool counts(int i)
+{
+    return pixel[colours + i] >> 24 != 0;
+}
+
+uint luma(int i)
+{
+    const uint p = pixel[colours + i];
+
+    return (77 * (p & 0xFF) + 150 * (p >> 8 & 0xFF) + 29 * (p >> 16 & 0xFF) + 128) >> 8;
+}
+
+// Means of four colours, the last column and row twice where there is no other.
+uint half_of(ivec2 at)
+{
+    const int x0 = 2 * at.x, x1 = min(x0 + 1, full_width - 1);
+    const int y0 = 2 * at.y * full_width, y1 = min(2 * at.y + 1, full_height - 1) * full_width;
+    const uint p[4] = uint[4](pixel[colours + y0 + x0], pixel[colours + y0 + x1], pixel[colours + y1 + x0],
+                              pixel[colours + y1 + x1]);
+    uint mean = p[0] & p[1] & p[2] & p[3] & 0xFF000000;
+
+    for (int c = 0; c < 24; c += 8)
+        mean |= ((p[0] >> c & 0xFF) + (p[1] >> c & 0xFF) + (p[2] >> c & 0xFF) + (p[3] >> c & 0xFF) + 2 >> 2) << c;
+    return mean;
+}
+
+uint hypotheses(int i)
+{
+    const uint d = map[i] & NONE;
+    const uint code = !counts(i) ? OUTSIDE : d == NONE ? 0 : 1 + min(d, value) * CODES / value;
+
+    return pixel[colours + i] & 0xFFFFFF | code << 24;
+}
+
+uint lumas(int x, int i)
+{
+    const int next = x + 1 < width ? i + 1 : i;
+
+    return luma(i) | luma(next) << 8 | max(map[i] & NONE, map[next] & NONE) << 16;
+}
+
+uint labels(ivec2 at, int i)
+{
+    const int scale = int(value);
+    const uint d = map[at.y / scale * full_width + at.x / scale] & NONE;
+
+    return result[to + i] & 0xFFFF0000 | (d == NONE || !counts(i) ? NONE : d * value & NONE);
+}
+
+uint arrived(uint word)
+{
+    const uint known = word & ~ARRIVED_AGREED;
+
+    return (known >> 8) - 1 & NONE | (word << 1 & 0xFF) << 16 | ((word & ARRIVED_AGREED) != 0 ? MAP_AGREED : 0);
+}
+
+void main()
+{
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    const int i = at.y * width + at.x;
+    uint word = 0, old;
+
+    if (at.x >= width || at.y >= height)
+        return;
+    old = result[to + i];
+    switch (conversion) {
+    case TO_HALF: word = half_of(at); break;
+    case TO_HYPOTHESES: word = hypotheses(i); break;
+    case TO_SURFACES:
+        word = map[i] & NONE | (counts(i) ? 0 : UNSEEN) | ((map[i] & MAP_AGREED) != 0 ? SURFACE_AGREED : 0);
+        break;
+    case TO_SOURCES:
+        word = map[i] & NONE | (map[i] >> 17 & 0x7F) << 16;
+        if (value != 0 && source[from + i] >> 16 == CORRECT)
+            word |= CONFIRMED;
+        break;
+    case TO_PLAIN: word = map[i] & NONE; break;
+    case TO_LUMA: word = lumas(at.x, i); break;
+    case TO_STEPS: word = min(map[i] & NONE, STEPS_NONE) * 65537; break;
+    case TO_LABELS: word = labels(at, i); break;
+    case FROM_MATCH: word = source[from + i] & 0xFFFFFF | (counts(i) ? 0 : NONE); break;
+    case FROM_CHOICE:
+        word = source[from + i] & NONE | old & 0xFF000000;
+        word |= ((source[from + i] & CHANGED) != 0 ? source[from + i] : old) & 0xFF0000;
+        break;
+    case FROM_PLAIN: word = old & 0xFFFF0000 | source[from + i] & NONE; break;
+    case FROM_FILLED:
+        word = old & 0xFFFF0000 | ((source[from + i] & NONE) == NONE ? 0 : source[from + i] & NONE);
+        break;
+    case FROM_SOURCES: word = arrived(source[from + i]); break;
+    }
+    result[to + i] = word;
+}
