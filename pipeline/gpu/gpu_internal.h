@@ -225,6 +225,8 @@ gpu_self_test_fn verify_blend_self_test;
 gpu_self_test_fn limits_self_test;
 gpu_reference_fn convert_reference;
 gpu_self_test_fn convert_self_test;
+gpu_reference_fn label_keep_reference;
+gpu_self_test_fn label_keep_self_test;
 
 /* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
  *

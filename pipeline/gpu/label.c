@@ -71,9 +71,9 @@ void vote_reference(const void *push, void *const *buffer, const uint32_t groups
             const uint32_t *there = buffer[SST_GPU_VOTE_VOTERS + k];
             const int at = place_of(&p->shift[k], there, own, n, p->width, p->rows[k], i);
 
-            vote[k] = at < 0 ? 0 : there[at] >> 16;
+            vote[k] = at < 0 ? 0 : there[at] >> 16 & 0xFF;
         }
-        out[i] = is_seen(own, n, i) ? elect(own[i] >> 16, vote, p->count) : own[i] >> 16;
+        out[i] = is_seen(own, n, i) ? elect(own[i] >> 16 & 0xFF, vote, p->count) : own[i] >> 16 & 0xFF;
     }
 }
 
@@ -222,6 +222,8 @@ int vote_self_test(struct sst_gpu *g)
 
     memcpy(push.shift, test_shift, sizeof(test_shift));
     memcpy(push.rows, test_rows, sizeof(test_rows));
+    for (int i = 0; t && i < (1 + SST_GPU_VOTERS) * TEST_PIXELS; i++) /* some have been elected */
+        t->view[i / TEST_PIXELS][SST_GPU_PLANE_LABELS][i % TEST_PIXELS] |= (uint32_t)(i % 3) << 24;
     err = t ? compare_views(g, SST_GPU_VOTE, &push, t) : -ENOMEM;
     free(t);
     return err;

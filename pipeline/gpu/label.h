@@ -1,6 +1,7 @@
 /* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
- * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it; and
- * `label_cells`, labels of pixels from a network's coarse grid.
+ * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it;
+ * `label_cells`, labels of pixels from a network's coarse grid; and `label_keep`, which writes what these and the
+ * shaders of refine.h leave into the view, for those that follow.
  *
  * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
  * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients
@@ -17,7 +18,7 @@
 /** A view is uint32_t[2 or 3][height][width], or has some of its rows only. The first plane is that of the shaders of
  * refine.h. */
 enum sst_gpu_label_plane {
-    SST_GPU_PLANE_LABELS = 0,    /* disparity | label << 16 */
+    SST_GPU_PLANE_LABELS = 0,    /* disparity | label << 16; between votes also the label that was elected << 24 */
     SST_GPU_PLANE_COLOURS = 1,   /* R | G << 8 | B << 16 | valid << 24 */
     SST_GPU_PLANE_ENTROPIES = 2, /* bits of floats */
 };
@@ -85,6 +86,29 @@ enum sst_gpu_label_cells_buffer {
     SST_GPU_LABEL_CELLS_PLACES = 2, /* struct sst_gpu_label_place[width + height] */
     SST_GPU_LABEL_CELLS_OUT = 3,    /* out, uint32_t[height][width]; then bits of floats, likewise */
     SST_GPU_LABEL_CELLS_BUFFERS
+};
+
+/** `label_keep`, a pixel an invocation. */
+struct sst_gpu_label_keep {
+    int32_t width, height;
+    uint32_t way;       /* enum sst_gpu_keep */
+    uint32_t entropies; /* with SST_GPU_KEEP_WORDS, not 0: of a second plane */
+    uint32_t pitch;     /* with SST_GPU_KEEP_BYTES: of a row, a multiple of 4 */
+    float limit;        /* with SST_GPU_KEEP_SURE */
+};
+
+enum sst_gpu_keep {
+    SST_GPU_KEEP_WORDS = 0,   /* labels, a word a pixel; none where the colour is not valid */
+    SST_GPU_KEEP_BYTES = 1,   /* labels, a byte a pixel */
+    SST_GPU_KEEP_SURE = 2,    /* those of the view whose entropy is below the limit; the others are 0 */
+    SST_GPU_KEEP_ELECTED = 3, /* of a vote, a word a pixel: beside those of the view, which others still read */
+    SST_GPU_KEEP_TAKEN = 4,   /* those that were elected become those of the view */
+};
+
+enum sst_gpu_label_keep_buffer {
+    SST_GPU_LABEL_KEEP_VIEW = 0, /* in and out */
+    SST_GPU_LABEL_KEEP_FROM = 1, /* not read with SST_GPU_KEEP_SURE, SST_GPU_KEEP_TAKEN: any */
+    SST_GPU_LABEL_KEEP_BUFFERS
 };
 
 #endif

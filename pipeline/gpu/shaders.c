@@ -134,6 +134,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                           rectify_self_test },
     [SST_GPU_CONVERT] = { "convert", SST_GPU_CONVERT_BUFFERS, sizeof(struct sst_gpu_convert), convert_reference,
                           convert_self_test },
+    [SST_GPU_LABEL_KEEP] = { "label_keep", SST_GPU_LABEL_KEEP_BUFFERS, sizeof(struct sst_gpu_label_keep),
+                             label_keep_reference, label_keep_self_test },
     [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
                         tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,

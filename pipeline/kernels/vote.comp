@@ -33,18 +33,18 @@ void main()
         return;
     here = own[width * height + i];
     d = int(own[i] & 0xFFFF);
-    best = own[i] >> 16;
+    best = own[i] >> 16 & 0xFF;
     if (d != NONE && here >> 24 != 0) {
         [[unroll]] for (int k = 0; k < 4; k++) {
             const int there = k >= count ? -1 : place_of(k, shift[k], ivec2(width, rows[k]), at, d, here);
 
-            vote[k] = there < 0 ? 0 : word_of(k, there) >> 16;
+            vote[k] = there < 0 ? 0 : word_of(k, there) >> 16 & 0xFF;
         }
         most = best != 0 ? 1 + count_of(best, vote) : 0;
         [[unroll]] for (int k = 0; k < 4; k++) {
             const uint n = vote[k] != 0 ? count_of(vote[k], vote) : 0;
 
-            if (vote[k] != own[i] >> 16 && n > most) {
+            if (vote[k] != (own[i] >> 16 & 0xFF) && n > most) {
                 most = n;
                 best = vote[k];
             }

@@ -236,7 +236,8 @@ static void test_votes(void **state)
         { 0, 6 * 93 * 61 * 8, 8, 0, 0 }, /* five views and the result */
         { 0, 4 * 93 * 61 * 8, 8, 8, 0 }, /* rows of them */
         { 0, 110000, 8, 8, 0 },
-        { 2, 0, 4, 0, 4 },    /* the second one of each opening */
+        { 2, 0, 0, 0, 4 }, /* as the labels are to stay */
+        { 3, 0, 4, 0, 4 }, /* the second one of each opening */
     };
     const bool skip[9] = { false, false, false, false, true };
     struct sst_refine_device_report report;
@@ -374,8 +375,7 @@ static void test_enlarged(void **state)
         uint64_t memory;
         int enlarged, in_parts, failures;
     } devices[] = {
-        { 0, 0, 2, 0, 0 }, { 0, 92000, 2, 2, 0 }, { 1, 0, 0, 0, 1 },
-        { 2, 0, 1, 0, 1 },
+        { 0, 0, 2, 0, 0 }, { 0, 92000, 2, 2, 0 }, { 1, 0, 0, 0, 1 }, { 2, 0, 0, 0, 1 }, { 3, 0, 1, 0, 1 },
     };
     struct sst_refine_device_report report;
     struct sst_lightfield lf;

@@ -334,10 +334,12 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
         j.spare = calloc((size_t)spares, sizeof(*j.spare));
         err = j.spare ? err : -ENOMEM;
     }
-    sst_refine_device_labels_changed(c->device);
+    sst_refine_device_next_stage(c->device);
     for (int k = 0; !err && k < views; k++) {
-        if (c->lf->views[k].present && c->carried[k])
-            j.view[count++] = k;
+        if (!c->lf->views[k].present || !c->carried[k])
+            continue;
+        j.view[count++] = k;
+        sst_refine_device_changed(c->device, k);
     }
     err = err ? err : sst_share_batches(c->share, count, c->share ? c->threads : views, carry_batch, &j, carried_maps);
     unpack_sources(&j);

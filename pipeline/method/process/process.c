@@ -166,6 +166,7 @@ static int segment_view(void *arg, int view, int worker)
     if (cancelled(run))
         return -ECANCELED;
     sst_map_u8_fini(&v->label);
+    sst_refine_device_changed(on.device, view);
     sst_segmenter_use_enlarger(seg, on.device ? sst_refine_device_enlarge : NULL, &on);
     err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
                        : sst_segment_hcsm(seg, &v->image, &v->label);
@@ -435,6 +436,7 @@ static int threshold_views(struct run *run, double eps_h)
 {
     struct threshold t = { run, eps_h };
 
+    sst_refine_device_threshold(run->cfg->refinement.device, run->lf, eps_h);
     return sst_parallel_for(views_of(run), run->cfg->threads, threshold_view, &t);
 }
 

@@ -184,7 +184,7 @@ int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_
     };
     int count = 0, err = v.out && v.view ? 0 : -ENOMEM;
 
-    sst_refine_device_labels_changed(device);
+    sst_refine_device_next_stage(device);
     for (int k = 0; !err && k < views; k++) {
         if (votes(&v, k))
             v.view[count++] = k;
@@ -194,6 +194,7 @@ int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_
         if (!err && v.out[k].data) {
             sst_map_u8_fini(&lf->views[k].label);
             lf->views[k].label = v.out[k];
+            sst_refine_device_take_vote(device, lf, k);
         } else {
             sst_map_u8_fini(&v.out[k]);
         }

@@ -55,12 +55,24 @@ static void note_name(struct sst_refine_device *d)
 
 int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared)
 {
-    static const enum sst_gpu_shader shaders[] = {
-        SST_GPU_REFINE_MASK,        SST_GPU_REFINE_COLUMNS,       SST_GPU_REFINE_COMPETE,      SST_GPU_REFINE_SUMS,
-        SST_GPU_REFINE_PLANES,      SST_GPU_REFINE_NORMALS,       SST_GPU_REFINE_ASSIGN,       SST_GPU_VOTE,
-        SST_GPU_LABEL_CARRY,        SST_GPU_LABEL_FILL,           SST_GPU_LABEL_CELLS,         SST_GPU_REFINE_COUNT,
-        SST_GPU_REFINE_GROUND_SUMS, SST_GPU_REFINE_GROUND_MISSES, SST_GPU_REFINE_GROUND_LIMIT, SST_GPU_REFINE_EXTENTS
-    };
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_REFINE_MASK,
+                                                   SST_GPU_REFINE_COLUMNS,
+                                                   SST_GPU_REFINE_COMPETE,
+                                                   SST_GPU_REFINE_SUMS,
+                                                   SST_GPU_REFINE_PLANES,
+                                                   SST_GPU_REFINE_NORMALS,
+                                                   SST_GPU_REFINE_ASSIGN,
+                                                   SST_GPU_VOTE,
+                                                   SST_GPU_LABEL_CARRY,
+                                                   SST_GPU_LABEL_FILL,
+                                                   SST_GPU_LABEL_CELLS,
+                                                   SST_GPU_REFINE_COUNT,
+                                                   SST_GPU_REFINE_GROUND_SUMS,
+                                                   SST_GPU_REFINE_GROUND_MISSES,
+                                                   SST_GPU_REFINE_GROUND_LIMIT,
+                                                   SST_GPU_REFINE_EXTENTS,
+                                                   SST_GPU_CONVERT,
+                                                   SST_GPU_LABEL_KEEP };
     struct sst_refine_device *d;
     int err;
 
@@ -73,7 +85,6 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
         return -ENOMEM;
     }
     d->shared = shared;
-    d->stage = 1;
     d->user = (struct sst_gpu_user){
         .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "refine labels", .drop = drop, .arg = d
     };
@@ -219,7 +230,6 @@ void refine_device_start(struct sst_refine_device *d)
 {
     sst_gpu_shared_lock(d->shared);
     d->has_table = false;
-    d->stage++;
     d->rows = d->band_rows = 0;
     sst_gpu_shared_unlock(d->shared);
 }

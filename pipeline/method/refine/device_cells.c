@@ -6,8 +6,7 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/refine/refine_internal.h"
 
-/* The smallest float that is not below a number: what is below one is below the other. */
-static float limit_of(double eps_h)
+float refine_limit_of(double eps_h)
 {
     const float limit = (float)eps_h;
 
@@ -19,10 +18,12 @@ static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_en
                          const struct sst_gpu_label_cells *push)
 {
     const size_t bytes = (size_t)label->width * (size_t)label->height * sizeof(uint32_t);
+    const struct sst_gpu_label_keep words = { .way = SST_GPU_KEEP_WORDS, .entropies = entropy != NULL };
     struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
 
     d->turn++;
+    refine_device_reserve(d, e->lf, e->view, entropy ? 3 : 2);
     err = err ? err : refine_device_view(d, e->lf, e->view, 1U << SST_GPU_PLANE_COLOURS, NULL);
     err = err ? err : refine_device_upload(d, REFINE_KEPT_CELLS, cells->cells, cells->cells_bytes);
     err = err ? err : refine_device_upload(d, REFINE_KEPT_PLACES, cells->places, cells->places_bytes);
@@ -31,6 +32,7 @@ static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_en
     work.buffer[SST_GPU_LABEL_CELLS_PLACES] = d->kept[REFINE_KEPT_PLACES];
     work.buffer[SST_GPU_LABEL_CELLS_OUT] = d->kept[REFINE_KEPT_OUT];
     err = err ? err : refine_device_dispatch(d, &work, label->width, label->height);
+    err = err ? err : refine_device_keep_labels(d, e->lf, e->view, words, d->kept[REFINE_KEPT_OUT]);
     if (entropy)
         return err ? err : refine_device_entropies(d, label, entropy);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, label);
@@ -39,8 +41,8 @@ static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_en
 static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_cells *cells,
                    struct sst_map_u8 *label, struct sst_map_f32 *entropy, double eps_h)
 {
-    const struct sst_gpu_label_cells push = { label->width,   label->height,   cells->width,   cells->height,
-                                              cells->classes, limit_of(eps_h), entropy != NULL };
+    const struct sst_gpu_label_cells push = { label->width,   label->height,          cells->width,   cells->height,
+                                              cells->classes, refine_limit_of(eps_h), entropy != NULL };
     int err = d->band_rows ? -ENOMEM : enlarge_whole(d, e, cells, label, entropy, &push);
 
     if (err != -ENOMEM)

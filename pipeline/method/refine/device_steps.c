@@ -323,6 +323,7 @@ static int refine_band(struct work *w, uint8_t *labels)
 static int refine_view(struct work *w)
 {
     const size_t pitch = pitch_of(w);
+    const struct sst_gpu_label_keep bytes = { .way = SST_GPU_KEEP_BYTES, .pitch = (uint32_t)pitch };
     uint8_t *labels = NULL;
     int err = find_competitors(w);
 
@@ -337,6 +338,11 @@ static int refine_view(struct work *w)
     }
     for (bool more = first_band(w); more && !err; more = next_band(w))
         err = refine_band(w, labels);
+    if (w->most < w->height)
+        w->d->view[w->d->in_work].labels = false;
+    else
+        err =
+            err ? err : refine_device_keep_labels(w->d, w->job->lf, w->d->in_work, bytes, w->d->kept[REFINE_KEPT_OUT]);
     for (int row = 0; row < w->height && !err; row++)
         memcpy(sst_map_u8_row(&w->view->label, row), labels + (size_t)row * pitch, (size_t)w->width);
     return err;

@@ -1,9 +1,11 @@
-/* Views on a device, for all stages of labels: colours are uploaded once a light field, labels and disparities once a
- * stage. Where not all views fit, the one that was used least recently gives way. */
+/* Views on a device, for all stages of labels: colours and disparities are those that the matching left there, labels
+ * those of the last stage; what is not there is uploaded. Where not all views fit, the one that was used least recently
+ * gives way. */
 #include <errno.h>
 #include <string.h>
 
 #include "base/clock.h"
+#include "pipeline/gpu/convert.h"
 #include "pipeline/method/refine/refine_internal.h"
 
 static void drop_view(struct sst_refine_device *d, int view)
@@ -18,13 +20,21 @@ void refine_drop_views(struct sst_refine_device *d)
         drop_view(d, i);
 }
 
-void sst_refine_device_labels_changed(struct sst_refine_device *d)
+void sst_refine_device_next_stage(struct sst_refine_device *d)
 {
     if (!d)
         return;
     sst_gpu_shared_lock(d->shared);
-    d->stage++;
     d->band_rows = 0; /* another stage needs less, or others have given memory back */
+    sst_gpu_shared_unlock(d->shared);
+}
+
+void sst_refine_device_changed(struct sst_refine_device *d, int view)
+{
+    if (!d)
+        return;
+    sst_gpu_shared_lock(d->shared);
+    d->view[view].labels = d->view[view].entropies = d->view[view].elected = false;
     sst_gpu_shared_unlock(d->shared);
 }
 
@@ -125,37 +135,155 @@ static int upload_rows(struct sst_refine_device *d, struct sst_gpu_buffer *to, c
     return err;
 }
 
-/* @param planes  those that are wanted @return those that are to be uploaded */
-static unsigned missing(const struct sst_refine_device *d, const struct refine_pixels *v, unsigned planes)
+/* --- what stays of the matching ----------------------------------------------------------------------------------- */
+
+static struct sst_gpu_buffer *find(struct sst_refine_device *d, const struct sst_lightfield *lf,
+                                   enum sst_gpu_resident which, int view)
 {
-    planes &= ~(v->labels == d->stage ? 1U << SST_GPU_PLANE_LABELS : 0U);
-    planes &= ~(v->colours ? 1U << SST_GPU_PLANE_COLOURS : 0U);
-    return planes & ~(v->entropies == d->stage ? 1U << SST_GPU_PLANE_ENTROPIES : 0U);
+    return sst_gpu_resident_find(sst_gpu_shared_residents(d->shared), lf, which, view);
+}
+
+static void drop(struct sst_refine_device *d, enum sst_gpu_resident which, int view)
+{
+    sst_gpu_resident_drop(sst_gpu_shared_residents(d->shared), d->gpu, which, view);
+}
+
+/* The colours move to the view. @return whether there are any */
+static int take_colours(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *taken)
+{
+    const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
+    struct sst_gpu_buffer *from = find(d, lf, SST_GPU_RESIDENT_COLOURS, view);
+    int err;
+
+    *taken = from;
+    if (!from)
+        return 0;
+    err = sst_gpu_copy(d->gpu, d->view[view].buffer, SST_GPU_PLANE_COLOURS * plane, from, 0, plane);
+    drop(d, SST_GPU_RESIDENT_COLOURS, view);
+    return err;
+}
+
+/* Likewise the disparities; colours that matter are there. */
+static int take_disparities(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *taken)
+{
+    const int scale = sst_gpu_shared_residents(d->shared)->scale;
+    struct sst_gpu_buffer *map = find(d, lf, SST_GPU_RESIDENT_MAPS, view);
+    const struct sst_gpu_convert push = { .width = lf->width,
+                                          .height = lf->height,
+                                          .full_width = (lf->width + scale - 1) / scale,
+                                          .conversion = SST_GPU_TO_LABELS,
+                                          .value = (uint32_t)scale,
+                                          .colours = (uint32_t)((size_t)lf->width * (size_t)lf->height) };
+    struct sst_gpu_buffer *to = d->view[view].buffer;
+    struct sst_gpu_work work = { .shader = SST_GPU_CONVERT, .push = &push };
+    int err;
+
+    *taken = map;
+    if (!map)
+        return 0;
+    work.buffer[SST_GPU_CONVERT_COLOURS] = to;
+    work.buffer[SST_GPU_CONVERT_MAP] = work.buffer[SST_GPU_CONVERT_FROM] = map;
+    work.buffer[SST_GPU_CONVERT_TO] = to;
+    err = refine_device_dispatch(d, &work, lf->width, lf->height);
+    drop(d, SST_GPU_RESIDENT_MAPS, view);
+    return err;
+}
+
+/* --- a view ------------------------------------------------------------------------------------------------------- */
+
+static int upload_whole(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
+                        enum sst_gpu_label_plane plane, const struct sst_map_f32 *entropies, bool *uploaded)
+{
+    *uploaded = true;
+    return upload_plane(d, d->view[view].buffer, &lf->views[view], entropies, plane, lf->width, 0, lf->height);
+}
+
+static int need_colours(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *uploaded)
+{
+    struct refine_pixels *v = &d->view[view];
+    int err = v->colours ? 0 : take_colours(d, lf, view, &v->colours);
+
+    if (err || v->colours)
+        return err;
+    err = upload_whole(d, lf, view, SST_GPU_PLANE_COLOURS, NULL, uploaded);
+    v->colours = !err;
+    return err;
+}
+
+/* Disparities, with labels or without. */
+static int need_labels(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool labels,
+                       bool *uploaded)
+{
+    struct refine_pixels *v = &d->view[view];
+    int err = 0;
+
+    if (!v->disparities && (v->labels || !labels) && find(d, lf, SST_GPU_RESIDENT_MAPS, view)) {
+        err = need_colours(d, lf, view, uploaded);
+        err = err ? err : take_disparities(d, lf, view, &v->disparities);
+    }
+    if (err || (v->disparities && (v->labels || !labels)))
+        return err;
+    err = upload_whole(d, lf, view, SST_GPU_PLANE_LABELS, NULL, uploaded);
+    v->labels = v->disparities = !err;
+    v->elected = false;
+    return err;
+}
+
+static int need_entropies(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
+                          const struct sst_map_f32 *entropies, bool *uploaded)
+{
+    struct refine_pixels *v = &d->view[view];
+    int err;
+
+    if (v->entropies)
+        return 0;
+    err = upload_whole(d, lf, view, SST_GPU_PLANE_ENTROPIES, entropies, uploaded);
+    v->entropies = !err;
+    return err;
+}
+
+void refine_device_reserve(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, int planes)
+{
+    const size_t bytes = (size_t)planes * (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
+    struct refine_pixels *v = &d->view[view];
+
+    if (v->buffer && v->bytes < bytes)
+        drop_view(d, view);
+    if (v->buffer)
+        return;
+    if (sst_gpu_buffer_create(d->gpu, &v->buffer, bytes))
+        v->buffer = NULL;
+    else
+        v->bytes = bytes;
+    v->used = d->turn;
 }
 
 int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, unsigned planes,
                        const struct sst_map_f32 *entropies)
 {
     const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t), bytes = (entropies ? 3 : 2) * plane;
+    const bool labels = planes >> SST_GPU_PLANE_LABELS & 1;
     struct refine_pixels *v = &d->view[view];
     const int64_t start_ns = sst_clock_now_ns();
+    bool uploaded = false;
     int err = 0;
 
+    for (int i = 0; i < SST_GPU_RESIDENTS; i++) /* they give no way to its own buffer */
+        find(d, lf, (enum sst_gpu_resident)i, view);
     if (v->buffer && v->bytes != 3 * plane && v->bytes != bytes) /* of another size, or lacks the entropies */
         drop_view(d, view);
     if (!v->buffer)
         err = create_view(d, v, bytes);
     v->used = d->turn;
-    planes = missing(d, v, planes | (entropies ? 1U << SST_GPU_PLANE_ENTROPIES : 0U));
-    d->report.uploads += planes != 0;
-    err = err ? err : upload_rows(d, v->buffer, &lf->views[view], entropies, planes, lf->width, 0, lf->height);
-    if (err) {
+    if (planes >> SST_GPU_PLANE_COLOURS & 1)
+        err = err ? err : need_colours(d, lf, view, &uploaded);
+    if (labels || planes & REFINE_DISPARITIES)
+        err = err ? err : need_labels(d, lf, view, labels, &uploaded);
+    if (entropies)
+        err = err ? err : need_entropies(d, lf, view, entropies, &uploaded);
+    d->report.uploads += uploaded;
+    if (err)
         drop_view(d, view);
-    } else {
-        v->labels = planes >> SST_GPU_PLANE_LABELS & 1 ? d->stage : v->labels;
-        v->colours = v->colours || planes >> SST_GPU_PLANE_COLOURS & 1;
-        v->entropies = planes >> SST_GPU_PLANE_ENTROPIES & 1 ? d->stage : v->entropies;
-    }
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return err;
 }
@@ -172,4 +300,68 @@ int refine_device_rows(struct sst_refine_device *d, enum refine_kept which, cons
     d->report.uploads++;
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return err;
+}
+
+/* --- labels that steps leave -------------------------------------------------------------------------------------- */
+
+int refine_device_keep_labels(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
+                              struct sst_gpu_label_keep way, struct sst_gpu_buffer *from)
+{
+    const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
+    struct refine_pixels *v = &d->view[view];
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_KEEP, .push = &way };
+    int err;
+
+    way.width = lf->width;
+    way.height = lf->height;
+    way.entropies = way.entropies && v->bytes >= 3 * plane;
+    work.buffer[SST_GPU_LABEL_KEEP_VIEW] = v->buffer;
+    work.buffer[SST_GPU_LABEL_KEEP_FROM] = from ? from : v->buffer;
+    err = refine_device_dispatch(d, &work, lf->width, lf->height);
+    v->elected = !err && way.way == SST_GPU_KEEP_ELECTED;
+    v->labels = !err && (v->labels || way.way != SST_GPU_KEEP_ELECTED);
+    if (way.way == SST_GPU_KEEP_WORDS)
+        v->entropies = !err && way.entropies;
+    return err;
+}
+
+/* Begin to change what is there. */
+static void resume(struct sst_refine_device *d)
+{
+    sst_gpu_shared_lock(d->shared);
+    d->gpu = sst_gpu_shared_device(d->shared);
+}
+
+void sst_refine_device_threshold(struct sst_refine_device *d, const struct sst_lightfield *lf, double eps_h)
+{
+    const struct sst_gpu_label_keep sure = { .way = SST_GPU_KEEP_SURE, .limit = refine_limit_of(eps_h) };
+    int err = 0;
+
+    if (!d)
+        return;
+    resume(d);
+    for (int k = 0; k < lf->rows * lf->cols && !err; k++) {
+        struct refine_pixels *v = &d->view[k];
+
+        if (v->labels && v->entropies)
+            err = refine_device_keep_labels(d, lf, k, sure, NULL);
+        else
+            v->labels = false;
+    }
+    refine_device_end(d, err, "labels are dropped");
+}
+
+void sst_refine_device_take_vote(struct sst_refine_device *d, const struct sst_lightfield *lf, int view)
+{
+    const struct sst_gpu_label_keep taken = { .way = SST_GPU_KEEP_TAKEN };
+    int err = 0;
+
+    if (!d)
+        return;
+    resume(d);
+    if (d->view[view].elected)
+        err = refine_device_keep_labels(d, lf, view, taken, NULL);
+    else
+        d->view[view].labels = false;
+    refine_device_end(d, err, "views vote");
 }

@@ -53,10 +53,11 @@ int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
                          const struct sst_refine_carry *c)
 {
     const unsigned planes = 1U << SST_GPU_PLANE_LABELS | 1U << SST_GPU_PLANE_COLOURS;
+    const unsigned own = work->shader == SST_GPU_VOTE ? planes : REFINE_DISPARITIES | 1U << SST_GPU_PLANE_COLOURS;
     int err;
 
     d->turn++;
-    err = refine_device_view(d, c->lf, c->view, planes, NULL);
+    err = refine_device_view(d, c->lf, c->view, own, NULL);
     for (int i = 0; i < SST_GPU_VOTERS && !err; i++) {
         const int from = i < c->count ? c->sources[i].view : c->view;
 
@@ -74,6 +75,7 @@ int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
 static int vote_whole(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_refine_carry *c)
 {
     struct sst_gpu_vote push = { .width = out->width, .height = out->height, .count = c->count };
+    const struct sst_gpu_label_keep elected = { .way = SST_GPU_KEEP_ELECTED };
     struct sst_gpu_work work = { .shader = SST_GPU_VOTE, .push = &push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (size_t)out->width * (size_t)out->height * sizeof(uint32_t));
 
@@ -81,6 +83,7 @@ static int vote_whole(struct sst_refine_device *d, struct sst_map_u8 *out, const
         push.rows[i] = out->height;
     err = err ? err : refine_device_voters(d, &work, push.shift, c);
     err = err ? err : refine_device_dispatch(d, &work, out->width, out->height);
+    err = err ? err : refine_device_keep_labels(d, c->lf, c->view, elected, d->kept[REFINE_KEPT_OUT]);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, out);
 }
 

@@ -456,6 +456,10 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     if (!err)
         err = sst_share_batches(cfg->share, count, cfg->share ? job.n_workers : lf->rows * lf->cols, refine_batch, &job,
                                 refined_map);
+    for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
+        if (refine_wants(&job, view) && !job.done[view])
+            sst_refine_device_changed(cfg->device, view);
+    }
     job_fini(&job);
     if (err == -ENOMEM)
         sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,

@@ -103,11 +103,18 @@ struct sst_refine_voter {
 #define SST_REFINE_SOURCES 8
 
 /**
- * Begin a stage: labels or entropies have changed, and are uploaded again, with the disparities, for each view that is
- * needed; sst_refine_labels() does it itself. Colours stay.
+ * Begin a stage: what did not fit is tried again.
  * @param d  or NULL
  */
-void sst_refine_device_labels_changed(struct sst_refine_device *d);
+void sst_refine_device_next_stage(struct sst_refine_device *d);
+
+/** The labels of a view, or their entropies, change on the CPU: they are uploaded when they are needed next. What the
+ * functions below leave on the device are its labels without that. @param d  or NULL */
+void sst_refine_device_changed(struct sst_refine_device *d, int view);
+
+/** Labels of all views whose entropies are not below a limit are dropped, as sst_hcsm() does on the CPU. @param d  or
+ * NULL */
+void sst_refine_device_threshold(struct sst_refine_device *d, const struct sst_lightfield *lf, double eps_h);
 
 /** Free all views: after the last stage of a light field, before another one. @param d  or NULL */
 void sst_refine_device_forget(struct sst_refine_device *d);
@@ -121,6 +128,9 @@ void sst_refine_device_forget(struct sst_refine_device *d);
  */
 bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf,
                             int view, const struct sst_refine_voter *voters, int count);
+
+/** All views have voted, and what a view's pixels got is its labels from now on. @param d  or NULL */
+void sst_refine_device_take_vote(struct sst_refine_device *d, const struct sst_lightfield *lf, int view);
 
 struct sst_label_cells;
 

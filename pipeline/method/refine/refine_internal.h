@@ -51,11 +51,13 @@ static inline bool refine_is_conflict(uint64_t candidates)
 struct refine_pixels {
     struct sst_gpu_buffer *buffer; /* NULL: not there */
     size_t bytes;
-    bool colours;   /* are there */
-    int64_t labels; /* `stage` when its labels were uploaded */
-    int64_t entropies;
-    int64_t used; /* turn in which it was used last */
+    bool colours, disparities, labels, entropies; /* are there, those of the light field */
+    bool elected;                                 /* a vote's labels lie beside them, which are to become its labels */
+    int64_t used;                                 /* turn in which it was used last */
 };
+
+/** A plane of a view of which the disparities alone are needed: a bit beside those of enum sst_gpu_label_plane. */
+#define REFINE_DISPARITIES (1U << 3)
 
 /** Memory on the device, kept from view to view. */
 enum refine_kept {
@@ -101,10 +103,9 @@ struct sst_refine_device {
     int rows;                                 /* of a band that it is refined in, in this stage; 0: of the whole view */
     int band_rows;                            /* the same of votes, carried labels and labels from cells */
     int64_t turn;                             /* of the view in work: views of this turn stay */
-    int64_t stage;                            /* sst_refine_device_labels_changed() */
 };
 
-/** Begin a refinement: labels have changed, and so will the table of candidates. */
+/** Begin a refinement, whose table of candidates is another one. */
 void refine_device_start(struct sst_refine_device *d);
 
 /**
@@ -156,13 +157,21 @@ SST_MUST_CHECK int refine_device_grounds(struct sst_refine_device *d, const stru
 /* --- device_views.c --- */
 
 /**
- * Planes of a view on the device: colours, or labels and disparities of this stage. It stays for this turn. What
- * refine_device_keep() made for this turn, but results, may be lost.
- * @param planes     bits by enum sst_gpu_label_plane
- * @param entropies  of its labels, uploaded too; or NULL
+ * Planes of a view on the device: what is not there is made of what stays of the matching, or uploaded. It stays for
+ * this turn. What refine_device_keep() made for this turn, but results, may be lost.
+ * @param planes     bits by enum sst_gpu_label_plane, and REFINE_DISPARITIES
+ * @param entropies  of its labels, needed too; or NULL
  */
 SST_MUST_CHECK int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
                                       unsigned planes, const struct sst_map_f32 *entropies);
+
+/** Room for a view of as many planes, if there is any; what it holds of fewer is lost. */
+void refine_device_reserve(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, int planes);
+
+/** What a step leaves of a view that is there becomes its labels. @param way  width and height are set here @param from
+ * or NULL */
+SST_MUST_CHECK int refine_device_keep_labels(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
+                                             struct sst_gpu_label_keep way, struct sst_gpu_buffer *from);
 
 /** Rows top .. end - 1 of a view's planes, in memory of this turn. @param planes, entropies  as above */
 SST_MUST_CHECK int refine_device_rows(struct sst_refine_device *d, enum refine_kept which,
@@ -174,6 +183,11 @@ bool refine_drop_oldest(struct sst_refine_device *d);
 
 /** Free all of them, under the lock. */
 void refine_drop_views(struct sst_refine_device *d);
+
+/* --- device_cells.c --- */
+
+/** The smallest float that is not below a number: what is below one is below the other. */
+float refine_limit_of(double eps_h);
 
 /* --- device_votes.c, device_carry.c --- */
 
