@@ -99,6 +99,13 @@ static uint32_t arrived(uint32_t word)
            (word & SST_GPU_CARRY_AGREED ? SST_GPU_MAP_AGREED : 0);
 }
 
+static uint32_t features(const struct words *w, int x, int y)
+{
+    const int pixel = x % w->p->full_width, group = x / w->p->full_width;
+
+    return w->from[y * w->p->width + pixel * SST_GPU_FEATURE_WORDS + group] ^ 0x80808080U;
+}
+
 static uint32_t converted(const struct words *w, int x, int y, size_t i)
 {
     const uint32_t old = w->to[i];
@@ -128,8 +135,10 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
         return (old & UPPER) | (w->from[i] & NONE);
     case SST_GPU_FROM_FILLED:
         return (old & UPPER) | ((w->from[i] & NONE) == NONE ? 0 : w->from[i] & NONE);
-    default:
+    case SST_GPU_FROM_SOURCES:
         return arrived(w->from[i]);
+    default:
+        return features(w, x, y);
     }
 }
 
@@ -181,25 +190,31 @@ int convert_self_test(struct sst_gpu *g)
 
     if (!err)
         fill(t);
-    for (uint32_t i = SST_GPU_TO_HALF; i <= 2 * SST_GPU_FROM_SOURCES + 1 && !err; i++) {
-        const struct sst_gpu_convert push = { .width = TEST_WIDTH,
-                                              .height = TEST_HEIGHT,
-                                              .full_width =
-                                                  i / 2 == SST_GPU_TO_HALF ? 2 * TEST_WIDTH - (int)(i % 2) : TEST_WIDTH,
-                                              .full_height = 2 * TEST_HEIGHT - (int)(i % 2),
-                                              .conversion = i / 2,
-                                              .value = i / 2 == SST_GPU_TO_HYPOTHESES ? 1000 + 30000 * (i % 2)
-                                                       : i / 2 == SST_GPU_TO_LABELS   ? 1 + i % 2
-                                                                                      : i % 2,
-                                              .colours = 3,
-                                              .from = 5,
-                                              .to = 7 };
+    for (uint32_t i = SST_GPU_TO_HALF; i <= 2 * SST_GPU_TO_FEATURES + 1 && !err; i++) {
+        const bool wide = i / 2 == SST_GPU_TO_FEATURES;
+        struct sst_gpu_convert push = { .width = TEST_WIDTH,
+                                        .height = TEST_HEIGHT,
+                                        .full_width =
+                                            i / 2 == SST_GPU_TO_HALF ? 2 * TEST_WIDTH - (int)(i % 2) : TEST_WIDTH,
+                                        .full_height = 2 * TEST_HEIGHT - (int)(i % 2),
+                                        .conversion = i / 2,
+                                        .value = i / 2 == SST_GPU_TO_HYPOTHESES ? 1000 + 30000 * (i % 2)
+                                                 : i / 2 == SST_GPU_TO_LABELS   ? 1 + i % 2
+                                                                                : i % 2,
+                                        .colours = 3,
+                                        .from = 5,
+                                        .to = 7 };
         const struct sst_gpu_work work = { .shader = SST_GPU_CONVERT,
                                            .push = &push,
-                                           .groups = { gpu_groups(TEST_WIDTH, 32), gpu_groups(TEST_HEIGHT, 8), 1 } };
+                                           .groups = { gpu_groups(4 * TEST_WIDTH, 32), gpu_groups(TEST_HEIGHT, 8),
+                                                       1 } };
         const void *const initial[] = { t->pixel, t->map, t->from, t->to };
         const size_t bytes[] = { sizeof(t->pixel), sizeof(t->map), sizeof(t->from), sizeof(t->to) };
 
+        if (wide) { /* as many words of fewer pixels */
+            push.full_width = 9;
+            push.width = 9 * SST_GPU_FEATURE_WORDS;
+        }
         err = gpu_compare(g, &work, initial, bytes, SST_GPU_CONVERT_TO, NULL);
     }
     free(t);

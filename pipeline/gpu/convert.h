@@ -31,12 +31,15 @@ enum sst_gpu_conversion {
     SST_GPU_FROM_PLAIN = 10,   /* disparities alone */
     SST_GPU_FROM_FILLED = 11,  /* likewise; 0 where nothing is known */
     SST_GPU_FROM_SOURCES = 12, /* what arrived: carry.h */
+    /* From a network's result to features of match.h: */
+    SST_GPU_TO_FEATURES = 13, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */
 struct sst_gpu_convert {
     int32_t width, height;
-    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the map of SST_GPU_TO_LABELS */
+    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the map of SST_GPU_TO_LABELS, of the
+                                        view of SST_GPU_TO_FEATURES */
     uint32_t conversion;             /* enum sst_gpu_conversion */
     uint32_t value;
     uint32_t colours, from, to;
@@ -47,7 +50,7 @@ enum sst_gpu_convert_buffer {
     SST_GPU_CONVERT_COLOURS = 0,
     SST_GPU_CONVERT_MAP = 1,
     SST_GPU_CONVERT_FROM = 2,
-    SST_GPU_CONVERT_TO = 3, /* in and out; another buffer than those that are read */
+    SST_GPU_CONVERT_TO = 3, /* in and out; of what it reads elsewhere nothing is written */
     SST_GPU_CONVERT_BUFFERS
 };
 

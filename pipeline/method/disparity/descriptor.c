@@ -117,7 +117,7 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
     if (!err && cost & SST_COST_CENSUS)
         err = make_census(&made, 0);
     if (!err && cost & SST_COST_MCCNN)
-        err = sst_descriptor_add_features(&made, net);
+        err = sst_descriptor_add_features(&made, net, NULL);
     if (err) {
         sst_descriptor_fini(&made);
         return err;

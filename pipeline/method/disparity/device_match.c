@@ -78,8 +78,10 @@ static int need_features(struct match *m, const struct sst_descriptor *desc, con
     uint8_t *bytes;
     int err;
 
-    if (p->features)
+    if (p->features && p->rows == m->height)
         return 0;
+    sst_gpu_buffer_destroy(d->gpu, p->features);
+    p->features = NULL;
     bytes = (uint8_t *)sst_mem_keep(&d->words, (size_t)strip * of_row / 4, sizeof(uint32_t));
     err = bytes ? disparity_device_create_buffer(d, &p->features, (size_t)m->height * of_row, stays) : -ENOMEM;
     if (err)
@@ -97,6 +99,7 @@ static int need_features(struct match *m, const struct sst_descriptor *desc, con
         sst_gpu_buffer_destroy(d->gpu, p->features);
         p->features = NULL;
     }
+    p->rows = m->height;
     return err;
 }
 

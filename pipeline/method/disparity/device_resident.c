@@ -178,6 +178,42 @@ int disparity_device_colours(struct sst_disparity_device *d, const struct device
     return err;
 }
 
+/* --- features ----------------------------------------------------------------------------------------------------- */
+
+#define PLENTY 4 /* times the features of a view: less is left to the volume */
+
+void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
+{
+    const struct sst_feature_keeper *k = keeper;
+    const struct disparity_feature_run *of = k->arg;
+    struct sst_disparity_device *d = of->device;
+    struct device_pixels *p = &d->view[k->view];
+    const int words = k->width * SST_GPU_FEATURE_WORDS, first = k->band.first, rows = k->band.end - first;
+    const size_t bytes = (size_t)words * (size_t)k->height * sizeof(uint32_t);
+    const struct sst_gpu_convert push = { .width = words,
+                                          .height = rows,
+                                          .full_width = k->width,
+                                          .conversion = SST_GPU_TO_FEATURES,
+                                          .from = (uint32_t)(at + (size_t)(first - k->band.start) * (size_t)words),
+                                          .to = (uint32_t)((size_t)first * (size_t)words) };
+
+    if (g != sst_gpu_shared_device(d->shared))
+        return;
+    d->gpu = g;
+    if (d->run != of->run)
+        disparity_device_drop_views(d);
+    d->run = of->run;
+    if (!first)
+        p->rows = 0;
+    if (!first && !p->features &&
+        (sst_gpu_free_bytes(g) < PLENTY * bytes || sst_gpu_buffer_create(g, &p->features, bytes)))
+        p->features = NULL;
+    if (!p->features || p->rows != first || sst_gpu_prepare(g, SST_GPU_CONVERT))
+        return;
+    if (!disparity_device_convert(d, push, NULL, NULL, result, p->features))
+        p->rows = k->band.end;
+}
+
 /* --- maps --------------------------------------------------------------------------------------------------------- */
 
 static int upload_map(struct sst_disparity_device *d, struct sst_gpu_buffer *to, const struct device_view *v)

@@ -176,6 +176,7 @@ enum device_kept {
 struct device_pixels {
     struct sst_gpu_buffer *features; /* NULL: not on the device; given up where memory is needed, also in the turn that
                                         uses them */
+    int rows;                        /* of them that are there */
 };
 
 struct sst_disparity_device {
@@ -240,6 +241,16 @@ struct device_view {
 
 /** Views of this run stay from now on, those of another light field no more, and no maps yet. @param d  or NULL */
 void disparity_device_claim(struct sst_disparity_device *d, const struct disparity_run *run);
+
+/** The run of struct sst_feature_keeper's `arg`. */
+struct disparity_feature_run {
+    struct sst_disparity_device *device;
+    const struct disparity_run *run;
+};
+
+/** Keep the features of a band where the matching reads them, if there is plenty of room and the network's device is
+ * this one. */
+void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
 
 /** The CPU changes the map of a view. @param d  or NULL */
 void disparity_device_map_changed(struct sst_disparity_device *d, int view);

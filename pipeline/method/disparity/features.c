@@ -159,14 +159,22 @@ struct buffers {
 };
 
 static int make_band(struct sst_descriptor *desc, struct sst_network *net, const struct moments *moments,
-                     const struct buffers *buf, const struct sst_disparity_feature_band *band, int height)
+                     const struct buffers *buf, const struct sst_disparity_feature_band *band, int height,
+                     struct sst_feature_keeper *keeper)
 {
+    const struct sst_network_keeper asked = { keeper ? keeper->keep : NULL, keeper };
+
     enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
     const size_t w = (size_t)desc->width;
     int err;
 
     normalise(buf->in, &desc->luma, moments, band->start, height);
-    err = sst_network_run_s8(net, buf->in, desc->width, height, SST_FEATURE_ONE, buf->out);
+    if (keeper) {
+        keeper->band = *band;
+        keeper->width = desc->width;
+        keeper->height = desc->height;
+    }
+    err = sst_network_run_s8_kept(net, buf->in, desc->width, height, SST_FEATURE_ONE, buf->out, keeper ? &asked : NULL);
     for (int y = band->first; !err && y < band->end; y++) {
         const int8_t *from = buf->out + SST_FEATURE_CHANNELS * w * (size_t)(y - band->start);
 
@@ -176,7 +184,7 @@ static int make_band(struct sst_descriptor *desc, struct sst_network *net, const
     return err;
 }
 
-int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net)
+int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net, struct sst_feature_keeper *keeper)
 {
     const size_t w = (size_t)desc->width, groups = SST_FEATURE_CHANNELS / 4 * (size_t)desc->height;
     const struct moments moments = measure(&desc->luma);
@@ -198,7 +206,7 @@ int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network 
     for (int i = 0; !err && i < bands.count; i++) {
         const struct sst_disparity_feature_band band = sst_disparity_feature_band(&bands, desc->height, radius, i);
 
-        err = make_band(desc, net, &moments, &buf, &band, bands.height);
+        err = make_band(desc, net, &moments, &buf, &band, bands.height, keeper);
     }
     sst_mem_free(buf.in);
     sst_mem_free(buf.out);

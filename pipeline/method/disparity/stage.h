@@ -98,15 +98,28 @@ struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int rad
 struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
                                                              int radius, int i);
 
+/** What keeps features that a network leaves on a device. */
+struct sst_feature_keeper {
+    /** struct sst_network_keeper, for each band from the first one on: its `arg` is this. */
+    void (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    void *arg;
+    int view;
+    /* set for it: */
+    int width, height;
+    struct sst_disparity_feature_band band;
+};
+
 /**
  * Compute the features of a descriptor that has its luma: standardised over the whole view, the network run band by
  * band if its metadata has sst.radius. The values are those of a run over the whole view, except for the last digits of
  * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
  *
+ * @param keeper  or NULL
  * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; an invalid
  * radius; logged), -ENOMEM and what sst_network_run_s8() returns
  */
-SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net);
+SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net,
+                                               struct sst_feature_keeper *keeper);
 
 /** A view to match with: a point at x in the reference is at x - d * b there. */
 struct sst_neighbour {

@@ -23,14 +23,18 @@ int run_describe(void *arg, int view, int worker)
     struct sst_descriptor *desc = &run->desc[view];
     /* A device computes the census from pixels, not features. */
     const enum sst_cost wanted = run->costs ? run->cfg->cost : (enum sst_cost)(run->cfg->cost & SST_COST_MCCNN);
+    struct disparity_feature_run of = { run->device, run };
+    struct sst_feature_keeper keeper = { .keep = disparity_device_keep_features, .arg = &of, .view = view };
     int err = 0;
 
     if (!v->present || !run->need[view] || (desc->luma.data && !(wanted & SST_COST_CENSUS)))
         return 0;
     err = run_cancelled(run);
     if (!desc->luma.data) {
-        err =
-            err ? err : sst_descriptor_init(desc, &v->image, run->scale, wanted, run->nets ? run->nets[worker] : NULL);
+        err = err ? err
+                  : sst_descriptor_init(desc, &v->image, run->scale, (enum sst_cost)(wanted & SST_COST_CENSUS), NULL);
+        if (wanted & SST_COST_MCCNN)
+            err = err ? err : sst_descriptor_add_features(desc, run->nets[worker], run->device ? &keeper : NULL);
         if (!err && v->valid.data)
             err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
     } else { /* the device, for which it was made, has failed */

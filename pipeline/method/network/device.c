@@ -292,7 +292,8 @@ static int run(struct sst_network_device *d, const struct net_device_job *job)
         d->noted = true;
         return 1;
     }
-    err = net_device_plan_run(e->plan, job->in, job->out ? (void *)job->out : job->out_s8, job->factor, &times);
+    err = net_device_plan_run(e->plan, job->in, job->out ? (void *)job->out : job->out_s8, job->factor, job->keeper,
+                              &times);
     d->report.dispatches += times.dispatches;
     if (err == -ENOMEM) {
         note_cpu(d, sst_gpu_error(err));

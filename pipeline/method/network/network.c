@@ -323,7 +323,8 @@ static bool ends_in_norm(const struct sst_network *net)
 }
 
 /* Run on the device. @return false: the CPU must */
-static bool run_on_device(struct sst_network *net, const float *in, float *out, int8_t *out_s8, float factor)
+static bool run_on_device(struct sst_network *net, const float *in, float *out, int8_t *out_s8, float factor,
+                          const struct sst_network_keeper *keeper)
 {
     const struct net_device_job job = { .graph = &net->graph,
                                         .id = net->id,
@@ -333,7 +334,8 @@ static bool run_on_device(struct sst_network *net, const float *in, float *out, 
                                         .in = in,
                                         .out = out,
                                         .out_s8 = out_s8,
-                                        .factor = factor };
+                                        .factor = factor,
+                                        .keeper = keeper };
 
     return net->device && net_device_run(net->device, &job);
 }
@@ -446,7 +448,7 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         return err;
     }
 #if WITH_DNNL
-    if (run_on_device(net, in, out, NULL, 0))
+    if (run_on_device(net, in, out, NULL, 0, NULL))
         return 0;
     err = need_plan(net);
     if (err)
@@ -476,13 +478,19 @@ static int run_rounded(struct sst_network *net, const float *in, int width, int 
 
 int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
 {
+    return sst_network_run_s8_kept(net, in, width, height, factor, out, NULL);
+}
+
+int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out,
+                            const struct sst_network_keeper *keeper SST_UNUSED)
+{
     int err = plan(net, width, height);
 
     if (err)
         return err;
 #if WITH_DNNL
     if (!net->cv && ends_in_norm(net)) {
-        if (run_on_device(net, in, NULL, out, factor))
+        if (run_on_device(net, in, NULL, out, factor, keeper))
             return 0;
         err = need_plan(net);
         if (err)

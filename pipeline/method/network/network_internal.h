@@ -204,9 +204,9 @@ struct net_device_times {
     int dispatches;
 };
 
-/** Run once. @param out  as of net_plan_run() or net_plan_run_s8() */
+/** Run once. @param out  as of net_plan_run() or net_plan_run_s8() @param keeper  or NULL */
 SST_MUST_CHECK int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
-                                       struct net_device_times *times);
+                                       const struct sst_network_keeper *keeper, struct net_device_times *times);
 
 /* --- device.c --- */
 
@@ -220,6 +220,7 @@ struct net_device_job {
     float *out; /* or NULL, and in bytes: */
     int8_t *out_s8;
     float factor;
+    const struct sst_network_keeper *keeper; /* or NULL */
 };
 
 /** Run a network. @return false: it must run on the CPU, which is counted */

@@ -615,7 +615,7 @@ bool net_device_plan_has_s8(const struct net_device_plan *p)
 }
 
 int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
-                        struct net_device_times *times)
+                        const struct sst_network_keeper *keeper, struct net_device_times *times)
 {
     const struct tensor *from = &p->tensors[p->input], *to = &p->tensors[p->output];
     const size_t in_bytes = (size_t)from->channels * from->at.pitch * 4;
@@ -637,6 +637,8 @@ int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, f
         err = sst_gpu_dispatch(p->gpu, &work);
         times->dispatches++;
     }
+    if (!err && keeper)
+        keeper->keep(keeper->arg, p->gpu, p->arena, to->at.at);
     if (!err)
         err = sst_gpu_wait(p->gpu);
     start_ns = sst_clock_now_ns();

@@ -22,11 +22,28 @@ static int count_view(struct sst_refine_device *d, const struct sst_lightfield *
     return err ? err : refine_device_dispatch(d, &work, lf->width, lf->height);
 }
 
+/* Zeros: some are uploaded, and copied there. */
+static int clear_counts(struct sst_refine_device *d, size_t bytes)
+{
+    static const uint32_t none[1 << 10];
+    size_t done = sizeof(none) < bytes ? sizeof(none) : bytes;
+    int err = refine_device_keep(d, REFINE_KEPT_COUNTS, bytes);
+
+    err = err ? err : refine_device_upload(d, REFINE_KEPT_COUNTS, none, done);
+    while (done < bytes && !err) {
+        const size_t more = done < bytes - done ? done : bytes - done;
+
+        err = sst_gpu_copy(d->gpu, d->kept[REFINE_KEPT_COUNTS], done, d->kept[REFINE_KEPT_COUNTS], 0, more);
+        done += more;
+    }
+    return err;
+}
+
 static int count(struct sst_refine_device *d, const struct refine_job *job, int64_t *hist, uint32_t *counts)
 {
     const struct sst_lightfield *lf = job->lf;
     const size_t n = (size_t)lf->classes.count * BINS;
-    int err = refine_device_upload(d, REFINE_KEPT_COUNTS, counts, n * sizeof(*counts));
+    int err = clear_counts(d, n * sizeof(*counts));
 
     for (int view = 0; view < lf->rows * lf->cols && !err; view++) {
         if (refine_wants(job, view))

@@ -148,7 +148,7 @@ static void drop(struct sst_refine_device *d, enum sst_gpu_resident which, int v
     sst_gpu_resident_drop(sst_gpu_shared_residents(d->shared), d->gpu, which, view);
 }
 
-/* The colours move to the view. @return whether there are any */
+/* The colours move to the view. @param taken  out: there are any */
 static int take_colours(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *taken)
 {
     const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
@@ -224,7 +224,8 @@ static int need_labels(struct sst_refine_device *d, const struct sst_lightfield 
     if (err || (v->disparities && (v->labels || !labels)))
         return err;
     err = upload_whole(d, lf, view, SST_GPU_PLANE_LABELS, NULL, uploaded);
-    v->labels = v->disparities = !err;
+    v->disparities = !err;
+    v->labels = !err && (v->labels || labels); /* else they are about to change */
     v->elected = false;
     return err;
 }
