@@ -227,7 +227,7 @@ static void check_landing(const struct sst_kernels *k, int n, unsigned values)
     const bool both = below(4);
 
     for (int i = 0; i < n; i++)
-        disp[i] = below(30) ? (uint16_t)(disp[i] % values) : 65535;
+        disp[i] = (uint16_t)(below(30) ? disp[i] % values : 65535);
     l.step[0] = below(4096) - 2048;
     l.step[1] = below(1024) - 512;
     l.whole[0] = below(5) - 2;
