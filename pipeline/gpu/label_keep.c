@@ -1,5 +1,6 @@
 /* The shader `label_keep`: its reference and self-test. */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,7 +25,7 @@ static uint32_t kept(const struct sst_gpu_label_keep *p, const uint32_t *view, c
         return (word & DISP) | (uint32_t)((const uint8_t *)from)[i / width * p->pitch + i % width] << 16;
     case SST_GPU_KEEP_SURE:
         memcpy(&entropy, &view[2 * n + i], sizeof(entropy));
-        return entropy < p->limit ? word : word & DISP;
+        return isless(entropy, p->limit) ? word : word & DISP;
     case SST_GPU_KEEP_ELECTED:
         return (word & BELOW) | from[i] << 24;
     default:
