@@ -95,29 +95,6 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
     }
 }
 
-/* A source's labels, and where pixels of the own view lie there. */
-struct known {
-    const struct sst_map_u8 *label;
-    int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
-};
-
-static struct known known_of(const struct sst_lightfield *lf, const struct sst_refine_voter *s)
-{
-    struct known k = { .label = &lf->views[s->view].label };
-
-    sst_shift_parts(s->across, &k.whole[0], &k.part[0], &k.step[0]);
-    sst_shift_parts(s->down, &k.whole[1], &k.part[1], &k.step[1]);
-    return k;
-}
-
-/* The label there of a pixel whose surface the source shows. */
-static uint8_t known_label(const struct known *k, int x, int y, int d)
-{
-    return sst_map_u8_row(
-        k->label, y + k->whole[1] +
-                      ((k->part[1] + d * k->step[1]) >> 16))[x + k->whole[0] + ((k->part[0] + d * k->step[0]) >> 16)];
-}
-
 /* The label of pixel (x, y) from the first of the sources from `first` on that shows its surface and has a label there.
  */
 static uint8_t find_label(const struct process_carry *c, const struct sst_view *own,
@@ -142,20 +119,25 @@ static void gather_known(const struct process_carry *c, int view, const struct g
                          const struct sst_refine_voter *source, int n)
 {
     const struct sst_view *own = &c->lf->views[view];
-    struct known known[SOURCES];
+    struct process_way way[SOURCES];
 
     for (int i = 0; i < n; i++)
-        known[i] = known_of(c->lf, &source[i]);
+        way[i] = process_way_to(&source[i]);
     for (int y = 0; y < out->label->height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
         const uint8_t *nearest = sst_map_u8_row(out->source, y);
         uint8_t *to = sst_map_u8_row(out->label, y);
 
+        memset(to, SST_LABEL_NONE, (size_t)out->label->width);
         for (int x = 0; x < out->label->width; x++) {
             const int i = nearest[x];
+            struct process_place at;
 
-            to[x] = i < n ? known_label(&known[i], x, y, d[x]) : (uint8_t)SST_LABEL_NONE;
-            if (to[x] == SST_LABEL_NONE && i + 1 < n)
+            if (i < n) {
+                at = process_place_by(&way[i], x, y, d[x]);
+                to[x] = sst_map_u8_row(&c->lf->views[source[i].view].label, at.y)[at.x];
+            }
+            if (i < n && to[x] == SST_LABEL_NONE)
                 to[x] = find_label(c, own, source, i + 1, n, x, y);
         }
     }

@@ -26,6 +26,26 @@ static inline struct process_place process_place_in(const struct sst_refine_vote
     return (struct process_place){ sst_shifted(x, s->across, d), sst_shifted(y, s->down, d) };
 }
 
+/** The same for many pixels. */
+struct process_way {
+    int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
+};
+
+static inline struct process_way process_way_to(const struct sst_refine_voter *s)
+{
+    struct process_way w;
+
+    sst_shift_parts(s->across, &w.whole[0], &w.part[0], &w.step[0]);
+    sst_shift_parts(s->down, &w.whole[1], &w.part[1], &w.step[1]);
+    return w;
+}
+
+static inline struct process_place process_place_by(const struct process_way *w, int x, int y, int d)
+{
+    return (struct process_place){ x + w->whole[0] + ((w->part[0] + d * w->step[0]) >> 16),
+                                   y + w->whole[1] + ((w->part[1] + d * w->step[1]) >> 16) };
+}
+
 static inline bool process_similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
 {
     for (int c = 0; c < 3; c++) {

@@ -54,28 +54,18 @@ static int voters_of(const struct vote *v, int view, struct sst_refine_voter vot
     return n;
 }
 
-/* A voter's labels, and where pixels of the own view lie there. */
+/* A voter, and where pixels of the own view lie there. */
 struct ballot {
     const struct sst_view *there;
-    int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
+    struct process_way way;
 };
-
-static struct ballot ballot_of(const struct vote *v, const struct sst_refine_voter *voter)
-{
-    struct ballot b = { .there = &v->lf->views[voter->view] };
-
-    sst_shift_parts(voter->across, &b.whole[0], &b.part[0], &b.step[0]);
-    sst_shift_parts(voter->down, &b.whole[1], &b.part[1], &b.step[1]);
-    return b;
-}
 
 /* The label where a voter would show the surface of pixel (x, y), whether it does or not. @param at  out */
 static inline uint8_t label_there(const struct ballot *b, int x, int y, int d, struct process_place *at)
 {
     const struct sst_map_u8 *label = &b->there->label;
 
-    at->x = x + b->whole[0] + ((b->part[0] + d * b->step[0]) >> 16);
-    at->y = y + b->whole[1] + ((b->part[1] + d * b->step[1]) >> 16);
+    *at = process_place_by(&b->way, x, y, d);
     return (unsigned)at->x < (unsigned)label->width && (unsigned)at->y < (unsigned)label->height
                ? sst_map_u8_row(label, at->y)[at->x]
                : (uint8_t)SST_LABEL_NONE;
@@ -131,7 +121,7 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
         return 0;
     n = voters_of(v, view, voter);
     for (int i = 0; i < n; i++)
-        ballot[i] = ballot_of(v, &voter[i]);
+        ballot[i] = (struct ballot){ &v->lf->views[voter[i].view], process_way_to(&voter[i]) };
     err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
     for (int y = 0; !err && y < own->label.height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
