@@ -5,7 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "pipeline/kernels/class_prob.h"
 #include "pipeline/method/labels/labels_internal.h"
+#include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/process/process_internal.h"
 #include "pipeline/method/refine/refine.h"
 #include "tests/random.h"
@@ -311,6 +313,116 @@ static inline void enlarge_compare(const struct sst_lightfield *lf, int view, st
     free(grid.cell);
     sst_refine_device_forget(device);
     sst_refine_device_report(device, report);
+}
+
+#define FINISH_CHANNELS 14 /* of 12 classes */
+#define FINISH_ACROSS   13
+#define FINISH_DOWN     9
+
+/* A network's logits, whose words start at the second one, and what is done with them. */
+struct finish_result {
+    struct sst_label_result result;
+    struct sst_model_info info;
+    struct upsample_memory memory;
+    float logit[FINISH_CHANNELS * FINISH_ACROSS * FINISH_DOWN + 1];
+};
+
+static inline void finish_init(struct finish_result *f, const struct sst_lightfield *lf)
+{
+    uint64_t seed = 21;
+
+    *f = (struct finish_result){ .info.channels = FINISH_CHANNELS, .info.temperature = 1.7 };
+    f->info.classes.count = 12;
+    for (int c = 0; c < FINISH_CHANNELS; c++)
+        f->info.class_of[c] = (uint8_t)(c % 12);
+    for (size_t i = 0; i < ARRAY_LEN(f->logit); i++)
+        f->logit[i] = (float)(sst_random(&seed) * (i % 3 ? 9 : 200) - 30);
+    f->result.grid = (struct sst_gpu_label_grid){
+        .width = lf->width, .height = lf->height, .grid_width = FINISH_ACROSS, .grid_height = FINISH_DOWN
+    };
+    assert_int_equal(labels_pack_tables(&f->result, &f->info, &f->memory), 0);
+}
+
+/* Labels and entropies of a view from a result that lies on a device. @return sst_refine_device_finish() */
+static inline bool finish_run(struct finish_result *f, const struct sst_lightfield *lf, int view,
+                              struct sst_gpu_shared *shared, struct sst_refine_device *device, struct sst_map_u8 *label,
+                              struct sst_map_f32 *entropy)
+{
+    struct sst_refine_enlarge how = { device, lf, view };
+    struct sst_gpu_buffer *from = NULL;
+    struct sst_gpu *g;
+    bool done;
+
+    sst_gpu_shared_lock(shared);
+    g = sst_gpu_shared_device(shared);
+    assert_non_null(g);
+    assert_int_equal(sst_gpu_buffer_create(g, &from, sizeof(f->logit)), 0);
+    assert_int_equal(sst_gpu_upload(g, from, 0, f->logit, sizeof(f->logit)), 0);
+    done = sst_refine_device_finish(&how, g, from, 1, &f->result, label, entropy, ENLARGE_LIMIT);
+    sst_gpu_buffer_destroy(g, from);
+    sst_gpu_shared_unlock(shared);
+    return done;
+}
+
+/* The same on the CPU. */
+static inline void finish_expect(const struct finish_result *f, const struct sst_image *image, struct sst_map_u8 *label,
+                                 struct sst_map_f32 *entropy)
+{
+    enum { CELLS = FINISH_ACROSS * FINISH_DOWN };
+    struct class_grid grid = {
+        .width = FINISH_ACROSS, .height = FINISH_DOWN, .count = 12, .values = class_grid_values(12)
+    };
+    struct upsample_memory memory = { 0 };
+    float p[FINISH_CHANNELS];
+
+    grid.cell = calloc(CELLS * grid.values, sizeof(*grid.cell));
+    assert_non_null(grid.cell);
+    for (size_t i = 0; i < CELLS; i++) {
+        for (size_t c = 0; c < FINISH_CHANNELS; c++)
+            p[c] = f->logit[1 + c * CELLS + i];
+        assert_true(sst_class_probabilities(p, FINISH_CHANNELS, false, (float)(1 / f->info.temperature)));
+        for (size_t c = 0; c < FINISH_CHANNELS; c++)
+            grid.cell[i * grid.values + f->info.class_of[c]] += p[c];
+    }
+    assert_int_equal(labels_upsample(label, entropy, NULL, &grid, image, 1, &memory), 0);
+    upsample_memory_fini(&memory);
+    free(grid.cell);
+}
+
+/* Cells do not go through the host: of two views the colours are uploaded, and the tables once. */
+static inline void finish_compare(const struct sst_lightfield *lf, struct sst_gpu_shared *shared,
+                                  struct sst_refine_device *device, struct sst_refine_device_report *report)
+{
+    struct sst_map_f32 entropy[2] = { { 0 }, { 0 } };
+    struct sst_map_u8 label[2] = { { 0 }, { 0 } };
+    struct finish_result f;
+
+    finish_init(&f, lf);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(sst_map_u8_init(&label[i], lf->width, lf->height), 0);
+        assert_int_equal(sst_map_f32_init(&entropy[i], lf->width, lf->height), 0);
+    }
+    for (int view = 0; view < 2; view++) {
+        finish_expect(&f, &lf->views[view].image, &label[1], &entropy[1]);
+        if (!finish_run(&f, lf, view, shared, device, &label[0], &entropy[0]))
+            break;
+        for (int y = 0; y < lf->height; y++) {
+            assert_memory_equal(sst_map_u8_row(&label[0], y), sst_map_u8_row(&label[1], y), (size_t)lf->width);
+            assert_memory_equal(sst_map_f32_row(&entropy[0], y), sst_map_f32_row(&entropy[1], y),
+                                4 * (size_t)lf->width);
+        }
+    }
+    sst_refine_device_report(device, report);
+    if (report->finished == 2)
+        assert_int_equal(report->upload_bytes, 2 * 4 * lf->width * lf->height + (int)f.result.tables_bytes);
+    f.logit[40] = NAN;
+    assert_false(finish_run(&f, lf, 0, shared, device, &label[0], &entropy[0]));
+    for (int i = 0; i < 2; i++) {
+        sst_map_u8_fini(&label[i]);
+        sst_map_f32_fini(&entropy[i]);
+    }
+    upsample_memory_fini(&f.memory);
+    sst_refine_device_forget(device);
 }
 
 #endif

@@ -1,12 +1,12 @@
 /* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
  * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it;
- * `label_cells`, labels of pixels from a network's coarse grid; and `label_keep`, which writes what these and the
- * shaders of refine.h leave into the view, for those that follow.
+ * `label_grid`, cells from a network's result; `label_cells`, labels of pixels from them; and `label_keep`, which
+ * writes what these and the shaders of refine.h leave into the view, for those that follow.
  *
  * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
- * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients
- * in whole numbers: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller
- * numbers than 2^-126. Groups of 32 x 8 pixels.
+ * device. label_grid and label_cells compute in floats what sst_segment() and labels_upsample() do, by their operations
+ * in their order, and quotients in whole numbers: the same bytes, but that entropies below 1e-30 may be off by 1e-30
+ * where devices have no smaller numbers than 2^-126. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_LABEL_H
 #define SST_PIPELINE_GPU_LABEL_H
@@ -64,6 +64,29 @@ enum sst_gpu_label_fill_buffer {
     SST_GPU_LABEL_FILL_FROM = 1, /* uint32_t[height][width] */
     SST_GPU_LABEL_FILL_OUT = 2,  /* out, likewise */
     SST_GPU_LABEL_FILL_BUFFERS
+};
+
+/**
+ * `label_grid`, a cell an invocation. Tables are words; a column or row of the grid has a mean over `first` and the
+ * pixels after it, in words: first, number of pixels, their weights as bits of floats. A result that is no probability
+ * sets the word `invalid`.
+ */
+struct sst_gpu_label_grid {
+    int32_t width, height, grid_width, grid_height, channels, classes;
+    uint32_t from;                 /* first word of the network's result, float[channels][grid_height][grid_width] */
+    uint32_t across, across_words; /* words of the tables: first one, words a column */
+    uint32_t down, down_words;
+    uint32_t class_of, invalid; /* uint32_t[channels]: class that a channel adds to; 0 */
+    uint32_t is_probability;    /* else logits */
+    float per_temperature;      /* of these */
+};
+
+enum sst_gpu_label_grid_buffer {
+    SST_GPU_LABEL_GRID_VIEW = 0,   /* SST_GPU_PLANE_COLOURS */
+    SST_GPU_LABEL_GRID_TABLES = 1, /* in and out */
+    SST_GPU_LABEL_GRID_FROM = 2,
+    SST_GPU_LABEL_GRID_CELLS = 3, /* out */
+    SST_GPU_LABEL_GRID_BUFFERS
 };
 
 /** `label_cells`. A cell is float[classes + 5]: probabilities, 1, its mean R, G, B, and its most probable class + 1 as

@@ -136,6 +136,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                           convert_self_test },
     [SST_GPU_LABEL_KEEP] = { "label_keep", SST_GPU_LABEL_KEEP_BUFFERS, sizeof(struct sst_gpu_label_keep),
                              label_keep_reference, label_keep_self_test },
+    [SST_GPU_LABEL_GRID] = { "label_grid", SST_GPU_LABEL_GRID_BUFFERS, sizeof(struct sst_gpu_label_grid),
+                             label_grid_reference, label_grid_self_test },
     [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
                         tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,

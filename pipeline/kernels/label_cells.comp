@@ -6,6 +6,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 
+#include "exp_neg.glsl"
 #include "quotient.glsl"
 
 layout(local_size_x = 32, local_size_y = 8) in;
@@ -30,20 +31,6 @@ const float SMALLEST = 1.17549435e-38, EXP_MOST = 86.0, FLOOR = 1e-3, SCALE = 0.
 
 int first_of[16]; // of the floats of a cell
 float weight[16];
-
-// exp_neg.h
-float exp_neg(float t)
-{
-    const int k = int(t * 1.44269504 + 0.5);
-    const float n = float(k);
-    precise float r = (n * 0.693359375 - t) + n * -2.12194440e-4;
-    precise float p =
-        1.0 +
-        r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
-    precise float scaled = p * intBitsToFloat((127 - k) << 23);
-
-    return scaled;
-}
 
 // log_pos.h
 float atanh2(float z)

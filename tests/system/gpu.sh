@@ -283,6 +283,7 @@ for f in files:
   device both.json 'd["refinement"]["views"] == 2 and d["refinement"]["voted"] == 2 and d["refinement"]["on_cpu"] == 0'
   device both.json 'd["refinement"]["enlarged"] == 2 and d["refinement"]["enlarged_on_cpu"] == 0 and d["refinement"]["stages_on_cpu"] == []'
   device both.json 'd["refinement"]["uploads"] == 0' # of views: matching and the network's cells left all of it there
+  device both.json 'd["refinement"]["upload_bytes"] < 700000' # the candidates' table, but no cells
   # --- gaps in given labels: the bytes of the CPU, whatever the device does ---
   cp -r pair/labels_hcsm given
   rm -rf pair/labels* pair/entropy

@@ -293,6 +293,8 @@ static void test_labels(void **state)
     assert_int_equal(report.carried, 5);
     enlarge_compare(&lf, 0, device, &report);
     assert_int_equal(report.enlarged, 2);
+    finish_compare(&lf, shared, device, &report);
+    assert_int_equal(report.finished, 2);
     sst_refine_device_destroy(device);
     sst_gpu_shared_destroy(shared);
     sst_lightfield_fini(&lf);

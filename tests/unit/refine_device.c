@@ -397,6 +397,28 @@ static void test_enlarged(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* Where the network runs; with little memory no view is, and nothing fails. */
+static void test_finished(void **state)
+{
+    static const uint64_t memory[] = { 0, 92000 };
+    struct sst_refine_device_report report;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    for (size_t i = 0; i < ARRAY_LEN(memory); i++) {
+        device_open(&d, "dummy", memory[i]);
+        finish_compare(&lf, d.shared, d.refine, &report);
+        assert_int_equal(report.finished, i ? 0 : 2);
+        assert_int_equal(report.enlarged, i ? 0 : 2);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.stages_on_cpu, 0);
+        device_close(&d);
+    }
+    sst_lightfield_fini(&lf);
+}
+
 /* Not one row fits. */
 static void test_no_row(void **state)
 {
@@ -440,10 +462,11 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_grounds), serial_test(test_parts),
-        cmocka_unit_test(test_skipped),    serial_test(test_fallback),     serial_test(test_lost_anywhere),
-        cmocka_unit_test(test_votes),      cmocka_unit_test(test_carried), cmocka_unit_test(test_enlarged),
-        cmocka_unit_test(test_no_row),     cmocka_unit_test(test_refused), cmocka_unit_test(test_memory_returns),
+        cmocka_unit_test(test_same_bytes),     cmocka_unit_test(test_grounds), serial_test(test_parts),
+        cmocka_unit_test(test_skipped),        serial_test(test_fallback),     serial_test(test_lost_anywhere),
+        cmocka_unit_test(test_votes),          cmocka_unit_test(test_carried), cmocka_unit_test(test_enlarged),
+        cmocka_unit_test(test_finished),       cmocka_unit_test(test_no_row),  cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_memory_returns),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

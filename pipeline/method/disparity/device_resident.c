@@ -182,7 +182,7 @@ int disparity_device_colours(struct sst_disparity_device *d, const struct device
 
 #define PLENTY 4 /* times the features of a view: less is left to the volume */
 
-void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
+bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
     const struct sst_feature_keeper *k = keeper;
     const struct disparity_feature_run *of = k->arg;
@@ -198,7 +198,7 @@ void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_
                                           .to = (uint32_t)((size_t)first * (size_t)words) };
 
     if (g != sst_gpu_shared_device(d->shared))
-        return;
+        return false;
     d->gpu = g;
     if (d->run != of->run)
         disparity_device_drop_views(d);
@@ -209,9 +209,10 @@ void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_
         (sst_gpu_free_bytes(g) < PLENTY * bytes || sst_gpu_buffer_create(g, &p->features, bytes)))
         p->features = NULL;
     if (!p->features || p->rows != first || sst_gpu_prepare(g, SST_GPU_CONVERT))
-        return;
+        return false;
     if (!disparity_device_convert(d, push, NULL, NULL, result, p->features))
         p->rows = k->band.end;
+    return false; /* the CPU has them, too */
 }
 
 /* --- maps --------------------------------------------------------------------------------------------------------- */

@@ -250,7 +250,7 @@ struct disparity_feature_run {
 
 /** Keep the features of a band where the matching reads them, if there is plenty of room and the network's device is
  * this one. */
-void disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
 
 /** The CPU changes the map of a view. @param d  or NULL */
 void disparity_device_map_changed(struct sst_disparity_device *d, int view);

@@ -101,7 +101,7 @@ struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_di
 /** What keeps features that a network leaves on a device. */
 struct sst_feature_keeper {
     /** struct sst_network_keeper, for each band from the first one on: its `arg` is this. */
-    void (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    bool (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
     void *arg;
     int view;
     /* set for it: */

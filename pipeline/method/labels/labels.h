@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_LABELS_LABELS_H
 #define SST_PIPELINE_METHOD_LABELS_LABELS_H
 
+#include "pipeline/gpu/label.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/image.h"
 #include "pipeline/method/network/network.h"
@@ -83,9 +84,33 @@ struct sst_label_cells {
 typedef bool sst_label_enlarge_fn(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
                                   struct sst_map_f32 *entropy, double eps_h);
 
-/** Bring labels to the image's size by `enlarge` from now on, in sst_segment_hcsm() and in sst_segment() where entropy
- * is wanted and prob is not. @param enlarge  NULL: on the CPU */
-void sst_segmenter_use_enlarger(struct sst_segmenter *seg, sst_label_enlarge_fn *enlarge, void *arg);
+/** A network's result for a whole image, as the shader label_grid has it. */
+struct sst_label_result {
+    struct sst_gpu_label_grid grid; /* of the image; `from`: not yet set */
+    const void *tables;             /* those of the grid, after struct sst_gpu_label_place[width + height] */
+    size_t tables_bytes;
+};
+
+/**
+ * The same from a network's result that lies on a device, under its lock.
+ *
+ * @param from  the result
+ * @param at    its first word there
+ * @return false: it is to be done from a copy of the result
+ */
+typedef bool sst_label_finish_fn(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at,
+                                 const struct sst_label_result *result, struct sst_map_u8 *label,
+                                 struct sst_map_f32 *entropy, double eps_h);
+
+struct sst_label_enlarger {
+    sst_label_enlarge_fn *enlarge;
+    sst_label_finish_fn *finish; /* or NULL: `enlarge` alone */
+    void *arg;
+};
+
+/** Bring labels to the image's size by this from now on, in sst_segment_hcsm() and in sst_segment() where entropy is
+ * wanted and prob is not. @param by  copied; NULL: on the CPU */
+void sst_segmenter_use_enlarger(struct sst_segmenter *seg, const struct sst_label_enlarger *by);
 
 /** How images are scaled and cut for the network. Zeroed: the default. */
 struct sst_segment_config {

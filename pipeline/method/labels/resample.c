@@ -66,6 +66,25 @@ static struct tap *make_axis(void *at, int from, int to)
     return taps;
 }
 
+size_t resample_words(int from, int to)
+{
+    return 2 + most_samples(from, to);
+}
+
+void resample_pack_axis(uint32_t *words, int from, int to)
+{
+    const size_t step = resample_words(from, to);
+
+    memset(words, 0, (size_t)to * step * sizeof(*words));
+    for (int i = 0; i < to; i++, words += step) {
+        struct tap t = { .weight = (float *)(void *)(words + 2) };
+
+        fill_tap(&t, i, from, to);
+        words[0] = (uint32_t)t.first;
+        words[1] = (uint32_t)t.n;
+    }
+}
+
 /* One row of one plane: down the columns first, then along the row. */
 static int resample_row(void *arg, int index, int worker)
 {

@@ -8,6 +8,7 @@
 #include "base/border.h"
 #include "base/log.h"
 #include "base/mem.h"
+#include "pipeline/kernels/class_prob.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/labels/model_info.h"
@@ -22,8 +23,7 @@ struct sst_segmenter {
     struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
     struct upsample_memory upsample;
     struct sst_map_f32 entropy; /* of sst_segment_hcsm() */
-    sst_label_enlarge_fn *enlarge; /* or NULL */
-    void *enlarge_arg;
+    struct sst_label_enlarger enlarger;
 };
 
 /* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
@@ -109,10 +109,9 @@ void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_devi
     sst_network_use_device(seg->net, d);
 }
 
-void sst_segmenter_use_enlarger(struct sst_segmenter *seg, sst_label_enlarge_fn *enlarge, void *arg)
+void sst_segmenter_use_enlarger(struct sst_segmenter *seg, const struct sst_label_enlarger *by)
 {
-    seg->enlarge = enlarge;
-    seg->enlarge_arg = arg;
+    seg->enlarger = by ? *by : (struct sst_label_enlarger){ NULL, NULL, NULL };
 }
 
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
@@ -146,12 +145,22 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 #define MOST_SCALE 1.5 /* largest default scale of the nominal sides: docs/measured/bench-labels.md */
 #define LONGEST    8   /* longest side of the working picture, in longer nominal sides */
 
+/* Labels that are made where the network runs, without a grid. */
+struct finish {
+    const struct sst_segmenter *seg;
+    struct sst_label_result result;
+    struct sst_map_u8 *label;
+    struct sst_map_f32 *entropy; /* or NULL */
+    bool done;
+};
+
 /* The network's input, whole or by windows, and the destination of the windows' results. */
 struct working {
     int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
     struct tiles across, down;                              /* windows in cells of the result */
     float *picture, *window, *out; /* [3][height][width]; the part inside a window (NULL: all); its result */
+    struct finish *finish;         /* or NULL */
 };
 
 /* Sides at the image's proportions: `scale` times those of the nominal area. */
@@ -212,34 +221,12 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     return err;
 }
 
-/* Normalise logits or probabilities of one pixel; false if they are invalid. */
-static bool to_probabilities(float *p, const struct sst_segmenter *seg)
-{
-    const struct sst_model_info *info = &seg->info;
-    double max = -INFINITY, sum = 0;
-
-    for (int c = 0; c < info->channels; c++) {
-        if (!isfinite(p[c]) || (info->probabilities && p[c] < 0))
-            return false;
-        max = p[c] > max ? p[c] : max;
-    }
-    for (int c = 0; c < info->channels; c++) {
-        if (!info->probabilities)
-            p[c] = expf((float)((p[c] - max) / info->temperature));
-        sum += p[c];
-    }
-    if (!(sum > 0))
-        return false;
-    for (int c = 0; c < info->channels; c++)
-        p[c] = (float)(p[c] / sum);
-    return true;
-}
-
 /* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up. */
 static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
     const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
     const int x0 = tiles_start(&w->across, i), y0 = tiles_start(&w->down, j);
+    const float per_temperature = (float)(1 / seg->info.temperature);
     float p[SST_MODEL_MAX_CHANNELS];
 
     for (int y = 0; y < w->out_height; y++) {
@@ -251,7 +238,7 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
 
             for (int c = 0; c < seg->info.channels; c++)
                 p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
-            if (!to_probabilities(p, seg)) {
+            if (!sst_class_probabilities(p, seg->info.channels, seg->info.probabilities, per_temperature)) {
                 sst_log_error("model %s: its output at (%d, %d) is not a probability (NaN, infinite or negative); use"
                               " another model",
                               seg->path, x0 + x, y0 + y);
@@ -299,24 +286,47 @@ static void cut_window(const struct working *w, int i, int j)
     }
 }
 
+/* A struct sst_network_keeper's. */
+static bool finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at)
+{
+    struct finish *f = arg;
+    const struct sst_label_enlarger *by = &f->seg->enlarger;
+
+    f->done = by->finish(by->arg, g, from, at, &f->result, f->label, f->entropy, f->seg->info.eps_h);
+    return f->done;
+}
+
 static int run_windows(struct class_grid *grid, const struct working *w, struct sst_segmenter *seg)
 {
+    const struct sst_network_keeper keeper = { finish, w->finish };
     int err = 0;
 
     for (int j = 0; j < w->down.count && !err; j++) {
         for (int i = 0; i < w->across.count && !err; i++) {
             if (w->window)
                 cut_window(w, i, j);
-            err = sst_network_run(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
-                                  w->out);
-            err = err ? err : add_window(grid, w, i, j, seg);
+            err = sst_network_run_kept(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
+                                       w->out, w->finish ? &keeper : NULL);
+            if (!w->finish || !w->finish->done)
+                err = err ? err : add_window(grid, w, i, j, seg);
         }
     }
     return err;
 }
 
-/* Distributions at the network's resolution. */
-static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
+/* What the device needs beside the network's result of a whole image. */
+static int prepare_finish(struct working *w, struct finish *f, struct sst_segmenter *seg, const struct sst_image *img)
+{
+    f->result.grid = (struct sst_gpu_label_grid){
+        .width = img->width, .height = img->height, .grid_width = w->out_width, .grid_height = w->out_height
+    };
+    w->finish = f;
+    return labels_pack_tables(&f->result, &seg->info, &seg->upsample);
+}
+
+/* Distributions at the network's resolution. @param finish  labels that may be made instead; or NULL */
+static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img,
+                     struct finish *finish)
 {
     struct working w = { 0 };
     size_t cells;
@@ -340,6 +350,8 @@ static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const s
         memset(grid->cell, 0, cells * sizeof(*grid->cell));
     err = w.picture && (whole || w.window) && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg)
                                                                   : -ENOMEM;
+    if (!err && whole && finish)
+        err = prepare_finish(&w, finish, seg, img);
     if (err)
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
     if (!err)
@@ -354,36 +366,46 @@ static int enlarge(struct sst_segmenter *seg, struct class_grid *grid, const str
     struct sst_label_cells cells;
     int err;
 
-    if (!seg->enlarge)
+    if (!seg->enlarger.enlarge)
         return 1;
     err = labels_pack_cells(&cells, grid, img, seg->threads, &seg->upsample);
-    return err ? err : !seg->enlarge(seg->enlarge_arg, &cells, label, entropy, seg->info.eps_h);
+    return err ? err : !seg->enlarger.enlarge(seg->enlarger.arg, &cells, label, entropy, seg->info.eps_h);
+}
+
+static int out_of_memory(const struct sst_image *img)
+{
+    sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+    return -ENOMEM;
 }
 
 int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                 struct sst_map_f32 *entropy, float **prob)
 {
-    const size_t pixels = (size_t)img->width * (size_t)img->height;
+    const size_t values = (size_t)seg->info.classes.count * (size_t)img->width * (size_t)img->height;
+    const bool enlarges = entropy && !prob && seg->enlarger.enlarge;
     struct sst_map_u8 label_made = { 0 };
     struct sst_map_f32 entropy_made = { 0 };
+    struct finish finish = { .seg = seg, .label = &label_made, .entropy = &entropy_made };
     struct class_grid grid = { 0 };
-    float *prob_made = NULL;
-    int err = make_grid(&grid, seg, img);
+    float *prob_made = prob ? malloc(values * sizeof(*prob_made)) : NULL;
+    int err = prob && !prob_made ? -ENOMEM : sst_map_u8_init(&label_made, img->width, img->height);
 
-    if (err)
-        goto fail;
-    if (prob)
-        prob_made = malloc((size_t)grid.count * pixels * sizeof(*prob_made));
-    err = prob && !prob_made ? -ENOMEM : sst_map_u8_init(&label_made, img->width, img->height);
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
-    if (!err)
-        err = prob || !entropy ? 1 : enlarge(seg, &grid, img, &label_made, &entropy_made);
+    if (err) {
+        err = out_of_memory(img);
+        goto fail;
+    }
+    err = make_grid(&grid, seg, img, enlarges && seg->enlarger.finish ? &finish : NULL);
+    if (err)
+        goto fail;
+    if (!finish.done)
+        err = enlarges ? enlarge(seg, &grid, img, &label_made, &entropy_made) : 1;
     if (err > 0)
         err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
                               &seg->upsample);
     if (err) {
-        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+        err = out_of_memory(img);
         goto fail;
     }
     *label = label_made;
@@ -423,19 +445,24 @@ static int upsample_hcsm(struct sst_segmenter *seg, struct class_grid *grid, con
 int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
 {
     struct sst_map_u8 made = { 0 };
+    struct finish finish = { .seg = seg, .label = &made };
     struct class_grid grid;
-    int err = make_grid(&grid, seg, img);
+    int err = sst_map_u8_init(&made, img->width, img->height);
 
     if (err)
+        return out_of_memory(img);
+    err = make_grid(&grid, seg, img, seg->enlarger.finish ? &finish : NULL);
+    if (err) {
+        sst_map_u8_fini(&made);
         return err;
-    err = sst_map_u8_init(&made, img->width, img->height);
-    err = err ? err : enlarge(seg, &grid, img, &made, NULL);
+    }
+    if (!finish.done)
+        err = enlarge(seg, &grid, img, &made, NULL);
     if (err > 0)
         err = upsample_hcsm(seg, &grid, img, &made);
     if (err) {
-        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         sst_map_u8_fini(&made);
-        return err;
+        return out_of_memory(img);
     }
     *label = made;
     return 0;

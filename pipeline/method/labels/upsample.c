@@ -9,6 +9,7 @@
 #include "pipeline/gpu/label.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/labels/model_info.h"
 
 #define BLOCK SST_CLASS_ROW_MAX
 #define SPREAD                                                                                                         \
@@ -202,6 +203,7 @@ void upsample_memory_fini(struct upsample_memory *m)
     sst_mem_kept_fini(&m->own);
     sst_mem_kept_fini(&m->resample);
     sst_mem_kept_fini(&m->packed);
+    sst_mem_kept_fini(&m->tables);
 }
 
 /* @param at  start of the next part, advanced past it; NULL: only count the bytes */
@@ -303,5 +305,40 @@ int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, cons
     *out = (struct sst_label_cells){
         grid->width, grid->height, grid->count, cell, cells * values * sizeof(*cell), place, places * sizeof(*place)
     };
+    return 0;
+}
+
+int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info *info, struct upsample_memory *memory)
+{
+    struct sst_gpu_label_grid *g = &out->grid;
+    const size_t place_words = sizeof(struct sst_gpu_label_place) / sizeof(uint32_t);
+    const size_t places = (size_t)(g->width + g->height) * place_words;
+    const size_t across = resample_words(g->width, g->grid_width), down = resample_words(g->height, g->grid_height);
+    const size_t down_at = places + across * (size_t)g->grid_width, of_at = down_at + down * (size_t)g->grid_height;
+    const size_t words = of_at + (size_t)info->channels + 1;
+    uint32_t *table = sst_mem_keep(&memory->tables, words, sizeof(*table));
+    struct sst_gpu_label_place *place = (struct sst_gpu_label_place *)(void *)table;
+
+    if (!table)
+        return -ENOMEM;
+    pack_places(place, g->grid_width, g->width);
+    pack_places(place + g->width, g->grid_height, g->height);
+    resample_pack_axis(table + places, g->width, g->grid_width);
+    resample_pack_axis(table + down_at, g->height, g->grid_height);
+    for (int c = 0; c < info->channels; c++)
+        table[of_at + (size_t)c] = info->class_of[c];
+    table[words - 1] = 0;
+    g->channels = info->channels;
+    g->classes = info->classes.count;
+    g->across = (uint32_t)places;
+    g->across_words = (uint32_t)across;
+    g->down = (uint32_t)down_at;
+    g->down_words = (uint32_t)down;
+    g->class_of = (uint32_t)of_at;
+    g->invalid = (uint32_t)words - 1;
+    g->is_probability = info->probabilities;
+    g->per_temperature = (float)(1 / info->temperature);
+    out->tables = table;
+    out->tables_bytes = words * sizeof(*table);
     return 0;
 }

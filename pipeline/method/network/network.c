@@ -432,7 +432,13 @@ int sst_network_out_shape(struct sst_network *net, int width, int height, int *o
     return 0;
 }
 
-int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int width, int height, float *out SST_UNUSED)
+int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out)
+{
+    return sst_network_run_kept(net, in, width, height, out, NULL);
+}
+
+int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, int width, int height,
+                         float *out SST_UNUSED, const struct sst_network_keeper *keeper SST_UNUSED)
 {
     int err = plan(net, width, height);
 
@@ -448,7 +454,7 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         return err;
     }
 #if WITH_DNNL
-    if (run_on_device(net, in, out, NULL, 0, NULL))
+    if (run_on_device(net, in, out, NULL, 0, keeper))
         return 0;
     err = need_plan(net);
     if (err)

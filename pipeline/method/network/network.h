@@ -93,13 +93,15 @@ struct sst_gpu_buffer;
 
 /** What is done with a result that lies on a device. */
 struct sst_network_keeper {
-    /** Dispatch what copies the result, of which `out` has a copy soon; under the lock of the device. @param at  its
-     * first word */
-    void (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    /** Dispatch what reads the result; under the lock of the device. @param at  its first word @return false: `out`
+     * gets a copy of it */
+    bool (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
     void *arg;
 };
 
-/** The same. @param keeper  asked if the network runs on a device; or NULL */
+/* The same. @param keeper  asked if the network runs on a device; or NULL */
+SST_MUST_CHECK int sst_network_run_kept(struct sst_network *net, const float *in, int width, int height, float *out,
+                                        const struct sst_network_keeper *keeper);
 SST_MUST_CHECK int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height,
                                            float factor, int8_t *out, const struct sst_network_keeper *keeper);
 

@@ -157,6 +157,7 @@ static int segment_view(void *arg, int view, int worker)
     struct sst_segmenter *seg = run->segmenters[worker];
     struct sst_view *v = &run->lf->views[view];
     struct sst_refine_enlarge on = { run->cfg->refinement.device, run->lf, view };
+    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_finish, &on };
     int err;
 
     if (worker == 0)
@@ -167,12 +168,12 @@ static int segment_view(void *arg, int view, int worker)
         return -ECANCELED;
     sst_map_u8_fini(&v->label);
     sst_refine_device_changed(on.device, view);
-    sst_segmenter_use_enlarger(seg, on.device ? sst_refine_device_enlarge : NULL, &on);
+    sst_segmenter_use_enlarger(seg, on.device ? &by : NULL);
     err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
                        : sst_segment_hcsm(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
-    sst_segmenter_use_enlarger(seg, NULL, NULL);
+    sst_segmenter_use_enlarger(seg, NULL);
     return err;
 }
 

@@ -17,6 +17,8 @@ void refine_device_drop(struct sst_refine_device *d, enum refine_kept which)
 {
     sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->kept[which]);
     d->kept[which] = NULL;
+    if (which == REFINE_KEPT_TABLES)
+        d->tables_bytes = 0;
     d->bytes[which] = 0;
 }
 
@@ -66,6 +68,7 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
                                                    SST_GPU_LABEL_CARRY,
                                                    SST_GPU_LABEL_FILL,
                                                    SST_GPU_LABEL_CELLS,
+                                                   SST_GPU_LABEL_GRID,
                                                    SST_GPU_REFINE_COUNT,
                                                    SST_GPU_REFINE_GROUND_SUMS,
                                                    SST_GPU_REFINE_GROUND_MISSES,
@@ -107,6 +110,7 @@ void sst_refine_device_destroy(struct sst_refine_device *d)
     sst_mem_kept_fini(&d->corners);
     sst_mem_kept_fini(&d->extents);
     sst_mem_kept_fini(&d->result);
+    sst_mem_kept_fini(&d->tables);
     free(d);
 }
 
@@ -141,6 +145,8 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
         return 0;
     refine_device_drop(d, which);
     err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
+    if (err == -ENOMEM && d->is_guest)
+        return err;
     if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     while (err == -ENOMEM && refine_drop_oldest(d))

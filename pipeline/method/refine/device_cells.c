@@ -1,6 +1,7 @@
 /* Labels of pixels from those of a network's cells on a device, and the threshold of their entropies. */
 #include <errno.h>
 #include <math.h>
+#include <string.h>
 
 #include "base/clock.h"
 #include "pipeline/method/labels/labels.h"
@@ -13,29 +14,46 @@ float refine_limit_of(double eps_h)
     return (double)limit < eps_h ? nextafterf(limit, INFINITY) : limit;
 }
 
-static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_enlarge *e,
-                         const struct sst_label_cells *cells, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
-                         const struct sst_gpu_label_cells *push)
+/* Room for labels of a view, with entropies if they are wanted, and its colours; a new turn. */
+static int begin_view(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_map_u8 *label,
+                      bool entropies)
 {
     const size_t bytes = (size_t)label->width * (size_t)label->height * sizeof(uint32_t);
-    const struct sst_gpu_label_keep words = { .way = SST_GPU_KEEP_WORDS, .entropies = entropy != NULL };
-    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = push };
-    int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
+    int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropies ? 2 : 1) * bytes);
 
     d->turn++;
-    refine_device_reserve(d, e->lf, e->view, entropy ? 3 : 2);
-    err = err ? err : refine_device_view(d, e->lf, e->view, 1U << SST_GPU_PLANE_COLOURS, NULL);
-    err = err ? err : refine_device_upload(d, REFINE_KEPT_CELLS, cells->cells, cells->cells_bytes);
-    err = err ? err : refine_device_upload(d, REFINE_KEPT_PLACES, cells->places, cells->places_bytes);
+    refine_device_reserve(d, e->lf, e->view, entropies ? 3 : 2);
+    return err ? err : refine_device_view(d, e->lf, e->view, 1U << SST_GPU_PLANE_COLOURS, NULL);
+}
+
+/* Labels from cells that are there. */
+static int find_labels(struct sst_refine_device *d, const struct sst_refine_enlarge *e, enum refine_kept places,
+                       const struct sst_gpu_label_cells *push, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+{
+    const struct sst_gpu_label_keep words = { .way = SST_GPU_KEEP_WORDS, .entropies = entropy != NULL };
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = push };
+    int err;
+
     work.buffer[SST_GPU_LABEL_CELLS_VIEW] = d->view[e->view].buffer;
     work.buffer[SST_GPU_LABEL_CELLS_CELLS] = d->kept[REFINE_KEPT_CELLS];
-    work.buffer[SST_GPU_LABEL_CELLS_PLACES] = d->kept[REFINE_KEPT_PLACES];
+    work.buffer[SST_GPU_LABEL_CELLS_PLACES] = d->kept[places];
     work.buffer[SST_GPU_LABEL_CELLS_OUT] = d->kept[REFINE_KEPT_OUT];
-    err = err ? err : refine_device_dispatch(d, &work, label->width, label->height);
+    err = refine_device_dispatch(d, &work, label->width, label->height);
     err = err ? err : refine_device_keep_labels(d, e->lf, e->view, words, d->kept[REFINE_KEPT_OUT]);
     if (entropy)
         return err ? err : refine_device_entropies(d, label, entropy);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, label);
+}
+
+static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_enlarge *e,
+                         const struct sst_label_cells *cells, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                         const struct sst_gpu_label_cells *push)
+{
+    int err = begin_view(d, e, label, entropy != NULL);
+
+    err = err ? err : refine_device_upload(d, REFINE_KEPT_CELLS, cells->cells, cells->cells_bytes);
+    err = err ? err : refine_device_upload(d, REFINE_KEPT_PLACES, cells->places, cells->places_bytes);
+    return err ? err : find_labels(d, e, REFINE_KEPT_PLACES, push, label, entropy);
 }
 
 static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_cells *cells,
@@ -72,4 +90,91 @@ bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, s
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     sst_gpu_shared_unlock(d->shared);
     return done;
+}
+
+/* --- where the network runs --------------------------------------------------------------------------------------- */
+
+/* Tables are the same for all views, and uploaded once. */
+static int need_tables(struct sst_refine_device *d, const struct sst_label_result *r)
+{
+    void *copy;
+    int err;
+
+    if (d->tables_bytes == r->tables_bytes && !memcmp(d->tables.data, r->tables, r->tables_bytes))
+        return 0;
+    copy = sst_mem_keep(&d->tables, r->tables_bytes, 1);
+    d->tables_bytes = 0;
+    if (!copy)
+        return -ENOMEM;
+    err = refine_device_upload(d, REFINE_KEPT_TABLES, r->tables, r->tables_bytes);
+    if (err)
+        return err;
+    memcpy(copy, r->tables, r->tables_bytes);
+    d->tables_bytes = r->tables_bytes;
+    return 0;
+}
+
+/* @return 1: the result is invalid, which the CPU reports */
+static int check(struct sst_refine_device *d, const struct sst_label_result *r)
+{
+    uint32_t invalid;
+    int err = sst_gpu_download(d->gpu, &invalid, d->kept[REFINE_KEPT_TABLES], r->grid.invalid * sizeof(invalid),
+                               sizeof(invalid));
+
+    if (err || !invalid)
+        return err;
+    d->tables_bytes = 0; /* says so from now on */
+    return 1;
+}
+
+static int finish(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_result *r,
+                  struct sst_gpu_buffer *from, size_t at, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                  double eps_h)
+{
+    const size_t cells = (size_t)r->grid.grid_width * (size_t)r->grid.grid_height;
+    struct sst_gpu_label_grid grid = r->grid;
+    const struct sst_gpu_label_cells push = { grid.width,       grid.height,  grid.grid_width,
+                                              grid.grid_height, grid.classes, refine_limit_of(eps_h),
+                                              entropy != NULL };
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_GRID, .push = &grid };
+    int err = begin_view(d, e, label, entropy != NULL);
+
+    grid.from = (uint32_t)at;
+    err = err ? err : refine_device_keep(d, REFINE_KEPT_CELLS, cells * (size_t)(grid.classes + 5) * sizeof(float));
+    err = err ? err : need_tables(d, r);
+    work.buffer[SST_GPU_LABEL_GRID_VIEW] = d->view[e->view].buffer;
+    work.buffer[SST_GPU_LABEL_GRID_TABLES] = d->kept[REFINE_KEPT_TABLES];
+    work.buffer[SST_GPU_LABEL_GRID_FROM] = from;
+    work.buffer[SST_GPU_LABEL_GRID_CELLS] = d->kept[REFINE_KEPT_CELLS];
+    err = err ? err : refine_device_dispatch(d, &work, grid.grid_width, grid.grid_height);
+    err = err ? err : find_labels(d, e, REFINE_KEPT_TABLES, &push, label, entropy);
+    err = err ? err : check(d, r);
+    if (err)
+        d->view[e->view].labels = d->view[e->view].entropies = false;
+    return err;
+}
+
+bool sst_refine_device_finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at,
+                              const struct sst_label_result *result, struct sst_map_u8 *label,
+                              struct sst_map_f32 *entropy, double eps_h)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_LABEL_GRID, SST_GPU_LABEL_CELLS, SST_GPU_LABEL_KEEP };
+    const struct sst_refine_enlarge *e = arg;
+    struct sst_refine_device *d = e->device;
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = g == sst_gpu_shared_device(d->shared) && !d->band_rows ? 0 : 1;
+
+    for (size_t i = 0; i < ARRAY_LEN(shaders) && !err; i++)
+        err = sst_gpu_prepare(g, shaders[i]);
+    if (err)
+        return false;
+    d->gpu = g;
+    d->is_guest = true;
+    err = finish(d, e, result, from, at, label, entropy, eps_h);
+    d->is_guest = false;
+    d->gpu = NULL;
+    d->report.finished += !err;
+    d->report.enlarged += !err;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    return !err;
 }

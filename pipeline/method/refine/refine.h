@@ -71,6 +71,7 @@ struct sst_refine_device_report {
     int64_t in_parts;            /* of them: in bands of rows */
     int64_t on_cpu;              /* others */
     int64_t enlarged, enlarged_on_cpu; /* whose labels were found from the network's cells */
+    int64_t finished;                  /* of them: whose cells never left the device */
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
     int64_t carried, carried_on_cpu; /* that labels were carried to, once each time */
     int64_t enlarged_in_parts, voted_in_parts, carried_in_parts; /* of them: in bands of rows */
@@ -145,6 +146,15 @@ struct sst_refine_enlarge {
  * the other. @param arg  struct sst_refine_enlarge @return false: it is to be done on the CPU; logged, noted */
 bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
                                struct sst_map_f32 *entropy, double eps_h);
+
+struct sst_gpu;
+struct sst_gpu_buffer;
+struct sst_label_result;
+
+/** A sst_label_finish_fn, likewise: false also where the device is not this one, or lacks room. */
+bool sst_refine_device_finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at,
+                              const struct sst_label_result *result, struct sst_map_u8 *label,
+                              struct sst_map_f32 *entropy, double eps_h);
 
 /** Labels carried to a view. */
 struct sst_refine_carry {

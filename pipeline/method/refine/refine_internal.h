@@ -80,6 +80,7 @@ enum refine_kept {
     REFINE_KEPT_FILLED,
     REFINE_KEPT_CELLS,
     REFINE_KEPT_PLACES,
+    REFINE_KEPT_TABLES, /* of struct sst_label_result */
     REFINE_KEPT_BAND,   /* rows of a view that gets labels */
     REFINE_KEPT_FIRST,  /* and of those that it gets them from: SST_REFINE_VOTERS */
     REFINE_KEPT_SECOND,
@@ -93,6 +94,8 @@ struct sst_refine_device {
     struct sst_gpu_user user;
     struct sst_refine_device_report report;
     struct sst_mem_kept words, corners, extents, result; /* of the host */
+    struct sst_mem_kept tables;                          /* what REFINE_KEPT_TABLES holds */
+    size_t tables_bytes;                                 /* 0: nothing */
     /* under the lock of shared */
     struct sst_gpu *gpu; /* in work */
     struct sst_gpu_buffer *kept[REFINE_KEPT];
@@ -102,6 +105,7 @@ struct sst_refine_device {
     int in_work;                              /* view that is refined */
     int rows;                                 /* of a band that it is refined in, in this stage; 0: of the whole view */
     int band_rows;                            /* the same of votes, carried labels and labels from cells */
+    bool is_guest;                            /* a network is in work: nothing makes room */
     int64_t turn;                             /* of the view in work: views of this turn stay */
 };
 
