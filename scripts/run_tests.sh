@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (two more than there are processors, because many tests wait most of their time), those
+# Run test programs: JOBS at a time (one more than there are processors, because many tests wait most of their time), those
 # that tests/special.txt marks `first` before the others. A program's build is the folder that its tests/ lies in; scripts
 # run on SST_BUILD. Each test's output is shown whole, in that order. Exit status 77 is a skip; the last line of its output is
 # the reason. A test that takes longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its
@@ -10,7 +10,7 @@ export SST_BUILD="${SST_BUILD:-build}"
 case $SST_BUILD in /*) plain=$SST_BUILD;; *) plain=$PWD/$SST_BUILD;; esac
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
 export LSAN_OPTIONS="${LSAN_OPTIONS:-suppressions=$PWD/scripts/lsan.supp:print_suppressions=0}"
-jobs=${JOBS:-$(($(nproc) + 2))} limit=${TEST_LIMIT:-900}
+jobs=${JOBS:-$(($(nproc) + 1))} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
 trap 'exit 130' INT TERM
