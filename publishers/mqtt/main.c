@@ -229,12 +229,12 @@ int main(int argc, char **argv)
     m->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!m->config || m->wake < 0)
         return EXIT_FAILURE;
+    sigaction(SIGTERM, &act, NULL); /* first: the service may end at once */
+    sigaction(SIGINT, &act, NULL);
     done = sst_publisher_begin(&m->publisher, m->config, "mqtt",
                                "Publishes state, events and pictures of sstd at an MQTT broker.", argc, argv);
     if (done != SST_PUBLISHER_GO_ON)
         return done;
-    sigaction(SIGTERM, &act, NULL);
-    sigaction(SIGINT, &act, NULL);
     mqtt_init(m);
     if (sst_publisher_start(&m->publisher, follow, m) || sst_publisher_start(&m->publisher, get_pictures, m))
         return EXIT_FAILURE;
