@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -240,5 +241,6 @@ int main(int argc, char **argv)
         return EXIT_FAILURE;
     run(m);
     mqtt_fini(m);
-    return EXIT_SUCCESS; /* the other threads end with the process */
+    fflush(NULL);
+    _exit(EXIT_SUCCESS); /* the other threads run on: libraries must not be cleaned up under them */
 }
