@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (one more than there are processors, because many tests wait most of their time), those
-# that tests/special.txt marks `first` before the others. A program's build is the folder that its tests/ lies in; scripts
-# run on SST_BUILD. Each test's output is shown whole, in that order. Exit status 77 is a skip; the last line of its output is
-# the reason. A test that takes longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its
-# processes are shown. What a sanitizer reports in any process of a test fails it, even if the test did not notice.
+# Run test programs: JOBS at a time (one more than there are processors). Those that tests/special.txt marks `waits` run one
+# after the other in one of these places, so that processors are busy beside them; those marked `first` before the others. A
+# program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. Each test's output is shown whole, in that
+# order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the reason. A test that takes
+# longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its processes are shown. What a
+# sanitizer reports in any process of a test fails it, even if the test did not notice.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
@@ -26,9 +27,13 @@ marked() {
   grep -qE "^${name%.sh} +$1( |\$)" tests/special.txt
 }
 
-tests=() rest=()
-for t in "$@"; do if marked first "$t"; then tests+=("$t"); else rest+=("$t"); fi; done
+tests=() rest=() waiting=()
+for t in "$@"; do
+  if marked waits "$t"; then waiting+=("$t"); elif marked first "$t"; then tests+=("$t"); else rest+=("$t"); fi
+done
 tests+=("${rest[@]}")
+busy=${#tests[@]} # those from here on wait
+tests+=("${waiting[@]}")
 
 # tree PID: it and all below it
 tree() {
@@ -98,8 +103,21 @@ show() {
   done
 }
 
+# run_waiting: those that wait, one by one
+run_waiting() {
+  trap 'kill $!; wait; exit' TERM
+  for ((i = busy; i < ${#tests[@]}; i++)); do
+    run "$i" &
+    wait $!
+  done
+}
+
 running=0
-for i in "${!tests[@]}"; do
+if [ "${#waiting[@]}" -gt 0 ]; then
+  run_waiting &
+  running=1
+fi
+for ((i = 0; i < busy; i++)); do
   while [ "$running" -ge "$jobs" ]; do wait -n; running=$((running - 1)); show; done
   run "$i" &
   running=$((running + 1))
