@@ -318,6 +318,8 @@ static inline void enlarge_compare(const struct sst_lightfield *lf, int view, st
 #define FINISH_CHANNELS 14 /* of 12 classes */
 #define FINISH_ACROSS   13
 #define FINISH_DOWN     9
+#define INPUT_WIDTH     104 /* wider than the picture, and lower */
+#define INPUT_HEIGHT    32
 
 /* A network's logits, whose words start at the second one, and what is done with them. */
 struct finish_result {
@@ -331,7 +333,11 @@ static inline void finish_init(struct finish_result *f, const struct sst_lightfi
 {
     uint64_t seed = 21;
 
-    *f = (struct finish_result){ .info.channels = FINISH_CHANNELS, .info.temperature = 1.7 };
+    *f = (struct finish_result){ .info = { .channels = FINISH_CHANNELS,
+                                           .temperature = 1.7,
+                                           .bgr = true,
+                                           .mean = { 0.485, 0.456, 0.406 },
+                                           .std = { 0.229, 0.224, 0.225 } } };
     f->info.classes.count = 12;
     for (int c = 0; c < FINISH_CHANNELS; c++)
         f->info.class_of[c] = (uint8_t)(c % 12);
@@ -340,7 +346,46 @@ static inline void finish_init(struct finish_result *f, const struct sst_lightfi
     f->result.grid = (struct sst_gpu_label_grid){
         .width = lf->width, .height = lf->height, .grid_width = FINISH_ACROSS, .grid_height = FINISH_DOWN
     };
+    f->result.input = (struct sst_gpu_label_input){
+        .width = lf->width, .height = lf->height, .in_width = INPUT_WIDTH, .in_height = INPUT_HEIGHT
+    };
     assert_int_equal(labels_pack_tables(&f->result, &f->info, &f->memory), 0);
+}
+
+/* The input of a network that lies on a device, made there: that of the CPU. */
+static inline bool feed_run(struct finish_result *f, const struct sst_lightfield *lf, int view,
+                            struct sst_gpu_shared *shared, struct sst_refine_device *device)
+{
+    enum { INPUT = 3 * INPUT_WIDTH * INPUT_HEIGHT };
+    const struct sst_refine_enlarge how = { device, lf, view };
+    const struct sst_image *image = &lf->views[view].image;
+    struct sst_image swapped = *image;
+    struct sst_mem_kept kept = { 0 };
+    struct sst_gpu_buffer *to = NULL;
+    float *want = calloc(INPUT, sizeof(*want)), *got = calloc(INPUT, sizeof(*got));
+    struct sst_gpu *g;
+    bool fed;
+
+    swapped.plane[0] = image->plane[2];
+    swapped.plane[2] = image->plane[0];
+    assert_true(want && got);
+    assert_int_equal(resample_planes(want, INPUT_WIDTH, INPUT_HEIGHT, &swapped, f->info.mean, f->info.std, 1, &kept), 0);
+    sst_gpu_shared_lock(shared);
+    g = sst_gpu_shared_device(shared);
+    assert_non_null(g);
+    assert_int_equal(sst_gpu_buffer_create(g, &to, (INPUT + 2) * sizeof(*got)), 0);
+    fed = sst_refine_device_feed((void *)&how, g, to, 2, &f->result, true);
+    if (fed) {
+        assert_int_equal(sst_gpu_wait(g), 0);
+        assert_int_equal(sst_gpu_download(g, got, to, 2 * sizeof(*got), INPUT * sizeof(*got)), 0);
+        assert_memory_equal(got, want, INPUT * sizeof(*got));
+    }
+    sst_gpu_buffer_destroy(g, to);
+    sst_gpu_shared_unlock(shared);
+    sst_mem_kept_fini(&kept);
+    free(want);
+    free(got);
+    return fed;
 }
 
 /* Labels and entropies of a view from a result that lies on a device. @return sst_refine_device_finish() */
@@ -389,7 +434,7 @@ static inline void finish_expect(const struct finish_result *f, const struct sst
     free(grid.cell);
 }
 
-/* Cells do not go through the host: of two views the colours are uploaded, and the tables once. */
+/* Input and cells do not go through the host: of two views the colours are uploaded, and the tables once. */
 static inline void finish_compare(const struct sst_lightfield *lf, struct sst_gpu_shared *shared,
                                   struct sst_refine_device *device, struct sst_refine_device_report *report)
 {
@@ -404,7 +449,8 @@ static inline void finish_compare(const struct sst_lightfield *lf, struct sst_gp
     }
     for (int view = 0; view < 2; view++) {
         finish_expect(&f, &lf->views[view].image, &label[1], &entropy[1]);
-        if (!finish_run(&f, lf, view, shared, device, &label[0], &entropy[0]))
+        if (!feed_run(&f, lf, view, shared, device) ||
+            !finish_run(&f, lf, view, shared, device, &label[0], &entropy[0]))
             break;
         for (int y = 0; y < lf->height; y++) {
             assert_memory_equal(sst_map_u8_row(&label[0], y), sst_map_u8_row(&label[1], y), (size_t)lf->width);

@@ -93,6 +93,7 @@ enum sst_gpu_shader {
     SST_GPU_CONVERT = 74,          /* convert.h */
     SST_GPU_LABEL_KEEP = 75,       /* label.h */
     SST_GPU_LABEL_GRID = 76,
+    SST_GPU_LABEL_INPUT = 77,
     SST_GPU_SHADERS
 };
 

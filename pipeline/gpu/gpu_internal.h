@@ -229,6 +229,8 @@ gpu_reference_fn label_keep_reference;
 gpu_self_test_fn label_keep_self_test;
 gpu_reference_fn label_grid_reference;
 gpu_self_test_fn label_grid_self_test;
+gpu_reference_fn label_input_reference;
+gpu_self_test_fn label_input_self_test;
 
 /* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
  *

@@ -1,4 +1,4 @@
-/* The shader `label_grid`: its reference and self-test. */
+/* The shaders `label_grid` and `label_input`: their references and self-tests. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +9,7 @@
 #include "pipeline/kernels/class_prob.h"
 
 _Static_assert(sizeof(struct sst_gpu_label_grid) == 60, "the layout of label_grid.comp");
+_Static_assert(sizeof(struct sst_gpu_label_input) == 72, "the layout of label_input.comp");
 
 #define MOST_CHANNELS 256
 
@@ -43,9 +44,8 @@ static float float_of(uint32_t bits)
     return value;
 }
 
-/* @param colours  of the view @param shift  of the channel */
-static float mean_of(const struct sst_gpu_label_grid *p, const uint32_t *colours, const uint32_t *tx,
-                     const uint32_t *ty, int shift)
+/* @param colours  of the view, in rows of `width` @param tx, ty  of the tables @param channel  0: R */
+static float mean_of(const uint32_t *colours, size_t width, const uint32_t *tx, const uint32_t *ty, uint32_t channel)
 {
     float sum = 0;
 
@@ -53,9 +53,9 @@ static float mean_of(const struct sst_gpu_label_grid *p, const uint32_t *colours
         float column = 0;
 
         for (uint32_t k = 0; k < ty[1]; k++) {
-            const uint32_t pixel = colours[(size_t)(ty[0] + k) * (size_t)p->width + tx[0] + i];
+            const uint32_t pixel = colours[(size_t)(ty[0] + k) * width + tx[0] + i];
 
-            column += float_of(ty[2 + k]) * (float)(uint8_t)(pixel >> shift);
+            column += float_of(ty[2 + k]) * (float)(uint8_t)(pixel >> 8 * channel);
         }
         sum += float_of(tx[2 + i]) * column;
     }
@@ -76,8 +76,26 @@ void label_grid_reference(const void *push, void *const *buffer, const uint32_t 
         float *cell = cells + i * (size_t)(p->classes + 5);
 
         find_probabilities(cell, p, buffer[SST_GPU_LABEL_GRID_FROM], table, i);
-        for (int c = 0; c < 3; c++)
-            cell[p->classes + 1 + c] = mean_of(p, view + (size_t)p->width * (size_t)p->height, tx, ty, 8 * c);
+        for (uint32_t c = 0; c < 3; c++)
+            cell[(uint32_t)p->classes + 1 + c] =
+                mean_of(view + (size_t)p->width * (size_t)p->height, (size_t)p->width, tx, ty, c);
+    }
+}
+
+void label_input_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_label_input *p = push;
+    const uint32_t *colours = (const uint32_t *)buffer[SST_GPU_LABEL_INPUT_VIEW] + (size_t)p->width * (size_t)p->height;
+    const uint32_t *table = buffer[SST_GPU_LABEL_INPUT_TABLES];
+    const size_t in_width = (size_t)p->in_width, n = in_width * (size_t)p->in_height;
+    float *to = (float *)buffer[SST_GPU_LABEL_INPUT_TO] + p->to;
+
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t *tx = table + p->across + i % in_width * p->across_words;
+        const uint32_t *ty = table + p->down + i / in_width * p->down_words;
+
+        for (size_t c = 0; c < 3; c++)
+            to[c * n + i] = mean_of(colours, (size_t)p->width, tx, ty, p->channel[c]) * p->scale[c] - p->shift[c];
     }
 }
 
@@ -172,6 +190,39 @@ int label_grid_self_test(struct sst_gpu *g)
             t->from[TEST_FROM + 5 * TEST_CELLS + 9] = INFINITY; /* invalid */
         err = test_result(g, t, i == 3, i ? 0.37F : 1.0F);
     }
+    free(t);
+    return err;
+}
+
+int label_input_self_test(struct sst_gpu *g)
+{
+    struct test *t = calloc(1, sizeof(*t));
+    const struct sst_gpu_label_input push = { .width = TEST_WIDTH,
+                                              .height = TEST_HEIGHT,
+                                              .in_width = TEST_ACROSS,
+                                              .in_height = TEST_DOWN,
+                                              .to = TEST_FROM,
+                                              .across_words = 2 + TEST_TAPS,
+                                              .down = TEST_ACROSS * (2 + TEST_TAPS),
+                                              .down_words = 2 + TEST_TAPS,
+                                              .channel = { 2, 1, 0 },
+                                              .scale = { 1 / 57.375F, 1 / 57.12F, 1 / 58.395F },
+                                              .shift = { 1.8044F, 2.0357F, 2.1179F } };
+    const struct sst_gpu_work work = { .shader = SST_GPU_LABEL_INPUT,
+                                       .push = &push,
+                                       .groups = { gpu_groups(TEST_ACROSS, 32), gpu_groups(TEST_DOWN, 8), 1 } };
+    uint32_t state = 5;
+    int err;
+
+    if (!t)
+        return -ENOMEM;
+    for (int i = 0; i < TEST_PIXELS; i++)
+        t->view[SST_GPU_PLANE_COLOURS][i] = gpu_random(&state) << 8 ^ gpu_random(&state);
+    make_taps(t->table.tap, TEST_ACROSS, TEST_WIDTH, &state);
+    make_taps(t->table.tap + TEST_ACROSS, TEST_DOWN, TEST_HEIGHT, &state);
+    err = gpu_compare(g, &work, (const void *const[]){ t->view, &t->table, t->from },
+                      (const size_t[]){ sizeof(t->view), sizeof(t->table), sizeof(t->from) }, SST_GPU_LABEL_INPUT_TO,
+                      NULL);
     free(t);
     return err;
 }

@@ -138,6 +138,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              label_keep_reference, label_keep_self_test },
     [SST_GPU_LABEL_GRID] = { "label_grid", SST_GPU_LABEL_GRID_BUFFERS, sizeof(struct sst_gpu_label_grid),
                              label_grid_reference, label_grid_self_test },
+    [SST_GPU_LABEL_INPUT] = { "label_input", SST_GPU_LABEL_INPUT_BUFFERS, sizeof(struct sst_gpu_label_input),
+                              label_input_reference, label_input_self_test },
     [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
                         tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,

@@ -57,26 +57,7 @@ float look(uint at, uint plane, out float most)
     return sum >= FLT_MIN && sum <= FLT_MAX ? sum : 0.0;
 }
 
-// resample_row()
-vec3 mean_colour(int x, int y)
-{
-    const uint tx = across + uint(x) * across_words, ty = down + uint(y) * down_words;
-    const uint colours = uint(width * height) + table[ty] * uint(width) + table[tx];
-    precise vec3 sum = vec3(0.0);
-
-    for (uint i = 0; i < table[tx + 1]; i++) {
-        precise vec3 column = vec3(0.0);
-
-        for (uint k = 0; k < table[ty + 1]; k++) {
-            const uint pixel = view[colours + k * uint(width) + i];
-
-            column = column + uintBitsToFloat(table[ty + 2 + k]) *
-                                  vec3(pixel & 0xFF, (pixel >> 8) & 0xFF, (pixel >> 16) & 0xFF);
-        }
-        sum = sum + uintBitsToFloat(table[tx + 2 + i]) * column;
-    }
-    return sum;
-}
+#include "label_mean.glsl"
 
 void main()
 {

@@ -162,7 +162,7 @@ static int make_band(struct sst_descriptor *desc, struct sst_network *net, const
                      const struct buffers *buf, const struct sst_disparity_feature_band *band, int height,
                      struct sst_feature_keeper *keeper)
 {
-    const struct sst_network_keeper asked = { keeper ? keeper->keep : NULL, keeper };
+    const struct sst_network_keeper asked = { .keep = keeper ? keeper->keep : NULL, .arg = keeper };
 
     enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
     const size_t w = (size_t)desc->width;

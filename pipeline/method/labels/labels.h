@@ -84,12 +84,24 @@ struct sst_label_cells {
 typedef bool sst_label_enlarge_fn(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
                                   struct sst_map_f32 *entropy, double eps_h);
 
-/** A network's result for a whole image, as the shader label_grid has it. */
+/** A network's input and result for a whole image, as the shaders label_input and label_grid have them. */
 struct sst_label_result {
-    struct sst_gpu_label_grid grid; /* of the image; `from`: not yet set */
-    const void *tables;             /* those of the grid, after struct sst_gpu_label_place[width + height] */
+    struct sst_gpu_label_input input; /* of the image; in_width 0: the CPU makes it; `to`: not yet set */
+    struct sst_gpu_label_grid grid;   /* of the image; `from`: not yet set */
+    const void *tables;               /* of both, after struct sst_gpu_label_place[width + height] */
     size_t tables_bytes;
 };
+
+/**
+ * Make the network's input from an image where it runs, under the lock of the device.
+ *
+ * @param to         the input
+ * @param at         its first word there
+ * @param entropies  are wanted of the result
+ * @return false: it is to be uploaded
+ */
+typedef bool sst_label_feed_fn(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at,
+                               const struct sst_label_result *result, bool entropies);
 
 /**
  * The same from a network's result that lies on a device, under its lock.
@@ -104,6 +116,7 @@ typedef bool sst_label_finish_fn(void *arg, struct sst_gpu *g, struct sst_gpu_bu
 
 struct sst_label_enlarger {
     sst_label_enlarge_fn *enlarge;
+    sst_label_feed_fn *feed;     /* or NULL */
     sst_label_finish_fn *finish; /* or NULL: `enlarge` alone */
     void *arg;
 };

@@ -21,6 +21,9 @@
 SST_MUST_CHECK int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
                                    const double std[3], int threads, struct sst_mem_kept *kept);
 
+/** A sum of samples times *scale, less *shift, is what the above has of it. */
+void resample_scale(float *scale, float *shift, double mean, double std);
+
 /** Words of a column or row of struct sst_gpu_label_grid's tables. */
 size_t resample_words(int from, int to);
 

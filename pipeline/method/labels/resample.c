@@ -85,15 +85,22 @@ void resample_pack_axis(uint32_t *words, int from, int to)
     }
 }
 
+void resample_scale(float *scale, float *shift, double mean, double std)
+{
+    *scale = (float)(1 / (255 * std));
+    *shift = (float)(mean / std);
+}
+
 /* One row of one plane: down the columns first, then along the row. */
 static int resample_row(void *arg, int index, int worker)
 {
     const struct job *j = arg;
     const int c = index / j->height, y = index % j->height, w = j->img->width;
     const struct tap *ty = &j->y[y];
-    const float scale = (float)(1 / (255 * j->std[c])), shift = (float)(j->mean[c] / j->std[c]);
     float *row = j->rows + (size_t)worker * (size_t)w, *out = j->out + (size_t)index * (size_t)j->width;
+    float scale, shift;
 
+    resample_scale(&scale, &shift, j->mean[c], j->std[c]);
     memset(row, 0, (size_t)w * sizeof(*row));
     for (int k = 0; k < ty->n; k++) {
         const uint8_t *in = sst_image_row(j->img, c, ty->first + k);

@@ -145,13 +145,21 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 #define MOST_SCALE 1.5 /* largest default scale of the nominal sides: docs/measured/bench-labels.md */
 #define LONGEST    8   /* longest side of the working picture, in longer nominal sides */
 
-/* Labels that are made where the network runs, without a grid. */
+static int out_of_memory(const struct sst_image *img)
+{
+    sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+    return -ENOMEM;
+}
+
+/* What is done where the network runs, without a grid. */
 struct finish {
-    const struct sst_segmenter *seg;
+    struct sst_segmenter *seg;
+    const struct sst_image *img;
+    const struct working *working;
     struct sst_label_result result;
     struct sst_map_u8 *label;
     struct sst_map_f32 *entropy; /* or NULL */
-    bool done;
+    bool filled, done;           /* the working picture; the labels */
 };
 
 /* The network's input, whole or by windows, and the destination of the windows' results. */
@@ -286,7 +294,25 @@ static void cut_window(const struct working *w, int i, int j)
     }
 }
 
-/* A struct sst_network_keeper's. */
+/* A struct sst_network_keeper's, as are the next two. */
+static bool feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at)
+{
+    const struct finish *f = arg;
+    const struct sst_label_enlarger *by = &f->seg->enlarger;
+
+    return f->result.input.in_width && by->feed(by->arg, g, to, at, &f->result, f->entropy);
+}
+
+static int fill(void *arg)
+{
+    struct finish *f = arg;
+    const struct working *w = f->working;
+    int err = f->filled ? 0 : make_input(w->picture, w->width, w->height, f->img, f->seg);
+
+    f->filled = !err;
+    return err ? out_of_memory(f->img) : 0;
+}
+
 static bool finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at)
 {
     struct finish *f = arg;
@@ -298,7 +324,7 @@ static bool finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, si
 
 static int run_windows(struct class_grid *grid, const struct working *w, struct sst_segmenter *seg)
 {
-    const struct sst_network_keeper keeper = { finish, w->finish };
+    const struct sst_network_keeper keeper = { finish, feed, fill, w->finish };
     int err = 0;
 
     for (int j = 0; j < w->down.count && !err; j++) {
@@ -314,12 +340,18 @@ static int run_windows(struct class_grid *grid, const struct working *w, struct 
     return err;
 }
 
-/* What the device needs beside the network's result of a whole image. */
+/* What the device needs to make the input and, from the network's result, the labels of a whole image. */
 static int prepare_finish(struct working *w, struct finish *f, struct sst_segmenter *seg, const struct sst_image *img)
 {
     f->result.grid = (struct sst_gpu_label_grid){
         .width = img->width, .height = img->height, .grid_width = w->out_width, .grid_height = w->out_height
     };
+    if (seg->enlarger.feed && sst_network_in_channels(seg->net) == 3)
+        f->result.input = (struct sst_gpu_label_input){
+            .width = img->width, .height = img->height, .in_width = w->width, .in_height = w->height
+        };
+    f->img = img;
+    f->working = w;
     w->finish = f;
     return labels_pack_tables(&f->result, &seg->info, &seg->upsample);
 }
@@ -348,15 +380,12 @@ static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const s
     grid->cell = sst_mem_keep(&seg->cells, cells, sizeof(*grid->cell));
     if (grid->cell)
         memset(grid->cell, 0, cells * sizeof(*grid->cell));
-    err = w.picture && (whole || w.window) && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg)
-                                                                  : -ENOMEM;
+    err = w.picture && (whole || w.window) && w.out && grid->cell ? 0 : -ENOMEM;
     if (!err && whole && finish)
         err = prepare_finish(&w, finish, seg, img);
-    if (err)
-        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
-    if (!err)
-        err = run_windows(grid, &w, seg);
-    return err;
+    else if (!err)
+        err = make_input(w.picture, w.width, w.height, img, seg);
+    return err ? out_of_memory(img) : run_windows(grid, &w, seg);
 }
 
 /* Labels, and entropies if they are wanted, elsewhere. @return 0, 1 (done on the CPU instead), -ENOMEM */
@@ -370,12 +399,6 @@ static int enlarge(struct sst_segmenter *seg, struct class_grid *grid, const str
         return 1;
     err = labels_pack_cells(&cells, grid, img, seg->threads, &seg->upsample);
     return err ? err : !seg->enlarger.enlarge(seg->enlarger.arg, &cells, label, entropy, seg->info.eps_h);
-}
-
-static int out_of_memory(const struct sst_image *img)
-{
-    sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
-    return -ENOMEM;
 }
 
 int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,

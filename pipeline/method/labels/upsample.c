@@ -308,6 +308,27 @@ int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, cons
     return 0;
 }
 
+/* Tables of the input. @param words  out, from `at` on, of its columns, then of its rows; NULL: only count them */
+static size_t pack_input(struct sst_gpu_label_input *in, const struct sst_model_info *info, uint32_t *words, size_t at)
+{
+    const size_t across = resample_words(in->width, in->in_width), down = resample_words(in->height, in->in_height);
+    const size_t down_at = at + across * (size_t)in->in_width;
+
+    if (words) {
+        resample_pack_axis(words + at, in->width, in->in_width);
+        resample_pack_axis(words + down_at, in->height, in->in_height);
+    }
+    in->across = (uint32_t)at;
+    in->across_words = (uint32_t)across;
+    in->down = (uint32_t)down_at;
+    in->down_words = (uint32_t)down;
+    for (uint32_t c = 0; c < 3; c++) {
+        in->channel[c] = info->bgr ? 2 - c : c;
+        resample_scale(&in->scale[c], &in->shift[c], info->mean[c], info->std[c]);
+    }
+    return down_at + down * (size_t)in->in_height - at;
+}
+
 int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info *info, struct upsample_memory *memory)
 {
     struct sst_gpu_label_grid *g = &out->grid;
@@ -315,7 +336,8 @@ int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info
     const size_t places = (size_t)(g->width + g->height) * place_words;
     const size_t across = resample_words(g->width, g->grid_width), down = resample_words(g->height, g->grid_height);
     const size_t down_at = places + across * (size_t)g->grid_width, of_at = down_at + down * (size_t)g->grid_height;
-    const size_t words = of_at + (size_t)info->channels + 1;
+    const size_t invalid = of_at + (size_t)info->channels;
+    const size_t words = invalid + 1 + (out->input.in_width ? pack_input(&out->input, info, NULL, 0) : 0);
     uint32_t *table = sst_mem_keep(&memory->tables, words, sizeof(*table));
     struct sst_gpu_label_place *place = (struct sst_gpu_label_place *)(void *)table;
 
@@ -327,7 +349,9 @@ int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info
     resample_pack_axis(table + down_at, g->height, g->grid_height);
     for (int c = 0; c < info->channels; c++)
         table[of_at + (size_t)c] = info->class_of[c];
-    table[words - 1] = 0;
+    table[invalid] = 0;
+    if (out->input.in_width)
+        (void)pack_input(&out->input, info, table, invalid + 1);
     g->channels = info->channels;
     g->classes = info->classes.count;
     g->across = (uint32_t)places;
@@ -335,7 +359,7 @@ int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info
     g->down = (uint32_t)down_at;
     g->down_words = (uint32_t)down;
     g->class_of = (uint32_t)of_at;
-    g->invalid = (uint32_t)words - 1;
+    g->invalid = (uint32_t)invalid;
     g->is_probability = info->probabilities;
     g->per_temperature = (float)(1 / info->temperature);
     out->tables = table;

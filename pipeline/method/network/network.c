@@ -360,6 +360,12 @@ bool sst_network_accepts(const struct sst_network *net, int width, int height)
     return ok;
 }
 
+/* The input for the CPU. */
+static int need_input(const struct sst_network_keeper *keeper)
+{
+    return keeper && keeper->fill ? keeper->fill(keeper->arg) : 0;
+}
+
 static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
                       struct sst_shape *out)
 {
@@ -438,7 +444,7 @@ int sst_network_run(struct sst_network *net, const float *in, int width, int hei
 }
 
 int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, int width, int height,
-                         float *out SST_UNUSED, const struct sst_network_keeper *keeper SST_UNUSED)
+                         float *out SST_UNUSED, const struct sst_network_keeper *keeper)
 {
     int err = plan(net, width, height);
 
@@ -448,7 +454,8 @@ int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, in
         struct sst_shape shape;
         const float *result;
 
-        err = run_opencv(net, in, width, height, &result, &shape);
+        err = need_input(keeper);
+        err = err ? err : run_opencv(net, in, width, height, &result, &shape);
         if (!err)
             memcpy(out, result, (size_t)net->out.c * (size_t)net->out.h * (size_t)net->out.w * sizeof(*out));
         return err;
@@ -456,7 +463,8 @@ int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, in
 #if WITH_DNNL
     if (run_on_device(net, in, out, NULL, 0, keeper))
         return 0;
-    err = need_plan(net);
+    err = need_input(keeper);
+    err = err ? err : need_plan(net);
     if (err)
         return err;
     err = net_plan_run(net->plan, in, out);
@@ -467,11 +475,13 @@ int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, in
 }
 
 /* Via floats. */
-static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out,
+                       const struct sst_network_keeper *keeper)
 {
     const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
     float *values = sst_mem_alloc_raw(plane * c, sizeof(*values));
-    int err = values ? sst_network_run(net, in, width, height, values) : -ENOMEM;
+    const struct sst_network_keeper fill = { .fill = keeper ? keeper->fill : NULL, .arg = keeper ? keeper->arg : NULL };
+    int err = values ? sst_network_run_kept(net, in, width, height, values, &fill) : -ENOMEM;
 
     if (!values)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
@@ -488,7 +498,7 @@ int sst_network_run_s8(struct sst_network *net, const float *in, int width, int 
 }
 
 int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out,
-                            const struct sst_network_keeper *keeper SST_UNUSED)
+                            const struct sst_network_keeper *keeper)
 {
     int err = plan(net, width, height);
 
@@ -498,7 +508,8 @@ int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width,
     if (!net->cv && ends_in_norm(net)) {
         if (run_on_device(net, in, NULL, out, factor, keeper))
             return 0;
-        err = need_plan(net);
+        err = need_input(keeper);
+        err = err ? err : need_plan(net);
         if (err)
             return err;
     }
@@ -509,5 +520,5 @@ int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width,
         return err;
     }
 #endif
-    return run_rounded(net, in, width, height, factor, out);
+    return run_rounded(net, in, width, height, factor, out, keeper);
 }

@@ -91,15 +91,19 @@ SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, 
 struct sst_gpu;
 struct sst_gpu_buffer;
 
-/** What is done with a result that lies on a device. */
+/** What is done where a network runs on a device with data that lie there; under the lock of the device. Offsets are in
+ * words. */
 struct sst_network_keeper {
-    /** Dispatch what reads the result; under the lock of the device. @param at  its first word @return false: `out`
-     * gets a copy of it */
+    /** Dispatch what reads the result. @return false: `out` gets a copy of it */
     bool (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    /** Dispatch what writes the input, as floats of planes; or NULL. @return false: `in` is uploaded */
+    bool (*feed)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
+    /** Fill `in`: called before anything else reads it, perhaps twice; NULL: it is filled. @return 0 or -ENOMEM */
+    int (*fill)(void *arg);
     void *arg;
 };
 
-/* The same. @param keeper  asked if the network runs on a device; or NULL */
+/* The same. @param keeper  or NULL */
 SST_MUST_CHECK int sst_network_run_kept(struct sst_network *net, const float *in, int width, int height, float *out,
                                         const struct sst_network_keeper *keeper);
 SST_MUST_CHECK int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height,

@@ -200,7 +200,8 @@ const char *net_device_plan_conv8(const struct net_device_plan *p);
 bool net_device_plan_has_s8(const struct net_device_plan *p);
 
 struct net_device_times {
-    int64_t upload_ns, download_ns, kept_ns; /* kept_ns: of the keeper */
+    int64_t upload_ns, download_ns, kept_ns; /* kept_ns: of the keeper's `keep` */
+    bool fed;                                /* the input was made on the device */
     int dispatches;
 };
 

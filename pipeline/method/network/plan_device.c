@@ -614,16 +614,31 @@ bool net_device_plan_has_s8(const struct net_device_plan *p)
     return p->ends_in_bytes;
 }
 
+/* The input, made there or uploaded. */
+static int load(struct net_device_plan *p, const float *in, const struct sst_network_keeper *keeper,
+                struct net_device_times *times)
+{
+    const struct tensor *to = &p->tensors[p->input];
+    int err = 0;
+
+    times->fed = keeper && keeper->feed && keeper->feed(keeper->arg, p->gpu, p->arena, to->at.at);
+    if (times->fed)
+        return 0;
+    if (keeper && keeper->fill)
+        err = keeper->fill(keeper->arg);
+    return err ? err
+               : sst_gpu_upload(p->gpu, p->arena, 4 * (size_t)to->at.at, in, (size_t)to->channels * to->at.pitch * 4);
+}
+
 int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
                         const struct sst_network_keeper *keeper, struct net_device_times *times)
 {
-    const struct tensor *from = &p->tensors[p->input], *to = &p->tensors[p->output];
-    const size_t in_bytes = (size_t)from->channels * from->at.pitch * 4;
+    const struct tensor *to = &p->tensors[p->output];
     const size_t pixels = (size_t)to->at.width * (size_t)to->at.height;
     const size_t out_bytes = p->ends_in_bytes ? pixels * (size_t)to->channels : pixels * (size_t)to->channels * 4;
     int64_t start_ns = sst_clock_now_ns(), kept_ns;
     bool is_kept = false;
-    int err = sst_gpu_upload(p->gpu, p->arena, 4 * (size_t)from->at.at, in, in_bytes);
+    int err = load(p, in, keeper, times);
 
     times->upload_ns = sst_clock_now_ns() - start_ns;
     for (int i = 0; i < p->n_steps && !err; i++) {
@@ -638,10 +653,10 @@ int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, f
         err = sst_gpu_dispatch(p->gpu, &work);
         times->dispatches++;
     }
-    if (!err && keeper)
+    if (!err && keeper && keeper->keep)
         err = sst_gpu_wait(p->gpu); /* the times of the keeper are its own */
     kept_ns = sst_clock_now_ns();
-    if (!err && keeper)
+    if (!err && keeper && keeper->keep)
         is_kept = keeper->keep(keeper->arg, p->gpu, p->arena, to->at.at);
     times->kept_ns = sst_clock_now_ns() - kept_ns;
     if (!err)

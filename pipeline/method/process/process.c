@@ -157,7 +157,8 @@ static int segment_view(void *arg, int view, int worker)
     struct sst_segmenter *seg = run->segmenters[worker];
     struct sst_view *v = &run->lf->views[view];
     struct sst_refine_enlarge on = { run->cfg->refinement.device, run->lf, view };
-    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_finish, &on };
+    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_feed,
+                                           sst_refine_device_finish, &on };
     int err;
 
     if (worker == 0)

@@ -68,6 +68,7 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
                                                    SST_GPU_LABEL_CARRY,
                                                    SST_GPU_LABEL_FILL,
                                                    SST_GPU_LABEL_CELLS,
+                                                   SST_GPU_LABEL_INPUT,
                                                    SST_GPU_LABEL_GRID,
                                                    SST_GPU_REFINE_COUNT,
                                                    SST_GPU_REFINE_GROUND_SUMS,

@@ -15,10 +15,10 @@ float refine_limit_of(double eps_h)
 }
 
 /* Room for labels of a view, with entropies if they are wanted, and its colours; a new turn. */
-static int begin_view(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_map_u8 *label,
-                      bool entropies)
+static int begin_view(struct sst_refine_device *d, const struct sst_refine_enlarge *e, bool entropies)
 {
-    const size_t bytes = (size_t)label->width * (size_t)label->height * sizeof(uint32_t);
+    const struct sst_image *image = &e->lf->views[e->view].image;
+    const size_t bytes = (size_t)image->width * (size_t)image->height * sizeof(uint32_t);
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropies ? 2 : 1) * bytes);
 
     d->turn++;
@@ -49,7 +49,7 @@ static int enlarge_whole(struct sst_refine_device *d, const struct sst_refine_en
                          const struct sst_label_cells *cells, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
                          const struct sst_gpu_label_cells *push)
 {
-    int err = begin_view(d, e, label, entropy != NULL);
+    int err = begin_view(d, e, entropy != NULL);
 
     err = err ? err : refine_device_upload(d, REFINE_KEPT_CELLS, cells->cells, cells->cells_bytes);
     err = err ? err : refine_device_upload(d, REFINE_KEPT_PLACES, cells->places, cells->places_bytes);
@@ -114,6 +114,57 @@ static int need_tables(struct sst_refine_device *d, const struct sst_label_resul
     return 0;
 }
 
+/* True if the device, which a network has, can be used. */
+static bool be_guest(struct sst_refine_device *d, struct sst_gpu *g, const enum sst_gpu_shader *shaders, size_t n)
+{
+    int err = g == sst_gpu_shared_device(d->shared) && !d->band_rows ? 0 : 1;
+
+    for (size_t i = 0; i < n && !err; i++)
+        err = sst_gpu_prepare(g, shaders[i]);
+    if (err)
+        return false;
+    d->gpu = g;
+    d->is_guest = true;
+    return true;
+}
+
+static void leave(struct sst_refine_device *d, int64_t start_ns)
+{
+    d->is_guest = false;
+    d->gpu = NULL;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+}
+
+static int feed(struct sst_refine_device *d, const struct sst_refine_enlarge *e, const struct sst_label_result *r,
+                struct sst_gpu_buffer *to, size_t at, bool entropies)
+{
+    struct sst_gpu_label_input input = r->input;
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_INPUT, .push = &input };
+    int err = begin_view(d, e, entropies);
+
+    input.to = (uint32_t)at;
+    err = err ? err : need_tables(d, r);
+    work.buffer[SST_GPU_LABEL_INPUT_VIEW] = d->view[e->view].buffer;
+    work.buffer[SST_GPU_LABEL_INPUT_TABLES] = d->kept[REFINE_KEPT_TABLES];
+    work.buffer[SST_GPU_LABEL_INPUT_TO] = to;
+    return err ? err : refine_device_dispatch(d, &work, input.in_width, input.in_height);
+}
+
+bool sst_refine_device_feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at,
+                            const struct sst_label_result *result, bool entropies)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_LABEL_INPUT };
+    const struct sst_refine_enlarge *e = arg;
+    const int64_t start_ns = sst_clock_now_ns();
+    int err;
+
+    if (!be_guest(e->device, g, shaders, ARRAY_LEN(shaders)))
+        return false;
+    err = feed(e->device, e, result, to, at, entropies);
+    leave(e->device, start_ns);
+    return !err;
+}
+
 /* @return 1: the result is invalid, which the CPU reports */
 static int check(struct sst_refine_device *d, const struct sst_label_result *r)
 {
@@ -137,7 +188,7 @@ static int finish(struct sst_refine_device *d, const struct sst_refine_enlarge *
                                               grid.grid_height, grid.classes, refine_limit_of(eps_h),
                                               entropy != NULL };
     struct sst_gpu_work work = { .shader = SST_GPU_LABEL_GRID, .push = &grid };
-    int err = begin_view(d, e, label, entropy != NULL);
+    int err = begin_view(d, e, entropy != NULL);
 
     grid.from = (uint32_t)at;
     err = err ? err : refine_device_keep(d, REFINE_KEPT_CELLS, cells * (size_t)(grid.classes + 5) * sizeof(float));
@@ -162,19 +213,13 @@ bool sst_refine_device_finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffe
     const struct sst_refine_enlarge *e = arg;
     struct sst_refine_device *d = e->device;
     const int64_t start_ns = sst_clock_now_ns();
-    int err = g == sst_gpu_shared_device(d->shared) && !d->band_rows ? 0 : 1;
+    int err;
 
-    for (size_t i = 0; i < ARRAY_LEN(shaders) && !err; i++)
-        err = sst_gpu_prepare(g, shaders[i]);
-    if (err)
+    if (!be_guest(d, g, shaders, ARRAY_LEN(shaders)))
         return false;
-    d->gpu = g;
-    d->is_guest = true;
     err = finish(d, e, result, from, at, label, entropy, eps_h);
-    d->is_guest = false;
-    d->gpu = NULL;
+    leave(d, start_ns);
     d->report.finished += !err;
     d->report.enlarged += !err;
-    d->report.total_ns += sst_clock_now_ns() - start_ns;
     return !err;
 }

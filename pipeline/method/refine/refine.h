@@ -151,6 +151,10 @@ struct sst_gpu;
 struct sst_gpu_buffer;
 struct sst_label_result;
 
+/** A sst_label_feed_fn: the colours of the view are uploaded unless they are there. */
+bool sst_refine_device_feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at,
+                            const struct sst_label_result *result, bool entropies);
+
 /** A sst_label_finish_fn, likewise: false also where the device is not this one, or lacks room. */
 bool sst_refine_device_finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at,
                               const struct sst_label_result *result, struct sst_map_u8 *label,
