@@ -137,6 +137,8 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
         return (old & UPPER) | ((w->from[i] & NONE) == NONE ? 0 : w->from[i] & NONE);
     case SST_GPU_FROM_SOURCES:
         return arrived(w->from[i]);
+    case SST_GPU_TO_LEVELS:
+        return w->from[luma(w->pixel[i])];
     default:
         return features(w, x, y);
     }
@@ -190,7 +192,7 @@ int convert_self_test(struct sst_gpu *g)
 
     if (!err)
         fill(t);
-    for (uint32_t i = SST_GPU_TO_HALF; i <= 2 * SST_GPU_TO_FEATURES + 1 && !err; i++) {
+    for (uint32_t i = SST_GPU_TO_HALF; i <= 2 * SST_GPU_TO_LEVELS + 1 && !err; i++) {
         const bool wide = i / 2 == SST_GPU_TO_FEATURES;
         struct sst_gpu_convert push = { .width = TEST_WIDTH,
                                         .height = TEST_HEIGHT,

@@ -33,6 +33,8 @@ enum sst_gpu_conversion {
     SST_GPU_FROM_SOURCES = 12, /* what arrived: carry.h */
     /* From a network's result to features of match.h: */
     SST_GPU_TO_FEATURES = 13, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
+    /* From colours to what it reads: */
+    SST_GPU_TO_LEVELS = 14, /* words of `from` by luma */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */

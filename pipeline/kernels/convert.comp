@@ -16,7 +16,7 @@ layout(std430, push_constant) uniform Constants {
 
 const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_SOURCES = 3, TO_PLAIN = 4, TO_LUMA = 5, TO_STEPS = 6,
            TO_LABELS = 7, FROM_MATCH = 8, FROM_CHOICE = 9, FROM_PLAIN = 10, FROM_FILLED = 11, FROM_SOURCES = 12,
-           TO_FEATURES = 13;
+           TO_FEATURES = 13, TO_LEVELS = 14;
 const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
 const int FEATURE_WORDS = 16;
 const uint CONFIRMED = 1 << 23, CORRECT = 0, STEPS_NONE = 32768, CHANGED = 1 << 24, ARRIVED_AGREED = 1 << 24;
@@ -111,6 +111,7 @@ void main()
         word = old & 0xFFFF0000 | ((source[from + i] & NONE) == NONE ? 0 : source[from + i] & NONE);
         break;
     case FROM_SOURCES: word = arrived(source[from + i]); break;
+    case TO_LEVELS: word = source[from + luma(i)]; break;
     case TO_FEATURES:
         word = source[from + at.y * width + at.x % full_width * FEATURE_WORDS + at.x / full_width] ^ 0x80808080;
         break;

@@ -80,6 +80,8 @@ static int need_features(struct match *m, const struct sst_descriptor *desc, con
 
     if (p->features && p->rows == m->height)
         return 0;
+    if (!desc->features) /* gave way since the view was described, or were lost with the device */
+        return -ENODATA;
     sst_gpu_buffer_destroy(d->gpu, p->features);
     p->features = NULL;
     bytes = (uint8_t *)sst_mem_keep(&d->words, (size_t)strip * of_row / 4, sizeof(uint32_t));
@@ -590,10 +592,12 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     if (err)
         d->report.on_cpu += in->filter;
-    if (err == -ENOMEM) { /* the device is not to blame */
+    if (err == -ENOMEM || err == -ENODATA) { /* the device is not to blame */
+        const char *why = err == -ENOMEM ? sst_gpu_error(err) : "features of a view are no longer there";
+
         if (!*d->report.why)
-            sst_log_warning("%s: %s; views are matched on the CPU", d->report.name, sst_gpu_error(err));
-        snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
+            sst_log_warning("%s: %s; views are matched on the CPU", d->report.name, why);
+        snprintf(d->report.why, sizeof(d->report.why), "%s", why);
     } else if (err) {
         disparity_device_fail(d, err);
     } else {

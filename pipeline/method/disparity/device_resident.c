@@ -182,9 +182,36 @@ int disparity_device_colours(struct sst_disparity_device *d, const struct device
 
 #define PLENTY 4 /* times the features of a view: less is left to the volume */
 
+/* Begin what a network's device does for a view. @return false: it is another one */
+static bool be_guest(const struct sst_feature_keeper *k, struct sst_gpu *g)
+{
+    const struct disparity_feature_run *of = k->arg;
+    struct sst_disparity_device *d = of->device;
+
+    if (g != sst_gpu_shared_device(d->shared) || sst_gpu_prepare(g, SST_GPU_CONVERT))
+        return false;
+    d->gpu = g;
+    if (d->run != of->run)
+        disparity_device_drop_views(d);
+    d->run = of->run;
+    return true;
+}
+
+/* True if there is room for the features of all views that have none yet, beside the volume and what else there is. */
+static bool all_fit(const struct sst_disparity_device *d, size_t bytes)
+{
+    const struct disparity_run *run = d->run;
+    const size_t pixels = (size_t)run->width * (size_t)run->height;
+    size_t left = PLENTY;
+
+    for (int k = 0; k < run->lf->rows * run->lf->cols; k++)
+        left += run->lf->views[k].present && !d->view[k].features;
+    return sst_gpu_free_bytes(d->gpu) >= left * bytes + 4 * pixels * (size_t)(run->shape.steps + 64);
+}
+
 bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
-    const struct sst_feature_keeper *k = keeper;
+    struct sst_feature_keeper *k = keeper;
     const struct disparity_feature_run *of = k->arg;
     struct sst_disparity_device *d = of->device;
     struct device_pixels *p = &d->view[k->view];
@@ -197,22 +224,63 @@ bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_
                                           .from = (uint32_t)(at + (size_t)(first - k->band.start) * (size_t)words),
                                           .to = (uint32_t)((size_t)first * (size_t)words) };
 
-    if (g != sst_gpu_shared_device(d->shared))
+    if (!be_guest(k, g))
         return false;
-    d->gpu = g;
-    if (d->run != of->run)
-        disparity_device_drop_views(d);
-    d->run = of->run;
-    if (!first)
+    if (!first) {
         p->rows = 0;
+        p->only = all_fit(d, bytes);
+    }
     if (!first && !p->features &&
         (sst_gpu_free_bytes(g) < PLENTY * bytes || sst_gpu_buffer_create(g, &p->features, bytes)))
         p->features = NULL;
-    if (!p->features || p->rows != first || sst_gpu_prepare(g, SST_GPU_CONVERT))
+    if (!p->features || p->rows != first || disparity_device_convert(d, push, NULL, NULL, result, p->features))
         return false;
-    if (!disparity_device_convert(d, push, NULL, NULL, result, p->features))
-        p->rows = k->band.end;
-    return false; /* the CPU has them, too */
+    p->rows = k->band.end;
+    k->kept = p->only;
+    return p->only;
+}
+
+bool disparity_device_feed(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at)
+{
+    const struct sst_feature_keeper *k = keeper;
+    const struct disparity_feature_run *of = k->arg;
+    struct sst_disparity_device *d = of->device;
+    const struct sst_descriptor *desc = &of->run->desc[k->view];
+    const struct device_view v = { .view = k->view,
+                                   .width = k->width,
+                                   .height = k->height,
+                                   .image = &desc->image,
+                                   .seen = &desc->seen };
+    const struct sst_gpu_convert push = { .width = k->width,
+                                          .height = k->rows,
+                                          .conversion = SST_GPU_TO_LEVELS,
+                                          .colours = (uint32_t)k->band.start * (uint32_t)k->width,
+                                          .to = (uint32_t)at };
+    struct sst_gpu_buffer *colours;
+    int err;
+
+    if (!be_guest(k, g) || d->lf != of->run->lf ||
+        sst_gpu_free_bytes(g) < PLENTY * sizeof(uint32_t) * (size_t)d->lf->width * (size_t)d->lf->height)
+        return false;
+    d->is_guest = true;
+    err = disparity_device_keep(d, KEPT_LEVELS, 256, sizeof(*k->level));
+    err = err ? err : disparity_device_colours(d, &v, &colours);
+    err = err ? err : disparity_device_upload(d, d->kept[KEPT_LEVELS], k->level, 256 * sizeof(*k->level));
+    err = err ? err : disparity_device_convert(d, push, colours, NULL, d->kept[KEPT_LEVELS], input);
+    d->is_guest = false;
+    return !err;
+}
+
+bool disparity_device_has_features(struct sst_disparity_device *d, const struct disparity_run *run, int view)
+{
+    bool has;
+
+    if (!d)
+        return false;
+    sst_gpu_shared_lock(d->shared);
+    has = d->run == run && d->view[view].features && d->view[view].rows == run->height;
+    sst_gpu_shared_unlock(d->shared);
+    return has;
 }
 
 /* --- maps --------------------------------------------------------------------------------------------------------- */

@@ -170,6 +170,7 @@ enum device_kept {
     KEPT_PEAKS = 25,
     KEPT_COLOURS = 26, /* of the view in work, if there is no room for them to stay; and its map */
     KEPT_VIEW_MAP = 27,
+    KEPT_LEVELS = 28, /* inputs of a network, by luma */
     KEPT
 };
 
@@ -177,6 +178,7 @@ struct device_pixels {
     struct sst_gpu_buffer *features; /* NULL: not on the device; given up where memory is needed, also in the turn that
                                         uses them */
     int rows;                        /* of them that are there */
+    bool only;                       /* the CPU has none */
 };
 
 struct sst_disparity_device {
@@ -189,6 +191,7 @@ struct sst_disparity_device {
     size_t bytes[KEPT];
     const struct sst_lightfield *lf; /* whose views stay; NULL: none */
     bool stays;                      /* also when it has been matched */
+    bool is_guest;                   /* of a network in work: nothing makes room */
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
     uint32_t points;                     /* of the second pass, in KEPT_POINTS */
@@ -249,8 +252,14 @@ struct disparity_feature_run {
 };
 
 /** Keep the features of a band where the matching reads them, if there is plenty of room and the network's device is
- * this one. */
+ * this one; for it alone, if there is room for those of all views beside a volume. */
 bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+
+/** Make the network's input from the colours of the view, likewise. */
+bool disparity_device_feed(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
+
+/** True if the features of a view are there. @param d  or NULL */
+bool disparity_device_has_features(struct sst_disparity_device *d, const struct disparity_run *run, int view);
 
 /** The CPU changes the map of a view. @param d  or NULL */
 void disparity_device_map_changed(struct sst_disparity_device *d, int view);

@@ -71,19 +71,14 @@ static struct moments measure(const struct sst_map_u8 *luma)
                              sqrt(fmax((double)n * (double)s2 - (double)s1 * (double)s1, 0)) / (double)n };
 }
 
-/* Rows of luma with mean 0 and deviation 1 over the view, as in training. Constant views become 0. */
-static void normalise(float *out, const struct sst_map_u8 *luma, const struct moments *m, int first, int count)
+/* Input by luma: mean 0 and deviation 1 over the view, as in training. Constant views become 0. @param level  out, [256]
+ */
+static void find_levels(float *level, const struct sst_map_u8 *luma)
 {
-    float level[256];
+    const struct moments m = measure(luma);
 
     for (int i = 0; i < 256; i++)
-        level[i] = m->deviation > 0 ? (float)((i - m->mean) / m->deviation) : 0.0f;
-    for (int y = first; y < first + count; y++) {
-        const uint8_t *row = sst_map_u8_row(luma, y);
-
-        for (int x = 0; x < luma->width; x++)
-            *out++ = level[row[x]];
-    }
+        level[i] = m.deviation > 0 ? (float)((i - m.mean) / m.deviation) : 0.0f;
 }
 
 /* Bytes between groups of channels: rounded up to 64 pixels and an odd number of cache lines, so that the groups of a
@@ -152,31 +147,90 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     return -EBADMSG;
 }
 
-/* Allocate the network's input and result. */
-struct buffers {
-    float *in;
-    int8_t *out;
+/* Features of a view, band by band. */
+struct bands {
+    struct sst_descriptor *desc;
+    struct sst_network *net;
+    struct sst_feature_keeper *keeper; /* or NULL */
+    struct sst_disparity_feature_bands cut;
+    struct sst_disparity_feature_band band; /* in work */
+    int radius;
+    float level[256];
+    float *in;   /* [cut.height][width] */
+    int8_t *out; /* [cut.height][width][channels] */
 };
 
-static int make_band(struct sst_descriptor *desc, struct sst_network *net, const struct moments *moments,
-                     const struct buffers *buf, const struct sst_disparity_feature_band *band, int height,
-                     struct sst_feature_keeper *keeper)
+/* A struct sst_network_keeper's, as are the next two. */
+static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
-    const struct sst_network_keeper asked = { .keep = keeper ? keeper->keep : NULL, .arg = keeper };
+    struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
+
+    return k->keep(k, g, result, at);
+}
+
+static bool feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at)
+{
+    struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
+
+    return k->feed(k, g, input, at);
+}
+
+static int fill(void *arg)
+{
+    const struct bands *b = arg;
+    float *in = b->in;
+
+    for (int y = b->band.start; y < b->band.start + b->cut.height; y++) {
+        const uint8_t *row = sst_map_u8_row(&b->desc->luma, y);
+
+        for (int x = 0; x < b->desc->width; x++)
+            *in++ = b->level[row[x]];
+    }
+    return 0;
+}
+
+static int need_memory(struct sst_descriptor *desc)
+{
+    const size_t groups = SST_FEATURE_CHANNELS / 4 * (size_t)desc->height;
+
+    if (desc->features)
+        return 0;
+    desc->feature_stride = feature_stride(desc->width);
+    desc->feature_memory = sst_mem_alloc(groups + 2, desc->feature_stride);
+    if (!desc->feature_memory)
+        return -ENOMEM;
+    desc->features = (uint8_t *)desc->feature_memory + desc->feature_stride;
+    return 0;
+}
+
+/* @param kept  out: only the device has them */
+static int make_band(struct bands *b, int i, bool *kept)
+{
+    const struct sst_network_keeper device = { keep, feed, fill, b }, cpu = { .fill = fill, .arg = b };
+    struct sst_descriptor *desc = b->desc;
+    struct sst_feature_keeper *k = b->keeper;
 
     enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
     const size_t w = (size_t)desc->width;
     int err;
 
-    normalise(buf->in, &desc->luma, moments, band->start, height);
-    if (keeper) {
-        keeper->band = *band;
-        keeper->width = desc->width;
-        keeper->height = desc->height;
+    b->band = sst_disparity_feature_band(&b->cut, desc->height, b->radius, i);
+    if (k) {
+        k->band = b->band;
+        k->width = desc->width;
+        k->height = desc->height;
+        k->rows = b->cut.height;
+        k->level = b->level;
+        k->kept = false;
     }
-    err = sst_network_run_s8_kept(net, buf->in, desc->width, height, SST_FEATURE_ONE, buf->out, keeper ? &asked : NULL);
-    for (int y = band->first; !err && y < band->end; y++) {
-        const int8_t *from = buf->out + SST_FEATURE_CHANNELS * w * (size_t)(y - band->start);
+    err = sst_network_run_s8_kept(b->net, b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out,
+                                  k ? &device : &cpu);
+    *kept = k && k->kept;
+    if (err || *kept)
+        return err;
+    err = need_memory(desc);
+    for (int y = b->band.first; !err && y < b->band.end; y++) {
+        const int8_t *from = b->out + SST_FEATURE_CHANNELS * w * (size_t)(y - b->band.start);
 
         for (size_t g = 0; g < GROUPS; g++)
             gather(desc->features + ((size_t)y * GROUPS + g) * desc->feature_stride, from + 4 * g, w);
@@ -184,31 +238,38 @@ static int make_band(struct sst_descriptor *desc, struct sst_network *net, const
     return err;
 }
 
+/* @return the number of bands that only the device has, or an error */
+static int make_bands(struct bands *b)
+{
+    int count = 0, err = 0;
+
+    for (int i = 0; !err && i < b->cut.count; i++) {
+        bool kept = false;
+
+        err = make_band(b, i, &kept);
+        count += kept;
+    }
+    return err ? err : count;
+}
+
 int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net, struct sst_feature_keeper *keeper)
 {
-    const size_t w = (size_t)desc->width, groups = SST_FEATURE_CHANNELS / 4 * (size_t)desc->height;
-    const struct moments moments = measure(&desc->luma);
-    struct sst_disparity_feature_bands bands;
-    struct buffers buf;
-    int radius, err = find_radius(net, &radius);
+    const size_t w = (size_t)desc->width;
+    struct bands b = { .desc = desc, .net = net, .keeper = keeper };
+    int err = find_radius(net, &b.radius);
 
     if (err)
         return err;
-    bands = sst_disparity_feature_bands(desc->height, radius);
-    buf.in = sst_mem_alloc_raw(w * (size_t)bands.height, sizeof(float));
-    buf.out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * (size_t)bands.height, 1);
-    desc->feature_stride = feature_stride(desc->width);
-    desc->feature_memory = sst_mem_alloc(groups + 2, desc->feature_stride);
-    if (!buf.in || !buf.out || !desc->feature_memory)
-        err = -ENOMEM;
-    else
-        desc->features = (uint8_t *)desc->feature_memory + desc->feature_stride;
-    for (int i = 0; !err && i < bands.count; i++) {
-        const struct sst_disparity_feature_band band = sst_disparity_feature_band(&bands, desc->height, radius, i);
-
-        err = make_band(desc, net, &moments, &buf, &band, bands.height, keeper);
+    find_levels(b.level, &desc->luma);
+    b.cut = sst_disparity_feature_bands(desc->height, b.radius);
+    b.in = sst_mem_alloc_raw(w * (size_t)b.cut.height, sizeof(float));
+    b.out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * (size_t)b.cut.height, 1);
+    err = b.in && b.out ? make_bands(&b) : -ENOMEM;
+    if (err > 0 && err < b.cut.count) { /* the device failed, or ran out of memory, in between */
+        b.keeper = NULL;
+        err = make_bands(&b);
     }
-    sst_mem_free(buf.in);
-    sst_mem_free(buf.out);
-    return err;
+    sst_mem_free(b.in);
+    sst_mem_free(b.out);
+    return sst_min_int(err, 0);
 }

@@ -98,15 +98,19 @@ struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int rad
 struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
                                                              int radius, int i);
 
-/** What keeps features that a network leaves on a device. */
+/** What feeds a network that runs on a device from a view that lies there, and keeps its features there. */
 struct sst_feature_keeper {
-    /** struct sst_network_keeper, for each band from the first one on: its `arg` is this. */
+    /** struct sst_network_keeper, for each band from the first one on, of which `keep` sets `kept` if nobody else needs
+     * the features; their `arg` is this. */
     bool (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    bool (*feed)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
     void *arg;
     int view;
     /* set for it: */
-    int width, height;
+    int width, height, rows; /* of the view; of the input */
+    const float *level;      /* [256] input, by luma */
     struct sst_disparity_feature_band band;
+    bool kept;
 };
 
 /**
@@ -114,7 +118,7 @@ struct sst_feature_keeper {
  * band if its metadata has sst.radius. The values are those of a run over the whole view, except for the last digits of
  * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
  *
- * @param keeper  or NULL
+ * @param keeper  or NULL. If it keeps all bands, the descriptor gets no features
  * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; an invalid
  * radius; logged), -ENOMEM and what sst_network_run_s8() returns
  */

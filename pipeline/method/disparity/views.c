@@ -16,30 +16,41 @@ int run_cancelled(const struct disparity_run *run)
     return run->cfg->cancel && *run->cfg->cancel ? -ECANCELED : 0;
 }
 
+/* Features, unless the CPU has them, or does not need them and the device has. */
+static int describe_features(struct disparity_run *run, int view, int worker)
+{
+    struct sst_descriptor *desc = &run->desc[view];
+    struct disparity_feature_run of = { run->device, run };
+    struct sst_feature_keeper keeper = {
+        .keep = disparity_device_keep_features, .feed = disparity_device_feed, .arg = &of, .view = view
+    };
+
+    if (!(run->cfg->cost & SST_COST_MCCNN) || desc->features ||
+        (!run->costs && disparity_device_has_features(run->device, run, view)))
+        return 0;
+    return sst_descriptor_add_features(desc, run->nets[worker], run->device && !run->costs ? &keeper : NULL);
+}
+
 int run_describe(void *arg, int view, int worker)
 {
     struct disparity_run *run = arg;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
-    /* A device computes the census from pixels, not features. */
-    const enum sst_cost wanted = run->costs ? run->cfg->cost : (enum sst_cost)(run->cfg->cost & SST_COST_MCCNN);
-    struct disparity_feature_run of = { run->device, run };
-    struct sst_feature_keeper keeper = { .keep = disparity_device_keep_features, .arg = &of, .view = view };
-    int err = 0;
+    /* A device computes the census from pixels. */
+    const enum sst_cost census = run->costs ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
+    int err;
 
-    if (!v->present || !run->need[view] || (desc->luma.data && !(wanted & SST_COST_CENSUS)))
+    if (!v->present || !run->need[view])
         return 0;
     err = run_cancelled(run);
-    if (!desc->luma.data) {
-        err = err ? err
-                  : sst_descriptor_init(desc, &v->image, run->scale, (enum sst_cost)(wanted & SST_COST_CENSUS), NULL);
-        if (wanted & SST_COST_MCCNN)
-            err = err ? err : sst_descriptor_add_features(desc, run->nets[worker], run->device ? &keeper : NULL);
+    if (!err && !desc->luma.data) {
+        err = sst_descriptor_init(desc, &v->image, run->scale, census, NULL);
         if (!err && v->valid.data)
             err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
-    } else { /* the device, for which it was made, has failed */
-        err = err ? err : sst_descriptor_add_census(desc);
+    } else if (!err && census) { /* the device, for which it was made, has failed */
+        err = sst_descriptor_add_census(desc);
     }
+    err = err ? err : describe_features(run, view, worker);
     return err || run->cfg->frugal ? err : sst_descriptor_add_phases(desc, run->need[view]);
 }
 

@@ -303,6 +303,7 @@ static int run(struct sst_network_device *d, const struct net_device_job *job)
         return err;
     d->report.runs++;
     d->report.fed += times.fed;
+    d->report.kept += times.kept;
     d->report.upload_ns += times.upload_ns;
     d->report.download_ns += times.download_ns;
     d->report.total_ns += sst_clock_now_ns() - start_ns - times.kept_ns;
@@ -352,7 +353,7 @@ void sst_network_device_clear_report(struct sst_network_device *d)
     struct sst_network_device_report *r = &d->report;
 
     sst_gpu_shared_lock(d->shared);
-    r->runs = r->fed = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns = 0;
+    r->runs = r->fed = r->kept = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns = 0;
     sst_gpu_shared_unlock(d->shared);
 }
 #else

@@ -46,7 +46,7 @@ struct sst_network_device_report {
     bool failing;              /* it failed at its last run, or could not be opened, and is tried again later */
     char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
     int64_t runs;              /* of networks, there */
-    int64_t fed;               /* of them: whose input was made there */
+    int64_t fed, kept;         /* of them: whose input was made there; whose result was not copied to the host */
     int64_t on_cpu;                           /* others */
     int64_t failures;                         /* times that the device failed */
     char why[128];                            /* the last of on_cpu */

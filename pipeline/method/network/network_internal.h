@@ -201,7 +201,7 @@ bool net_device_plan_has_s8(const struct net_device_plan *p);
 
 struct net_device_times {
     int64_t upload_ns, download_ns, kept_ns; /* kept_ns: of the keeper's `keep` */
-    bool fed;                                /* the input was made on the device */
+    bool fed, kept;                          /* the input was made on the device; the result stays there */
     int dispatches;
 };
 

@@ -637,7 +637,6 @@ int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, f
     const size_t pixels = (size_t)to->at.width * (size_t)to->at.height;
     const size_t out_bytes = p->ends_in_bytes ? pixels * (size_t)to->channels : pixels * (size_t)to->channels * 4;
     int64_t start_ns = sst_clock_now_ns(), kept_ns;
-    bool is_kept = false;
     int err = load(p, in, keeper, times);
 
     times->upload_ns = sst_clock_now_ns() - start_ns;
@@ -657,12 +656,12 @@ int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, f
         err = sst_gpu_wait(p->gpu); /* the times of the keeper are its own */
     kept_ns = sst_clock_now_ns();
     if (!err && keeper && keeper->keep)
-        is_kept = keeper->keep(keeper->arg, p->gpu, p->arena, to->at.at);
+        times->kept = keeper->keep(keeper->arg, p->gpu, p->arena, to->at.at);
     times->kept_ns = sst_clock_now_ns() - kept_ns;
     if (!err)
         err = sst_gpu_wait(p->gpu);
     start_ns = sst_clock_now_ns();
-    if (!err && !is_kept)
+    if (!err && !times->kept)
         err = sst_gpu_download(p->gpu, out, p->arena, 4 * (size_t)to->at.at, out_bytes);
     times->download_ns = sst_clock_now_ns() - start_ns;
     return err;
