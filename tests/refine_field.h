@@ -369,7 +369,8 @@ static inline bool feed_run(struct finish_result *f, const struct sst_lightfield
     swapped.plane[0] = image->plane[2];
     swapped.plane[2] = image->plane[0];
     assert_true(want && got);
-    assert_int_equal(resample_planes(want, INPUT_WIDTH, INPUT_HEIGHT, &swapped, f->info.mean, f->info.std, 1, &kept), 0);
+    assert_int_equal(resample_planes(want, INPUT_WIDTH, INPUT_HEIGHT, &swapped, f->info.mean, f->info.std, 1, &kept),
+                     0);
     sst_gpu_shared_lock(shared);
     g = sst_gpu_shared_device(shared);
     assert_non_null(g);

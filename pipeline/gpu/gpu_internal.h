@@ -384,7 +384,7 @@ struct gpu_vulkan {
     GPU_VULKAN_FUNCTIONS(X)
 #undef X
     PFN_vkGetPhysicalDeviceCooperativeMatrixPropertiesKHR matrix_properties; /* NULL: no driver has it */
-    VkPhysicalDevice device[SST_GPU_DEVICES]; /* that have what the shaders need */
+    VkPhysicalDevice device[SST_GPU_DEVICES];                                /* that have what the shaders need */
     int devices;
     SST_ATOMIC(int) faults; /* that validation layers have reported */
 };
@@ -412,7 +412,8 @@ void gpu_vulkan_features_init(struct gpu_vulkan_features *f, uint32_t abilities)
 
 #define GPU_MATRIX_CONSTANTS 4 /* of net_conv8_matrix: invocations of a group, rows, columns, depth */
 
-/** What net_conv8_matrix is compiled for: the shape, and subgroups that are full and of one size. Points into itself. */
+/** What net_conv8_matrix is compiled for: the shape, and subgroups that are full and of one size. Points into itself.
+ */
 struct gpu_matrix_stage {
     uint32_t value[GPU_MATRIX_CONSTANTS];
     VkSpecializationMapEntry entry[GPU_MATRIX_CONSTANTS];

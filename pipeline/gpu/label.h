@@ -1,13 +1,13 @@
 /* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
  * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it;
  * `label_input`, what a network of colour images reads; `label_grid`, cells from its result; `label_cells`, labels of
- * pixels from them; and `label_keep`, which writes what these and the shaders of refine.h leave into the view, for those
- * that follow.
+ * pixels from them; and `label_keep`, which writes what these and the shaders of refine.h leave into the view, for
+ * those that follow.
  *
  * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
- * device. label_input, label_grid and label_cells compute in floats what sst_segment() and labels_upsample() do, by their operations
- * in their order, and quotients in whole numbers: the same bytes, but that entropies below 1e-30 may be off by 1e-30
- * where devices have no smaller numbers than 2^-126. Groups of 32 x 8 pixels.
+ * device. label_input, label_grid and label_cells compute in floats what sst_segment() and labels_upsample() do, by
+ * their operations in their order, and quotients in whole numbers: the same bytes, but that entropies below 1e-30 may
+ * be off by 1e-30 where devices have no smaller numbers than 2^-126. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_LABEL_H
 #define SST_PIPELINE_GPU_LABEL_H
@@ -73,14 +73,14 @@ struct sst_gpu_label_input {
     uint32_t to;                   /* first word of the input, float[3][in_height][in_width] */
     uint32_t across, across_words; /* words of the tables: first one, words a column of the input */
     uint32_t down, down_words;
-    uint32_t channel[3];           /* of the view, 0: R, whose sample times `scale` less `shift` a plane holds */
+    uint32_t channel[3]; /* of the view, 0: R, whose sample times `scale` less `shift` a plane holds */
     float scale[3], shift[3];
 };
 
 enum sst_gpu_label_input_buffer {
-    SST_GPU_LABEL_INPUT_VIEW = 0,   /* SST_GPU_PLANE_COLOURS */
+    SST_GPU_LABEL_INPUT_VIEW = 0, /* SST_GPU_PLANE_COLOURS */
     SST_GPU_LABEL_INPUT_TABLES = 1,
-    SST_GPU_LABEL_INPUT_TO = 2,     /* out */
+    SST_GPU_LABEL_INPUT_TO = 2, /* out */
     SST_GPU_LABEL_INPUT_BUFFERS
 };
 

@@ -31,8 +31,8 @@ static void test_same_bytes(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* Where the network runs on the device as well, its input is made there and its features stay, for the device alone if it
- * has room for all; what it loses, the CPU makes again. */
+/* Where the network runs on the device as well, its input is made there and its features stay, for the device alone if
+ * it has room for all; what it loses, the CPU makes again. */
 static void test_features_stay(void **state)
 {
     struct sst_disparity_device_report report;
@@ -60,10 +60,11 @@ static void test_features_stay(void **state)
         if (!err) { /* built with oneDNN */
             match_compare(&lf, &cfg, &report);
             sst_network_device_get_report(cfg.networks, &networks);
-            print_message("%s: %lld runs, %lld fed, %lld kept, %lld on the CPU; %lld views, %lld on the CPU, %lld uploads: %s\n",
-                          devices[i].name, (long long)networks.runs, (long long)networks.fed, (long long)networks.kept,
-                          (long long)networks.on_cpu, (long long)report.views, (long long)report.on_cpu,
-                          (long long)report.uploads, report.why);
+            print_message(
+                "%s: %lld runs, %lld fed, %lld kept, %lld on the CPU; %lld views, %lld on the CPU, %lld uploads: %s\n",
+                devices[i].name, (long long)networks.runs, (long long)networks.fed, (long long)networks.kept,
+                (long long)networks.on_cpu, (long long)report.views, (long long)report.on_cpu,
+                (long long)report.uploads, report.why);
             assert_true(networks.runs >= 6); /* of them the half for the matching on the CPU */
             assert_true(networks.fed > 0);
             assert_int_equal(networks.kept > 0, devices[i].kept);

@@ -7,9 +7,9 @@
 #include "tests/quick.h"
 #include "tests/storage_bench.h"
 
-#define MS ((int64_t)1000000)
+#define MS      ((int64_t)1000000)
 #define HOUR_NS (3600 * 1000 * MS)
-#define T0 (INT64_C(20600) * 86400 * 1000 * MS) /* in 2026 */
+#define T0      (INT64_C(20600) * 86400 * 1000 * MS) /* in 2026 */
 
 int fdatasync(int fd SST_UNUSED)
 {

@@ -24,7 +24,7 @@ struct match {
     int rounds;        /* of the aggregation */
     int band;          /* rows that are matched at once */
     /* of the band in work */
-    int top, rows_of; /* its rows */
+    int top, rows_of;             /* its rows */
     int tiles, most_nd;           /* disparities of one at most, with padding */
     enum sst_gpu_shader path;     /* the fastest variant of sgm_path */
     uint32_t blocks, quads, rows; /* groups that cover the volume of the largest tile */

@@ -246,11 +246,9 @@ bool disparity_device_feed(void *keeper, struct sst_gpu *g, struct sst_gpu_buffe
     const struct disparity_feature_run *of = k->arg;
     struct sst_disparity_device *d = of->device;
     const struct sst_descriptor *desc = &of->run->desc[k->view];
-    const struct device_view v = { .view = k->view,
-                                   .width = k->width,
-                                   .height = k->height,
-                                   .image = &desc->image,
-                                   .seen = &desc->seen };
+    const struct device_view v = {
+        .view = k->view, .width = k->width, .height = k->height, .image = &desc->image, .seen = &desc->seen
+    };
     const struct sst_gpu_convert push = { .width = k->width,
                                           .height = k->rows,
                                           .conversion = SST_GPU_TO_LEVELS,

@@ -419,10 +419,10 @@ struct sst_gpu_subpixel_window;
 /** A view to refine. */
 struct device_refine {
     const struct sst_subpixel_fit *fit;
-    const int *nearest;            /* [fit->views] these views */
+    const int *nearest; /* [fit->views] these views */
     const struct sst_visible_views *in;
-    int view;                      /* which is refined */
-    int steps, first_views;        /* views that the first step compares at most */
+    int view;                                            /* which is refined */
+    int steps, first_views;                              /* views that the first step compares at most */
     const struct sst_gpu_subpixel_window *window, *wide; /* of a step, and after the last one */
     struct sst_map_u16 *out;                             /* initialised */
 };

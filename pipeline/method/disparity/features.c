@@ -71,7 +71,8 @@ static struct moments measure(const struct sst_map_u8 *luma)
                              sqrt(fmax((double)n * (double)s2 - (double)s1 * (double)s1, 0)) / (double)n };
 }
 
-/* Input by luma: mean 0 and deviation 1 over the view, as in training. Constant views become 0. @param level  out, [256]
+/* Input by luma: mean 0 and deviation 1 over the view, as in training. Constant views become 0. @param level  out,
+ * [256]
  */
 static void find_levels(float *level, const struct sst_map_u8 *luma)
 {
@@ -223,8 +224,8 @@ static int make_band(struct bands *b, int i, bool *kept)
         k->level = b->level;
         k->kept = false;
     }
-    err = sst_network_run_s8_kept(b->net, b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out,
-                                  k ? &device : &cpu);
+    err =
+        sst_network_run_s8_kept(b->net, b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out, k ? &device : &cpu);
     *kept = k && k->kept;
     if (err || *kept)
         return err;

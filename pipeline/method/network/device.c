@@ -353,7 +353,8 @@ void sst_network_device_clear_report(struct sst_network_device *d)
     struct sst_network_device_report *r = &d->report;
 
     sst_gpu_shared_lock(d->shared);
-    r->runs = r->fed = r->kept = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns = 0;
+    r->runs = r->fed = r->kept = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns =
+        0;
     sst_gpu_shared_unlock(d->shared);
 }
 #else

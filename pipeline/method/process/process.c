@@ -15,10 +15,10 @@
 
 #define SHOWN_LEAST       0.995 /* share of all views' pixels that labelled views must show, unless maps were carried */
 #define LABELLED_LEAST    5     /* views, or all of fewer */
-#define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
-#define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
-#define JITTER_PX         6.0 /* pairs that are off by less are corrected, not judged */
-#define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
+#define LABELLED_TESTED   8     /* likewise, with maps that were tested (balanced, accurate) */
+#define DIFFER_SOME       0.01  /* of the labels that two views see: more views are labelled, which vote */
+#define JITTER_PX         6.0   /* pairs that are off by less are corrected, not judged */
+#define INFINITY_SLACK_PX 1.0   /* of an estimated range around what is infinitely far: errors of positions and noise */
 
 struct run {
     struct sst_lightfield *lf;
@@ -157,8 +157,8 @@ static int segment_view(void *arg, int view, int worker)
     struct sst_segmenter *seg = run->segmenters[worker];
     struct sst_view *v = &run->lf->views[view];
     struct sst_refine_enlarge on = { run->cfg->refinement.device, run->lf, view };
-    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_feed,
-                                           sst_refine_device_finish, &on };
+    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_feed, sst_refine_device_finish,
+                                           &on };
     int err;
 
     if (worker == 0)

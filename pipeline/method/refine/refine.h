@@ -22,7 +22,7 @@ struct sst_refine_config {
                           paper) */
     const bool *skip;  /* [views] these take no part and stay as they are; NULL: none */
     int threads;       /* 0: all processors */
-    const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
+    const SST_ATOMIC(bool) * cancel;  /* once true, processing stops within one view; or NULL */
     struct sst_refine_device *device; /* with the same bytes; NULL: on the CPU */
     struct sst_share *share;          /* with other processes (pipeline/lightfield/share.h), by views; or NULL */
 };
@@ -67,17 +67,17 @@ const char *sst_refine_stage_name(enum sst_refine_stage stage);
 /** What a device has done. */
 struct sst_refine_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
-    int64_t views;               /* refined there */
-    int64_t in_parts;            /* of them: in bands of rows */
-    int64_t on_cpu;              /* others */
-    int64_t enlarged, enlarged_on_cpu; /* whose labels were found from the network's cells */
-    int64_t finished;                  /* of them: whose cells never left the device */
-    int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
-    int64_t carried, carried_on_cpu; /* that labels were carried to, once each time */
+    int64_t views;                                               /* refined there */
+    int64_t in_parts;                                            /* of them: in bands of rows */
+    int64_t on_cpu;                                              /* others */
+    int64_t enlarged, enlarged_on_cpu;                           /* whose labels were found from the network's cells */
+    int64_t finished;                                            /* of them: whose cells never left the device */
+    int64_t voted, voted_on_cpu;                                 /* whose pixels other views voted on */
+    int64_t carried, carried_on_cpu;                             /* that labels were carried to, once each time */
     int64_t enlarged_in_parts, voted_in_parts, carried_in_parts; /* of them: in bands of rows */
-    int64_t failures;            /* times that the device failed */
-    char why[128];               /* the last that something was on the CPU */
-    unsigned stages_on_cpu;      /* bits by enum sst_refine_stage: those that were needed */
+    int64_t failures;                                            /* times that the device failed */
+    char why[128];                                               /* the last that something was on the CPU */
+    unsigned stages_on_cpu; /* bits by enum sst_refine_stage: those that were needed */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
 };
