@@ -475,7 +475,8 @@ LIVE_TEXT = """\
 
 Frames of the live engine (`build/bench/live_frames`), 36 cameras of 640x480, MJPEG: CPU time of a set in skip mode against
 exact mode, which computes every tile. Error: mean of all pixels against exact mode, and of the worst tile of any set, in
-levels of 255; noise of the sensor counts as error where a tile that did not change keeps its older noise.
+levels of 255; noise of the sensor counts as error where a tile that did not change keeps its older noise. Text in the frames
+is read in one set of four: where worlds have the simulator's strip, the worst tile is one of its numbers.
 
 ![time left against error added](skips-live.svg)
 
