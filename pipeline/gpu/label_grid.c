@@ -131,6 +131,15 @@ static void make_taps(uint32_t (*tap)[2 + TEST_TAPS], int n, int pixels, uint32_
     }
 }
 
+/* Colours of a view, and weights of its pixels. */
+static void make_view(struct test *t, uint32_t *state)
+{
+    for (int i = 0; i < TEST_PIXELS; i++)
+        t->view[SST_GPU_PLANE_COLOURS][i] = gpu_random(state) << 8 ^ gpu_random(state);
+    make_taps(t->table.tap, TEST_ACROSS, TEST_WIDTH, state);
+    make_taps(t->table.tap + TEST_ACROSS, TEST_DOWN, TEST_HEIGHT, state);
+}
+
 /* Logits from sure to doubtful ones, or probabilities of which some are 0 and some below those that count. */
 static void make_result(struct test *t, bool is_probability, uint32_t *state)
 {
@@ -174,16 +183,13 @@ int label_grid_self_test(struct sst_gpu *g)
 {
     struct test *t = calloc(1, sizeof(*t));
     uint32_t state = 5;
-    int err = t ? 0 : -ENOMEM;
+    int err = 0;
 
-    for (int i = 0; i < TEST_PIXELS && !err; i++)
-        t->view[SST_GPU_PLANE_COLOURS][i] = gpu_random(&state) << 8 ^ gpu_random(&state);
-    for (uint32_t i = 0; i < TEST_CHANNELS && !err; i++)
+    if (!t)
+        return -ENOMEM;
+    make_view(t, &state);
+    for (uint32_t i = 0; i < TEST_CHANNELS; i++)
         t->table.class_of[i] = i * 5 % TEST_CLASSES;
-    if (!err) {
-        make_taps(t->table.tap, TEST_ACROSS, TEST_WIDTH, &state);
-        make_taps(t->table.tap + TEST_ACROSS, TEST_DOWN, TEST_HEIGHT, &state);
-    }
     for (int i = 0; i < 4 && !err; i++) {
         make_result(t, i == 3, &state);
         if (i == 2)
@@ -216,10 +222,7 @@ int label_input_self_test(struct sst_gpu *g)
 
     if (!t)
         return -ENOMEM;
-    for (int i = 0; i < TEST_PIXELS; i++)
-        t->view[SST_GPU_PLANE_COLOURS][i] = gpu_random(&state) << 8 ^ gpu_random(&state);
-    make_taps(t->table.tap, TEST_ACROSS, TEST_WIDTH, &state);
-    make_taps(t->table.tap + TEST_ACROSS, TEST_DOWN, TEST_HEIGHT, &state);
+    make_view(t, &state);
     err = gpu_compare(g, &work, (const void *const[]){ t->view, &t->table, t->from },
                       (const size_t[]){ sizeof(t->view), sizeof(t->table), sizeof(t->from) }, SST_GPU_LABEL_INPUT_TO,
                       NULL);

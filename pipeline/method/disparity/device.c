@@ -227,7 +227,7 @@ int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gp
 {
     int err = sst_gpu_buffer_create(d->gpu, out, bytes);
 
-    if (d->is_guest || bytes > sst_gpu_get_info(d->gpu)->buffer_bytes) /* whatever gives way */
+    if (d->borrowed || bytes > sst_gpu_get_info(d->gpu)->buffer_bytes) /* whatever gives way */
         return err;
     if (err == -ENOMEM && disparity_device_drop_unused(d))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);

@@ -182,8 +182,8 @@ int disparity_device_colours(struct sst_disparity_device *d, const struct device
 
 #define PLENTY 4 /* times the features of a view: less is left to the volume */
 
-/* Begin what a network's device does for a view. @return false: it is another one */
-static bool be_guest(const struct sst_feature_keeper *k, struct sst_gpu *g)
+/* Use the device on which a network runs. @return false: it is another one, or refuses the shader */
+static bool borrow_device(const struct sst_feature_keeper *k, struct sst_gpu *g)
 {
     const struct disparity_feature_run *of = k->arg;
     struct sst_disparity_device *d = of->device;
@@ -224,7 +224,7 @@ bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_
                                           .from = (uint32_t)(at + (size_t)(first - k->band.start) * (size_t)words),
                                           .to = (uint32_t)((size_t)first * (size_t)words) };
 
-    if (!be_guest(k, g))
+    if (!borrow_device(k, g))
         return false;
     if (!first) {
         p->rows = 0;
@@ -257,15 +257,15 @@ bool disparity_device_feed(void *keeper, struct sst_gpu *g, struct sst_gpu_buffe
     struct sst_gpu_buffer *colours;
     int err;
 
-    if (!be_guest(k, g) || d->lf != of->run->lf ||
+    if (!borrow_device(k, g) || d->lf != of->run->lf ||
         sst_gpu_free_bytes(g) < PLENTY * sizeof(uint32_t) * (size_t)d->lf->width * (size_t)d->lf->height)
         return false;
-    d->is_guest = true;
+    d->borrowed = true;
     err = disparity_device_keep(d, KEPT_LEVELS, 256, sizeof(*k->level));
     err = err ? err : disparity_device_colours(d, &v, &colours);
     err = err ? err : disparity_device_upload(d, d->kept[KEPT_LEVELS], k->level, 256 * sizeof(*k->level));
     err = err ? err : disparity_device_convert(d, push, colours, NULL, d->kept[KEPT_LEVELS], input);
-    d->is_guest = false;
+    d->borrowed = false;
     return !err;
 }
 

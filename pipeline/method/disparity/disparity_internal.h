@@ -191,7 +191,7 @@ struct sst_disparity_device {
     size_t bytes[KEPT];
     const struct sst_lightfield *lf; /* whose views stay; NULL: none */
     bool stays;                      /* also when it has been matched */
-    bool is_guest;                   /* of a network in work: nothing makes room */
+    bool borrowed;                   /* from a network that runs: no other buffer is freed to make room */
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
     uint32_t points;                     /* of the second pass, in KEPT_POINTS */
@@ -252,7 +252,7 @@ struct disparity_feature_run {
 };
 
 /** Keep the features of a band where the matching reads them, if there is plenty of room and the network's device is
- * this one; for it alone, if there is room for those of all views beside a volume. */
+ * this one; without a copy on the host, if there is room for those of all views beside a volume. */
 bool disparity_device_keep_features(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
 
 /** Make the network's input from the colours of the view, likewise. */

@@ -161,7 +161,7 @@ struct bands {
     int8_t *out; /* [cut.height][width][channels] */
 };
 
-/* A struct sst_network_keeper's, as are the next two. */
+/* Of a struct sst_network_keeper, like the next two. */
 static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
     struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;

@@ -98,11 +98,12 @@ struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int rad
 struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
                                                              int radius, int i);
 
-/** What feeds a network that runs on a device from a view that lies there, and keeps its features there. */
+/** How the network of features, where it runs on a device, reads a view and writes its features there. Both functions
+ * are called for each band of rows, the first one first, as those of struct sst_network_keeper, with this structure. */
 struct sst_feature_keeper {
-    /** struct sst_network_keeper, for each band from the first one on, of which `keep` sets `kept` if nobody else needs
-     * the features; their `arg` is this. */
+    /** Store the features on the device. Sets `kept` if the host needs no copy of them. */
     bool (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    /** Compute the network's input from the colours of the view. */
     bool (*feed)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
     void *arg;
     int view;

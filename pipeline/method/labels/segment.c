@@ -151,7 +151,7 @@ static int out_of_memory(const struct sst_image *img)
     return -ENOMEM;
 }
 
-/* What is done where the network runs, without a grid. */
+/* Labels that the network's device computes, without a grid on the host. */
 struct finish {
     struct sst_segmenter *seg;
     const struct sst_image *img;
@@ -294,7 +294,7 @@ static void cut_window(const struct working *w, int i, int j)
     }
 }
 
-/* A struct sst_network_keeper's, as are the next two. */
+/* Of a struct sst_network_keeper, like the next two. */
 static bool feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at)
 {
     const struct finish *f = arg;

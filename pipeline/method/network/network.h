@@ -91,14 +91,14 @@ SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, 
 struct sst_gpu;
 struct sst_gpu_buffer;
 
-/** What is done where a network runs on a device with data that lie there; under the lock of the device. Offsets are in
- * words. */
+/** How a network that runs on a device reads and writes the buffers of other work there. `keep` and `feed` are called
+ * with the device locked; offsets are in words. */
 struct sst_network_keeper {
     /** Dispatch what reads the result. @return false: `out` gets a copy of it */
     bool (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
     /** Dispatch what writes the input, as floats of planes; or NULL. @return false: `in` is uploaded */
     bool (*feed)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
-    /** Fill `in`: called before anything else reads it, perhaps twice; NULL: it is filled. @return 0 or -ENOMEM */
+    /** Compute `in` on the CPU: called before it is read, perhaps twice; NULL: it is complete. @return 0 or -ENOMEM */
     int (*fill)(void *arg);
     void *arg;
 };

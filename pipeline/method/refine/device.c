@@ -146,7 +146,7 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
         return 0;
     refine_device_drop(d, which);
     err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
-    if (err == -ENOMEM && d->is_guest)
+    if (err == -ENOMEM && d->borrowed)
         return err;
     if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);

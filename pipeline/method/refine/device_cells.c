@@ -114,8 +114,8 @@ static int need_tables(struct sst_refine_device *d, const struct sst_label_resul
     return 0;
 }
 
-/* True if the device, which a network has, can be used. */
-static bool be_guest(struct sst_refine_device *d, struct sst_gpu *g, const enum sst_gpu_shader *shaders, size_t n)
+/* Use the device on which a network runs. @return false: it is another one, or cannot be used now */
+static bool borrow_device(struct sst_refine_device *d, struct sst_gpu *g, const enum sst_gpu_shader *shaders, size_t n)
 {
     int err = g == sst_gpu_shared_device(d->shared) && !d->band_rows ? 0 : 1;
 
@@ -124,13 +124,13 @@ static bool be_guest(struct sst_refine_device *d, struct sst_gpu *g, const enum 
     if (err)
         return false;
     d->gpu = g;
-    d->is_guest = true;
+    d->borrowed = true;
     return true;
 }
 
-static void leave(struct sst_refine_device *d, int64_t start_ns)
+static void return_device(struct sst_refine_device *d, int64_t start_ns)
 {
-    d->is_guest = false;
+    d->borrowed = false;
     d->gpu = NULL;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
 }
@@ -158,10 +158,10 @@ bool sst_refine_device_feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer 
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
-    if (!be_guest(e->device, g, shaders, ARRAY_LEN(shaders)))
+    if (!borrow_device(e->device, g, shaders, ARRAY_LEN(shaders)))
         return false;
     err = feed(e->device, e, result, to, at, entropies);
-    leave(e->device, start_ns);
+    return_device(e->device, start_ns);
     return !err;
 }
 
@@ -215,10 +215,10 @@ bool sst_refine_device_finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffe
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
-    if (!be_guest(d, g, shaders, ARRAY_LEN(shaders)))
+    if (!borrow_device(d, g, shaders, ARRAY_LEN(shaders)))
         return false;
     err = finish(d, e, result, from, at, label, entropy, eps_h);
-    leave(d, start_ns);
+    return_device(d, start_ns);
     d->report.finished += !err;
     d->report.enlarged += !err;
     return !err;

@@ -65,7 +65,7 @@ static int create_view(struct sst_refine_device *d, struct refine_pixels *v, siz
 {
     int err = sst_gpu_buffer_create(d->gpu, &v->buffer, bytes);
 
-    if (err == -ENOMEM && d->is_guest)
+    if (err == -ENOMEM && d->borrowed)
         return err;
     if (err == -ENOMEM && (refine_device_drop_kept(d) || sst_gpu_shared_make_room(d->shared, &d->user)))
         err = sst_gpu_buffer_create(d->gpu, &v->buffer, bytes);

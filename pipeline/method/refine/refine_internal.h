@@ -105,7 +105,7 @@ struct sst_refine_device {
     int in_work;                              /* view that is refined */
     int rows;                                 /* of a band that it is refined in, in this stage; 0: of the whole view */
     int band_rows;                            /* the same of votes, carried labels and labels from cells */
-    bool is_guest;                            /* a network is in work: nothing makes room */
+    bool borrowed;                            /* from a network that runs: no other buffer is freed to make room */
     int64_t turn;                             /* of the view in work: views of this turn stay */
 };
 
