@@ -24,12 +24,14 @@ json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_r
                                                    "gain", c->gain[0], c->gain[1], c->gain[2], "falloff", c->falloff,
                                                    "exponent", c->exponent));
     }
-    return json_pack("{s:s, s:i, s:i, s:i, s:i, s:f, s:o, s:b, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off",
-                     "moved", a->moved, "lit", a->lit, "faded", a->faded, "bent", a->bent, "worst_exponent", a->worst_exponent,
-                     "exponent_sigma", cli_real_json(a->exponent_sigma), "bent_kept", (int)a->bent_kept, "worst_falloff",
-                     cli_real_json(a->worst_falloff), "falloff_sigma", cli_real_json(a->falloff_sigma), "unmeasured", a->unmeasured, "worst_px", cli_real_json(a->worst_px),
-                     "worst_gain", cli_real_json(a->worst_gain), "sigma_px", cli_real_json(a->sigma_px), "gain_sigma",
-                     cli_real_json(a->gain_sigma), "views", views);
+    return json_pack("{s:s, s:i, s:b, s:i, s:i, s:i, s:f, s:o, s:b, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode",
+                     wanted ? "auto" : "off", "moved", a->moved, "contradictory", (int)a->contradictory, "lit", a->lit,
+                     "faded", a->faded, "bent", a->bent, "worst_exponent", a->worst_exponent, "exponent_sigma",
+                     cli_real_json(a->exponent_sigma), "bent_kept", (int)a->bent_kept, "worst_falloff",
+                     cli_real_json(a->worst_falloff), "falloff_sigma", cli_real_json(a->falloff_sigma), "unmeasured",
+                     a->unmeasured, "worst_px", cli_real_json(a->worst_px), "worst_gain", cli_real_json(a->worst_gain),
+                     "sigma_px", cli_real_json(a->sigma_px), "gain_sigma", cli_real_json(a->gain_sigma), "views",
+                     views);
 }
 
 void cli_print_align(const struct sst_align_report *a)
@@ -45,6 +47,8 @@ void cli_print_align(const struct sst_align_report *a)
     if (a->faded)
         printf("the fall-off of %d views corrected, up to %.0f %% of the light in the corners (sigma %.1f), ", a->faded,
                100 * a->worst_falloff, 100 * a->falloff_sigma);
+    if (a->contradictory)
+        printf("displacements not corrected, as matches contradict each other (a fence or rows of windows), ");
 }
 
 json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)

@@ -111,6 +111,32 @@ static void plan(struct sst_correction *correction, struct sst_align_report *rep
     sst_drift_fini(&check);
 }
 
+/* Displaced views whose matches contradict each other stay where they are; their gains are corrected all the same. */
+static void contradictions_are_left(void **state SST_UNUSED)
+{
+    const struct sst_drift_config cfg = { .threads = 2, .loose = true, .unusable_px = 6 };
+    struct sst_correction c[VIEWS];
+    struct sst_align_report report;
+    struct sst_lightfield lf;
+    struct sst_drift check;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++)
+        perturb(&lf.views[k].image, &scene_views.views[k].image, down_of(k), gain_of(k));
+    assert_int_equal(sst_drift_check(&check, &lf, &cfg), 0);
+    assert_true(check.contradiction_px < 0.3);
+    sst_align_plan(c, &report, &lf, &check);
+    assert_true(report.moved >= VIEWS / 2 && !report.contradictory);
+    check.contradiction_px = 0.7;
+    sst_align_plan(c, &report, &lf, &check);
+    assert_int_equal(report.moved, 0);
+    assert_true(report.contradictory && report.lit >= VIEWS / 2 && report.worst_px == 0);
+    for (int k = 0; k < VIEWS; k++)
+        assert_true(c[k].shift_x_px == 0 && c[k].shift_y_px == 0 && c[k].roll_deg == 0 && c[k].scale == 0);
+    sst_drift_fini(&check);
+    sst_lightfield_fini(&lf);
+}
+
 static void what_is_straight_stays(void **state SST_UNUSED)
 {
     struct sst_correction c[VIEWS];
@@ -175,8 +201,8 @@ static void fade(struct sst_image *image, double falloff)
                 uint8_t *v = &sst_image_row(image, c, y)[x];
                 const double light = exp(falloff * r2) * sst_srgb_to_light(*v / 255.0);
 
-                *v = (uint8_t)floor(
-                    255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055) + 0.5);
+                *v = (uint8_t)floor(255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055) +
+                                    0.5);
             }
         }
     }
@@ -532,6 +558,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_straight_stays),
+        cmocka_unit_test(contradictions_are_left),
         plain_test(displacements_and_gains_are_found),
         cmocka_unit_test(falloffs_are_found_and_undone),
         cmocka_unit_test(gammas_are_found_and_undone),

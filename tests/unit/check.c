@@ -31,6 +31,7 @@ struct recipe {
     double contrast;   /* 1: as usual, 0: a blank wall */
     double wall, disc; /* disparities */
     bool repeated;     /* texture with a period of 16 px both ways */
+    double mesh;       /* disparity of a mesh of that period before both, turned by 0.1; 0: none */
     struct fault fault[SST_MAX_VIEWS];
 };
 
@@ -43,6 +44,14 @@ static double texture(double x, double y, uint32_t seed, const struct recipe *r)
         y = 8 - fabs(8 - y);
     }
     return 128 + 180 * r->contrast * (sst_noise_fbm((struct sst_vec3){ x / 14 + 500, y / 14 + 500, 0 }, 3, seed) - 0.5);
+}
+
+/* Whether a bar is there: 4 of 16 px. */
+static bool mesh_at(double x, double y)
+{
+    const double across = x * cos(0.1) + y * sin(0.1), down = y * cos(0.1) - x * sin(0.1);
+
+    return across - 16 * floor(across / 16) < 4 || down - 16 * floor(down / 16) < 4;
 }
 
 static void draw_view(struct sst_image *out, const struct recipe *r, int view, double bx, double by)
@@ -62,6 +71,8 @@ static void draw_view(struct sst_image *out, const struct recipe *r, int view, d
             double v = near ? texture(dx, dy, (uint32_t)r->seed * 2 + 1, r)
                             : texture(qx + r->wall * bx, qy + r->wall * by, (uint32_t)r->seed * 2, r);
 
+            if (r->mesh > 0 && mesh_at(qx + r->mesh * bx, qy + r->mesh * by))
+                v = 40;
             v *= gain;
             for (int k = 0; k < 3; k++) {
                 const double w = v + (r->noise > 0 ? r->noise * test_normal(&state) : 0);
@@ -400,6 +411,31 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
 }
 
 /* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
+/* Parts of a mesh are found a period off, at any of several displacements; those of what is displaced at one. */
+static void meshes_contradict_themselves(void **state)
+{
+    const struct sst_drift_config cfg = { .threads = 2, .loose = true };
+
+    (void)state;
+    for (int mesh = 0; mesh < 2; mesh++) {
+        struct recipe r = plain(4, 4, 27);
+        struct sst_lightfield lf;
+        struct sst_drift check;
+
+        r.fault[5] = (struct fault){ .y = 2.5, .roll_deg = 0.5 };
+        r.mesh = mesh ? 13 : 0;
+        make(&lf, &r);
+        lf.range_min_px = 1;
+        lf.range_max_px = 20;
+        assert_int_equal(sst_drift_check(&check, &lf, &cfg), 0);
+        print_message("%s mesh: contradiction %.3f px, %d matches\n", mesh ? "with" : "without", check.contradiction_px,
+                      check.matches);
+        assert_true(mesh ? check.contradiction_px > 0.6 : check.contradiction_px > 0 && check.contradiction_px < 0.1);
+        sst_drift_fini(&check);
+        sst_lightfield_fini(&lf);
+    }
+}
+
 static void noise_is_measured(void **state)
 {
     static struct drift_pyramid v;
@@ -631,6 +667,7 @@ int main(void)
         plain_test(turned_grids_are_named),
         plain_test(unrectified_is_unusable),
         serial_test(blank_and_repeated_walls_raise_no_alarm),
+        serial_test(meshes_contradict_themselves),
         plain_test(noise_is_measured),
         cmocka_unit_test(borders_are_no_features),
         serial_test(covered_camera_is_lost),

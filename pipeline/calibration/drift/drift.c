@@ -393,7 +393,7 @@ static int conclude(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     mark_blank(out.camera, w);
     err = fill_pairs(&out, w);
     err = err ? err : drift_measure_axes(w, &out.axes_px);
-    err = err ? err : drift_solve_cameras(out.camera, w);
+    err = err ? err : drift_solve_cameras(&out, w);
     err = err ? err : drift_solve_gains(&out, w);
     err = err ? err : drift_measure_corner_pairs(&out, w);
     err = err ? err : drift_find_wrong_order(&out, w, order);

@@ -70,6 +70,8 @@ struct sst_drift {
                                           matches, largest pair mean; NAN: nothing was measured */
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
                                           seen in both, px per spacing; NAN: none */
+    double contradiction_px; /* matches of one pair about what the displacements explain: robust sigma, of the worst tenth
+                                of the pairs; fences and rows of windows are matched a period off; 0 without matches */
     double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
                                           0: not measured */
     int far_matches;                   /* between opposite corners of the grid, matched directly */

@@ -30,6 +30,7 @@
 #define TIE_PX       1e-3 /* sigma of the gauge constraints */
 
 struct observation {
+    int link; /* whose part across this is; -1: none */
     int cams;
     int cam[3];
     double part[3][STATES];
@@ -82,7 +83,7 @@ static void add_match(struct observation *o, const struct system *s, const struc
 static struct observation two_disparities(const struct system *s, const struct drift_link *p,
                                           const struct drift_link *q, int k, double difference)
 {
-    struct observation o = { .value = difference };
+    struct observation o = { .link = -1, .value = difference };
 
     o.sigma = sqrt(p->m[k].var_along / (p->length * p->length) + q->m[k].var_along / (q->length * q->length));
     add_match(&o, s, p, k, p->s.u, -1 / p->length);
@@ -112,7 +113,7 @@ static void observe(struct system *s)
         if (!drift_link_useful(l))
             continue;
         for (int k = 0; k < DRIFT_CELLS; k++) {
-            struct observation o = { .value = l->m[k].across, .sigma = sqrt(l->m[k].var_across) };
+            struct observation o = { .link = i, .value = l->m[k].across, .sigma = sqrt(l->m[k].var_across) };
             double difference;
 
             if (!l->used[k])
@@ -393,6 +394,26 @@ static double inflation_of(struct system *s)
     return fmax(weights / n * psi2 / fmax(free, 1) / (slope * slope / (n * n)), 1);
 }
 
+/* How much the matches of a pair differ from what the displacements explain: robust sigma, of the worst tenth of the
+ * pairs. Sorted by link. */
+static double contradiction_of(struct system *s)
+{
+    double pair[2 * SST_MAX_VIEWS];
+    int pairs = 0;
+
+    for (int i = 0; i < s->count;) {
+        const int link = s->o[i].link;
+        int n = 0;
+
+        for (; i < s->count && (s->o[i].link == link || s->o[i].link < 0); i++) {
+            if (s->o[i].link >= 0)
+                s->sort[n++] = fabs(residual(s, &s->o[i]));
+        }
+        pair[pairs++] = 1.4826 * sst_stats_median(s->sort, n);
+    }
+    return sst_stats_quantile(pair, pairs, 0.9);
+}
+
 /* Leave out the unobservable states, and solve for the others. */
 static void leave_open(struct system *s, double *part)
 {
@@ -408,7 +429,7 @@ static void leave_open(struct system *s, double *part)
         iterate(s, part, true);
 }
 
-int drift_solve_cameras(struct sst_drift_camera *camera, const struct drift_work *w)
+int drift_solve_cameras(struct sst_drift *out, const struct drift_work *w)
 {
     const size_t most = (size_t)w->links * (2 * DRIFT_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;
@@ -436,7 +457,8 @@ int drift_solve_cameras(struct sst_drift_camera *camera, const struct drift_work
         if (s.count) {
             leave_open(&s, part);
             s.inflation = inflation_of(&s);
-            err = report(camera, &s, part);
+            out->contradiction_px = contradiction_of(&s);
+            err = report(out->camera, &s, part);
         }
     }
     free(part);

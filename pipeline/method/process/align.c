@@ -14,18 +14,20 @@
 /* Sigma of a slope that a scene feigns, px per spacing: of the median sigma, and at least. Bush, humvee, cell, cat. */
 #define FEIGNED    0.7
 #define FEIGNED_PX 0.005
-#define MOST_GAIN  1.4  /* like MOST_PX: a factor of 4 */
-#define MOST_FALL  2.0  /* SST_CORRECTION_FALLOFF_MAX */
-#define FALL_APART 0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
-#define FALL_SIGMA 2    /* ... of which sigma explains half */
-#define APART_PX   0.15 /* RMS of all views' displacements of a kind: the array is off; undisturbed scenes have up to 0.1 */
+#define MOST_GAIN  1.4 /* like MOST_PX: a factor of 4 */
+#define MOST_FALL  2.0 /* SST_CORRECTION_FALLOFF_MAX */
+#define FALL_APART 0.1 /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
+#define FALL_SIGMA 2   /* ... of which sigma explains half */
+#define APART_PX   0.15 /* RMS of displacements of a kind: the array is off; undisturbed scenes have up to 0.1 */
 #define APART_SIGMA 3
-#define BENT_APART 0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
-#define BENT_SIGMA 3
-#define BENT_MOST  0.5  /* from 1; beyond, pictures are too dark or bright to be bent back */
-#define AGREE      3    /* robust sigmas from the median: these make the mean that stays */
-#define ROUNDS     10
-#define STAY_SPREADS 2 /* RMS of all views */
+/* Beyond this, matches contradict each other. Displaced views of foliage have up to 0.35, of fences mostly above 1. */
+#define CONTRADICTION_PX 0.6
+#define BENT_APART       0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
+#define BENT_SIGMA       3
+#define BENT_MOST        0.5 /* from 1; beyond, pictures are too dark or bright to be bent back */
+#define AGREE            3   /* robust sigmas from the median: these make the mean that stays */
+#define ROUNDS           10
+#define STAY_SPREADS     2 /* RMS of all views */
 
 /* One kind of deviation of all views. */
 struct kind {
@@ -203,7 +205,8 @@ static void keep_significant(struct kind *kind, int views, bool all, int stay, d
     bool off[SST_MAX_VIEWS];
     int n = mark_off(off, kind, views, least, most);
 
-    if (stay >= 0 && (all || n > MANY * known) && islessequal(fabs(kind->value[stay]), STAY_SPREADS * rms_about(kind, views, 0))) {
+    if (stay >= 0 && (all || n > MANY * known) &&
+        islessequal(fabs(kind->value[stay]), STAY_SPREADS * rms_about(kind, views, 0))) {
         subtract(kind, views, kind->value[stay]);
         n = mark_off(off, kind, views, least, most);
     }
@@ -239,7 +242,8 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
     report->sigma_px = median_of(kind[0].sigma, views);
     for (int i = 0; i < 4; i++) {
         remove_tilt(&kind[i], lf);
-        keep_significant(&kind[i], views, is_apart(&kind[i], views, APART_PX, APART_SIGMA), lf->ref_view, OFF_PX, MOST_PX);
+        keep_significant(&kind[i], views, is_apart(&kind[i], views, APART_PX, APART_SIGMA), lf->ref_view, OFF_PX,
+                         MOST_PX);
     }
     for (int k = 0; k < views; k++) {
         const double off = hypot(hypot(kind[0].value[k], kind[1].value[k]), hypot(kind[2].value[k], kind[3].value[k]));
@@ -253,8 +257,19 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
     }
 }
 
-/* Fall-offs that differ show all over the pictures. What all share shows by the disparities alone, and glossy surfaces and
- * foliage feign 0.1 and more of it: it is believed, of lenses that darken the corners, where cameras are apart. */
+/* Bars of a fence look alike: matched a period off, or where a bar crosses what is behind it, they feign displacements
+ * of many pixels. So the matches of a pair say different things, which no displacement of its cameras explains. */
+static void leave_places(struct sst_correction *correction, struct sst_align_report *report, int views)
+{
+    for (int k = 0; k < views; k++)
+        correction[k] = sst_correction_none();
+    report->contradictory = report->moved > 0;
+    report->moved = 0;
+    report->worst_px = 0;
+}
+
+/* Fall-offs that differ show all over the pictures. What all share shows by the disparities alone, and glossy surfaces
+ * and foliage feign 0.1 and more of it: it is believed, of lenses that darken the corners, where cameras are apart. */
 static void plan_falloffs(struct sst_correction *correction, struct sst_align_report *report,
                           const struct sst_lightfield *lf, const struct sst_drift *check)
 {
@@ -283,8 +298,8 @@ static void plan_falloffs(struct sst_correction *correction, struct sst_align_re
     }
 }
 
-/* Exponents that differ show in bright and dark places all over the pictures, so that fall-offs explain them badly, and they
- * fall-offs. All views are bent back, or none. @return whether they are */
+/* Exponents that differ show in bright and dark places all over the pictures, so that fall-offs explain them badly, and
+ * they fall-offs. All views are bent back, or none. @return whether they are */
 static bool plan_exponents(struct sst_correction *correction, struct sst_align_report *report,
                            const struct sst_lightfield *lf, const struct sst_drift *check)
 {
@@ -352,6 +367,8 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     for (int k = 0; k < lf->rows * lf->cols; k++)
         correction[k] = sst_correction_none();
     plan_places(correction, report, lf, check);
+    if (check->contradiction_px > CONTRADICTION_PX)
+        leave_places(correction, report, lf->rows * lf->cols);
     if (!plan_exponents(correction, report, lf, check)) {
         plan_falloffs(correction, report, lf, check);
         plan_gains(correction, report, lf, check);
