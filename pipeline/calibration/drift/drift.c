@@ -217,12 +217,13 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
 
 static void decide(struct sst_drift *out, const struct drift_work *w, const char *order)
 {
-    int bad = 0, usable = 0, drifted = 0, known = 0, present = 0;
+    int bad = 0, lost = 0, usable = 0, drifted = 0, known = 0, present = 0;
     double worst = 0;
 
     for (int i = 0; i < w->links; i++) {
         usable += w->link[i].state != SST_DRIFT_PAIR_BLANK;
         bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
+        lost += w->link[i].state == SST_DRIFT_PAIR_LOST;
     }
     for (int v = 0; v < w->views; v++) {
         drifted += judge_camera(out, w, v);
@@ -249,12 +250,19 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
                "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
                "array at something with structure",
                usable, w->links, w->cfg.min_matches);
+    } else if (2 * bad > usable && out->measured && 8 * (bad - lost) <= out->measured) {
+        out->verdict = SST_DRIFT_UNKNOWN;
+        append(
+            out,
+            "UNKNOWN: %d of %d pairs do not match, but %d of the %d that do fit within %.2g px: twigs or leaves hide "
+            "what the views share; check when something else is before the array",
+            lost, usable, out->measured - (bad - lost), out->measured, w->cfg.unusable_px);
     } else if (2 * bad > usable) {
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
                "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
-               "not rectified, or with another calibration",
-               bad, usable, w->cfg.unusable_px);
+               "not rectified, or with another calibration%s",
+               bad, usable, w->cfg.unusable_px, lost < bad ? ", or a fence or rows of windows fill them" : "");
     } else if (isgreater(out->axes_px, w->cfg.unusable_px)) { /* never so for NAN */
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
