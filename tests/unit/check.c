@@ -431,6 +431,7 @@ static void meshes_contradict_themselves(void **state)
         print_message("%s mesh: contradiction %.3f px, %d matches\n", mesh ? "with" : "without", check.contradiction_px,
                       check.matches);
         assert_true(mesh ? check.contradiction_px > 0.6 : check.contradiction_px > 0 && check.contradiction_px < 0.1);
+        assert_int_equal(check.verdict, mesh ? SST_DRIFT_UNKNOWN : SST_DRIFT_DRIFTED);
         sst_drift_fini(&check);
         sst_lightfield_fini(&lf);
     }

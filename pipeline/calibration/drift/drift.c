@@ -16,6 +16,7 @@
 #define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
 #define SIGMAS        4   /* significance of an offset */
 #define NAMED         4   /* cameras named in the sentence */
+#define ROUGH_PX      0.4 /* matches contradict each other: displaced foliage has up to 0.31, fences mostly 0.45 to 12 */
 #define BLANK_SHARE   0.1 /* of the median contrast of all views */
 
 const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
@@ -257,6 +258,13 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
             "UNKNOWN: %d of %d pairs do not match, but %d of the %d that do fit within %.2g px: twigs or leaves hide "
             "what the views share; check when something else is before the array",
             lost, usable, out->measured - (bad - lost), out->measured, w->cfg.unusable_px);
+    } else if (out->rough_px > ROUGH_PX && 2 * lost < usable) {
+        out->verdict = SST_DRIFT_UNKNOWN;
+        append(
+            out,
+            "UNKNOWN: neighbouring matches of a pair contradict each other by %.2f px: a fence or rows of windows fill "
+            "the pictures; check when something else is before the array",
+            out->rough_px);
     } else if (2 * bad > usable) {
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,

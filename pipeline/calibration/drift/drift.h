@@ -72,6 +72,7 @@ struct sst_drift {
                                           seen in both, px per spacing; NAN: none */
     double contradiction_px; /* matches of one pair about what the displacements explain: robust sigma, of the worst tenth
                                 of the pairs; fences and rows of windows are matched a period off; 0 without matches */
+    double rough_px; /* the same of each match about the next one: what lenses leave is smooth */
     double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
                                           0: not measured */
     int far_matches;                   /* between opposite corners of the grid, matched directly */

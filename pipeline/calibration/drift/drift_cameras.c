@@ -394,11 +394,11 @@ static double inflation_of(struct system *s)
     return fmax(weights / n * psi2 / fmax(free, 1) / (slope * slope / (n * n)), 1);
 }
 
-/* How much the matches of a pair differ from what the displacements explain: robust sigma, of the worst tenth of the
- * pairs. Sorted by link. */
-static double contradiction_of(struct system *s)
+/* Set contradiction_px and rough_px: how much matches of a pair differ from what the displacements explain, and from
+ * the next one of the pair. Sorted by link and cell. */
+static void measure_contradiction(struct sst_drift *out, struct system *s)
 {
-    double pair[2 * SST_MAX_VIEWS];
+    double apart[2 * SST_MAX_VIEWS], rough[2 * SST_MAX_VIEWS], steps[DRIFT_CELLS];
     int pairs = 0;
 
     for (int i = 0; i < s->count;) {
@@ -406,12 +406,20 @@ static double contradiction_of(struct system *s)
         int n = 0;
 
         for (; i < s->count && (s->o[i].link == link || s->o[i].link < 0); i++) {
-            if (s->o[i].link >= 0)
-                s->sort[n++] = fabs(residual(s, &s->o[i]));
+            if (s->o[i].link < 0)
+                continue;
+            s->sort[n] = residual(s, &s->o[i]);
+            if (n)
+                steps[n - 1] = fabs(s->sort[n] - s->sort[n - 1]) * M_SQRT1_2;
+            n++;
         }
-        pair[pairs++] = 1.4826 * sst_stats_median(s->sort, n);
+        for (int k = 0; k < n; k++)
+            s->sort[k] = fabs(s->sort[k]);
+        apart[pairs] = 1.4826 * sst_stats_median(s->sort, n);
+        rough[pairs++] = n > 1 ? 1.4826 * sst_stats_median(steps, n - 1) : 0;
     }
-    return sst_stats_quantile(pair, pairs, 0.9);
+    out->contradiction_px = sst_stats_quantile(apart, pairs, 0.9);
+    out->rough_px = sst_stats_quantile(rough, pairs, 0.9);
 }
 
 /* Leave out the unobservable states, and solve for the others. */
@@ -457,7 +465,7 @@ int drift_solve_cameras(struct sst_drift *out, const struct drift_work *w)
         if (s.count) {
             leave_open(&s, part);
             s.inflation = inflation_of(&s);
-            out->contradiction_px = contradiction_of(&s);
+            measure_contradiction(out, &s);
             err = report(out->camera, &s, part);
         }
     }

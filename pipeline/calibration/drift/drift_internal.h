@@ -172,7 +172,7 @@ SST_MUST_CHECK int drift_measure_corner_pairs(struct sst_drift *out, struct drif
 
 /* --- drift_cameras.c: camera displacements from matches ----------------------------------------------------------- */
 
-/** Fill contradiction_px and camera[views], all but residual_px, drifted and lost. @return 0, -ENOMEM */
+/** Fill contradiction_px, rough_px and camera[views], all but residual_px, drifted and lost. @return 0, -ENOMEM */
 SST_MUST_CHECK int drift_solve_cameras(struct sst_drift *out, const struct drift_work *w);
 
 /* Least variance of the offsets along which shifts were seen, spacings^2, for shifts in proportion to them to be
