@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (one more than there are processors), those that tests/special.txt marks `first` before
-# the others. Beside them, one after the other, run those marked `waits`, which need little of a processor; with JOBS=1
-# before them. A program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. Each test's output is
-# shown whole, in that order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the
-# reason. A test that takes longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its
-# processes are shown. What a sanitizer reports in any process of a test fails it, even if the test did not notice.
+# Run test programs: JOBS at a time (one more than there are processors). Those that tests/special.txt marks `waits` run one
+# after the other in one of these places, so that processors are busy beside them; those marked `first` before the others. A
+# program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. Each test's output is shown whole, in that
+# order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the reason. A test that takes
+# longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its processes are shown. What a
+# sanitizer reports in any process of a test fails it, even if the test did not notice.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
@@ -112,17 +112,13 @@ run_waiting() {
   done
 }
 
-running=0 beside=
+running=0
 if [ "${#waiting[@]}" -gt 0 ]; then
-  run_waiting & beside=$!
-  [ "$jobs" -gt 1 ] || wait "$beside"
+  run_waiting &
+  running=1
 fi
 for ((i = 0; i < busy; i++)); do
-  while [ "$running" -ge "$jobs" ]; do
-    wait -n -p ended
-    [ "$ended" = "$beside" ] || running=$((running - 1))
-    show
-  done
+  while [ "$running" -ge "$jobs" ]; do wait -n; running=$((running - 1)); show; done
   run "$i" &
   running=$((running + 1))
 done
