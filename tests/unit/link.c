@@ -554,7 +554,8 @@ static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
     assert_int_equal(peer(0).refused, 0);
     link_dtls_close(d);
     both_capture(&left, &other, 10);
-    UNTIL(all_sent(&left) && all_sent(&other) && head_frames() == 46);
+    /* On a busy machine a part may come later than its set is waited for. */
+    UNTIL(all_sent(&left) && all_sent(&other) && of_head(&head.sets) == 13 && head_frames() >= 42);
     assert_int_equal(state(&left).connections, 1);
     close_node(&left);
     close_node(&other);
