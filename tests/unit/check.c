@@ -410,7 +410,6 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
     sst_drift_fini(&c);
 }
 
-/* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
 /* Parts of a mesh are found a period off, at any of several displacements; those of what is displaced at one. */
 static void meshes_contradict_themselves(void **state)
 {
@@ -437,6 +436,7 @@ static void meshes_contradict_themselves(void **state)
     }
 }
 
+/* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
 static void noise_is_measured(void **state)
 {
     static struct drift_pyramid v;

@@ -253,24 +253,22 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
                usable, w->links, w->cfg.min_matches);
     } else if (2 * bad > usable && out->measured && 8 * (bad - lost) <= out->measured) {
         out->verdict = SST_DRIFT_UNKNOWN;
-        append(
-            out,
-            "UNKNOWN: %d of %d pairs do not match, but %d of the %d that do fit within %.2g px: twigs or leaves hide "
-            "what the views share; check when something else is before the array",
-            lost, usable, out->measured - (bad - lost), out->measured, w->cfg.unusable_px);
+        append(out,
+               "UNKNOWN: %d of %d pairs do not match, but %d of the %d that do fit within %.2g px: twigs or leaves "
+               "hide what the views share; check when something else is before the array",
+               lost, usable, out->measured - (bad - lost), out->measured, w->cfg.unusable_px);
     } else if (out->rough_px > ROUGH_PX && 2 * lost < usable) {
         out->verdict = SST_DRIFT_UNKNOWN;
-        append(
-            out,
-            "UNKNOWN: neighbouring matches of a pair contradict each other by %.2f px: a fence or rows of windows fill "
-            "the pictures; check when something else is before the array",
-            out->rough_px);
+        append(out,
+               "UNKNOWN: neighbouring matches of a pair contradict each other by %.2f px: a fence or rows of windows "
+               "fill the pictures; check when something else is before the array",
+               out->rough_px);
     } else if (2 * bad > usable) {
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
                "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
-               "not rectified, or with another calibration%s",
-               bad, usable, w->cfg.unusable_px, lost < bad ? ", or a fence or rows of windows fill them" : "");
+               "not rectified, or with another calibration",
+               bad, usable, w->cfg.unusable_px);
     } else if (isgreater(out->axes_px, w->cfg.unusable_px)) { /* never so for NAN */
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,

@@ -33,7 +33,8 @@ struct sst_align_report {
  * not observable: the mean of those that agree stays, but for a fall-off beside which the cameras' own are significant;
  * so does a displacement that grows with the views' offsets, which meshes and foliage feign: all of it where it
  * explains most of the deviations, else the share that their jitter does not. Exponents (gamma) are undone in all views
- * if their RMS is beyond 4 % and 3 sigma, and explain the light better than fall-offs do; not with a calibration.
+ * if their RMS is beyond 4 % and 3 sigma, and explain the light better than fall-offs do; not with a calibration. Where
+ * the matches of a pair contradict each other, as those of fences do, no displacement is corrected.
  *
  * @param correction  out, [rows * cols]
  */
