@@ -116,6 +116,7 @@ static void contradictions_are_left(void **state SST_UNUSED)
 {
     const struct sst_drift_config cfg = { .threads = 2, .loose = true, .unusable_px = 6 };
     struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
     struct sst_align_report report;
     struct sst_lightfield lf;
     struct sst_drift check;
@@ -133,6 +134,14 @@ static void contradictions_are_left(void **state SST_UNUSED)
     assert_true(report.contradictory && report.lit >= VIEWS / 2 && report.worst_px == 0);
     for (int k = 0; k < VIEWS; k++)
         assert_true(c[k].shift_x_px == 0 && c[k].shift_y_px == 0 && c[k].roll_deg == 0 && c[k].scale == 0);
+    check.camera[3].known = true;
+    check.camera[3].off_px = 20;
+    check.camera[3].off_sigma_px = 0.1;
+    sst_judge_pictures(&judgement, &lf, &check);
+    assert_true(judgement.plausible);
+    check.contradiction_px = 0.1;
+    sst_judge_pictures(&judgement, &lf, &check);
+    assert_int_equal(judgement.view[3].fault, SST_VIEW_DISPLACED);
     sst_drift_fini(&check);
     sst_lightfield_fini(&lf);
 }

@@ -59,6 +59,9 @@ struct sst_drift_camera {
     bool blank;         /* hardly any contrast where the others have some: black, covered, over-exposed */
 };
 
+/* Displaced views of foliage have up to 0.35, fences that are matched a period off mostly above 1. */
+#define SST_DRIFT_CONTRADICTION_PX 0.6
+
 struct sst_drift {
     enum sst_drift_verdict verdict;
     int rows, cols;
@@ -71,7 +74,8 @@ struct sst_drift {
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
                                           seen in both, px per spacing; NAN: none */
     double contradiction_px; /* matches of one pair about what the displacements explain: robust sigma, of the worst tenth
-                                of the pairs; fences and rows of windows are matched a period off; 0 without matches */
+                                of the pairs; fences and rows of windows are matched a period off; 0 without matches.
+                                Above SST_DRIFT_CONTRADICTION_PX no displacement is to be believed. */
     double rough_px; /* the same of each match about the next one: what lenses leave is smooth */
     double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
                                           0: not measured */

@@ -12,22 +12,20 @@
 #define OFF_GAIN   0.12 /* like OFF_PX, of logs: 5 % of the grey levels; hard scenes reach 0.1 */
 #define TILTED     0.5  /* of the variance: deviations that grow with the offsets are no jitter */
 /* Sigma of a slope that a scene feigns, px per spacing: of the median sigma, and at least. Bush, humvee, cell, cat. */
-#define FEIGNED    0.7
-#define FEIGNED_PX 0.005
-#define MOST_GAIN  1.4 /* like MOST_PX: a factor of 4 */
-#define MOST_FALL  2.0 /* SST_CORRECTION_FALLOFF_MAX */
-#define FALL_APART 0.1 /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
-#define FALL_SIGMA 2   /* ... of which sigma explains half */
-#define APART_PX   0.15 /* RMS of displacements of a kind: the array is off; undisturbed scenes have up to 0.1 */
-#define APART_SIGMA 3
-/* Beyond this, matches contradict each other. Displaced views of foliage have up to 0.35, of fences mostly above 1. */
-#define CONTRADICTION_PX 0.6
-#define BENT_APART       0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
-#define BENT_SIGMA       3
-#define BENT_MOST        0.5 /* from 1; beyond, pictures are too dark or bright to be bent back */
-#define AGREE            3   /* robust sigmas from the median: these make the mean that stays */
-#define ROUNDS           10
-#define STAY_SPREADS     2 /* RMS of all views */
+#define FEIGNED      0.7
+#define FEIGNED_PX   0.005
+#define MOST_GAIN    1.4  /* like MOST_PX: a factor of 4 */
+#define MOST_FALL    2.0  /* SST_CORRECTION_FALLOFF_MAX */
+#define FALL_APART   0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
+#define FALL_SIGMA   2    /* ... of which sigma explains half */
+#define APART_PX     0.15 /* RMS of displacements of a kind: the array is off; undisturbed scenes have up to 0.1 */
+#define APART_SIGMA  3
+#define BENT_APART   0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
+#define BENT_SIGMA   3
+#define BENT_MOST    0.5 /* from 1; beyond, pictures are too dark or bright to be bent back */
+#define AGREE        3   /* robust sigmas from the median: these make the mean that stays */
+#define ROUNDS       10
+#define STAY_SPREADS 2 /* RMS of all views */
 
 /* One kind of deviation of all views. */
 struct kind {
@@ -367,7 +365,7 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     for (int k = 0; k < lf->rows * lf->cols; k++)
         correction[k] = sst_correction_none();
     plan_places(correction, report, lf, check);
-    if (check->contradiction_px > CONTRADICTION_PX)
+    if (check->contradiction_px > SST_DRIFT_CONTRADICTION_PX)
         leave_places(correction, report, lf->rows * lf->cols);
     if (!plan_exponents(correction, report, lf, check)) {
         plan_falloffs(correction, report, lf, check);

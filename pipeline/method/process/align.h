@@ -8,7 +8,7 @@
 /** What was found and done. */
 struct sst_align_report {
     int moved, lit;    /* views whose picture was moved, whose gain was changed; 0: nothing significant */
-    bool contradictory; /* some seem displaced, but are left: matches of a pair contradict each other by more than 0.6 px */
+    bool contradictory; /* some seem displaced, but are left: matches of a pair contradict each other */
     double worst_px;   /* largest displacement that was undone, RMS over the picture */
     double worst_gain; /* largest |gain - 1| that was undone */
     int faded;            /* views whose fall-off towards the corners was undone */

@@ -207,7 +207,8 @@ void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *
     for (int v = 0; v < views; v++) {
         const struct sst_drift_camera *c = &check->camera[v];
 
-        if (c->known && c->off_px > DISPLACED_PX && c->off_px > 4 * c->off_sigma_px)
+        if (check->contradiction_px <= SST_DRIFT_CONTRADICTION_PX && c->known && c->off_px > DISPLACED_PX &&
+            c->off_px > 4 * c->off_sigma_px)
             blame(out, v, SST_VIEW_DISPLACED, -1);
     }
     conclude(out, lf);
@@ -248,7 +249,8 @@ void sst_judge_maps(struct sst_judgement *out, const struct sst_lightfield *lf, 
     }
     usual = n ? sst_stats_median(sorted, n) : NAN;
     for (int v = 0; v < views; v++) {
-        if (isless(out->view[v].confirmed, FAR_BELOW * usual) && out->view[v].confirmed < SST_CONFIRMED_FLOOR) /* NAN: never */
+        if (isless(out->view[v].confirmed, FAR_BELOW * usual) &&
+            out->view[v].confirmed < SST_CONFIRMED_FLOOR) /* NAN: never */
             blame(out, v, SST_VIEW_UNCONFIRMED, -1);
     }
     if (out->plausible && confirmed < SST_CONFIRMED_FLOOR)
