@@ -147,7 +147,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster check-nodes demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -324,6 +324,9 @@ $(BUILD)/arm64_profile.so: scripts/arm64/profile.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -I. -O2 -fPIC -shared $(CWARN) $< -o $@
 kernel-tests: $(filter $(BUILD)/tests/kernels/%,$(TESTS))
+
+findings: ## run what is known of real libraries and tools that do otherwise than one would guess; downloads pinned packages
+	scripts/findings.sh
 
 deps-cluster: ## install what check-cluster needs besides
 	scripts/deps.sh scripts/cluster/packages.txt
