@@ -4,7 +4,9 @@
 # program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. Each test's output is shown whole, in that
 # order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the reason. A test that takes
 # longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its processes are shown. What a
-# sanitizer reports in any process of a test fails it, even if the test did not notice.
+# sanitizer reports in any process of a test fails it, even if the test did not notice. RETRIES=N: a test that fails is run up to N
+# times again, for limits of time that a busy machine may miss. Attempts that tests repeat themselves ("attempt N: why"), those that
+# judge nothing in the end ("not judged: why") and such runs are counted, and named before the last line.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
@@ -58,7 +60,7 @@ use_build() {
 
 # run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
 run() {
-  local start pid rc watch
+  local start pid rc watch tries=0
   use_build "${tests[$1]}"
   start=$(date +%s%N)
   # A script may look for other things in what a program says, or at nothing.
@@ -66,14 +68,19 @@ run() {
     export ASAN_OPTIONS="${ASAN_OPTIONS:-}:log_path=$dir/$1.report" UBSAN_OPTIONS="${UBSAN_OPTIONS:-}:log_path=$dir/$1.report"
   fi
   # A session, by which all is found that it leaves behind.
-  setsid timeout -k 10 "$limit" ${SST_RUNNER-} "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
-  # Waits without a child, which could outlive it and keep our output open.
-  (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; for p in $(tree $pid); do scripts/stacks.sh "$p"; done >"$dir/$1.stuck" 2>&1) & watch=$!
-  trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM
-  wait $pid; rc=$?
-  pkill -KILL -s $pid
-  kill $watch 2>/dev/null; wait $watch 2>/dev/null
-  [ "$rc" -ne 124 ] || cat "$dir/$1.stuck" >>"$dir/$1.out"
+  while true; do
+    setsid timeout -k 10 "$limit" ${SST_RUNNER-} "${tests[$1]}" >>"$dir/$1.out" 2>&1 </dev/null & pid=$!
+    # Waits without a child, which could outlive it and keep our output open.
+    (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; for p in $(tree $pid); do scripts/stacks.sh "$p"; done >"$dir/$1.stuck" 2>&1) & watch=$!
+    trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM
+    wait $pid; rc=$?
+    pkill -KILL -s $pid
+    kill $watch 2>/dev/null; wait $watch 2>/dev/null
+    [ "$rc" -ne 124 ] || cat "$dir/$1.stuck" >>"$dir/$1.out"
+    [ "$rc" -ne 0 ] && [ "$rc" -ne 77 ] && [ "$tries" -lt "${RETRIES:-0}" ] || break
+    tries=$((tries + 1))
+    echo "attempt $tries: exit $rc" >>"$dir/$1.out"
+  done
   echo "$rc $(( ($(date +%s%N) - start) / 1000000 ))" >"$dir/$1.new"
   mv "$dir/$1.new" "$dir/$1.end"
 }
@@ -81,9 +88,9 @@ run() {
 # reported NUMBER: by a sanitizer, in any of its processes
 reported() { grep -qE '(ERROR|WARNING): [A-Za-z]*Sanitizer|: runtime error: ' "$dir/$1.out"; }
 
-shown=0 passed=0 failed=0 skipped=0
+shown=0 passed=0 failed=0 skipped=0 repeated=0 unjudged=0 late=
 show() {
-  local rc ms t out
+  local rc ms t out n not
   while [ -e "$dir/$shown.end" ]; do
     read -r rc ms <"$dir/$shown.end"
     t=${tests[$shown]} out=$dir/$shown.out
@@ -99,6 +106,9 @@ show() {
          grep -E '^FAIL|^\[ +(ERROR|LINE|FAILED) +\]|^ERROR|rror: |SUMMARY' "$out" | head -n 10 | sed 's/^/   >  /'
          sed 's/^/      /' "$out";;
     esac
+    n=$(grep -cE '^attempt [0-9]+: ' "$out") not=$(grep -c '^not judged: ' "$out")
+    repeated=$((repeated + n)) unjudged=$((unjudged + not))
+    [ "$((n + not))" -eq 0 ] || late+=" ${t##*tests/} $n"
     shown=$((shown + 1))
   done
 }
@@ -125,5 +135,6 @@ done
 wait
 show
 echo
+[ -z "$late" ] || echo "attempts repeated: $repeated, not judged in the end: $unjudged;$late"
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ] && [ "$shown" -eq $# ]

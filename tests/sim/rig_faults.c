@@ -93,6 +93,8 @@ static void mended(const char *fault, const char *value, uint64_t (*count)(const
         assert_int_equal(report.taken, 2);
         expect_all_views();
         mended = count(&report.rig) > 0 && report.again == 0;
+        if (!mended)
+            print_message("attempt %d: %s was not seen, or a view was tried again\n", i + 1, fault);
     }
     assert_true(mended);
     set_fault(fault, "off");
@@ -229,6 +231,8 @@ static void an_early_in_position_is_not_believed(void **state SST_UNUSED)
         assert_int_equal(capture_with("in_position_lies", "x:always", &report), 0);
         assert_int_equal(report.again, 0);
         expect_all_views();
+        if (!report.rig.lies)
+            print_message("attempt %d: no lie was heard\n", i + 1);
     }
     assert_true(report.rig.lies >= 1);
 }

@@ -31,12 +31,13 @@ grep -q '"taken":3' report || fail "not three views: $(cat report)"
 [ -f lf/lightfield.json ] && [ "$(ls lf/views | wc -l)" -eq 3 ] || fail "no light field: $(ls lf lf/views)"
 timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json | grep -q '"taken":0' || fail "complete, and taken again"
 
-for _ in 1 2 3 4 5; do # who stands still for two seconds comes too late for the views that are left: again
+for n in 1 2 3 4 5; do # who stands still for two seconds comes too late for the views that are left: again
   rm -rf cut
   "$sst" capture rig "${rig[@]}" --bus $bus --settle 1000 -o cut >/dev/null 2>err & pid=$!
   for _ in $(seq 1200); do [ "$(grep -c '"view"' cut/capture.jsonl 2>/dev/null)" -ge 1 ] 2>/dev/null && break; sleep 0.05; done
   kill -INT $pid; wait $pid; rc=$?
   [ $rc -eq 0 ] || break
+  repeats $n "the capture ended before Ctrl-C"
 done
 [ $rc -eq 130 ] || fail "Ctrl-C gives $rc: $(cat err)"
 grep -q "run the same command to resume" err || fail "no word of going on: $(cat err)"

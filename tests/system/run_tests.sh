@@ -7,6 +7,8 @@ make_test skipped 'echo no such thing here; exit 77'
 make_test bad 'seq 100; echo "FAIL: it is bad"; seq 100; exit 1'
 make_test crashes 'kill -SEGV $$'
 make_test hangs 'sleep 100'
+make_test late 'echo "attempt 1: a machine that was late"; echo "attempt 2: again"; echo "not judged: late, 2 times"'
+make_test second '[ -e "$0.been" ] && exit 0; touch "$0.been"; exit 1'
 make_test reported "echo 'WARNING: ThreadSanitizer: of a child'"
 make_test unseen.sh "echo 'ERROR: AddressSanitizer: of a child' >\"\${ASAN_OPTIONS##*log_path=}.123\""
 
@@ -27,6 +29,11 @@ runs 1 '1 passed, 1 failed, 0 skipped' good bad
 runs 1 '0 passed, 1 failed, 0 skipped' crashes
 runs 1 '0 passed, 1 failed, 0 skipped' hangs
 grep -q 'not ended after 5 s' out || fail "a hang is not told: $(cat out)"
+runs 0 '2 passed, 0 failed, 0 skipped' late good
+grep -q '^attempts repeated: 2, not judged in the end: 1; .*late 2$' out || fail "attempts are not counted: $(cat out)"
+RETRIES=2 runs 0 '1 passed, 0 failed, 0 skipped' second
+grep -q '^attempts repeated: 1, .*second 1$' out || fail "a run again is not counted: $(cat out)"
+RETRIES=2 runs 1 '0 passed, 1 failed, 0 skipped' bad
 runs 1 '0 passed, 1 failed, 0 skipped' reported
 runs 1 '0 passed, 1 failed, 0 skipped' unseen.sh
 grep -q 'AddressSanitizer: of a child' out || fail "the report is not shown: $(cat out)"

@@ -21,12 +21,13 @@ timeout 600 'a b:c/sst-sim' --quiet --world "$root/simulators/scene/world/worlds
 grep -q '^gpiochip1 \[sst-trigger\]' out && [ -e 'a b:c/libsst-sim-preload.so' ] || fail "a name with a space: $(cat out)"
 
 # --- edges through the loop-back wire, by both versions of the uAPI; a line in use is shown and refused
-for _ in 1 2 3 4 5; do # a busy machine makes a pulse longer: again
+for n in 1 2 3 4 5; do # a busy machine makes a pulse longer: again
   $sim -- sh -c "timeout 60 gpiomon --num-events=4 sst-trigger 2 & $until 'held LOOP0 gpiomon'
     gpioset --mode=time --usec=20000 sst-trigger 0=1; gpioset --mode=time --usec=1000 sst-trigger 0=1; wait" >out 2>&1
   [ "$(grep -Eo 'RISING|FALLING' out | tr '\n' ' ')" = 'RISING FALLING RISING FALLING ' ] || fail "gpiomon: $(cat out)"
   width=$(awk '{ gsub(/[][]/, " "); t[NR] = $NF } END { print t[2] - t[1] < 0.02 ? "short" : t[2] - t[1] < 0.2 ? "right" : "long" }' out)
   [ $width != long ] && break
+  repeats $n "a pulse of $width width"
 done
 [ $width = right ] || fail "width: $(cat out)"
 $sim -- "$build/tests/tools/sim_bus" gpio /dev/gpiochip1 0 2 >out 2>&1 || fail "uAPI 2: $(cat out)"

@@ -17,9 +17,10 @@ holds() {
 # unbroken WHAT SIM-OPTIONS -- GRAB-ARGUMENTS: status 0, and no gap in the sequence: a simulator that stands still for a
 # second leaves frames out, and then it is done once more.
 unbroken() {
-  for _ in 1 2 3 4 5; do
+  for n in 1 2 3 4 5; do
     grabs 0 "$@"
     awk 'NR > 1 && $5 != (last + 1) % 4294967296 { gap = 1 } { last = $5 } END { exit gap }' out && break
+    repeats $n "$1: a gap in the sequence"
   done
 }
 # grabs STATUS WHAT SIM-OPTIONS -- GRAB-ARGUMENTS
@@ -36,10 +37,11 @@ grabs() {
 # --- conformance: the public tool finds nothing at all, DMABUF from another camera included. On a busy machine it misses
 # frames, of which it warns, and where it was stopped itself its epoll_wait() ends with EINTR: then it looks again.
 for format in MJPG YUYV RGGB; do
-  for _ in 1 2 3 4 5 6 7 8; do
+  for n in 1 2 3 4 5 6 7 8; do
     $sim -- sh -c "v4l2-ctl -d /dev/video1 -v width=160,height=120,pixelformat='$format' &&
       v4l2-compliance -d /dev/video1 -e /dev/video2 -s4" >out 2>&1
     grep -Eq 'warn: .*got sequence number|fail: v4l2-test-buffers.*: ret < 0 \(got -1\)' out || break
+    repeats $n "v4l2-compliance on $format: frames that it missed"
   done
   grep -q 'Succeeded: 54, Failed: 0, Warnings: 0' out || fail "v4l2-compliance on $format: $(grep -E 'fail|FAIL|warn|Total' out | head -5)"
 done
