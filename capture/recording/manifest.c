@@ -202,8 +202,9 @@ int manifest_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst
                                &f.faults, &f.crc32) != 9)
             return -EBADMSG;
         row = strchr(row, ']');
-        if (!row++)
+        if (!row)
             return -EBADMSG;
+        row++;
     }
     f.present = k == cam;
     if (f.present && (f.offset < -1 || f.offset > OFFSET_MAX || bytes < 0 || bytes > INT32_MAX || stride < 0 ||

@@ -55,11 +55,15 @@ static bool next_chunk(struct file *f, struct chunk *c)
 
 static bool read_header(const struct chunk *c, struct png_plain *out)
 {
-    const uint32_t width = big_endian(c->data), height = big_endian(c->data + 4);
-    const int depth = c->data[8], type = c->data[9];
+    uint32_t width, height;
+    int depth, type;
 
     if (!is(c, "IHDR") || c->size != HEADER_SIZE || c->data[10] || c->data[11] || c->data[12])
         return false;
+    width = big_endian(c->data);
+    height = big_endian(c->data + 4);
+    depth = c->data[8];
+    type = c->data[9];
     if (!width || !height || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE ||
         (size_t)width * height > SST_IMAGE_MAX_PIXELS)
         return false;

@@ -216,7 +216,7 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-#define MAX_FIELDS 24 /* of the largest object */
+#define MAX_FIELDS 32 /* of the largest object */
 
 /* State of reading one object; only its first fault is logged. */
 struct reader {

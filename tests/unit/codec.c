@@ -389,6 +389,28 @@ static uint32_t crc32_of(const uint8_t *data, size_t n)
     return ~c;
 }
 
+/* A first chunk that is shorter than a header, and right otherwise. */
+static void a_png_without_its_header_is_refused(void **state SST_UNUSED)
+{
+    static const uint8_t begin[] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n', 0, 0, 0, 0, 'I', 'H', 'D', 'R' };
+    struct sst_image img;
+
+    for (uint8_t n = 0; n < 13; n++) {
+        const size_t size = sizeof(begin) + n + 4;
+        uint8_t *file = calloc(size, 1); /* so large: what is read beyond it shows */
+        uint32_t crc;
+
+        assert_non_null(file);
+        memcpy(file, begin, sizeof(begin));
+        file[11] = n;
+        crc = crc32_of(file + 12, 4 + (size_t)n);
+        for (int i = 0; i < 4; i++)
+            file[size - 4 + (size_t)i] = (uint8_t)(crc >> (24 - 8 * i));
+        assert_int_equal(sst_image_decode(&img, file, size, "short.png"), -EBADMSG);
+        free(file);
+    }
+}
+
 static void put_be32(uint8_t *out, uint32_t v)
 {
     for (int i = 0; i < 4; i++)
@@ -785,6 +807,7 @@ int main(void)
         cmocka_unit_test(compared_pictures_are_scaled_alike),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
+        cmocka_unit_test(a_png_without_its_header_is_refused),
         cmocka_unit_test(absurd_sizes_are_refused),
         cmocka_unit_test(pfm_is_read_bottom_up_in_either_order),
         cmocka_unit_test(bad_pfm_files_are_refused),

@@ -261,6 +261,14 @@ static void every_field_is_checked(void **state SST_UNUSED)
     assert_int_equal(sst_lightfield_write(&lf, test_path("edit"), 2), 0);
     assert_int_equal(load_edited("\"bx\": -1.0", "\"bx\": -1"), 0);
     assert_int_equal(load_edited("\"history\": \"\"", "\"history\": \"x\""), 0);
+    /* All that a light field can have besides. */
+    assert_int_equal(load_edited("\"disp_min_px\": -3.0",
+                                 "\"disp_min_px\": -3.0, \"disparity_tested\": true, \"parallel\": true, "
+                                 "\"skew_us\": 12.5, \"samples\": [64, 1023], \"plausible\": true, "
+                                 "\"implausible\": \"\", \"correction\": [{\"row\": 0, \"col\": 0, "
+                                 "\"right_px\": 0.05, \"down_px\": 0, \"roll_deg\": 0.1, \"scale\": 0, "
+                                 "\"gain\": [1, 1, 1], \"falloff\": 0.1, \"exponent\": 1}]"),
+                     0);
     for (size_t i = 0; i < ARRAY_LEN(edits); i++) {
         if (load_edited(edits[i][0], edits[i][1]) != -EBADMSG)
             fail_msg("%s was accepted", edits[i][1]);

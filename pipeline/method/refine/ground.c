@@ -11,7 +11,9 @@
 #define MOST_SLOPE   0x1p40
 #define MOST_VALUE   0x1p57
 
+#ifndef __clang__ /* to which this is no constant */
 _Static_assert((int64_t)(LIMIT_SIGMAS *MAD_TO_SIGMA *WHOLE + 0.5) == SST_GROUND_SPREAD_Q24, "steps of 2^-24");
+#endif
 
 static int64_t whole(double v, double most)
 {
