@@ -17,7 +17,8 @@
 
 /* Behind the model's own faults. */
 #define FAULT_UNPLUG SST_SIM_PTP_FAULTS
-#define FAULTS       (SST_SIM_PTP_FAULTS + 1)
+#define FAULT_PRESS  (SST_SIM_PTP_FAULTS + 1)
+#define FAULTS       (SST_SIM_PTP_FAULTS + 2)
 
 static const struct sim_fault faults[FAULTS] = {
     [SST_SIM_PTP_BUSY] = { "busy", 0, 60000, "ms for which the camera is busy, from the next capture on" },
@@ -30,6 +31,9 @@ static const struct sim_fault faults[FAULTS] = {
     [SST_SIM_PTP_DOWNLOAD] = { "unplug_download", 0, 60000, "ms for which the next download unplugs the camera" },
     [SST_SIM_PTP_NO_EVENT] = { "no_event", 0, 1000, "number of pictures that are not announced" },
     [SST_SIM_PTP_DIAL] = { "dial", 0, 10000, "somebody turns the dial: exposure time in 0.1 ms" },
+    [SST_SIM_PTP_LATE_EVENT] = { "late_event", 0, 60000, "ms by which the next picture is announced late" },
+    [SST_SIM_PTP_REPEAT] = { "repeat", 0, 1, "1: pictures are announced again and again until they are downloaded" },
+    [FAULT_PRESS] = { "press", 0, 1, "1: somebody presses the button on the camera" },
     [FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back" },
 };
 
@@ -185,15 +189,6 @@ static void unplug(void *arg, int ms)
     plug_later(arg, sst_max_int(ms, 1), 0);
 }
 
-static int fault_changed(void *arg, int instance SST_UNUSED, int fault, double value)
-{
-    struct sim_still *s = arg;
-
-    if (fault == FAULT_UNPLUG)
-        sim_usb_front_plug(s->cfg.usb, value == 0);
-    return 0;
-}
-
 /* --- pipes -------------------------------------------------------------------------------------------------------- */
 
 static void arm(struct sim_still *s)
@@ -202,6 +197,19 @@ static void arm(struct sim_still *s)
 
     if (due_ns < INT64_MAX && sim_timer_set(s->cfg.server, &s->exposing, due_ns))
         sst_log_error("still camera: out of memory for its exposure");
+}
+
+static int fault_changed(void *arg, int instance SST_UNUSED, int fault, double value)
+{
+    struct sim_still *s = arg;
+
+    if (fault == FAULT_UNPLUG) {
+        sim_usb_front_plug(s->cfg.usb, value == 0);
+    } else if (fault == FAULT_PRESS && value > 0) {
+        sst_sim_ptp_press(s->ptp, sst_clock_now_ns());
+        arm(s);
+    }
+    return 0;
 }
 
 static void exposing(void *arg)
@@ -259,6 +267,7 @@ static int create(struct sim_still *s)
         .lag_ms = s->settings->lag_ms,
         .write_ms = s->settings->write_ms,
         .mirror_lockup = s->settings->mirror_lockup,
+        .buffer = s->settings->buffer,
         .arg = s,
         .expose = expose,
         .stored = stored,

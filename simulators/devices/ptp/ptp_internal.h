@@ -144,6 +144,7 @@ struct ptp_file {
     uint8_t *data;
     size_t bytes;
     bool sent_short; /* fault "corrupt" 3: the next download lacks its end */
+    bool sent;       /* to a host */
 };
 
 struct ptp_card {
@@ -170,11 +171,19 @@ void ptp_card_fini(struct ptp_card *card);
 /* --- the camera (ptp_model.c, ptp_shot.c) ------------------------------------------------------------------------- */
 
 #define PTP_EVENTS 32
+#define PTP_BUFFER 4 /* exposures that are not on the card yet */
+#define PTP_LATE   8 /* announcements that come late */
 
-enum ptp_state {
-    PTP_READY = 0,
-    PTP_RELEASED = 1, /* until the exposure starts */
-    PTP_WRITING = 2,  /* exposed; the files are not on the card yet */
+/** An exposure that is written to the card. */
+struct ptp_taken {
+    int shot;
+    int64_t due_ns; /* on the card */
+    int files;
+    struct {
+        uint8_t *data;
+        size_t bytes;
+        bool raw;
+    } file[2];
 };
 
 struct ptp_phase {
@@ -204,15 +213,17 @@ struct sst_sim_ptp {
     uint8_t event[PTP_EVENTS][PTP_HEADER_BYTES + 4];
     int events;
     /* exposures */
-    enum ptp_state state;
-    int64_t due_ns, busy_until_ns, mirror_until_ns;
+    int64_t expose_ns; /* start of the exposure; 0: none was released */
+    int64_t busy_until_ns, mirror_until_ns;
     int shots;
-    struct {
-        uint8_t *data;
-        size_t bytes;
-        bool raw;
-    } taken[2]; /* exposed, not on the card yet */
+    struct ptp_taken taken[PTP_BUFFER]; /* oldest first */
     int taken_count;
+    struct {
+        int64_t due_ns;
+        uint16_t code;
+        uint32_t parameter;
+    } late[PTP_LATE];
+    int late_count;
 };
 
 void ptp_event(struct sst_sim_ptp *p, uint16_t code, uint32_t parameter);

@@ -104,6 +104,10 @@ int sst_sim_ptp_event(struct sst_sim_ptp *p, uint8_t *out, size_t size)
 {
     const size_t bytes = sizeof(p->event[0]);
 
+    if (!p->events && ptp_fault(p, SST_SIM_PTP_REPEAT) > 0)
+        for (int i = 0; i < p->card.files && !p->events; i++)
+            if (!p->card.file[i].sent)
+                ptp_event(p, PTP_EVENT_OBJECT_ADDED, p->card.file[i].handle);
     if (!p->events || size < bytes || p->silent)
         return -EAGAIN;
     memcpy(out, p->event[0], bytes);
@@ -192,6 +196,7 @@ static unsigned get_object(struct sst_sim_ptp *p, struct ptp_bytes *out, uint32_
         bytes -= LOST_BYTES;
         f->sent_short = false;
     }
+    f->sent = true;
     ptp_put_bytes(out, f->data + from, bytes);
     return PTP_OK;
 }

@@ -12,17 +12,19 @@ struct sst_sim_ptp; /* opaque; one thread */
 
 /** Faults of the camera; a value of 0 is none. */
 enum sst_sim_ptp_fault {
-    SST_SIM_PTP_BUSY = 0,      /* the next request to capture, and those within this time in ms after it: DeviceBusy */
-    SST_SIM_PTP_CARD_FULL = 1, /* 1: the card has no space */
-    SST_SIM_PTP_BATTERY = 2,   /* level of the battery in percent */
-    SST_SIM_PTP_REFUSE = 3,    /* this many settings are refused: AccessDenied */
-    SST_SIM_PTP_CORRUPT = 4,   /* the next file: 1 its end is missing on the card, 2 bytes are wrong on the card,
-                                  3 fewer bytes are sent than announced, once */
-    SST_SIM_PTP_SILENCE = 5,   /* 1: no answers until the interface is released or reset */
-    SST_SIM_PTP_DOWNLOAD = 6,  /* unplugged in the middle of the next download, for this time in ms */
-    SST_SIM_PTP_NO_EVENT = 7,  /* this many pictures are not announced by events */
-    SST_SIM_PTP_DIAL = 8,      /* the exposure time is set at the camera itself, in 0.1 ms */
-    SST_SIM_PTP_FAULTS = 9,
+    SST_SIM_PTP_BUSY = 0,       /* the next request to capture, and those within this time in ms after it: DeviceBusy */
+    SST_SIM_PTP_CARD_FULL = 1,  /* 1: the card has no space */
+    SST_SIM_PTP_BATTERY = 2,    /* level of the battery in percent */
+    SST_SIM_PTP_REFUSE = 3,     /* this many settings are refused: AccessDenied */
+    SST_SIM_PTP_CORRUPT = 4,    /* the next file: 1 its end is missing on the card, 2 bytes are wrong on the card,
+                                   3 fewer bytes are sent than announced, once */
+    SST_SIM_PTP_SILENCE = 5,    /* 1: no answers until the interface is released or reset */
+    SST_SIM_PTP_DOWNLOAD = 6,   /* unplugged in the middle of the next download, for this time in ms */
+    SST_SIM_PTP_NO_EVENT = 7,   /* this many pictures are not announced by events */
+    SST_SIM_PTP_DIAL = 8,       /* the exposure time is set at the camera itself, in 0.1 ms */
+    SST_SIM_PTP_LATE_EVENT = 9, /* the next picture is announced this time in ms after it is on the card */
+    SST_SIM_PTP_REPEAT = 10,    /* 1: files are announced again and again until they are downloaded */
+    SST_SIM_PTP_FAULTS = 11,
 };
 
 /** What an exposure depends on. */
@@ -42,6 +44,7 @@ struct sst_sim_ptp_config {
     int lag_ms;          /* from the release to the exposure */
     int write_ms;        /* from the exposure to the file on the card */
     bool mirror_lockup;  /* the first release lifts the mirror, the second one exposes */
+    bool buffer;         /* releases while earlier pictures are written, up to 4 */
     void *arg;
     /** The file of an exposure. @param data  out, to free with free() @return 0 or -errno */
     int (*expose)(void *arg, const struct sst_sim_ptp_exposure *exposure, bool raw, uint8_t **data, size_t *bytes);
@@ -66,6 +69,9 @@ SST_MUST_CHECK int sst_sim_ptp_event(struct sst_sim_ptp *p, uint8_t *out, size_t
 SST_MUST_CHECK int sst_sim_ptp_request(struct sst_sim_ptp *p, const uint8_t setup[8], uint8_t *data);
 /** The host let go of the interface: the session and what is in flight end; the card and the settings stay. */
 void sst_sim_ptp_released(struct sst_sim_ptp *p);
+
+/** Somebody presses the button on the camera, unless an exposure starts already. */
+void sst_sim_ptp_press(struct sst_sim_ptp *p, int64_t now_ns);
 
 /** When sst_sim_ptp_tick() is due; INT64_MAX: nothing is going on. */
 int64_t sst_sim_ptp_due_ns(const struct sst_sim_ptp *p);

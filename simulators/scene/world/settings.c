@@ -312,7 +312,8 @@ static void read_still(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     if (!map)
         return;
     if (!s->rig)
-        sst_yaml_fault(doc, map, "applies only to worlds with `rig: true`: a still camera is in the place of its camera");
+        sst_yaml_fault(doc, map,
+                       "applies only to worlds with `rig: true`: a still camera is in the place of its camera");
     *still = (struct sst_sim_still){
         .present = true, .serial = "SST0001", .battery_percent = 80, .card_mb = 64, .lag_ms = 60, .write_ms = 100
     };
@@ -322,6 +323,7 @@ static void read_still(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     sst_yaml_int(doc, sst_yaml_get(map, "lag_ms"), 0, 10000, &still->lag_ms);
     sst_yaml_int(doc, sst_yaml_get(map, "write_ms"), 0, 60000, &still->write_ms);
     sst_yaml_bool(doc, sst_yaml_get(map, "mirror_lockup"), &still->mirror_lockup);
+    sst_yaml_bool(doc, sst_yaml_get(map, "buffer"), &still->buffer);
     read_still_faults(doc, sst_yaml_get(map, "faults"), still);
 }
 
@@ -364,15 +366,17 @@ static void check_hedge(struct sst_yaml *doc, struct sst_yaml_node *root, const 
         turned |= s->camera[cam].given & (SST_SIM_DISTORTION | SST_SIM_ROTATION | SST_SIM_POSITION | SST_SIM_FOCAL |
                                           SST_SIM_PRINCIPAL | SST_SIM_MOVES);
     if (s->rig || s->board.kind || s->rolling || turned)
-        sst_yaml_fault(doc, root,
-                       "has the scene hedge, which an array of ideal cameras sees: without rig, board, rolling shutter, "
-                       "distortion, other focal lengths and errors of mounting");
+        sst_yaml_fault(
+            doc, root,
+            "has the scene hedge, which an array of ideal cameras sees: without rig, board, rolling shutter, "
+            "distortion, other focal lengths and errors of mounting");
     if (s->width > SST_HEDGE_WIDTH_MAX)
         sst_yaml_fault(doc, root, "has the scene hedge, which is at most %d px wide", SST_HEDGE_WIDTH_MAX);
     if (fabs(wind - round(wind)) > 1e-9 || fabs(winds - round(winds)) > 1e-9 || s->loop_s < 3 * SST_HEDGE_PERIOD_S)
-        sst_yaml_fault(doc, root,
-                       "has the scene hedge: its loop lasts 12 s or more in steps of 4 s, with a whole number of frames "
-                       "in 4 s");
+        sst_yaml_fault(
+            doc, root,
+            "has the scene hedge: its loop lasts 12 s or more in steps of 4 s, with a whole number of frames "
+            "in 4 s");
 }
 
 /* A mapping below the root, if present. */

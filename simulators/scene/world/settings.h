@@ -67,6 +67,7 @@ struct sst_sim_still {
     int battery_percent, card_mb;
     int lag_ms, write_ms; /* from the release to the exposure; from its end to the file on the card */
     bool mirror_lockup;   /* the first release lifts the mirror, the second one exposes */
+    bool buffer;          /* it releases while it writes earlier pictures */
     int faults;
     struct {
         int shot; /* before this exposure, from 1 */
@@ -77,8 +78,8 @@ struct sst_sim_still {
 
 /** One of several hosts with one array. */
 struct sst_sim_host {
-    double generator_hz;                      /* pulses on all trigger lines from outside; 0: none */
-    double clock_offset_ms, clock_drift_ppm;  /* of the wall clock that programs see, against the machine's */
+    double generator_hz;                     /* pulses on all trigger lines from outside; 0: none */
+    double clock_offset_ms, clock_drift_ppm; /* of the wall clock that programs see, against the machine's */
 };
 
 /** Spreads are standard deviations of a normal distribution over the cameras. Plain values only: the bytes are the
