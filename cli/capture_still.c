@@ -101,6 +101,7 @@ void cli_still_config(struct sst_still_config *out, const struct sst_array_confi
     out->files = files[a->still_files];
     out->mirror_ms = a->still_mirror_ms;
     out->card_ms = a->still_card_ms;
+    out->quiet_ms = a->still_quiet_ms;
     out->response_ms = a->still_response_ms;
     out->reopen_ms = a->still_reopen_ms;
     out->battery_percent = a->still_battery_percent;

@@ -86,7 +86,7 @@ struct sst_array_config {
     char still_exposure[64], still_aperture[64], still_iso[64], still_format[64];
     enum sst_config_files still_files;
     enum sst_config_focus still_focus;
-    int still_mirror_ms, still_card_ms, still_response_ms, still_reopen_ms, still_battery_percent;
+    int still_mirror_ms, still_card_ms, still_quiet_ms, still_response_ms, still_reopen_ms, still_battery_percent;
     bool still_keep;
     struct { /* hosts: */
         char head[64], head_name[64]; /* of a node: where the head is, the name in its certificate */

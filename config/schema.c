@@ -227,6 +227,10 @@ static const struct sst_key keys[] = {
     { KEY("still", "card_ms", INT, array.still_card_ms, "20000", LIVE,
           "longest time from a release until the camera has written the files, exposure included"),
       RANGE(100, 600000) },
+    { KEY("still", "quiet_ms", INT, array.still_quiet_ms, "0", LIVE,
+          "the first release, and one after a failure or a busy camera, are watched for this time: a file of an earlier "
+          "release may come first; 0: as card_ms"),
+      RANGE(0, 600000) },
     { KEY("still", "response_ms", INT, array.still_response_ms, "10000", LIVE, "time-out of an answer over USB"),
       RANGE(100, 120000) },
     { KEY("still", "reopen_ms", INT, array.still_reopen_ms, "20000", LIVE,

@@ -67,6 +67,11 @@ int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *pa
     CALL(still_lib_event, lib, timeout_ms, path);
 }
 
+int still_lib_list(struct still_lib *lib, struct still_path **list, int *count)
+{
+    CALL(still_lib_list, lib, list, count);
+}
+
 int still_lib_size(struct still_lib *lib, const struct still_path *path, size_t *bytes)
 {
     CALL(still_lib_size, lib, path, bytes);

@@ -333,6 +333,64 @@ int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *pa
     return event;
 }
 
+#define DEPTH_MAX 8
+
+/** Add the files of a folder and of those in it. @return of the library */
+static int list_folder(struct still_lib *lib, const char *folder, int depth, struct still_path **list, int *count)
+{
+    CameraList *names = NULL;
+    const char *name;
+    int rc = gp_list_new(&names), n;
+
+    if (rc >= 0)
+        rc = gp_camera_folder_list_files(lib->camera, folder, names, lib->context);
+    n = rc >= 0 ? gp_list_count(names) : 0;
+    if (n > 0) {
+        struct still_path *more = realloc(*list, (size_t)(*count + n) * sizeof(*more));
+
+        rc = more ? rc : GP_ERROR_NO_MEMORY;
+        *list = more ? more : *list;
+    }
+    for (int i = 0; rc >= 0 && i < n; i++) {
+        rc = gp_list_get_name(names, i, &name);
+        if (rc < 0)
+            break;
+        snprintf((*list)[*count].folder, sizeof((*list)->folder), "%.255s", folder);
+        snprintf((*list)[*count].name, sizeof((*list)->name), "%.63s", name);
+        ++*count;
+    }
+    if (rc >= 0)
+        rc = gp_list_reset(names);
+    if (rc >= 0 && depth < DEPTH_MAX)
+        rc = gp_camera_folder_list_folders(lib->camera, folder, names, lib->context);
+    n = rc >= 0 ? gp_list_count(names) : 0;
+    for (int i = 0; rc >= 0 && i < n; i++) {
+        char path[256];
+
+        rc = gp_list_get_name(names, i, &name);
+        if (rc >= 0 && snprintf(path, sizeof(path), "%s/%s", folder[1] ? folder : "", name) < (int)sizeof(path))
+            rc = list_folder(lib, path, depth + 1, list, count);
+    }
+    if (names)
+        gp_list_free(names);
+    return rc;
+}
+
+int still_lib_list(struct still_lib *lib, struct still_path **list, int *count)
+{
+    struct still_path *all = NULL;
+    int n = 0;
+    const int err = translate(fresh(lib), list_folder(lib, "/", 0, &all, &n));
+
+    if (err) {
+        free(all);
+        return err;
+    }
+    *list = all;
+    *count = n;
+    return 0;
+}
+
 int still_lib_size(struct still_lib *lib, const struct still_path *path, size_t *bytes)
 {
     CameraFileInfo info = { 0 };

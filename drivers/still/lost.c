@@ -49,6 +49,8 @@ int still_failed(struct sst_still *s, int err, const char *what)
 {
     const char *said = still_lib_said(s->lib);
 
+    if (still_cancelled(s)) /* the signal may have ended the transfer */
+        return -ECANCELED;
     switch (err) {
     case -ETIMEDOUT:
         s->count.silent++;
@@ -161,7 +163,7 @@ static int open_device(struct sst_still *s, const struct sst_still_device *d)
         s->bus = d->bus;
         s->address = d->address;
         read_serial(s, d);
-        return 0;
+        return still_card_read(s);
     }
     err = open_failed(d, err, still_lib_said(s->lib));
     still_lib_close(s->lib);

@@ -12,10 +12,8 @@
 #include "drivers/still/still_internal.h"
 
 #define BUSY_MS     100 /* between two tries */
-#define EVENT_MS    100
 #define MS          1000000LL
 #define DOWNLOADS   2
-#define DRAIN_MAX   100
 #define LOW_PERCENT 20 /* of the battery: worth a warning */
 
 bool still_cancelled(const struct sst_still *s)
@@ -33,7 +31,10 @@ void still_sleep_ms(int ms)
 
 /* --- release ------------------------------------------------------------------------------------------------------ */
 
-/** Release; a busy camera is asked again until card_ms. */
+/**
+ * Release; a busy camera is asked again until card_ms. What it announces meanwhile is of an earlier release, and what
+ * it announces just before it accepts this one cannot be told from that.
+ */
 static int release(struct sst_still *s, const char *what, int64_t *release_ns)
 {
     const int64_t end_ns = sst_clock_now_ns() + s->cfg.card_ms * MS;
@@ -45,6 +46,7 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
         err = still_lib_release(s->lib);
         if (err != -EBUSY || still_cancelled(s))
             break;
+        s->unsure_ns = INT64_MAX;
         if (!waited) {
             waited = true;
             s->count.busy++;
@@ -53,7 +55,9 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
         }
         if (sst_clock_now_ns() >= end_ns)
             break;
-        still_sleep_ms(BUSY_MS);
+        err = still_drain(s, BUSY_MS, 0);
+        if (err)
+            return err;
     }
     if (err && still_cancelled(s))
         return -ECANCELED;
@@ -66,26 +70,11 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
     return err ? still_failed(s, err, what) : 0;
 }
 
-/** What the camera still has to announce of earlier exposures is no part of the next one. */
-static int drain_events(struct sst_still *s)
-{
-    struct still_path path;
-    int event = STILL_FILE;
-
-    for (int i = 0; i < DRAIN_MAX && event != STILL_NOTHING && !still_cancelled(s); i++) {
-        event = still_lib_event(s->lib, 1, &path);
-        if (event < 0)
-            return still_failed(s, event, "asking for events");
-        if (event == STILL_FILE)
-            sst_log_warning("still camera %s: %s belongs to no view; it stays on the card", s->serial, path.name);
-    }
-    return 0;
-}
-
 /** With mirror lock-up the first release only lifts the mirror, whose vibration has to fade. */
 static int expose(struct sst_still *s, int64_t *release_ns)
 {
-    int err = drain_events(s);
+    const int64_t left_ns = s->unsure_ns - sst_clock_now_ns();
+    int err = still_drain(s, 1, left_ns <= s->cfg.quiet_ms * MS / 2 ? s->unsure_ns : 0); /* shorter than to watch */
 
     if (!err && s->cfg.mirror_ms > 0) {
         err = release(s, "lifting the mirror", release_ns);
@@ -101,34 +90,6 @@ static int expose(struct sst_still *s, int64_t *release_ns)
 static int files_wanted(const struct sst_still *s)
 {
     return s->cfg.files == SST_STILL_BOTH ? 2 : 1;
-}
-
-/** Wait until the camera has written as many files as an exposure has. */
-static int wait_files(struct sst_still *s, int wanted)
-{
-    const int64_t end_ns = sst_clock_now_ns() + s->cfg.card_ms * MS;
-    int event = 0;
-
-    while (s->paths < wanted && sst_clock_now_ns() < end_ns && !still_cancelled(s)) {
-        struct still_path path;
-
-        event = still_lib_event(s->lib, EVENT_MS, &path);
-        if (event < 0)
-            return still_failed(s, event, "waiting for the picture");
-        if (event == STILL_FILE)
-            s->path[s->paths++] = path;
-    }
-    if (still_cancelled(s))
-        return -ECANCELED;
-    if (s->paths == wanted)
-        return 0;
-    s->count.silent++;
-    sst_log_error("still camera %s was released, but announced %d of %d files within %d ms; check its focus, mirror "
-                  "lock-up and files settings, or raise still: card_ms",
-                  s->serial, s->paths, wanted, s->cfg.card_ms);
-    still_lib_close(s->lib);
-    s->lib = NULL;
-    return -ETIMEDOUT;
 }
 
 /* --- download ----------------------------------------------------------------------------------------------------- */
@@ -191,23 +152,47 @@ static int fetch(struct sst_still *s, const struct still_path *path, struct sst_
     return err;
 }
 
+static void free_files(struct sst_still_shot *shot)
+{
+    for (int i = 0; i < shot->files; i++)
+        free(shot->file[i].data);
+    shot->files = 0;
+}
+
+/** @return 0, -EAGAIN (files that were downloaded before under other names are left out of s->path) or -errno, logged
+ */
 static int fetch_all(struct sst_still *s, struct sst_still_shot *shot)
 {
+    const int announced = s->paths;
     int err = 0;
 
-    for (int i = 0; !err && i < s->paths; i++) {
+    for (int i = 0; i < s->paths;) {
         struct sst_still_file f;
         const int at = is_jpeg(s->path[i].name) ? shot->files : 0;
 
         err = fetch(s, &s->path[i], &f);
         if (err)
-            break;
+            return err;
+        if (still_seen(s, f.data, f.bytes)) {
+            sst_log_warning("still camera %s: %s is a picture of an earlier release again; it belongs to no view",
+                            s->serial, f.name);
+            free(f.data);
+            memmove(&s->path[i], &s->path[i + 1], (size_t)(--s->paths - i) * sizeof(s->path[i]));
+            continue;
+        }
         if (at == 0 && shot->files)
             shot->file[1] = shot->file[0];
         shot->file[at] = f;
         shot->files++;
+        i++;
     }
-    return err;
+    if (s->paths < announced) {
+        free_files(shot);
+        return -EAGAIN;
+    }
+    for (int i = 0; i < shot->files; i++)
+        still_see(s, shot->file[i].data, shot->file[i].bytes);
+    return 0;
 }
 
 /** Did the camera deliver what was asked for? */
@@ -266,6 +251,17 @@ static int ready(struct sst_still *s)
     return err ? err : check_state(s);
 }
 
+/** Release, and wait until all files are announced. */
+static int shoot(struct sst_still *s, int64_t *release_ns)
+{
+    int err = expose(s, release_ns);
+
+    if (!err)
+        err = still_wait_files(s, files_wanted(s), *release_ns);
+    s->unsure_ns = err ? sst_clock_now_ns() + s->cfg.quiet_ms * MS : 0;
+    return err;
+}
+
 int sst_still_capture(struct sst_still *s, struct sst_still_shot *shot)
 {
     struct sst_still_shot new = { .files = 0 };
@@ -273,11 +269,14 @@ int sst_still_capture(struct sst_still *s, struct sst_still_shot *shot)
 
     s->paths = 0;
     if (!err)
-        err = expose(s, &new.release_ns);
-    if (!err)
-        err = wait_files(s, files_wanted(s));
+        err = shoot(s, &new.release_ns);
     if (!err)
         err = fetch_all(s, &new);
+    while (err == -EAGAIN) {
+        err = still_wait_files(s, files_wanted(s), new.release_ns);
+        if (!err)
+            err = fetch_all(s, &new);
+    }
     if (!err)
         err = check_files(s, &new);
     if (err) {
@@ -290,9 +289,7 @@ int sst_still_capture(struct sst_still *s, struct sst_still_shot *shot)
 
 void sst_still_release_files(struct sst_still *s, struct sst_still_shot *shot)
 {
-    for (int i = 0; i < shot->files; i++)
-        free(shot->file[i].data);
-    *shot = (struct sst_still_shot){ .files = 0 };
+    free_files(shot);
     for (int i = 0; i < s->paths && s->lib && !s->cfg.keep; i++) {
         const int err = still_lib_delete(s->lib, &s->path[i]);
 
@@ -300,6 +297,8 @@ void sst_still_release_files(struct sst_still *s, struct sst_still_shot *shot)
             sst_log_warning("still camera %s: %s stays on its card: %s", s->serial, s->path[i].name,
                             still_lib_said(s->lib));
     }
+    memcpy(s->done, s->path, sizeof(s->done));
+    s->done_count = s->paths;
     s->paths = 0;
 }
 
@@ -314,9 +313,7 @@ static int lock_focus(struct sst_still *s)
     if (!err)
         err = check_state(s);
     if (!err)
-        err = expose(s, &release_ns);
-    if (!err)
-        err = wait_files(s, files_wanted(s));
+        err = shoot(s, &release_ns);
     s->cfg.keep = false;
     sst_still_release_files(s, &none);
     s->cfg.keep = keep;
@@ -341,6 +338,8 @@ static void copy_texts(struct sst_still *s, const struct sst_still_config *cfg)
     const char *const texts[STILL_SETTINGS] = { cfg->exposure, cfg->aperture, cfg->iso, cfg->format };
 
     s->cfg = *cfg;
+    if (!s->cfg.quiet_ms)
+        s->cfg.quiet_ms = s->cfg.card_ms;
     for (int i = 0; i < STILL_SETTINGS; i++)
         snprintf(s->wanted[i], sizeof(s->wanted[i]), "%s", texts[i] ? texts[i] : "");
 }
@@ -354,6 +353,7 @@ int sst_still_open(struct sst_still **out, const struct sst_still_config *cfg)
         return -ENOMEM;
     copy_texts(s, cfg);
     err = still_find(s);
+    s->unsure_ns = sst_clock_now_ns() + s->cfg.quiet_ms * MS;
     if (!err)
         err = still_settings_apply(s);
     if (!err && cfg->focus == SST_STILL_FOCUS_LOCKED && !cfg->focused) {
@@ -402,5 +402,6 @@ void sst_still_close(struct sst_still *s)
     if (!s)
         return;
     still_lib_close(s->lib);
+    free(s->known);
     free(s);
 }

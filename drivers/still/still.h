@@ -49,6 +49,7 @@ struct sst_still_config {
     enum sst_still_files files;
     int mirror_ms;       /* 0: no lock-up; else a release lifts the mirror and another one, this much later, exposes */
     int card_ms;         /* from a release until the files are written, and the longest time of being busy */
+    int quiet_ms;        /* where an earlier release is possible, files are waited for that long; 0: card_ms */
     int response_ms;     /* time-out of an answer over USB */
     int reopen_ms;       /* time for a camera that was unplugged, or hangs, to come back */
     int battery_percent; /* no exposure with less */
@@ -112,7 +113,9 @@ void sst_still_counters(const struct sst_still *still, struct sst_still_counters
 
 /**
  * Expose, wait for the files, download and check them. A camera that was lost is opened again; files that it had
- * announced before are then downloaded. A download that fails is repeated once.
+ * announced before are then downloaded. A download that fails is repeated once. Files of other releases, those of
+ * another program or an earlier capture included, are never given: they stay on the card. The first exposure after
+ * opening, after a failure or a busy camera lasts quiet_ms, since files of an earlier release may still come.
  *
  * @return 0, -EBUSY, -ETIMEDOUT (no files, no answers), -ENODEV (did not come back), -EIO, -EBADMSG (damaged file, or
  *  other files than asked for), -EPERM, -EINVAL (a setting changed and cannot be set back), -ENOMEDIUM (card full or

@@ -7,7 +7,8 @@
 
 #include "drivers/still/still.h"
 
-/* --- lib: the calls of libgphoto2 (lib_gphoto.c), loaded at the first of them (lib.c) ------------------------------------
+/* --- lib: the calls of libgphoto2 (lib_gphoto.c), loaded at the first of them (lib.c)
+ * ------------------------------------
  */
 
 struct still_lib; /* opaque */
@@ -48,6 +49,8 @@ SST_MUST_CHECK int still_lib_storage(struct still_lib *lib, struct sst_still_sta
 SST_MUST_CHECK int still_lib_release(struct still_lib *lib);
 /** @return enum still_event; the path of a file */
 SST_MUST_CHECK int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *path);
+/** All files on the camera. @param list  out, to free with free() */
+SST_MUST_CHECK int still_lib_list(struct still_lib *lib, struct still_path **list, int *count);
 SST_MUST_CHECK int still_lib_size(struct still_lib *lib, const struct still_path *path, size_t *bytes);
 /** @param data  out, to free with free() */
 SST_MUST_CHECK int still_lib_download(struct still_lib *lib, const struct still_path *path, uint8_t **data,
@@ -57,6 +60,7 @@ SST_MUST_CHECK int still_lib_delete(struct still_lib *lib, const struct still_pa
 /* --- the camera --------------------------------------------------------------------------------------------------- */
 
 #define STILL_SETTINGS 5
+#define STILL_SEEN     64 /* downloads that are recognised when they come again */
 
 struct sst_still {
     /* fixed after open */
@@ -73,11 +77,34 @@ struct sst_still {
     struct sst_still_counters count;
     struct still_path path[SST_STILL_FILES_MAX]; /* of the last exposure */
     int paths;
+    /* files of other exposures (announced.c) */
+    int64_t unsure_ns;        /* until then files of an earlier release may be announced */
+    struct still_path *known; /* [known_count]: on the card when it was opened, or passed over */
+    int known_count, known_room;
+    struct still_path done[SST_STILL_FILES_MAX]; /* of the exposure before; a camera may use their names again */
+    int done_count;
+    struct {
+        size_t bytes; /* 0: none */
+        uint64_t hash;
+    } seen[STILL_SEEN];
+    int seen_next;
 };
 
 /* still.c */
 bool still_cancelled(const struct sst_still *s);
 void still_sleep_ms(int ms);
+
+/* announced.c */
+/** After opening: what is on the card belongs to no exposure of this session. @return 0 or -errno, logged */
+SST_MUST_CHECK int still_card_read(struct sst_still *s);
+/** What the camera still announces, until then and until it announces nothing for timeout_ms, is no part of the next
+ *  exposure. @return 0 or -errno, logged */
+SST_MUST_CHECK int still_drain(struct sst_still *s, int timeout_ms, int64_t until_ns);
+/** Wait until the camera has announced as many files as an exposure has: s->path. @return 0 or -errno, logged */
+SST_MUST_CHECK int still_wait_files(struct sst_still *s, int wanted, int64_t release_ns);
+/** The same bytes were downloaded before. */
+bool still_seen(const struct sst_still *s, const uint8_t *data, size_t bytes);
+void still_see(struct sst_still *s, const uint8_t *data, size_t bytes);
 
 /* settings.c */
 /** Set what is wanted and read it back. @return 0, -EINVAL, -EPERM or an error of the library; logged */

@@ -9,7 +9,8 @@
 #include "tests/test.h"
 
 #if defined(__SANITIZE_ADDRESS__)
-/* The port of a camera that is gone is not closed by libgphoto2, whose part for USB is unloaded when leaks are looked for. */
+/* The port of a camera that is gone is not closed by libgphoto2, whose part for USB is unloaded when leaks are looked
+ * for. */
 const char *__asan_default_options(void);
 const char *__lsan_default_suppressions(void);
 
@@ -35,6 +36,7 @@ static struct sst_still_config config(void)
     sst_still_config_defaults(&cfg);
     cfg.focus = SST_STILL_FOCUS_MANUAL;
     cfg.card_ms = 4000;
+    cfg.quiet_ms = 300;
     cfg.response_ms = 1500;
     return cfg;
 }
@@ -198,6 +200,89 @@ static void an_unplugged_camera_is_waited_for(void **state SST_UNUSED)
     sst_still_close(s);
 }
 
+/** Pictures that were exposed so far: the number in the name of the last one. */
+static int exposed(void)
+{
+    char program[512], command[1024], text[64] = "";
+    FILE *f;
+
+    snprintf(command, sizeof(command), "%s status --json | tr ',{' '\\n' | grep '\"exposures\"' | tr -dc 0-9",
+             session_program(program));
+    f = popen(command, "r");
+    assert_non_null(f);
+    (void)!fgets(text, sizeof(text), f);
+    pclose(f);
+    return atoi(text);
+}
+
+/** Capture until it succeeds: announcements that are late fail. The file has to be that of the last release. */
+static void captures_the_last_exposure(struct sst_still *s)
+{
+    struct sst_still_shot shot;
+    int err = -1;
+
+    for (int i = 0; err && i < 20; i++)
+        err = sst_still_capture(s, &shot);
+    assert_int_equal(err, 0);
+    assert_int_equal(shot.files, 1);
+    assert_int_equal(atoi(shot.file[0].name + strlen("SST_")), exposed());
+    sst_still_release_files(s, &shot);
+}
+
+static void press(void)
+{
+    const int before = exposed();
+
+    assert_int_equal(session_fault("still.press=1"), 0);
+    for (int i = 0; i < 600 && exposed() == before; i++)
+        usleep(100000);
+    usleep(200000); /* it is written */
+}
+
+static void files_of_other_releases_are_no_views(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still *s;
+
+    cfg.format = "1";
+    cfg.card_ms = 1000;
+    cfg.quiet_ms = 1000;
+    press(); /* announced to nobody: it is on the card */
+    assert_int_equal(session_fault("still.late_event=1200"), 0);
+    press(); /* announced when the camera is open, perhaps after a release */
+    s = open_camera(&cfg);
+    for (int i = 0; i < 2; i++)
+        captures_the_last_exposure(s);
+    press(); /* announced before a release */
+    captures_the_last_exposure(s);
+    for (int late_ms = 1100; late_ms < 3000; late_ms += 900) { /* announced while a later one is waited for, or after */
+        char fault[64];
+
+        snprintf(fault, sizeof(fault), "still.late_event=%d", late_ms);
+        assert_int_equal(session_fault(fault), 0);
+        for (int i = 0; i < 2; i++)
+            captures_the_last_exposure(s);
+    }
+    sst_still_close(s);
+}
+
+static void files_that_are_announced_until_they_are_downloaded(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still *s;
+
+    cfg.format = "1";
+    cfg.keep = true;
+    assert_int_equal(session_fault("still.repeat=1"), 0);
+    press();
+    s = open_camera(&cfg);
+    press();
+    for (int i = 0; i < 3; i++)
+        captures_the_last_exposure(s);
+    sst_still_close(s);
+    assert_int_equal(session_fault("still.repeat=0"), 0);
+}
+
 int main(int argc SST_UNUSED, char **argv)
 {
     const struct CMUnitTest tests[] = {
@@ -206,6 +291,8 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test(exposures_give_files),
         cmocka_unit_test(faults_are_named_and_survived),
         cmocka_unit_test(an_unplugged_camera_is_waited_for),
+        cmocka_unit_test(files_of_other_releases_are_no_views),
+        cmocka_unit_test(files_that_are_announced_until_they_are_downloaded),
     };
     int skipped;
 

@@ -75,15 +75,46 @@ cap --format 1 --iso 1600 -o other3 || fail "after a refusal: $(cat err)"
 exit $bad
 END
 sed 's/mirror_lockup: false/mirror_lockup: true/' "$world" >mirror.yaml
-echo "still: { card_ms: 6000, response_ms: 5000 }" >quick.yaml
+echo "still: { card_ms: 6000, quiet_ms: 300, response_ms: 5000 }" >quick.yaml
 run --world "$world" -- bash kinds.sh || fail "see above"
-echo "still: { card_ms: 6000, response_ms: 5000, mirror_ms: 50 }" >quick.yaml
+echo "still: { card_ms: 6000, quiet_ms: 300, response_ms: 5000, mirror_ms: 50 }" >quick.yaml
 cat >mirror.sh <<'END'
 "$sst" capture rig -c quick.yaml --grid 1x2 --pitch 4mm --backlash 0.3 --profile sst-sim --speed 300 --accel 2000 \
   --bus rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1 --settle 20 --guard 5 --camera still -o mirror
 END
 run --world mirror.yaml -- bash mirror.sh >report 2>err || fail "mirror lock-up: $(cat err)"
 grep -q "still camera: 2 exposures" report || fail "mirror lock-up: $(cat report)"
+
+# --- stopped or killed while the camera writes its card, and resumed at once: each view shows its own pose
+cat >shift.sh <<'END'
+cap() {
+  exec "$sst" capture rig -c quick.yaml --grid 1x3 --pitch 4mm --backlash 0.3 --profile sst-sim --speed 300 --accel 2000 \
+    --bus rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1 --settle 20 --guard 5 --camera still "$@"
+}
+shots() { LD_PRELOAD= "$sim" status --json | tr ',{' '\n' | grep '"exposures"' | tr -dc 0-9; }
+for signal in INT KILL; do
+  before=$(shots)
+  cap -o "$1-$signal" & pid=$!
+  for _ in $(seq 1200); do [ "$(shots)" -ge $((before + 2)) ] && break; sleep 0.02; done # the second is being written
+  kill -$signal $pid; wait $pid; (cap -o "$1-$signal") || echo "FAIL: $1, $signal"
+done
+END
+echo "still: { card_ms: 20000, quiet_ms: 2500 }" >quick.yaml
+for buffer in false true; do
+  sed "s/write_ms: 100/write_ms: 800/; s/buffer: false/buffer: $buffer/" "$world" >shift.yaml
+  run --world shift.yaml --truth "truth-$buffer" -- bash shift.sh "buffer-$buffer" >out 2>&1
+  grep -aq FAIL out && fail "$(cat out)"
+  for signal in INT KILL; do
+    python3 - "truth-$buffer" "buffer-$buffer-$signal/capture.jsonl" <<'END' || fail "buffer $buffer, $signal: $(cat out)"
+import json, sys
+truth = {t["sha256"]: t["pose_um"] for t in map(json.loads, open(sys.argv[1])) if "still" in t}
+views = [v for v in map(json.loads, open(sys.argv[2])) if "sha256" in v]
+assert len(views) == 3
+for v in views:
+    assert max(abs(a - b) for a, b in zip(truth[v["sha256"]][:2], v["asked_um"])) <= 12, v
+END
+  done
+done
 
 # --- 36 poses with 12 random faults, and a kill
 seed=${SEED:-1} # SEED=$(date +%s) for others
@@ -103,7 +134,7 @@ with open("faults.yaml", "w") as f:
             f.write(f"    - {{shot: {shot}, fault: dial, value: 333}}\n")
         f.write(f"    - {{shot: {shot}, fault: {name}, value: {value}}}\n")
 END
-echo "still: { card_ms: 2000, response_ms: 1000, keep: true, exposure: 1/100 }" >quick.yaml
+echo "still: { card_ms: 2000, quiet_ms: 300, response_ms: 1000, keep: true, exposure: 1/100 }" >quick.yaml
 cat >all.sh <<'END'
 bus=rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1 # a line that a killed program leaves as it is
 for round in $(seq 12); do
