@@ -8,12 +8,15 @@
 #include "capture/recording/recording.h"
 #include "cli/cli_internal.h"
 
-#define MAX_NAMED 8 /* cameras or sets named in one line */
+#define MAX_NAMED 8                   /* cameras or sets named in one line */
+#define AHEAD_NS  INT64_C(1000000000) /* clocks of several hosts agree better than this */
 
 struct summary {
     const struct sst_recording_info *info;
     int sets, complete, damaged, runs;
     int missing[SST_CAMERAS_MAX], bad[SST_CAMERAS_MAX];
+    int arrival[SST_CAMERAS_MAX]; /* frames whose time is that of arrival */
+    int ahead[SST_CAMERAS_MAX];   /* frames whose time is later than their arrival */
     int64_t bytes, lost_before;
     int spreads, periods;       /* how many there are of: */
     int64_t *spread_ns;         /* sets with two frames or more */
@@ -36,6 +39,8 @@ static void add_set(struct summary *s, const struct sst_recording_set *set)
 
         s->missing[k] += !f->present;
         s->bad[k] += bad;
+        s->arrival[k] += f->present && f->faults & SST_FRAME_ARRIVAL;
+        s->ahead[k] += f->present && f->t_ns - f->arrival_ns > AHEAD_NS;
         good += f->present && !bad;
         s->bytes += f->present ? (int64_t)f->bytes : 0;
         s->lost_before += f->present ? f->lost_before : 0;
@@ -147,6 +152,8 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
     printf("\n");
     print_cameras(s, "missing  ", s->missing);
     print_cameras(s, "bad      ", s->bad);
+    print_cameras(s, "arrival  (frames whose time is that of arrival: the driver's stamps were of no use)", s->arrival);
+    print_cameras(s, "clock    (frames whose time is later than their arrival: stamps of another clock)", s->ahead);
     printf("damage    %d sets%s\n", s->damaged, verify ? "" : " (lines and sizes; --verify reads all frames)");
     for (int d = 0; d < s->damaged && d < MAX_NAMED; d++) {
         const json_t *one = json_array_get(s->damage, (size_t)d);
@@ -173,9 +180,10 @@ static json_t *cameras_to_json(const struct summary *s)
     for (int k = 0; k < s->info->cameras; k++) {
         const struct sst_recorder_track *t = &s->info->track[k];
 
-        (void)json_array_append_new(list, json_pack("{s:i, s:i, s:s, s:s, s:i, s:i, s:i}", "row", t->row, "col", t->col,
-                                                    "serial", t->serial, "port", t->port, "missing", s->missing[k],
-                                                    "bad", s->bad[k], "farthest_off", s->worst[k]));
+        (void)json_array_append_new(list, json_pack("{s:i, s:i, s:s, s:s, s:i, s:i, s:i, s:i, s:i}", "row", t->row,
+                                                    "col", t->col, "serial", t->serial, "port", t->port, "missing",
+                                                    s->missing[k], "bad", s->bad[k], "by_arrival", s->arrival[k],
+                                                    "after_arrival", s->ahead[k], "farthest_off", s->worst[k]));
     }
     return list;
 }

@@ -28,7 +28,8 @@ enum trouble {
     SST_TROUBLE_LATE = 6,
     SST_TROUBLE_DUPLICATE = 7,
     SST_TROUBLE_STRAY = 8,
-    SST_TROUBLES = 9,
+    SST_TROUBLE_UNFIT = 9, /* another size than agreed, or fields */
+    SST_TROUBLES = 10,
 };
 
 /** Zeroed: no faults. */

@@ -181,7 +181,8 @@ static void close_tick(struct sst_framesync *s, struct tick *b)
 
 /**
  * Check the time stamps of a good frame. The clock of a camera may jump: after a jump by whole periods its frames would
- * go into sets of other triggers unnoticed. A stamp must not be later than the arrival; and after stamps ran backwards,
+ * go into sets of other triggers unnoticed, and without triggers a stamp from the future would make the frames of all
+ * cameras late until then. A stamp must not be later than the arrival; and after stamps ran backwards,
  * the latency from stamp to arrival must be the usual one. Otherwise latency is not checked: frames may be late for
  * other reasons.
  */
@@ -413,18 +414,18 @@ void sst_framesync_frame(struct sst_framesync *s, struct sst_frame *frame)
     struct camera *c = &s->camera[frame->cam];
 
     assert(frame->cam >= 0 && frame->cam < s->cfg.cameras);
-    if (frame->faults & SST_FRAME_BACKWARDS)
+    if (frame->faults & SST_FRAME_BACKWARDS && s->cfg.match != SST_FRAMESYNC_FREE) /* no triggers to mistake */
         c->doubtful = true;
     if (frame->faults & SST_FRAME_BAD) {
         end_frame(s, frame, frame->faults & SST_FRAME_FLAGGED ? SST_BUCKET_FLAGGED : SST_BUCKET_CORRUPT);
         return;
     }
-    if (s->cfg.match == SST_FRAMESYNC_FREE) {
-        assign_by_tick(s, frame);
-        return;
-    }
     if (!stamp_holds(s, c, frame)) {
         end_frame(s, frame, SST_BUCKET_CORRUPT);
+        return;
+    }
+    if (s->cfg.match == SST_FRAMESYNC_FREE) {
+        assign_by_tick(s, frame);
         return;
     }
     c->heard = true;

@@ -428,7 +428,7 @@ void sst_link_node_camera(struct sst_link_node *n, int cam, enum sst_grab_state 
 {
     pthread_mutex_lock(&n->lock);
     n->camera[cam].state = state;
-    snprintf(n->camera[cam].why, sizeof(n->camera[cam].why), "%.120s", state == SST_GRAB_STREAMING || !why ? "" : why);
+    snprintf(n->camera[cam].why, sizeof(n->camera[cam].why), "%.120s", why ? why : "");
     if (device)
         n->camera[cam].device = *device;
     n->changed = true;

@@ -69,7 +69,7 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
         sst_capture_camera(l->capture, cam, &counters, &device);
     pthread_mutex_unlock(&l->lock);
     pthread_mutex_lock(&l->head->lock);
-    head_camera_locked(l->head, LINK_OWN, cam, state, state == SST_GRAB_STREAMING || !why ? "" : why, device);
+    head_camera_locked(l->head, LINK_OWN, cam, state, why ? why : "", device);
     pthread_mutex_unlock(&l->head->lock);
 }
 

@@ -114,7 +114,7 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
     before = c->state;
     known = c->last_ns != 0;
     c->state = state;
-    snprintf(c->reason, sizeof(c->reason), "%s", delivers || !why ? "" : why);
+    snprintf(c->reason, sizeof(c->reason), "%s", why ? why : "");
     pthread_mutex_unlock(&a->lock);
     if (a->node)
         sst_link_node_camera(a->node, cam, state, why, NULL);

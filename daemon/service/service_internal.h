@@ -41,7 +41,7 @@ struct array_camera {
     int row, col;
     enum sst_grab_state state;
     char serial[64], port[64], name[64];
-    char reason[256]; /* of a state other than streaming */
+    char reason[256]; /* of a state other than streaming; of that one: what is odd about its frames, or "" */
     struct sst_grab_counters grab;
     uint64_t bucket[SST_BUCKETS];
     double rate_hz;  /* frames in sets, over the last second */

@@ -5,6 +5,8 @@
 #include "drivers/grab/grab.h"
 #include "drivers/grab/grab_internal.h"
 
+#define LEAD_MAX 256 /* bytes: headers of a camera's own before a JPEG are shorter */
+
 /* JPEG markers, ITU T.81 table B.1. */
 enum {
     MARK_TEM = 0x01,
@@ -23,6 +25,7 @@ enum {
 struct walk {
     const uint8_t *at, *end;
     int width, height;
+    int *size;           /* out: of a frame header that does not fit only by its size */
     bool sized, scanned; /* a frame header and a scan were seen */
 };
 
@@ -36,11 +39,14 @@ static bool is_frame_header(uint8_t mark)
     return mark >= MARK_SOF0 && mark <= MARK_SOF15 && mark != MARK_DHT && mark != MARK_JPG && mark != MARK_DAC;
 }
 
-/* Height and width of the frame header whose length field is at p; its length is checked against its components. */
-static bool frame_header_fits(const struct walk *w, const uint8_t *p, size_t length)
+/* The frame header whose length field is at p: its length against its components, and the size of the picture. */
+static unsigned check_frame_header(const struct walk *w, const uint8_t *p, size_t length)
 {
-    return !w->sized && length >= 8 && length == 8 + 3 * (size_t)p[7] && p[7] >= 1 && p[7] <= 4 &&
-           be16(p + 3) == (unsigned)w->height && be16(p + 5) == (unsigned)w->width;
+    if (w->sized || length < 8 || length != 8 + 3 * (size_t)p[7] || p[7] < 1 || p[7] > 4)
+        return SST_FRAME_MARKER;
+    w->size[0] = (int)be16(p + 5);
+    w->size[1] = (int)be16(p + 3);
+    return w->size[0] == w->width && w->size[1] == w->height ? 0 : SST_FRAME_MARKER | SST_FRAME_UNFIT;
 }
 
 static bool scan_header_fits(const struct walk *w, const uint8_t *p, size_t length)
@@ -83,8 +89,10 @@ static unsigned walk_segment(struct walk *w, uint8_t mark)
         return SST_FRAME_NO_EOI;
     w->at += length;
     if (is_frame_header(mark)) {
-        if (!frame_header_fits(w, p, length))
-            return SST_FRAME_MARKER;
+        const unsigned faults = check_frame_header(w, p, length);
+
+        if (faults)
+            return faults;
         w->sized = true;
     } else if (mark == MARK_SOS) {
         if (!scan_header_fits(w, p, length))
@@ -96,9 +104,9 @@ static unsigned walk_segment(struct walk *w, uint8_t mark)
 }
 
 /* Huffman tables may be missing, as UVC allows; bytes after the end marker are padding. */
-static unsigned check_jpeg(int width, int height, const uint8_t *data, size_t bytes)
+static unsigned check_jpeg(int width, int height, const uint8_t *data, size_t bytes, int size[2])
 {
-    struct walk w = { data + 2, data + bytes, width, height, false, false };
+    struct walk w = { data + 2, data + bytes, width, height, size, false, false };
 
     if (bytes < 2 || data[0] != 0xff || data[1] != MARK_SOI)
         return SST_FRAME_NO_SOI;
@@ -126,14 +134,34 @@ static unsigned check_jpeg(int width, int height, const uint8_t *data, size_t by
     return SST_FRAME_NO_EOI;
 }
 
-unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes)
+static bool is_jpeg(uint32_t fourcc)
 {
-    size_t need;
+    return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
+}
 
+unsigned frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes,
+                     int size[2])
+{
     if (!bytes)
         return SST_FRAME_EMPTY;
-    if (fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG)
-        return check_jpeg(width, height, data, bytes);
-    need = raw_bytes(fourcc, width, height, stride);
-    return bytes < need ? SST_FRAME_SHORT : 0;
+    if (is_jpeg(fourcc))
+        return check_jpeg(width, height, data, bytes, size);
+    return bytes < raw_bytes(fourcc, width, height, stride) ? SST_FRAME_SHORT : 0;
+}
+
+unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes)
+{
+    int size[2];
+
+    return frame_check(fourcc, width, height, stride, data, bytes, size) & SST_FRAME_BAD;
+}
+
+size_t frame_lead(uint32_t fourcc, const uint8_t *data, size_t bytes)
+{
+    if (!is_jpeg(fourcc) || (bytes >= 2 && data[0] == 0xff && data[1] == MARK_SOI))
+        return 0;
+    for (size_t i = 1; i < LEAD_MAX && i + 3 <= bytes; i++)
+        if (data[i] == 0xff && data[i + 1] == MARK_SOI && data[i + 2] == 0xff)
+            return i;
+    return 0;
 }

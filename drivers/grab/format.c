@@ -121,6 +121,38 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
 
 /* --- setting ------------------------------------------------------------------------------------------------------ */
 
+const char *field_name(uint32_t field)
+{
+    static const char *const names[] = {
+        [V4L2_FIELD_ANY] = "any",
+        [V4L2_FIELD_NONE] = "none",
+        [V4L2_FIELD_TOP] = "alternating",
+        [V4L2_FIELD_BOTTOM] = "alternating",
+        [V4L2_FIELD_INTERLACED] = "interlaced",
+        [V4L2_FIELD_SEQ_TB] = "sequential, top first",
+        [V4L2_FIELD_SEQ_BT] = "sequential, bottom first",
+        [V4L2_FIELD_ALTERNATE] = "alternating",
+        [V4L2_FIELD_INTERLACED_TB] = "interlaced, top first",
+        [V4L2_FIELD_INTERLACED_BT] = "interlaced, bottom first",
+    };
+
+    return field < ARRAY_LEN(names) ? names[field] : "unknown";
+}
+
+bool field_fits(uint32_t field)
+{
+    return field == V4L2_FIELD_NONE || field == V4L2_FIELD_ANY; /* ANY: the driver does not say */
+}
+
+static int refuse_field(const struct sst_grab_config *cfg, uint32_t field, char *why, size_t size)
+{
+    sst_text_add(why, size,
+                 "at %dx%d its pictures are made of fields (%s), and only whole (progressive) pictures can be used; set "
+                 "cameras: width and height, or another input or mode of the device",
+                 cfg->width, cfg->height, field_name(field));
+    return -EINVAL;
+}
+
 static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
 {
     char want[5], is[5], sizes[384] = "", nearest[32];
@@ -134,6 +166,8 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
         sst_text_add(why, size, "; set cameras: format");
         return -EINVAL;
     }
+    if (!field_fits(got->field) && (int)got->width == cfg->width && (int)got->height == cfg->height)
+        return refuse_field(cfg, got->field, why, size);
     nearest_size(fd, cfg, best, sizes, sizeof(sizes));
     snprintf(nearest, sizeof(nearest), "%dx%d", best[0] < 0 ? (int)got->width : best[0],
              best[0] < 0 ? (int)got->height : best[1]);
@@ -163,7 +197,8 @@ static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride
     }
     if (err)
         return err;
-    if (pix->pixelformat != cfg->fourcc || (int)pix->width != cfg->width || (int)pix->height != cfg->height)
+    if (pix->pixelformat != cfg->fourcc || (int)pix->width != cfg->width || (int)pix->height != cfg->height ||
+        !field_fits(pix->field))
         return refuse(fd, cfg, pix, why, size);
     *stride = raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? pix->bytesperline : 0;
     return 0;
@@ -173,11 +208,12 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
 {
     struct v4l2_streamparm p = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
     struct v4l2_captureparm *c = &p.parm.capture;
-    double got;
+    double got, before;
     int err = node_ioctl(fd, VIDIOC_G_PARM, &p);
 
     if (err == -ENODEV || err == -EIO)
         return err;
+    before = err ? 0 : hz(c->timeperframe);
     if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
         sst_text_add(why, size, "it does not support setting the rate, %.4g Hz is ignored", cfg->rate_hz);
         return 0;
@@ -185,12 +221,18 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     c->timeperframe.numerator = 10000;
     c->timeperframe.denominator = (uint32_t)lround(cfg->rate_hz * 10000);
     err = node_ioctl(fd, VIDIOC_S_PARM, &p);
-    if (err)
+    if (err == -ENODEV)
         return err;
-    got = hz(c->timeperframe);
+    got = err ? before : hz(c->timeperframe);
+    if (err && !before) { /* its rate is unknown: it may be the right one */
+        sst_text_add(why, size, "its driver does not set the rate (%s), %.4g Hz is ignored", strerror(-err), cfg->rate_hz);
+        return 0;
+    }
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
         return 0;
     sst_text_add(why, size, "at %dx%d it delivers %.4g Hz, not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    if (err)
+        sst_text_add(why, size, ": its driver does not set the rate (%s)", strerror(-err));
     add_rates(fd, cfg, why, size);
     return cfg->triggered ? 0 : -EINVAL;
 }

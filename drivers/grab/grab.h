@@ -91,7 +91,8 @@ struct sst_grab_events {
     void *arg;
     /** A frame, good or bad; owned by the receiver until it calls sst_grab_release() (also inside this call). */
     void (*frame)(void *arg, struct sst_frame *frame);
-    /** The state of a camera changed; `why` is one sentence. Already logged. */
+    /** The state of a camera changed; `why` is one sentence, and while it streams "" or what is odd about its frames.
+     *  Already logged. */
     void (*state)(void *arg, int cam, enum sst_grab_state state, const char *why);
 };
 

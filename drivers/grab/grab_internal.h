@@ -151,6 +151,39 @@ int ladder_step(struct ladder *ladder, enum ladder_event event, int64_t now_ns, 
 /** True if the current rung disconnects the camera on purpose: it is opened again when it is back. */
 bool ladder_expects_loss(const struct ladder *ladder);
 
+/* --- stamp: whether a camera's time stamps are of the monotonic clock, as its driver says. A pure state machine. --- */
+
+enum stamp_fault {
+    STAMP_RIGHT = 0,
+    STAMP_AHEAD = 1,    /* later than the arrival */
+    STAMP_BEHIND = 2,   /* far earlier than the frame can have been exposed */
+    STAMP_REPEATED = 3, /* not after the last believed one */
+};
+
+struct stamp_clock {
+    bool foreign;     /* verdict: the stamps are of another clock */
+    int64_t empty_ns; /* set by the caller: no filled buffer was waiting then, so the next frame ended later; 0: unknown.
+                         It makes the bound independent of how busy the machine is. */
+    /* the state */
+    bool any;
+    int64_t last_ns;            /* believed stamp */
+    int64_t arrival_ns, gap_ns; /* last arrival, and the time before it; 0: none */
+    int row;                    /* consecutive stamps that contradict the verdict ... */
+    int64_t since_ns;           /* ... since this arrival */
+    int64_t trial_ns;           /* how long stamps must be right to be believed again */
+};
+
+/** The stream starts at start_ns (0: unknown): the verdict stays. */
+void stamp_begin(struct stamp_clock *clock, int64_t start_ns);
+
+/** Judge the stamp of the next frame, and update the verdict: a single wrong stamp leaves it, wrong ones for 2 s do not.
+ *  @return the fault of this stamp, whatever the verdict */
+enum stamp_fault stamp_judge(struct stamp_clock *clock, int64_t stamp_ns, int64_t arrival_ns);
+
+/** "its time stamps are 190.0 s ahead". @param wall_ns  CLOCK_REALTIME at the arrival */
+void stamp_describe(char *out, size_t size, enum stamp_fault fault, int64_t stamp_ns, int64_t arrival_ns,
+                    int64_t wall_ns);
+
 /* --- stream ---
  * one open camera: negotiated, with buffers mapped and lent out as frames. */
 
@@ -166,6 +199,7 @@ struct grab_stream;
 struct stream_stamp {
     bool monotonic;    /* t_ns is from the driver, else the time of arrival */
     bool end_of_frame; /* t_ns was taken at the end of the frame, not at the start of exposure */
+    uint32_t field;    /* of the buffer */
 };
 
 /**
@@ -198,6 +232,9 @@ int stream_fd(const struct grab_stream *stream);
  *  @return 0, -EAGAIN (none now), or the driver's -errno */
 SST_MUST_CHECK int stream_dequeue(struct grab_stream *stream, struct sst_frame **frame, struct stream_stamp *stamp);
 
+/** When it was started last, just before STREAMON; CLOCK_MONOTONIC. */
+int64_t stream_start_ns(const struct grab_stream *stream);
+
 /** Number of buffers that the camera can fill. */
 int stream_queued(struct grab_stream *stream);
 
@@ -216,7 +253,6 @@ void stream_release(struct sst_frame *frame);
 struct history {
     bool any;
     uint32_t sequence;
-    int64_t t_ns;
     uint64_t hash;
 };
 
@@ -243,7 +279,11 @@ struct grab_camera {
     int64_t down_ns;    /* since when it does not stream */
 
     struct history history;
-    int bad_row;  /* consecutive bad frames */
+    struct stamp_clock clock;
+    int bad_row;     /* consecutive frames with bad bytes */
+    int misfit_row;  /* of them, consecutive ones that do not have the negotiated form, all in the same way */
+    char misfit[SST_WHY_MAX]; /* which */
+    bool unfit;      /* refused for that: until a good frame */
     bool wakes;   /* known: epoll reports its frames */
     int eio_row;  /* consecutive failures of DQBUF */
     int eio_well; /* frames without a failure until the next is logged again */
@@ -251,7 +291,8 @@ struct grab_camera {
 
     /* already logged, so that a persistent fault is logged once */
     char why[SST_WHY_MAX], note[SST_WHY_MAX], odd[SST_WHY_MAX], serial_seen[SST_GRAB_NAME_MAX];
-    bool logged_starved, logged_stamp, logged_hopeless;
+    char remark[SST_WHY_MAX]; /* reported with its state while it streams: "" or what is odd about its frames */
+    bool logged_starved, logged_stamp, logged_lead, logged_hopeless;
 };
 
 struct sst_grab {
@@ -281,7 +322,7 @@ struct sst_grab {
 /** Dequeue the frames of a camera whose descriptor is ready. @param broken  epoll reports an error */
 void receive_ready(struct sst_grab *grab, struct grab_camera *cam, bool broken);
 
-/** Reset the history: the stream starts again. */
+/** Reset the history: the stream has started again. */
 void receive_begin(struct sst_grab *grab, struct grab_camera *cam);
 
 /** Time of the next check for silence; 0: none. */
@@ -301,6 +342,9 @@ void recovery_lost(struct sst_grab *grab, struct grab_camera *cam);
 /** The stream failed or is silent; `why` is one sentence. */
 void recovery_fault(struct sst_grab *grab, struct grab_camera *cam, const char *why);
 
+/** The camera streams what does not fit, which no rung of the ladder mends: close it, and retry with back-off. */
+void recovery_refuse(struct sst_grab *grab, struct grab_camera *cam, const char *why);
+
 /** Start a camera that is ready. */
 void recovery_start(struct sst_grab *grab, struct grab_camera *cam);
 
@@ -314,6 +358,9 @@ void recovery_disarm(struct sst_grab *grab, struct grab_camera *cam);
 
 /** Close the camera's stream without waiting. */
 void recovery_drop(struct sst_grab *grab, struct grab_camera *cam);
+
+/** Set what the state event reports with STREAMING; logged as a warning, "" withdraws it. */
+void camera_remark(struct sst_grab *grab, struct grab_camera *cam, const char *text);
 
 /** Set the state; a change is logged and reported by event, once. */
 void camera_set_state(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
@@ -357,9 +404,16 @@ void controls_apply(int fd, const struct sst_grab_control *control, int count, c
  * @param stride  out: bytes of a row, 0 for compressed formats
  * @param why     out [size]: on -EINVAL what was refused and what the camera offers; on 0 "" or a warning (the rate
  *                cannot be set, or differs while frames are triggered)
- * @return 0, -EINVAL (it cannot do that), -EBUSY (another program has it), or the driver's -errno
+ * @return 0, -EINVAL (it cannot do that), -EBUSY (another program has it), or the driver's -errno;
+ *         `why` may be empty then
  */
 SST_MUST_CHECK int format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size);
+
+/** True for whole (progressive) pictures; `field` of a format or buffer. */
+bool field_fits(uint32_t field);
+
+/** "interlaced" */
+const char *field_name(uint32_t field);
 
 /** One line with the formats of a camera: "MJPG 1920x1080 1280x720, YUYV 640x480". */
 void format_summary(int fd, char *out, size_t size);
@@ -374,6 +428,15 @@ int node_ioctl(int fd, unsigned long request, void *arg);
  * @return descriptor, or -errno; -ENOTTY: it is no capture node; -ENODEV also if it is a different device now
  */
 SST_MUST_CHECK int node_open(struct sst_grab_device *device);
+
+/* --- check: what the bytes of a frame show --- */
+
+/** sst_frame_check(), with UNFIT beside MARKER. @param size  out: width and height of such a JPEG */
+unsigned frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes,
+                     int size[2]);
+
+/** Number of bytes before the start marker of a JPEG, 0 if it is not near the beginning. */
+size_t frame_lead(uint32_t fourcc, const uint8_t *data, size_t bytes);
 
 /* --- raw: sizes of uncompressed V4L2 formats, and format names --- */
 

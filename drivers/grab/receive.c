@@ -22,8 +22,9 @@ void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
 {
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct history){ 0 };
+    stamp_begin(&cam->clock, stream_start_ns(cam->stream));
     cam->owed_ns = 0;
-    cam->bad_row = cam->eio_row = 0;
+    cam->bad_row = cam->misfit_row = cam->eio_row = 0;
     cam->wakes = false;
     cam->logged_starved = false;
 }
@@ -43,12 +44,10 @@ static void compare(struct sst_grab *g, struct grab_camera *cam, struct sst_fram
 
     if (h->any) {
         f->lost_before = lost_between(h->sequence, f->sequence);
-        if (f->t_ns <= h->t_ns)
-            f->faults |= SST_FRAME_BACKWARDS;
         if (g->cfg.check_frozen && f->bytes && hash == h->hash)
             f->faults |= SST_FRAME_FROZEN;
     }
-    *h = (struct history){ true, f->sequence, f->t_ns, hash };
+    *h = (struct history){ true, f->sequence, hash };
 }
 
 static void count(struct grab_camera *cam, const struct sst_frame *f)
@@ -77,9 +76,77 @@ static void log_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
                      cam->name, cam->device.driver);
 }
 
+/*
+ * The driver's stamp is believed within bounds of the arrival: a single wrong one costs its frame, and stamps that are
+ * wrong for seconds are of another clock, whose frames are stamped by their arrival.
+ */
+static void judge_stamp(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f)
+{
+    const bool foreign = cam->clock.foreign;
+    const enum stamp_fault fault = stamp_judge(&cam->clock, f->t_ns, f->arrival_ns);
+    char text[SST_WHY_MAX], what[96];
+
+    if (cam->clock.foreign && !foreign) {
+        stamp_describe(what, sizeof(what), fault, f->t_ns, f->arrival_ns, sst_clock_wall_ns());
+        snprintf(text, sizeof(text),
+                 "%s: driver %s uses another clock than it reports; the time of arrival is used instead",
+                 what, cam->device.driver);
+        camera_remark(g, cam, text);
+    } else if (!cam->clock.foreign && foreign) {
+        sst_log_warning("%s: its time stamps are right again, and are used", cam->name);
+        camera_remark(g, cam, "");
+    }
+    if (cam->clock.foreign) {
+        f->t_ns = f->arrival_ns;
+        f->faults |= SST_FRAME_ARRIVAL;
+    } else if (fault != STAMP_RIGHT) {
+        f->faults |= SST_FRAME_BACKWARDS;
+    }
+}
+
+/* Bytes before the start of a JPEG that is sound from there on are left out. */
+static void check_bytes(struct grab_camera *cam, struct sst_frame *f, int size[2])
+{
+    const size_t lead = frame_lead(f->fourcc, f->data, f->bytes);
+    unsigned faults = frame_check(f->fourcc, f->width, f->height, f->stride, f->data + lead, f->bytes - lead, size);
+
+    if (lead && faults)
+        faults = SST_FRAME_NO_SOI;
+    if (lead && !faults) {
+        f->data += lead;
+        f->bytes -= lead;
+        if (!cam->logged_lead)
+            sst_log_warning("%s: its JPEGs begin after %zu bytes of something else, which are left out", cam->name, lead);
+        cam->logged_lead = true;
+    }
+    f->faults |= faults;
+}
+
+/* A frame that does not have the negotiated form: count those in a row that have the same one. */
+static void count_misfit(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const int size[2],
+                         uint32_t field)
+{
+    char what[SST_WHY_MAX];
+
+    if (!field_fits(field)) {
+        f->faults |= SST_FRAME_MARKER | SST_FRAME_UNFIT;
+        snprintf(what, sizeof(what),
+                 "its driver delivers fields (%s) and not the whole (progressive) pictures that were agreed; set cameras: "
+                 "width and height, or another input or mode of the device",
+                 field_name(field));
+    } else {
+        snprintf(what, sizeof(what),
+                 "its JPEGs are %dx%d, not the %dx%d that was agreed; set cameras: width and height to a size that it "
+                 "delivers",
+                 size[0], size[1], g->cfg.width, g->cfg.height);
+    }
+    cam->misfit_row = strcmp(cam->misfit, what) != 0 ? 1 : cam->misfit_row + 1;
+    snprintf(cam->misfit, sizeof(cam->misfit), "%s", what);
+}
+
 static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_frame *f)
 {
-    const bool good = !(f->faults & SST_FRAME_BAD);
+    const bool good = !(f->faults & SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS); /* no rung mends stamps */
     char why[96];
 
     cam->heard_ns = f->arrival_ns;
@@ -89,20 +156,36 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
     if (good)
         cam->good_ns = f->arrival_ns;
     (void)ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
-    if (cam->state == SST_GRAB_STREAMING)
+    if (cam->state == SST_GRAB_STREAMING || (cam->unfit && !good))
         return;
+    cam->unfit = false;
     snprintf(why, sizeof(why), "streaming again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
     camera_set_state(g, cam, SST_GRAB_STREAMING, why);
 }
 
 static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
 {
-    f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
+    int size[2] = { 0, 0 };
+
+    check_bytes(cam, f, size);
+    if (stamp->monotonic)
+        judge_stamp(g, cam, f);
+    if (!field_fits(stamp->field) || f->faults & SST_FRAME_UNFIT)
+        count_misfit(g, cam, f, size, stamp->field);
+    else
+        cam->misfit_row = 0;
     compare(g, cam, f);
     count(cam, f);
     log_stamp(cam, stamp);
     alive(g, cam, f);
     g->events.frame(g->events.arg, f);
+    if (cam->misfit_row >= BAD_ROW) {
+        char why[SST_WHY_MAX];
+
+        memcpy(why, cam->misfit, sizeof(why));
+        recovery_refuse(g, cam, why);
+        return;
+    }
     if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
         recovery_fault(g, cam, "it delivers only damaged frames");
 }
@@ -112,10 +195,17 @@ static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_fram
 static void listen_again(struct sst_grab *g, struct grab_camera *cam)
 {
     struct pollfd p = { .fd = stream_fd(cam->stream), .events = POLLIN };
+    int64_t now_ns;
 
-    recovery_disarm(g, cam);
-    recovery_arm(g, cam);
-    cam->wakes = !poll(&p, 1, 0);
+    if (!cam->wakes) {
+        recovery_disarm(g, cam);
+        recovery_arm(g, cam);
+    }
+    now_ns = sst_clock_now_ns();
+    if (poll(&p, 1, 0))
+        return;
+    cam->clock.empty_ns = now_ns;
+    cam->wakes = true;
 }
 
 static void log_eio(struct grab_camera *cam)
@@ -144,7 +234,7 @@ void receive_ready(struct sst_grab *g, struct grab_camera *cam, bool broken)
         cam->eio_row = 0;
         cam->eio_well -= cam->eio_well > 0;
         process(g, cam, frame, &stamp);
-        if (!cam->wakes && cam->armed)
+        if (cam->armed)
             listen_again(g, cam);
     } else if (err == -ENODEV) {
         hotplug_reject(g, cam->number, true);

@@ -148,7 +148,18 @@ void camera_set_state(struct sst_grab *g, struct grab_camera *cam, enum sst_grab
     cam->state = state;
     snprintf(cam->why, sizeof(cam->why), "%s", why);
     if (g->events.state)
-        g->events.state(g->events.arg, (int)(cam - g->camera), state, why);
+        g->events.state(g->events.arg, (int)(cam - g->camera), state, state == SST_GRAB_STREAMING ? cam->remark : why);
+}
+
+void camera_remark(struct sst_grab *g, struct grab_camera *cam, const char *text)
+{
+    if (!strcmp(cam->remark, text))
+        return;
+    snprintf(cam->remark, sizeof(cam->remark), "%s", text);
+    if (*text)
+        sst_log_warning("%s: %s", cam->name, text);
+    if (g->events.state && cam->state == SST_GRAB_STREAMING)
+        g->events.state(g->events.arg, (int)(cam - g->camera), cam->state, cam->remark);
 }
 
 static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung);
@@ -247,6 +258,13 @@ void recovery_fault(struct sst_grab *g, struct grab_camera *cam, const char *why
     step(g, cam, SST_LADDER_FAULT);
 }
 
+void recovery_refuse(struct sst_grab *g, struct grab_camera *cam, const char *why)
+{
+    cam->unfit = true;
+    camera_set_state(g, cam, SST_GRAB_REFUSED, why);
+    step(g, cam, SST_LADDER_REFUSED);
+}
+
 void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
 {
     const bool expected = ladder_expects_loss(&cam->ladder);
@@ -318,7 +336,7 @@ static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
         step(g, cam, SST_LADDER_DONE);
     else
         step(g, cam, SST_LADDER_OPENED);
-    if (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED)
+    if (!cam->unfit && (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED))
         camera_set_state(g, cam, SST_GRAB_STREAMING, "streaming");
 }
 

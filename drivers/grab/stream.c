@@ -38,6 +38,8 @@ struct grab_stream {
     int queued;
     int64_t ready_ns; /* since when any is queued */
     int lent;
+    /* the owner's */
+    int64_t start_ns;
 };
 
 /* --- open and close ----------------------------------------------------------------------------------------------- */
@@ -127,10 +129,12 @@ static int set_up(struct grab_stream *s, const struct sst_grab_device *device, c
     int err = format_set(s->fd, cfg, &stride, note, SST_WHY_MAX);
 
     if (err) {
-        snprintf(why, SST_WHY_MAX, "%s",
-                 err == -EINVAL  ? note
-                 : err == -EBUSY ? "another program streams from it; `sst cameras` says which"
-                                 : strerror(-err));
+        if (*note)
+            snprintf(why, SST_WHY_MAX, "%s", note);
+        else if (err == -EBUSY)
+            snprintf(why, SST_WHY_MAX, "another program streams from it; `sst cameras` says which");
+        else
+            snprintf(why, SST_WHY_MAX, "its driver does not accept a format, size or rate: %s", strerror(-err));
         *note = 0;
         return err;
     }
@@ -222,6 +226,7 @@ int stream_start(struct grab_stream *s, char *why)
             err = queue_locked(s, &s->slot[i]);
     }
     pthread_mutex_unlock(&s->lock);
+    s->start_ns = sst_clock_now_ns();
     err = err ? err : node_ioctl(s->fd, VIDIOC_STREAMON, &type);
     if (err == -ENOSPC)
         snprintf(why, SST_WHY_MAX,
@@ -264,6 +269,11 @@ void stream_stop(struct grab_stream *s)
 int stream_fd(const struct grab_stream *s)
 {
     return s->fd;
+}
+
+int64_t stream_start_ns(const struct grab_stream *s)
+{
+    return s->start_ns;
 }
 
 int stream_queued(struct grab_stream *s)
@@ -322,6 +332,7 @@ int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_
     if (lent)
         return -EAGAIN;
     frame = &slot->frame;
+    frame->data = slot->map;
     frame->bytes = b.bytesused < slot->map_bytes ? b.bytesused : slot->map_bytes;
     frame->sequence = b.sequence;
     frame->arrival_ns = sst_clock_now_ns();
@@ -329,6 +340,9 @@ int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_
     frame->lost_before = 0;
     stamp->monotonic = (b.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
     stamp->end_of_frame = (b.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) != V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+    if (!stamp->monotonic)
+        frame->faults |= SST_FRAME_ARRIVAL;
+    stamp->field = b.field;
     frame->t_ns = stamp->monotonic ? (int64_t)b.timestamp.tv_sec * 1000000000 + (int64_t)b.timestamp.tv_usec * 1000
                                    : frame->arrival_ns;
     *out = frame;

@@ -150,6 +150,66 @@ again 'a["sets"] > 5 and a["complete"] == a["sets"]' -- sh -c "'$sst' capture ar
 expect 'a["sets"] > 5 and a["complete"] == a["sets"]'
 "$sst" recording --verify cut >/dev/null 2>err || fail "$what: $(cat err)"
 
+# What cameras and drivers do that none should: each named by its cause, and the other cameras whole.
+four='scene: cat
+grid: [2, 2]
+size: [320, 240]'
+echo "$four" >four.yaml
+cat >free4.yaml <<'Y'
+array: { rows: 2, cols: 2, spacing_mm: 40 }
+cameras: { width: 320, height: 240, rate_hz: 30, stall_ms: 300 }
+trigger: { source: free-run }
+Y
+cat >gpio4.yaml <<'Y'
+array: { rows: 2, cols: 2, spacing_mm: 40 }
+cameras: { width: 320, height: 240, rate_hz: 30, stall_ms: 300, controls: { auto_exposure: 1, exposure_time_absolute: 50, trigger_mode: 1 } }
+trigger: { source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1], loopback: LOOP0, rate_hz: 10 }
+Y
+odd() { # FAULTS CONFIG SETS EXPRESSION WORDS...
+  local faults=() f right=$4
+  what="$1, $2"
+  for f in $1; do faults+=(--fault "$f"); done
+  rm -rf odd.rec
+  timeout 600 "$sim" --quiet --world four.yaml "${faults[@]}" -- "$sst" capture array --config "$2" -n "$3" -o odd.rec --json >out 2>err ||
+    fail "$what: exit $?: $(cat err)"
+  expect "$right"
+  shift 4
+  for f; do grep -qF -- "$f" err || fail "$what: no '$f' in $(cat err)"; done
+}
+at() { echo "[c for c in a['array'] if c['port'] == '$1-1'][0]"; }
+odd 'camera.0.clock_step_us=190000000 camera.1.clock_step_us=-190000000 camera.2.same_stamp=1' free4.yaml 100 \
+  "$(at 4)['buckets']['set'] > 50 and not any(any(c['recovery'].values()) for c in a['array'])" \
+  'camera 0 (port 1-1): its time stamps are 190.0 s ahead: driver uvcvideo' \
+  'camera 1 (port 2-1): its time stamps are 190.0 s behind' 'camera 2 (port 3-1): its time stamps'
+odd 'camera.*.clock_step_us=2000000' free4.yaml 10 'a["complete"] > 0' 'camera 3 (port 4-1): its time stamps are 2.0 s ahead'
+"$sst" recording odd.rec | grep -q '^arrival .* r00 c00 SIM0000: 10' || fail "$what: $("$sst" recording odd.rec)"
+# A moment of one camera is that camera's moment.
+cat >moment <<B
+(sh began 20; "$sim" fault camera.2.clock_step_us=60000000; sleep 0.3; "$sim" fault camera.2.clock_step_us=0) &
+exec "$sst" capture array --config free4.yaml -n 100 --json
+B
+what="a moment of 60 s"
+timeout 600 "$sim" --quiet --world four.yaml -- sh moment >out 2>err || fail "$what: exit $?: $(cat err)"
+expect 'bucket["late"] < 50 and all((c["buckets"]["corrupt"] > 0) == (c["port"] == "3-1") for c in a["array"])'
+grep -q 'row 1, col 0 (3-1): time stamps jump, or are later than the arrival' err || fail "$what: $(cat err)"
+# Forms of frames. No reset helps against another one, and none is tried.
+odd 'camera.0.other_size=1 camera.1.lead=16 camera.2.field=14 camera.3.field=7' gpio4.yaml 20 \
+  "$(at 2)['buckets']['set'] > 10 and $(at 2)['bad'] == 0 and not any(c['recovery']['reset'] for c in a['array'])" \
+  'camera 0 (port 1-1): its JPEGs are 320x248, not the 320x240 that was agreed' \
+  'camera 1 (port 2-1): its JPEGs begin after 16 bytes' \
+  'camera 2 (port 3-1): at 320x240 its pictures are made of fields (interlaced)' \
+  'camera 3 (port 4-1): its driver delivers fields (alternating)'
+[ "$(grep -c 'its JPEGs are' err)" = 1 ] || fail "$what: $(cat err)"
+# A rate that a driver does not set is reported with a trigger; without one it matters whether it is another rate.
+sed 's/rate_hz: 30,/rate_hz: 25,/' gpio4.yaml >gpio25.yaml
+sed 's/rate_hz: 30,/rate_hz: 25,/' free4.yaml >free25.yaml
+not='at 320x240 it delivers 30 Hz, not 25: its driver does not set the rate'
+odd 'camera.1.parm_errno=22 camera.2.parm_errno=25' gpio25.yaml 5 'all(c["buckets"]["set"] > 0 for c in a["array"])' \
+  "camera 1 (port 2-1): $not (Invalid argument)" "camera 2 (port 3-1): $not (Inappropriate"
+odd 'camera.1.parm_errno=5' free25.yaml 5 "all((c['frames'] > 0) == (c['port'] != '2-1') for c in a['array'])" \
+  "camera 1 (port 2-1): $not (Input/output error)"
+odd 'camera.*.parm_errno=16' free4.yaml 5 'all(c["frames"] > 0 for c in a["array"])'
+
 refused() { # CODE WORDS ARGS...
   local code=$1 words=$2
   shift 2

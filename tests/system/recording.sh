@@ -19,6 +19,24 @@ line=$("$sst" recording full --verify | sed -n 2p)
 is=$(json info.json 'o["sets"], o["complete"], round(o["median_hz"], 6), o["gaps"], o["skew_us"]["max"], o["damaged"], o["tracks"][5]["serial"]')
 [ "$is" = "12 12 10.0 0 3.999 0 S005" ] || fail "info: $is"
 
+# Frames stamped by their arrival, and stamps later than that, are findings.
+cp -r full stamps
+python3 - <<'PY' || fail "stamps"
+import json, zlib
+lines = open("stamps/sets.jsonl").read().splitlines()
+for i, line in enumerate(lines):
+    s = json.loads(line)
+    if "frames" in s and s["set"] in (3, 4):
+        s["frames"][1][8] += 512
+        s["frames"][2][4] = -190_000_000_000
+        body = json.dumps({k: v for k, v in s.items() if k != "crc"}, separators=(",", ":"))[:-1]
+        lines[i] = '%s,"crc":"%08x"}' % (body, zlib.crc32(body.encode()))
+open("stamps/sets.jsonl", "w").write("\n".join(lines) + "\n")
+PY
+"$sst" recording stamps >line || fail "stamps: $(cat line)"
+grep -q '^arrival .* r00 c01 S001: 2$' line && grep -q '^clock .* r00 c02 S002: 2$' line || fail "stamps: $(cat line)"
+[ "$("$sst" recording stamps --json | json - '[(t["by_arrival"], t["after_arrival"]) for t in o["tracks"]][:3]')" = "[(0, 0), (2, 0), (0, 2)]" ] || fail "stamps"
+
 # --- one set: the camera's bytes, and where they came from ---
 "$sst" import recording full -o lf --sets 7 >line || fail "import"
 [[ $(cat line) == "lf: 6 views of 64x48, grid 1x6, offsets x -2.000..3.000, y 0.000..0.000"* ]] || fail "printed: $(cat line)"

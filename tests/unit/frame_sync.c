@@ -326,6 +326,43 @@ static void free_run_follows_the_beat(void **state)
     assert_int_equal(n.relocked, 0);
 }
 
+/** A stamp from the future costs its own frame, whatever it says; no other camera's, and none that follow. */
+static void free_run_survives_stamps_from_the_future(void **state)
+{
+    static const int64_t ahead[] = { 2 * MS + 20 * MS, 2000 * MS, 900000 * MS, 3600000 * MS };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(ahead); i++)
+        for (int first = 0; first < 2; first++) { /* the very first frame of all, or some in the middle */
+            struct sst_framesync_counters n;
+            int wrong = 0;
+
+            begin(3, SST_FRAMESYNC_FREE, 100 * MS, 8);
+            for (int k = 0; k < 60; k++)
+                for (int cam = 0; cam < 3; cam++) {
+                    struct sst_frame *f = &t.frame[t.frames];
+                    const int64_t at = (1000 + 100 * k + cam) * MS;
+                    const bool off = cam == 1 && (first ? k == 0 : k >= 20 && k < 25);
+
+                    if (!off) {
+                        frame(cam, at);
+                        continue;
+                    }
+                    t.frames++;
+                    wrong++;
+                    *f = (struct sst_frame){ .cam = 1, .t_ns = at + ahead[i], .arrival_ns = at + 20 * MS, .pool = &t };
+                    sst_framesync_frame(t.sets, f);
+                    sst_framesync_tick(t.sets, at + 20 * MS);
+                }
+            n = end();
+            assert_int_equal(n.bucket[SST_BUCKET_CORRUPT], wrong);
+            assert_int_equal(n.camera[1][SST_BUCKET_CORRUPT], wrong);
+            assert_int_equal(n.bucket[SST_BUCKET_SET], 180 - wrong);
+            assert_int_equal(n.complete, 60 - wrong);
+            assert_int_equal(n.relocked, 0);
+        }
+}
+
 /** One camera is 0.5 % slow: every 200 beats it has one frame less, and nothing is lost. */
 static void free_run_with_a_slow_camera(void **state)
 {
@@ -474,6 +511,7 @@ int main(void)
         cmocka_unit_test(a_receiver_that_keeps_all_sets),
         cmocka_unit_test(nearest_of_fast_cameras),
         cmocka_unit_test(free_run_follows_the_beat),
+        cmocka_unit_test(free_run_survives_stamps_from_the_future),
         cmocka_unit_test(free_run_with_a_slow_camera),
         cmocka_unit_test(frames_that_name_their_trigger),
         cmocka_unit_test(a_host_that_is_gone_is_not_waited_for),

@@ -141,6 +141,149 @@ static void hash_sees_every_bit(void **state SST_UNUSED)
         assert_true(frame_hash(data, n) != frame_hash(data, n - 1));
 }
 
+/* The size in a JPEG is given if only that is wrong; bytes before its start marker are counted. */
+static void jpegs_of_another_size_are_measured(void **state SST_UNUSED)
+{
+    uint8_t late[300 + sizeof(tiny)] = { 0 };
+    int size[2] = { 0, 0 };
+
+    assert_int_equal(frame_check(V4L2_PIX_FMT_MJPEG, 16, 16, 0, tiny, sizeof(tiny), size),
+                     SST_FRAME_MARKER | SST_FRAME_UNFIT);
+    assert_int_equal(size[0], 16);
+    assert_int_equal(size[1], 8);
+    assert_int_equal(frame_check(V4L2_PIX_FMT_MJPEG, 16, 8, 0, tiny, sizeof(tiny), size), 0);
+    for (size_t lead = 0; lead <= 300; lead++) {
+        const size_t bytes = lead + sizeof(tiny);
+
+        memset(late, 0xff, sizeof(late)); /* fill bytes are no start either */
+        memcpy(late + lead, tiny, sizeof(tiny));
+        assert_int_equal(frame_lead(V4L2_PIX_FMT_MJPEG, late, bytes), lead < 256 ? lead : 0);
+    }
+    for (size_t bytes = 0; bytes < 19; bytes++) {
+        memset(late, 0, 16);
+        memcpy(late + 16, tiny, 3);
+        assert_int_equal(frame_lead(V4L2_PIX_FMT_MJPEG, late, bytes), 0);
+    }
+    assert_int_equal(frame_lead(V4L2_PIX_FMT_MJPEG, late, 19), 16);
+    assert_int_equal(frame_lead(V4L2_PIX_FMT_YUYV, late, 19), 0);
+}
+
+/* --- time stamps -------------------------------------------------------------------------------------------------- */
+
+#define SECOND INT64_C(1000000000)
+
+/* A camera of 30 Hz whose clock is off_ns off and whose frames are dequeued wait_ns late.
+ * @return number of frames out of `frames` whose stamp was found wrong */
+static int run_clock(struct stamp_clock *c, int64_t *now_ns, int frames, int64_t off_ns, double drift, int64_t wait_ns)
+{
+    int wrong = 0;
+
+    for (int i = 0; i < frames; i++) {
+        const int64_t t_ns = *now_ns += SECOND / 30;
+
+        wrong += stamp_judge(c, t_ns + off_ns + (int64_t)(drift * i * SECOND / 30), t_ns + 40 * SST_MS + wait_ns) !=
+                 STAMP_RIGHT;
+        if (!wait_ns) /* else the next one has been filled meanwhile */
+            c->empty_ns = t_ns + 41 * SST_MS;
+    }
+    return wrong;
+}
+
+static void clock_begin(struct stamp_clock *c, int64_t *now_ns)
+{
+    *c = (struct stamp_clock){ 0 };
+    *now_ns = 5000 * SECOND;
+    stamp_begin(c, *now_ns);
+}
+
+/* A stamp that cannot be costs its frame, and neither those that follow nor the trust in the clock. */
+static void single_wrong_stamps_cost_their_frames(void **state SST_UNUSED)
+{
+    static const int64_t off_ns[] = { 3600 * SECOND, -140459 * SECOND, 2 * SECOND, -2 * SECOND, 60 * SECOND };
+    struct stamp_clock c;
+    int64_t now_ns;
+
+    for (size_t i = 0; i < ARRAY_LEN(off_ns); i++)
+        for (int first = 0; first < 2; first++) {
+            clock_begin(&c, &now_ns);
+            if (!first)
+                assert_int_equal(run_clock(&c, &now_ns, 100, 0, 0, 0), 0);
+            assert_int_equal(run_clock(&c, &now_ns, 10, off_ns[i], 0, 0), 10);
+            assert_int_equal(run_clock(&c, &now_ns, 100, 0, 0, 0), 0);
+            assert_false(c.foreign);
+        }
+}
+
+/* Stamps that are wrong for seconds are of another clock; once right for long, they are believed again. */
+static void clocks_that_are_not_the_monotonic_one_are_found(void **state SST_UNUSED)
+{
+    static const int64_t off_ns[] = { 1790000000 * SECOND, 190 * SECOND, -190 * SECOND, 2 * SECOND, -2 * SECOND };
+    struct stamp_clock c;
+    int64_t now_ns;
+
+    for (size_t i = 0; i < ARRAY_LEN(off_ns); i++)
+        for (int first = 0; first < 2; first++) {
+            clock_begin(&c, &now_ns);
+            if (!first)
+                assert_int_equal(run_clock(&c, &now_ns, 100, 0, 0, 0), 0);
+            assert_int_equal(run_clock(&c, &now_ns, 90, off_ns[i], 0, 0), 90);
+            assert_true(c.foreign);
+            stamp_begin(&c, now_ns); /* the stream is started again: still known */
+            (void)run_clock(&c, &now_ns, 200, off_ns[i], 0, 0);
+            assert_true(c.foreign);
+            (void)run_clock(&c, &now_ns, 200, 0, 0, 0);
+            assert_true(c.foreign);
+            (void)run_clock(&c, &now_ns, 200, 0, 0, 0);
+            assert_false(c.foreign);
+        }
+    /* Slower and faster by 1 %. */
+    for (int way = -1; way <= 1; way += 2) {
+        clock_begin(&c, &now_ns);
+        (void)run_clock(&c, &now_ns, 4000, 0, way * 0.01, 0);
+        assert_true(c.foreign);
+    }
+    /* Always the same. */
+    clock_begin(&c, &now_ns);
+    for (int i = 0; i < 90; i++)
+        (void)stamp_judge(&c, 1000 * SECOND, now_ns += SECOND / 30);
+    assert_true(c.foreign);
+}
+
+/* Frames that a busy machine dequeues late, or after it stood still, have old stamps, which are right. */
+static void late_frames_have_right_stamps(void **state SST_UNUSED)
+{
+    struct stamp_clock c;
+    int64_t now_ns;
+
+    clock_begin(&c, &now_ns);
+    assert_int_equal(run_clock(&c, &now_ns, 100, 0, 0, 0), 0);
+    assert_int_equal(run_clock(&c, &now_ns, 900, 0, 0, 5 * SECOND), 0); /* behind for half a minute */
+    assert_int_equal(run_clock(&c, &now_ns, 100, 0, 0, 0), 0);
+    for (int i = 0; i < 32; i++) /* all buffers at once, a minute later */
+        assert_int_equal(stamp_judge(&c, now_ns + (i + 1) * (SECOND / 30), now_ns + 60 * SECOND + i), STAMP_RIGHT);
+    /* One frame in ten seconds, exposed for four. */
+    clock_begin(&c, &now_ns);
+    for (int i = 0; i < 20; i++) {
+        now_ns += 10 * SECOND;
+        assert_int_equal(stamp_judge(&c, now_ns - 4 * SECOND, now_ns), STAMP_RIGHT);
+        c.empty_ns = now_ns;
+    }
+}
+
+static void clocks_are_described(void **state SST_UNUSED)
+{
+    char out[96];
+
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, 190 * SECOND, 0, 1790000000 * SECOND);
+    assert_string_equal(out, "its time stamps are 190.0 s ahead");
+    stamp_describe(out, sizeof(out), STAMP_BEHIND, -2 * SECOND, 0, 1790000000 * SECOND);
+    assert_string_equal(out, "its time stamps are 2.0 s behind");
+    stamp_describe(out, sizeof(out), STAMP_REPEATED, -2 * SECOND, 0, 1790000000 * SECOND);
+    assert_string_equal(out, "its time stamps do not advance");
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, 1790000001 * SECOND, 0, 1790000000 * SECOND);
+    assert_string_equal(out, "its time stamps are of the wall clock");
+}
+
 /* --- identity ----------------------------------------------------------------------------------------------------- */
 
 static struct grab_node node(int number, const char *serial, const char *port, int capture)
@@ -238,6 +381,11 @@ int main(void)
         cmocka_unit_test(jpeg_of_an_encoder_passes),
         cmocka_unit_test(raw_frames_must_be_whole),
         cmocka_unit_test(hash_sees_every_bit),
+        cmocka_unit_test(jpegs_of_another_size_are_measured),
+        cmocka_unit_test(single_wrong_stamps_cost_their_frames),
+        cmocka_unit_test(clocks_that_are_not_the_monotonic_one_are_found),
+        cmocka_unit_test(late_frames_have_right_stamps),
+        cmocka_unit_test(clocks_are_described),
         cmocka_unit_test(ports_are_ordered_as_people_read_them),
         cmocka_unit_test(bindings_find_their_devices),
         cmocka_unit_test(odd_identities_are_named),

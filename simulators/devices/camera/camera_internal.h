@@ -81,7 +81,7 @@ struct sim_buffer {
     bool prepared, mapped, error;
     int memory;    /* memfd */
     uint8_t *data; /* [length] of it, mapped */
-    uint32_t length, bytesused, sequence;
+    uint32_t length, bytesused, sequence, field;
     int64_t stamp_ns;
     unsigned long userptr;
     uint32_t user_length;
@@ -135,6 +135,11 @@ enum sim_cam_fault {
     SST_SIM_FAULT_CLOCK_STEP_US,
     SST_SIM_FAULT_SWAP,
     SST_SIM_FAULT_CONTROL_STUCK,
+    SST_SIM_FAULT_OTHER_SIZE,
+    SST_SIM_FAULT_LEAD,
+    SST_SIM_FAULT_FIELD,
+    SST_SIM_FAULT_PARM_ERRNO,
+    SST_SIM_FAULT_SAME_STAMP,
     SST_SIM_FAULT_SLOW_OPEN_MS,
     SST_SIM_FAULTS_OF_CAMERA,
 };
@@ -177,6 +182,7 @@ struct sim_cam {
     uint8_t *frozen; /* frame kept for fault "frozen", [frozen_bytes] */
     size_t frozen_bytes;
     int64_t time_wrap_ns;
+    int64_t same_stamp_ns; /* of fault "same_stamp"; 0: none yet */
     struct sim_cam_counters counters;
 };
 

@@ -196,6 +196,8 @@ static int64_t stamp_of(struct sim_cam *cam, int64_t t_ns)
     }
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_BACKWARDS)))
         stamp -= BACKWARDS_NS;
+    if (sim_cam_fault(cam, SST_SIM_FAULT_SAME_STAMP) > 0)
+        stamp = cam->same_stamp_ns = cam->same_stamp_ns ? cam->same_stamp_ns : stamp;
     return stamp;
 }
 
@@ -213,8 +215,31 @@ static void freeze(struct sim_cam *cam, struct sim_buffer *b)
     }
 }
 
+/* Make the frame header of a JPEG say 8 lines more. */
+static void enlarge(struct sim_buffer *b)
+{
+    for (uint32_t i = 2; i + 9 < b->bytesused && b->data[i] == 0xff && b->data[i + 1] != 0xda;
+         i += 2u + ((uint32_t)b->data[i + 2] << 8 | b->data[i + 3]))
+        if (b->data[i + 1] == 0xc0) {
+            const unsigned height = ((unsigned)b->data[i + 5] << 8 | b->data[i + 6]) + 8;
+
+            b->data[i + 5] = (uint8_t)(height >> 8);
+            b->data[i + 6] = (uint8_t)height;
+            return;
+        }
+}
+
 static void damage(struct sim_cam *cam, struct sim_buffer *b)
 {
+    const uint32_t lead = (uint32_t)sim_cam_fault(cam, SST_SIM_FAULT_LEAD);
+
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_OTHER_SIZE)))
+        enlarge(b);
+    if (lead && b->bytesused + lead <= b->length) {
+        memmove(b->data + lead, b->data, b->bytesused);
+        memset(b->data, 0, lead);
+        b->bytesused += lead;
+    }
     if (sim_cam_fault(cam, SST_SIM_FAULT_FROZEN) > 0)
         freeze(cam, b);
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_SOI)) && b->bytesused >= 2)
@@ -256,6 +281,11 @@ static void fill(struct sim_cam *cam, const struct sim_shot *shot, uint32_t sequ
     }
     b->bytesused = (uint32_t)bytes;
     b->sequence = sequence;
+    b->field = (uint32_t)sim_cam_fault(cam, SST_SIM_FAULT_FIELD) % 10;
+    if (!b->field)
+        b->field = V4L2_FIELD_NONE;
+    else if (b->field == V4L2_FIELD_ALTERNATE)
+        b->field = sequence & 1 ? V4L2_FIELD_BOTTOM : V4L2_FIELD_TOP;
     b->stamp_ns = stamp_of(cam, shot->exposure.t_ns) + later_ns;
     damage(cam, b);
     if (!copy_to_dmabuf(b))
@@ -293,6 +323,8 @@ void sim_cam_fault_set(struct sim_cam *cam, int fault, double value)
     }
     if (fault == SST_SIM_FAULT_SEQUENCE_WRAP && value > 0)
         cam->sequence = (uint32_t)-8;
+    if (fault == SST_SIM_FAULT_SAME_STAMP)
+        cam->same_stamp_ns = 0;
     if (fault == SST_SIM_FAULT_TIME_WRAP)
         cam->time_wrap_ns = value > 0 ? sst_clock_now_ns() : 0;
 }

@@ -73,6 +73,8 @@ static void adjust(const struct sim_cam *cam, struct v4l2_pix_format *p)
                                    .quantization = V4L2_QUANTIZATION_DEFAULT,
                                    .xfer_func = V4L2_XFER_FUNC_SRGB };
 
+    if (sim_cam_fault(cam, SST_SIM_FAULT_FIELD) >= 10)
+        out.field = (uint32_t)sim_cam_fault(cam, SST_SIM_FAULT_FIELD) % 10;
     if (!f)
         f = &formats[0];
     nearest_size(cam, &out.width, &out.height);
@@ -177,6 +179,8 @@ static int set_rate(struct sim_cam *cam, struct v4l2_streamparm *p)
         return -EINVAL;
     if (cam->queue.streaming)
         return -EBUSY;
+    if (sim_cam_fault(cam, SST_SIM_FAULT_PARM_ERRNO) > 0)
+        return -(int)sim_cam_fault(cam, SST_SIM_FAULT_PARM_ERRNO);
     /* The nearest interval; 0 selects the camera's default. */
     for (size_t i = 0; i < ARRAY_LEN(rates); i++) {
         const double seconds =

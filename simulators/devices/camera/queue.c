@@ -39,7 +39,7 @@ static int buffer_make(struct sim_buffer *b, uint32_t bytes)
     const size_t room = whole_pages(bytes);
     void *data = MAP_FAILED;
 
-    *b = (struct sim_buffer){ .length = bytes, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
+    *b = (struct sim_buffer){ .length = bytes, .user_length = bytes, .field = V4L2_FIELD_NONE, .dmabuf = -1, .dmabuf_number = -1 };
     b->memory = memfd_create("sst-sim-frame", MFD_CLOEXEC);
     if (b->memory >= 0 && ftruncate(b->memory, (off_t)room) == 0)
         data = mmap(NULL, room, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);
@@ -92,7 +92,7 @@ static void describe(const struct sim_queue *q, uint32_t index, struct v4l2_buff
     *out = (struct v4l2_buffer){ .index = index,
                                  .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
                                  .memory = q->memory,
-                                 .field = V4L2_FIELD_NONE,
+                                 .field = b->field,
                                  .length = b->length,
                                  .bytesused = b->bytesused,
                                  .sequence = b->sequence,
