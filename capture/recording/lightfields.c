@@ -15,6 +15,7 @@
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
@@ -66,7 +67,7 @@ static int write_view(struct job *job, int view, const struct sst_raw *raw)
     if (err)
         return err;
     job->lf.views[view].present = true;
-    return is_jpeg(job) ? sst_file_write(path, raw->data, raw->bytes) : sst_raw_write_png(raw, path);
+    return is_jpeg(job) ? sst_jpeg_write(path, raw->data, raw->bytes) : sst_raw_write_png(raw, path);
 }
 
 static int take_view(void *arg, int view, int worker SST_UNUSED)

@@ -23,6 +23,7 @@
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/develop.h"
+#include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/parallax.h"
@@ -487,7 +488,7 @@ static int write_frame(const struct sst_scan_store *s, const char *path, const s
 {
     const struct sst_raw raw = { s->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
 
-    return s->fourcc == V4L2_PIX_FMT_MJPEG ? sst_file_write(path, f->data, f->bytes) : sst_raw_write_png(&raw, path);
+    return s->fourcc == V4L2_PIX_FMT_MJPEG ? sst_jpeg_write(path, f->data, f->bytes) : sst_raw_write_png(&raw, path);
 }
 
 static char *view_line(const struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,

@@ -6,13 +6,14 @@
 #include "base/thread.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 
 #define IDLE_MS 200
 
 #define V4L2_MJPG ((uint32_t)'M' | (uint32_t)'J' << 8 | (uint32_t)'P' << 16 | (uint32_t)'G' << 24)
 
-/** A frame as JPEG: its own bytes, or encoded. @return NULL: no memory, or no picture */
+/** A frame as JPEG: its own bytes, with Huffman tables, or encoded. @return NULL: no memory, or no picture */
 static uint8_t *as_jpeg(const struct sst_frame *f, int quality, size_t *bytes)
 {
     const struct sst_raw raw = { .fourcc = f->fourcc,
@@ -25,10 +26,7 @@ static uint8_t *as_jpeg(const struct sst_frame *f, int quality, size_t *bytes)
     uint8_t *data = NULL;
 
     if (f->fourcc == V4L2_MJPG) {
-        data = malloc(f->bytes);
-        if (data)
-            memcpy(data, f->data, f->bytes);
-        *bytes = f->bytes;
+        data = sst_jpeg_complete(f->data, f->bytes, bytes);
     } else if (!sst_raw_to_image(&image, &raw)) {
         if (sst_image_encode_jpeg(&image, quality, &data, bytes))
             data = NULL;

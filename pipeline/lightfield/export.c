@@ -8,6 +8,7 @@
 #include "base/thread.h"
 #include "pipeline/camera/format.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/jpeg_tables.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define SENSOR_MM 35.0 /* HCI expresses the focal length by a sensor size; any value works, this is the benchmark's */
@@ -59,7 +60,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
              v->by * unit, digits, v->bx * unit, !data || data[0] == 0x89 ? "png" : "jpg");
     err = sst_path_join(path, job->out, name);
     if (!err)
-        err = data ? sst_file_write(path, data, size) : sst_image_write_png(&v->image, path);
+        err = data ? sst_jpeg_write(path, data, size) : sst_image_write_png(&v->image, path);
     free(data);
     return err;
 }
@@ -222,7 +223,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
     snprintf(file, sizeof(file), "images/%s", name);
     err = sst_path_join(path, job->out, file);
     if (!err)
-        err = sst_file_write(path, data, size);
+        err = sst_jpeg_write(path, data, size);
     free(data);
     return err;
 }

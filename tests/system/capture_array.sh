@@ -182,7 +182,7 @@ odd 'camera.0.clock_step_us=190000000 camera.1.clock_step_us=-190000000 camera.2
   'camera 0 (port 1-1): its time stamps are 190.0 s ahead: driver uvcvideo' \
   'camera 1 (port 2-1): its time stamps are 190.0 s behind' 'camera 2 (port 3-1): its time stamps'
 odd 'camera.*.clock_step_us=2000000' free4.yaml 10 'a["complete"] > 0' 'camera 3 (port 4-1): its time stamps are 2.0 s ahead'
-"$sst" recording odd.rec | grep -q '^arrival .* r00 c00 SIM0000: 10' || fail "$what: $("$sst" recording odd.rec)"
+"$sst" recording odd.rec | grep -q '^arrival .* r00 c00 SIM0000: [1-9]' || fail "$what: $("$sst" recording odd.rec)"
 # A moment of one camera is that camera's moment.
 cat >moment <<B
 (sh began 20; "$sim" fault camera.2.clock_step_us=60000000; sleep 0.3; "$sim" fault camera.2.clock_step_us=0) &
@@ -208,7 +208,14 @@ odd 'camera.1.parm_errno=22 camera.2.parm_errno=25' gpio25.yaml 5 'all(c["bucket
   "camera 1 (port 2-1): $not (Invalid argument)" "camera 2 (port 3-1): $not (Inappropriate"
 odd 'camera.1.parm_errno=5' free25.yaml 5 "all((c['frames'] > 0) == (c['port'] != '2-1') for c in a['array'])" \
   "camera 1 (port 2-1): $not (Input/output error)"
-odd 'camera.*.parm_errno=16' free4.yaml 5 'all(c["frames"] > 0 for c in a["array"])'
+odd 'camera.*.parm_errno=16 camera.*.no_tables=1' free4.yaml 5 'all(c["frames"] > 0 for c in a["array"])'
+# Recordings hold the bytes of the camera, pictures have the tables that it leaves out.
+"$sst" import recording odd.rec -o tables --sets last --allow-partial >/dev/null 2>err || fail "$what: $(cat err)"
+/usr/bin/python3 - <<'P' || fail "$what: tables"
+import glob, sys
+sys.exit(b"\xff\xc4" in open("odd.rec/segments/000000.mkv", "rb").read()[:4096] or
+         not all(open(f, "rb").read().count(b"\xff\xc4\x01\xa2") == 1 for f in glob.glob("tables/views/*.jpg")))
+P
 
 refused() { # CODE WORDS ARGS...
   local code=$1 words=$2

@@ -60,6 +60,11 @@ awaits "'$sst' snapshot -o now.jpg 2>err" || fail "snapshot: $(cat err)"
 for p in camera/r5c5 labels disparity main; do
   awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$p' >p.jpg" && [ "$(head -c 2 p.jpg | od -An -tx1)" = " ff d8" ] || fail "/snapshot/$p"
 done
+# Huffman tables that a camera leaves out are in its pictures.
+"$build/sst-sim" fault --dir session camera.0.no_tables=1 >/dev/null
+awaits "curl -sf -m 10 --unix-socket c.sock http://x/snapshot/camera/r0c0 | od -An -v -tx1 | tr -d '\n' | grep -q 'ff c4 01 a2'" ||
+  fail "a camera's picture without Huffman tables"
+"$build/sst-sim" fault --dir session camera.0.no_tables=0 >/dev/null
 awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_cameras_present 36$' metrics" || fail "metrics: $(cat metrics)"
 awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
   END { exit bad }' metrics || fail "quantiles of what is no summary"

@@ -27,6 +27,7 @@ const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
     [SST_SIM_FAULT_SWAP] = { "swap", -255, 255, "the camera behind this cable is number N + VALUE" },
     [SST_SIM_FAULT_CONTROL_STUCK] = { "control_stuck", 0, 1, "1: S_CTRL succeeds and changes nothing" },
     [SST_SIM_FAULT_OTHER_SIZE] = { "other_size", 0, 1, "share of frames whose JPEG header says 8 lines more" },
+    [SST_SIM_FAULT_NO_TABLES] = { "no_tables", 0, 1, "share of frames without Huffman tables" },
     [SST_SIM_FAULT_LEAD] = { "lead", 0, 64, "bytes of something else before each frame" },
     [SST_SIM_FAULT_FIELD] = { "field", 0, 19, "enum v4l2_field that buffers have, and plus 10 formats too; 0: progressive" },
     [SST_SIM_FAULT_PARM_ERRNO] = { "parm_errno", 0, 133, "S_PARM fails with this errno" },

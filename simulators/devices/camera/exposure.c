@@ -215,26 +215,34 @@ static void freeze(struct sim_cam *cam, struct sim_buffer *b)
     }
 }
 
-/* Make the frame header of a JPEG say 8 lines more. */
-static void enlarge(struct sim_buffer *b)
+/* Segments of a JPEG before its scan: the frame header says 8 lines more, Huffman tables are left out. */
+static void edit_header(struct sim_buffer *b, bool enlarge, bool strip)
 {
-    for (uint32_t i = 2; i + 9 < b->bytesused && b->data[i] == 0xff && b->data[i + 1] != 0xda;
-         i += 2u + ((uint32_t)b->data[i + 2] << 8 | b->data[i + 3]))
-        if (b->data[i + 1] == 0xc0) {
+    for (uint32_t i = 2; i + 9 < b->bytesused && b->data[i] == 0xff && b->data[i + 1] != 0xda;) {
+        const uint32_t length = 2u + ((uint32_t)b->data[i + 2] << 8 | b->data[i + 3]);
+
+        if (strip && b->data[i + 1] == 0xc4 && i + length < b->bytesused) {
+            memmove(b->data + i, b->data + i + length, b->bytesused - i - length);
+            b->bytesused -= length;
+            continue;
+        }
+        if (enlarge && b->data[i + 1] == 0xc0) {
             const unsigned height = ((unsigned)b->data[i + 5] << 8 | b->data[i + 6]) + 8;
 
             b->data[i + 5] = (uint8_t)(height >> 8);
             b->data[i + 6] = (uint8_t)height;
-            return;
         }
+        i += length;
+    }
 }
 
 static void damage(struct sim_cam *cam, struct sim_buffer *b)
 {
     const uint32_t lead = (uint32_t)sim_cam_fault(cam, SST_SIM_FAULT_LEAD);
 
-    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_OTHER_SIZE)))
-        enlarge(b);
+    if (cam->format.pixelformat == V4L2_PIX_FMT_MJPEG)
+        edit_header(b, sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_OTHER_SIZE)),
+                    sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_NO_TABLES)));
     if (lead && b->bytesused + lead <= b->length) {
         memmove(b->data + lead, b->data, b->bytesused);
         memset(b->data, 0, lead);
