@@ -55,18 +55,16 @@ static int seconds(int64_t left_ns)
     return left_ns > 0 ? (int)((left_ns + 999999999) / 1000000000) : 0;
 }
 
-int sst_brake_wrong(struct sst_brake *b, const struct sockaddr *address, int64_t now_ns, bool *first)
+int sst_brake_wrong(struct sst_brake *b, const uint8_t who[16], int64_t now_ns, bool *first)
 {
-    uint8_t network[16];
     struct sst_brake_address *w;
     int64_t left_ns;
 
     *first = false;
-    sst_brake_network(address, network);
     pthread_mutex_lock(&b->lock);
-    w = find_locked(b, network);
+    w = find_locked(b, who);
     if (!w)
-        w = add_locked(b, network);
+        w = add_locked(b, who);
     if (now_ns >= w->until_ns) {
         if (!w->since_ns || now_ns - w->since_ns > MINUTE_NS) {
             if (now_ns - w->until_ns > 15 * MINUTE_NS)
@@ -87,16 +85,21 @@ int sst_brake_wrong(struct sst_brake *b, const struct sockaddr *address, int64_t
     return seconds(left_ns);
 }
 
-int sst_brake_left(struct sst_brake *b, const struct sockaddr *address, int64_t now_ns)
+int64_t sst_brake_turn(struct sst_brake *b, const uint8_t who[16], int64_t now_ns)
 {
-    uint8_t network[16];
-    const struct sst_brake_address *w;
-    int64_t left_ns;
+    const int64_t turn_ns = SST_BRAKE_TURN_S * INT64_C(1000000000);
+    struct sst_brake_address *w;
+    int64_t wait_ns = 0;
 
-    sst_brake_network(address, network);
     pthread_mutex_lock(&b->lock);
-    w = find_locked(b, network);
-    left_ns = w ? w->until_ns - now_ns : 0;
+    w = find_locked(b, who);
+    if (w && now_ns < w->until_ns) {
+        wait_ns = w->turn_ns > now_ns ? w->turn_ns - now_ns : 0;
+        if (wait_ns > turn_ns)
+            wait_ns = -1;
+        else
+            w->turn_ns = now_ns + wait_ns + turn_ns;
+    }
     pthread_mutex_unlock(&b->lock);
-    return seconds(left_ns);
+    return wait_ns;
 }

@@ -47,10 +47,15 @@ int http_wrong_token(struct http_request *q, int *retry_s)
 {
     const struct sst_api *api = q->http->cfg.api;
     const struct sockaddr *address = address_of(q);
+    uint8_t network[16];
     bool first = false;
 
-    q->retry_s = *retry_s =
-        address && !q->local ? sst_brake_wrong(&q->http->auth.brake, address, sst_clock_now_ns(), &first) : 0;
+    *retry_s = 0;
+    if (address && !q->local) {
+        sst_brake_network(address, network);
+        *retry_s = sst_brake_wrong(&q->http->auth.brake, network, sst_clock_now_ns(), &first);
+    }
+    q->retry_s = *retry_s;
     if (first)
         sst_events_emit(api->events, SST_EVENT_WARNING, "client",
                         json_pack("{s:s, s:s}", "reason", "wrong tokens", "address", q->who),

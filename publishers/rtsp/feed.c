@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -89,7 +90,7 @@ static GstClockTime time_of(const struct feed *f, GstElement *src, const struct 
     int64_t pts, age = now_ns - jpeg->t_ns;
 
     if (jpeg->number == f->number)
-        return f->pts + (GstClockTime)(now_ns - f->pushed_ns);
+        return f->pts + (GstClockTime)(now_ns - f->pushed_ns > STEP_NS ? now_ns - f->pushed_ns : STEP_NS);
     pts = clock ? (int64_t)(gst_clock_get_time(clock) - base) : 0;
     if (clock)
         gst_object_unref(clock);
@@ -165,8 +166,9 @@ static void need_data(GstAppSrc *src, guint length SST_UNUSED, gpointer arg)
     const struct sst_jpeg *jpeg;
     int64_t now_ns;
 
-    /* Whoever stops the pipeline waits for this thread; its wish shows in the state that is aimed at. */
-    while (GST_STATE_TARGET(src) == GST_STATE_PLAYING) {
+    /* Whoever stops the pipeline waits for this thread; its wish shows in the state that is aimed at. A pause is waited
+     * out here: the source does not ask twice for one buffer. */
+    for (GstState aim; (aim = GST_STATE_TARGET(src)) >= GST_STATE_PAUSED;) {
         if (sst_slot_is_shut(f->picture->slot)) {
             atomic_store(&f->over, true);
             atomic_fetch_add(&f->factory->ended, 1);
@@ -174,6 +176,12 @@ static void need_data(GstAppSrc *src, guint length SST_UNUSED, gpointer arg)
             return;
         }
         now_ns = sst_clock_now_ns();
+        if (aim == GST_STATE_PAUSED) { /* the pipeline's time stands still */
+            if (f->pts != GST_CLOCK_TIME_NONE)
+                f->pushed_ns = now_ns;
+            nanosleep(&(struct timespec){ .tv_nsec = RTSP_SLICE_MS * 1000000L }, NULL);
+            continue;
+        }
         jpeg = next(f, now_ns);
         if (jpeg) {
             push(f, src, jpeg, now_ns);

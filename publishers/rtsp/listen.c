@@ -37,12 +37,14 @@ static int read_password(const char *path, char out[RTSP_PASSWORD])
     if (err)
         return err;
     n = strcspn((const char *)data, "\r\n");
-    if (n && n < RTSP_PASSWORD) {
+    if (n >= RTSP_PASSWORD_LEAST && n < RTSP_PASSWORD) {
         memcpy(out, data, n);
         out[n] = 0;
     } else {
-        sst_log_error("rtsp.password_file %s: its first line is the password, 1 to %d characters", path,
-                      RTSP_PASSWORD - 1);
+        sst_log_error(
+            "rtsp.password_file %s: its first line is the password, %d to %d characters, not %zu; shorter ones "
+            "are soon guessed",
+            path, RTSP_PASSWORD_LEAST, RTSP_PASSWORD - 1, n);
         err = -EBADMSG;
     }
     free(data);

@@ -10,9 +10,10 @@
 #include "base/jpeg_slot.h"
 #include "config/sstd.h"
 
-#define RTSP_SLICE_MS 50  /* longest wait in one piece: how fast a stop is noticed */
-#define RTSP_NAME_MAX 63  /* characters of the name of a view or camera */
-#define RTSP_PASSWORD 129 /* bytes, with the NUL */
+#define RTSP_SLICE_MS       50  /* longest wait in one piece: how fast a stop is noticed */
+#define RTSP_NAME_MAX       63  /* characters of the name of a view or camera */
+#define RTSP_PASSWORD       129 /* bytes, with the NUL */
+#define RTSP_PASSWORD_LEAST 8   /* characters: 22,000 guesses a day are looked at, from one address */
 
 struct rtsp_login {
     char user[64], password[RTSP_PASSWORD]; /* user "": no password is required */
@@ -77,11 +78,13 @@ _Noreturn void rtsp_server_run(struct rtsp_server *server);
 
 /** Reset a connection: one that is merely shut down continues to be read. Its own thread sees the end and cleans up. */
 void rtsp_disconnect(GstRTSPClient *client);
+/** The answer to this client's request takes a while: it is not idle meanwhile. */
+void rtsp_set_busy(GstRTSPClient *client);
 
 /* --- auth.c ------------------------------------------------------------------------------------------------------- */
 
-/** Require the user and the password of clients. */
-void rtsp_set_login(GstRTSPServer *server, const struct rtsp_login *login);
+/** Require the user and the password of clients. @return 0, -EIO, -ENOSYS (no random numbers; logged) */
+SST_MUST_CHECK int rtsp_set_login(GstRTSPServer *server, const struct rtsp_login *login);
 
 /* --- feed.c ------------------------------------------------------------------------------------------------------- */
 

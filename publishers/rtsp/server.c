@@ -176,14 +176,14 @@ static gboolean check_clients(gpointer arg)
     return G_SOURCE_CONTINUE;
 }
 
-static void set_busy(GstRTSPClient *client)
+void rtsp_set_busy(GstRTSPClient *client)
 {
     atomic_store(&client_of(client)->busy, true);
 }
 
 static GstRTSPStatusCode before_describe(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
 {
-    set_busy(client);
+    rtsp_set_busy(client);
     return rtsp_mount(arg, ctx->uri->abspath);
 }
 
@@ -204,7 +204,7 @@ static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx
     g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, count, &sessions), g_object_unref);
     if (sessions >= CLIENTS_MAX)
         return GST_RTSP_STS_SERVICE_UNAVAILABLE;
-    set_busy(client);
+    rtsp_set_busy(client);
     return GST_RTSP_STS_OK;
 }
 
@@ -313,6 +313,7 @@ int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const 
 {
     GstRTSPThreadPool *threads;
     GSource *reaper;
+    int err;
 
     rtsp->codec = codec;
     pthread_mutex_init(&rtsp->lock, NULL);
@@ -325,14 +326,13 @@ int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const 
     threads = gst_rtsp_server_get_thread_pool(rtsp->server);
     gst_rtsp_thread_pool_set_max_threads(threads, CONNECTIONS_MAX);
     g_object_unref(threads);
-    if (login->user[0])
-        rtsp_set_login(rtsp->server, login);
     g_signal_connect(rtsp->server, "client-connected", G_CALLBACK(on_connect), rtsp);
     reaper = g_timeout_source_new(REAP_MS);
     g_source_set_callback(reaper, check_clients, rtsp, NULL);
     g_source_attach(reaper, rtsp->context);
     g_source_unref(reaper);
-    return listen_on(rtsp, fd);
+    err = login->user[0] ? rtsp_set_login(rtsp->server, login) : 0;
+    return err ? err : listen_on(rtsp, fd);
 }
 
 void rtsp_server_run(struct rtsp_server *rtsp)

@@ -159,17 +159,250 @@ static void passwords(void **state)
     assert_int_equal(status, 0); /* who only guesses is hung up on */
     assert_in_range(asked, 5, 8);
     close(fd);
-    /* Connections of its own for each guess do not help: after ten of them the right one is not looked at either. */
-    for (asked = 0, status = 401; status == 401 && asked < 20; asked++)
-        status = ask_once("DESCRIBE", "/main", "Authorization: Basic bnZyOnNlc2FtZQ==\r\n");
-    assert_int_equal(status, 0);
-    assert_in_range(asked, 1, 10);
-    assert_int_equal(ask_once("DESCRIBE", "/main", "Authorization: Basic bnZyOnNlc2FtZSBzZWVk\r\n"), 0);
-    assert_int_equal(ask_once("DESCRIBE", "/main", ""), 401);
     for (int t = 0; t < PATIENCE_MS && !reported_refusals; t += 20)
         sleep_ms(20);
     assert_true(reported_refusals > 0);
     wait_for(viewers, 0);
+}
+
+static void short_passwords(void **state)
+{
+    char more[256];
+
+    (void)state;
+    snprintf(more, sizeof(more), ", user: nvr, password_file: %s", write_password("sesame7\n"));
+    port = free_port();
+    configure(SST_RTSP_MJPEG, more);
+    start_program();
+    for (int t = 0; t < PATIENCE_MS && !reported_problem; t += 20)
+        sleep_ms(20);
+    assert_true(reported_problem);
+    assert_int_equal(try_connect(), -1);
+}
+
+struct viewer {
+    int fd, packets; /* the same by TCP */
+    char session[192];
+};
+
+/* @param login  a line; "": none is needed */
+static void begin_viewer(struct viewer *v, bool udp, const char *login)
+{
+    struct sockaddr_in a = { .sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
+    char more[256], id[64];
+    const int own = free_port() & ~1;
+
+    v->fd = v->packets = connect_server();
+    snprintf(more, sizeof(more), "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n%s", login);
+    if (udp) {
+        v->packets = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+        a.sin_port = htons((uint16_t)own);
+        assert_int_equal(bind(v->packets, (struct sockaddr *)&a, sizeof(a)), 0);
+        snprintf(more, sizeof(more), "Transport: RTP/AVP;unicast;client_port=%d-%d\r\n%s", own, own + 1, login);
+    }
+    assert_int_equal(ask(v->fd, "DESCRIBE", "/main", login), 200);
+    assert_int_equal(ask(v->fd, "SETUP", "/main/stream=0", more), 200);
+    assert_non_null(strstr(answer, "Session: "));
+    assert_int_equal(sscanf(strstr(answer, "Session: "), "Session: %63[^;\r\n]", id), 1);
+    snprintf(v->session, sizeof(v->session), "Session: %s\r\n%s", id, login);
+}
+
+static void order(const struct viewer *v, const char *method)
+{
+    assert_int_equal(ask(v->fd, method, "/main", v->session), 200);
+}
+
+#define GUESSES 14 /* at a time, of which ten are free */
+
+static const char right[] = "Authorization: Basic bnZyOnNlc2FtZSBzZWVk\r\n";
+static const char wrong[] = "Authorization: Basic bnZyOnNlc2FtZQ==\r\n";
+
+static void serve_login(void)
+{
+    char more[256];
+
+    snprintf(more, sizeof(more), ", user: nvr, password_file: %s", write_password("sesame seed\n"));
+    serve_with(SST_RTSP_MJPEG, more);
+}
+
+/* A digest that is wrong. @param nonce  NULL: of a connection that is closed now */
+static const char *digest(const char *nonce)
+{
+    static char header[256];
+    char made[80] = "";
+
+    if (!nonce) {
+        assert_int_equal(ask_once("DESCRIBE", "/main", ""), 401);
+        assert_non_null(strstr(answer, "nonce=\""));
+        assert_int_equal(sscanf(strstr(answer, "nonce=\""), "nonce=\"%79[^\"]", made), 1);
+    }
+    snprintf(header, sizeof(header),
+             "Authorization: Digest username=\"nvr\", realm=\"sst\", nonce=\"%s\", uri=\"rtsp://127.0.0.1/main\", "
+             "response=\"0123456789abcdef0123456789abcdef\"\r\n",
+             nonce ? nonce : made);
+    return header;
+}
+
+/* As many as that at once, each on a connection of its own. @return those that were refused, not hung up on */
+static int guess_at_once(const char *header)
+{
+    int fd[GUESSES], status, refused = 0;
+    char text[1024];
+
+    for (int i = 0; i < GUESSES; i++) {
+        fd[i] = connect_server();
+        snprintf(text, sizeof(text), "DESCRIBE rtsp://127.0.0.1:%d/main RTSP/1.0\r\nCSeq: 1\r\n%s\r\n", port, header);
+        (void)!send(fd[i], text, strlen(text), MSG_NOSIGNAL);
+    }
+    for (int i = 0; i < GUESSES; i++) {
+        const ssize_t n = recv(fd[i], text, sizeof(text) - 1, 0);
+
+        text[n > 0 ? n : 0] = 0;
+        refused += sscanf(text, "RTSP/1.0 %d", &status) == 1 && status == 401;
+        close(fd[i]);
+    }
+    return refused;
+}
+
+/* By whatever way, ten a minute are looked at, and then one each 4 s, of which two can wait. The right password is one
+ * of these; a viewer that was there before does not wait, and one that is connected stays. */
+static void guesses_are_counted(void **state)
+{
+    struct viewer v;
+    int status = 0, refused;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        const char *header;
+
+        serve_login();
+        begin_viewer(&v, false, right);
+        order(&v, "PLAY");
+        assert_int_equal(pclose(watch("nvr:sesame%20seed@", "/main", "tcp", "-frames:v 1 -f null -")), 0);
+        header = i ? digest(NULL) : wrong;
+        reported_refusals = 0;
+        (void)guess_at_once(header);
+        refused = guess_at_once(header);
+        assert_in_range(refused, 0, GUESSES / 2); /* more than two after 4 s alone, on a busy machine */
+        for (int t = 0; t < PATIENCE_MS && !reported_refusals; t += 20)
+            sleep_ms(20);
+        assert_true(reported_refusals > 0);
+        assert_int_equal(pclose(watch("nvr:sesame%20seed@", "/main", "tcp", "-frames:v 1 -f null -")), 0);
+        order(&v, "GET_PARAMETER");
+        close(v.fd);
+        if (!i) {
+            close_server();
+            continue;
+        }
+        for (int t = 0; t < PATIENCE_MS && status != 200; t += 20) {
+            status = ask_once("DESCRIBE", "/main", right);
+            sleep_ms(20);
+        }
+        assert_int_equal(status, 200);
+        close_server();
+    }
+}
+
+/* Clients answer the challenge of the program before it was started again. */
+static void nonces_of_a_restart_are_free(void **state)
+{
+    const char *header;
+
+    (void)state;
+    serve_login();
+    header = digest("0000000f0123456789abcdef0123456789abcdef");
+    assert_int_equal(ask_once("DESCRIBE", "/main", header), 401);
+    assert_non_null(strstr(answer, "nonce="));
+    sleep_ms(200);
+    assert_int_equal(reported_refusals, 0);
+    (void)guess_at_once(header); /* but not to whoever does nothing else */
+    for (int t = 0; t < PATIENCE_MS && !reported_refusals; t += 20)
+        sleep_ms(20);
+    assert_true(reported_refusals > 0);
+}
+
+/* --- pauses ------------------------------------------------------------------------------------------------------- */
+
+/* Bytes that have come by now, through the connection or beside it. */
+static size_t drain(int fd)
+{
+    static char space[65536];
+    size_t bytes = 0;
+    ssize_t n;
+
+    while ((n = recv(fd, space, sizeof(space), MSG_DONTWAIT)) > 0)
+        bytes += (size_t)n;
+    return bytes;
+}
+
+#define FLOWING 4000 /* bytes; reports are less in a minute */
+
+static void flows(int fd)
+{
+    size_t bytes = 0;
+
+    for (int t = 0; t < PATIENCE_MS && bytes < FLOWING; t += 20) {
+        bytes += drain(fd);
+        sleep_ms(20);
+    }
+    assert_true(bytes >= FLOWING);
+}
+
+static void stands(int fd)
+{
+    size_t bytes = FLOWING;
+
+    for (int t = 0; t < PATIENCE_MS && bytes >= FLOWING / 8; t += 300) { /* what was on its way, first */
+        sleep_ms(300);
+        bytes = drain(fd);
+    }
+    assert_true(bytes < FLOWING / 8);
+}
+
+static void pauses_end(void **state)
+{
+    struct viewer a, b;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        serve(i ? SST_RTSP_H264 : SST_RTSP_MJPEG);
+        begin_viewer(&a, i, "");
+        order(&a, "PLAY");
+        flows(a.packets);
+        order(&a, "PAUSE");
+        stands(a.packets);
+        order(&a, "GET_PARAMETER");
+        order(&a, "PLAY");
+        flows(a.packets);
+        order(&a, "PAUSE");
+        assert_int_equal(ask(a.fd, "PAUSE", "/main", a.session), 455); /* as RFC 2326 has it */
+        stands(a.packets);
+        order(&a, "PLAY");
+        order(&a, "PLAY");
+        flows(a.packets);
+        order(&a, "PAUSE");
+        stands(a.packets);
+        begin_viewer(&b, !i, ""); /* while the first pauses */
+        order(&b, "PLAY");
+        flows(b.packets);
+        stands(a.packets);
+        order(&a, "PLAY");
+        flows(a.packets);
+        order(&a, "PAUSE");
+        order(&b, "PAUSE");
+        stands(b.packets);
+        order(&b, "TEARDOWN");
+        order(&a, "PLAY");
+        flows(a.packets);
+        order(&a, "PAUSE");
+        order(&a, "TEARDOWN");
+        close(a.fd);
+        close(b.fd);
+        close(i ? a.packets : b.packets);
+        wait_for(clients, 0);
+        wait_for(viewers, 0);
+        close_server();
+    }
 }
 
 static void nobody_waits_for_a_slow_one(void **state)
@@ -413,6 +646,10 @@ int main(int argc, char **argv)
         cmocka_unit_test_setup_teardown(sizes_that_are_odd, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(without_pictures, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(passwords, make_pictures, end_pictures),
+        cmocka_unit_test_setup_teardown(short_passwords, make_pictures, end_pictures),
+        cmocka_unit_test_setup_teardown(guesses_are_counted, make_pictures, end_pictures),
+        cmocka_unit_test_setup_teardown(nonces_of_a_restart_are_free, make_pictures, end_pictures),
+        cmocka_unit_test_setup_teardown(pauses_end, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(nobody_waits_for_a_slow_one, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(garbage_and_floods, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(a_view_that_ends, make_pictures, end_pictures),

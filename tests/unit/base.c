@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/border.h"
+#include "base/brake.h"
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -270,14 +271,46 @@ static void values_that_cross_a_border_are_counted(void **state SST_UNUSED)
 #endif
 }
 
+/* Of a blocked client one attempt is at once, one waits, and no more can. */
+static void attempts_of_a_blocked_client_come_in_turn(void **state)
+{
+    const int64_t s = 1000000000, turn = SST_BRAKE_TURN_S * s;
+    const uint8_t who[16] = { 1 }, other[16] = { 2 };
+    struct sst_brake b;
+    bool first;
+
+    (void)state;
+    sst_brake_init(&b);
+    for (int i = 0; i < SST_BRAKE_WRONG; i++) {
+        assert_int_equal(sst_brake_turn(&b, who, s), 0);
+        assert_int_equal(sst_brake_wrong(&b, who, s, &first), 0);
+        assert_false(first);
+    }
+    assert_int_equal(sst_brake_wrong(&b, who, s, &first), 60);
+    assert_true(first);
+    assert_true(sst_brake_turn(&b, who, 2 * s) == 0);
+    assert_true(sst_brake_turn(&b, who, 3 * s) == turn - s);
+    assert_true(sst_brake_turn(&b, who, 4 * s) == -1);
+    assert_true(sst_brake_turn(&b, who, 2 * s + turn) == turn);
+    assert_true(sst_brake_turn(&b, other, 4 * s) == 0);
+    assert_true(sst_brake_turn(&b, who, 62 * s) == 0); /* the block is over */
+    assert_true(sst_brake_turn(&b, who, 62 * s) == 0);
+    sst_brake_fini(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parallel_for_runs_every_index),       cmocka_unit_test(parallel_for_reports_the_lowest_error),
-        cmocka_unit_test(parallel_for_shows_one_error),        cmocka_unit_test(alloc_refuses_overflow),
-        cmocka_unit_test(arrays_grow_and_keep_their_elements), cmocka_unit_test(texts_are_added_as_far_as_they_fit),
-        cmocka_unit_test(outfile_appears_whole_or_not),        cmocka_unit_test(swap_exchanges_or_moves),
+        cmocka_unit_test(parallel_for_runs_every_index),
+        cmocka_unit_test(parallel_for_reports_the_lowest_error),
+        cmocka_unit_test(parallel_for_shows_one_error),
+        cmocka_unit_test(alloc_refuses_overflow),
+        cmocka_unit_test(arrays_grow_and_keep_their_elements),
+        cmocka_unit_test(texts_are_added_as_far_as_they_fit),
+        cmocka_unit_test(outfile_appears_whole_or_not),
+        cmocka_unit_test(swap_exchanges_or_moves),
         cmocka_unit_test(interrupt_leaves_whole_folders),
+        cmocka_unit_test(attempts_of_a_blocked_client_come_in_turn),
         cmocka_unit_test(values_that_cross_a_border_are_counted),
     };
 
