@@ -251,6 +251,29 @@ fail:
     return err;
 }
 
+int sst_file_read_text(const char *path, size_t limit_bytes, uint8_t **text, size_t *size)
+{
+    static const char mark[] = "\xef\xbb\xbf"; /* Windows' editors begin UTF-8 with it */
+    uint8_t *t;
+    size_t n;
+    const int err = sst_file_read(path, limit_bytes, &t, &n);
+
+    if (err)
+        return err;
+    if (n >= 2 && (!memcmp(t, "\xff\xfe", 2) || !memcmp(t, "\xfe\xff", 2) || !t[0] || !t[1])) {
+        sst_log_error("%s is a text in UTF-16 or UTF-32; save it as UTF-8", path);
+        free(t);
+        return -EBADMSG;
+    }
+    if (n >= 3 && !memcmp(t, mark, 3)) {
+        n -= 3;
+        memmove(t, t + 3, n + 1);
+    }
+    *text = t;
+    *size = n;
+    return 0;
+}
+
 /* Log a failed output and map its errno: those that callers can act on stay, the others become -EIO. */
 static int output_error(const char *what, const char *path, int err)
 {

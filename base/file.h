@@ -33,6 +33,10 @@ SST_MUST_CHECK int sst_path_make_dir(const char *path);
  */
 SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size);
 
+/** The same for a text in UTF-8, of which a byte order mark is left out. @return also -EBADMSG for UTF-16 and UTF-32,
+ *  logged */
+SST_MUST_CHECK int sst_file_read_text(const char *path, size_t limit_bytes, uint8_t **text, size_t *size);
+
 /**
  * A file that appears under its name only when committed: written beside it under a temporary name, synced, renamed.
  * "-" is not special. Abort and failures remove the temporary file.

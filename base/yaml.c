@@ -10,6 +10,7 @@
 
 #include "base/edit_distance.h"
 #include "base/log.h"
+#include "base/mem.h"
 
 struct fault {
     int line, column;
@@ -28,9 +29,18 @@ struct sst_yaml {
     struct fault faults[SST_YAML_MAX_FAULTS];
 };
 
+struct anchor {
+    char *name;
+    const struct sst_yaml_node *node;
+};
+
 /* State of parsing: the open containers, and the key whose value comes next. */
 struct builder {
     struct sst_yaml *doc;
+    bool foreign;
+    struct anchor *anchor;
+    int n_anchors, room;
+    int left_out;               /* depth in an element of a list that is not kept */
     struct sst_yaml_node *open; /* innermost, or NULL */
     int depth, documents;
     char *key;
@@ -208,6 +218,8 @@ static int add_key(struct builder *b, const yaml_event_t *e)
     b->key_column = (int)e->start_mark.column + 1;
     if (!b->key)
         return -ENOMEM;
+    if (b->foreign && !strcmp(b->key, "<<"))
+        return refuse(b, e, "a merge key (<<); write its keys out");
     if (b->open->count == SST_YAML_MAX_KEYS)
         return refuse(b, e, "a mapping with more than 1024 keys; split it");
     if (find(b->open, b->key)) {
@@ -238,13 +250,95 @@ static int add_container(struct builder *b, const yaml_event_t *e, enum sst_yaml
     return append(b, e, type, calloc(1, 1), false);
 }
 
+/* Names the node that was appended last. */
+static int add_anchor(struct builder *b, const struct sst_yaml_node *node, const yaml_char_t *name)
+{
+    char *kept =
+        sst_mem_grow(&b->anchor, b->n_anchors, &b->room, sizeof(*b->anchor)) ? strdup((const char *)name) : NULL;
+
+    if (!kept)
+        return -ENOMEM;
+    b->anchor[b->n_anchors++] = (struct anchor){ kept, node };
+    return 0;
+}
+
+/* Append a copy of a node and all below it, which is no deeper than SST_YAML_MAX_DEPTH. */
+static int add_copy(struct builder *b, const yaml_event_t *e, const struct sst_yaml_node *node)
+{
+    struct sst_yaml_node *made, *parent = b->open;
+    int err;
+
+    if (b->doc->n_nodes++ == SST_YAML_MAX_NODES)
+        return refuse(b, e, "more than the limit of 65536 keys and values");
+    if (node->type != SST_YAML_SCALAR && b->depth == SST_YAML_MAX_DEPTH)
+        return refuse(b, e, "nested deeper than the limit of 16 levels");
+    err = append(b, e, node->type, strdup(node->text), node->plain);
+    if (err || node->type == SST_YAML_SCALAR)
+        return err;
+    made = b->open;
+    b->depth++;
+    for (const struct sst_yaml_node *n = node->first; n && !err; n = n->next) {
+        b->key = n->key ? strdup(n->key) : NULL;
+        b->key_line = n->key_line;
+        b->key_column = n->key_column;
+        b->again = n->again;
+        err = n->key && !b->key ? -ENOMEM : add_copy(b, e, n);
+    }
+    made->count = node->count;
+    b->depth--;
+    b->open = parent;
+    return err;
+}
+
+static int add_alias(struct builder *b, const yaml_event_t *e)
+{
+    const char *name = (const char *)e->data.alias.anchor;
+    int i = b->n_anchors - 1;
+
+    if (!b->foreign)
+        return refuse(b, e, "an alias (*name); write the value out");
+    if (!b->open || (b->open->type == SST_YAML_MAP && !b->key))
+        return refuse(b, e, "an alias as a key; write it as plain text");
+    while (i >= 0 && strcmp(b->anchor[i].name, name) != 0)
+        i--;
+    if (i < 0)
+        return refuse(b, e, "an alias (*name) of a value that is not kept; write the value out");
+    for (const struct sst_yaml_node *n = b->open; n; n = n->parent) {
+        if (n == b->anchor[i].node)
+            return refuse(b, e, "an alias (*name) inside of its own value; write the value out");
+    }
+    return add_copy(b, e, b->anchor[i].node);
+}
+
+/* Count the elements of a long list of another program's file, without keeping them. @return whether the event is done
+ */
+static bool leave_out(struct builder *b, yaml_event_type_t type)
+{
+    const bool starts = type == YAML_SEQUENCE_START_EVENT || type == YAML_MAPPING_START_EVENT;
+    const bool ends = type == YAML_SEQUENCE_END_EVENT || type == YAML_MAPPING_END_EVENT;
+
+    if (b->left_out) {
+        b->left_out += starts - ends;
+        return true;
+    }
+    if (!b->foreign || ends || !b->open || b->open->type != SST_YAML_LIST || b->open->count < SST_YAML_FOREIGN_LIST)
+        return false;
+    b->open->count += b->open->count < INT32_MAX;
+    b->left_out = starts;
+    return true;
+}
+
 static int handle_event(struct builder *b, const yaml_event_t *e)
 {
     const yaml_char_t *anchor = NULL, *tag = NULL;
+    struct sst_yaml_node *parent = b->open;
+    int err;
 
+    if (leave_out(b, e->type))
+        return 0;
     switch (e->type) {
     case YAML_ALIAS_EVENT:
-        return refuse(b, e, "an alias (*name); write the value out");
+        return add_alias(b, e);
     case YAML_SCALAR_EVENT:
         anchor = e->data.scalar.anchor;
         tag = e->data.scalar.tag;
@@ -267,13 +361,16 @@ static int handle_event(struct builder *b, const yaml_event_t *e)
     default:
         return 0;
     }
-    if (anchor || tag)
+    if ((anchor && !b->foreign) || tag)
         return refuse(b, e, "an anchor (&name) or a tag (!name); write the plain value");
     if (b->doc->n_nodes++ == SST_YAML_MAX_NODES)
         return refuse(b, e, "more than the limit of 65536 keys and values");
-    return e->type == YAML_SCALAR_EVENT
-               ? add_scalar(b, e)
-               : add_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
+    err = e->type == YAML_SCALAR_EVENT
+              ? add_scalar(b, e)
+              : add_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
+    if (!err && anchor && !b->key) /* of a value: a key is no node */
+        err = add_anchor(b, parent ? parent->last : b->doc->root, anchor);
+    return err;
 }
 
 static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
@@ -285,9 +382,9 @@ static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
     return -EBADMSG;
 }
 
-static int read_events(struct sst_yaml *doc, yaml_parser_t *parser)
+static int read_events(struct sst_yaml *doc, yaml_parser_t *parser, bool foreign)
 {
-    struct builder b = { .doc = doc };
+    struct builder b = { .doc = doc, .foreign = foreign };
     bool end = false;
     int err = 0;
 
@@ -303,17 +400,21 @@ static int read_events(struct sst_yaml *doc, yaml_parser_t *parser)
         yaml_event_delete(&e);
     }
     free(b.key);
+    while (b.n_anchors)
+        free(b.anchor[--b.n_anchors].name);
+    free(b.anchor);
     return err;
 }
 
-int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const char *name)
+static int parse(struct sst_yaml **out, const char *text, size_t size, const char *name, bool foreign)
 {
+    const size_t limit = foreign ? SST_YAML_FOREIGN_BYTES : SST_YAML_MAX_BYTES;
     struct sst_yaml *doc;
     yaml_parser_t parser;
     int err = -ENOMEM;
 
-    if (size > SST_YAML_MAX_BYTES) {
-        sst_log_error("%s has %zu bytes; the limit for YAML files is 1 MiB", name, size);
+    if (size > limit) {
+        sst_log_error("%s has %zu bytes; the limit for YAML files is %zu MiB", name, size, limit >> 20);
         return -EBADMSG;
     }
     doc = calloc(1, sizeof(*doc));
@@ -321,7 +422,7 @@ int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const c
         doc->name = strdup(name);
     if (doc && doc->name && yaml_parser_initialize(&parser)) {
         yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
-        err = read_events(doc, &parser);
+        err = read_events(doc, &parser, foreign);
         yaml_parser_delete(&parser);
     }
     if (err == -ENOMEM)
@@ -333,6 +434,16 @@ int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const c
     else
         *out = doc;
     return err;
+}
+
+int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const char *name)
+{
+    return parse(out, text, size, name, false);
+}
+
+int sst_yaml_parse_foreign(struct sst_yaml **out, const char *text, size_t size, const char *name)
+{
+    return parse(out, text, size, name, true);
 }
 
 bool sst_yaml_empty(const struct sst_yaml *doc)

@@ -13,6 +13,10 @@
 #define SST_YAML_MAX_DEPTH  16
 #define SST_YAML_MAX_FAULTS 20 /* shown; more are counted */
 
+/* Of files of other programs. */
+#define SST_YAML_FOREIGN_BYTES ((size_t)64 << 20)
+#define SST_YAML_FOREIGN_LIST  32 /* elements of a list that are kept */
+
 struct sst_yaml; /* one thread at a time */
 struct sst_yaml_asked;
 
@@ -29,7 +33,7 @@ struct sst_yaml_node {
     bool plain;       /* a scalar without quotes */
     const char *key;  /* in a mapping; NULL in a list */
     int key_line, key_column;
-    int count;                           /* children */
+    int count;                           /* children, also those that are not kept */
     struct sst_yaml_node *first, *next;  /* child; sibling */
     struct sst_yaml_node *last, *parent; /* child; NULL for the root */
     bool again;                          /* duplicate of an earlier key of the mapping: noted as a fault */
@@ -46,6 +50,13 @@ struct sst_yaml_node {
  * @return 0, -EBADMSG, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const char *name);
+
+/**
+ * The same for a file of another program, which may hold much that is not read: up to SST_YAML_FOREIGN_BYTES; of a list
+ * only the first SST_YAML_FOREIGN_LIST elements become nodes, `count` is that of all; an alias is a copy of the value
+ * with its anchor, as PyYAML writes values that occur twice. Merge keys (<<) are refused.
+ */
+SST_MUST_CHECK int sst_yaml_parse_foreign(struct sst_yaml **out, const char *text, size_t size, const char *name);
 void sst_yaml_destroy(struct sst_yaml *doc);
 
 /** True if the document has no content but comments. */

@@ -162,6 +162,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)" },
         { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not have the cameras' positions", 1,
           256 },
+        { "plain-names", 0, CLI_FLAG, &q.cfg.plain_names, NULL, "names such as 04_12 in IN are no places; add --grid" },
         { "size", 0, CLI_SIZE, size, "WxH", "size of the pictures, where IN does not have it", 1, SST_IMAGE_MAX_SIDE },
         { "unit-mm", 0, CLI_DOUBLE, &q.cfg.unit_mm, "U", "unit of the lengths in IN (OpenCV: 1, others: 1000)", 1e-6,
           1e6 },

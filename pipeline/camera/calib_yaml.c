@@ -409,7 +409,7 @@ int sst_calib_read(struct sst_calib *calib, const char *path)
 {
     uint8_t *data;
     size_t size;
-    int err = sst_file_read(path, SST_YAML_MAX_BYTES, &data, &size);
+    int err = sst_file_read_text(path, SST_YAML_MAX_BYTES, &data, &size);
 
     if (err)
         return err;

@@ -10,8 +10,6 @@
 #include "pipeline/camera/format_parts.h"
 #include "pipeline/lightfield/calibrated.h"
 
-#define LOOK_BYTES ((size_t)64 << 20)
-
 /* A calib.yaml, or a light field that has one. */
 static int read_ours(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg SST_UNUSED)
 {
@@ -70,10 +68,10 @@ static const struct {
     const char *word;
     int format;
 } signs[] = {
-    { "sst-calib", SST },        { "lensmodel", MRCAL },      { "camera_poses", MULTICAL }, { "\"cameras\"", MULTICAL },
-    { "T_cn_cnm1", KALIBR },     { "cam0:", KALIBR },         { "\nM1:", STEREO },          { "<M1 ", STEREO },
-    { "\"M1\":", STEREO },       { "cameraMatrix1", STEREO }, { "opencv-matrix", OPENCV },  { "%YAML", OPENCV },
-    { "camera_matrix", OPENCV }, { "cameraMatrix", OPENCV },  { "opencv_storage", OPENCV },
+    { "sst-calib", SST },    { "lensmodel", MRCAL },      { "camera_poses", MULTICAL },    { "\"cameras\"", MULTICAL },
+    { "T_cn_cnm1", KALIBR }, { "cam0:", KALIBR },         { "distortion_coeffs", KALIBR }, { "\nM1:", STEREO },
+    { "<M1 ", STEREO },      { "\"M1\":", STEREO },       { "cameraMatrix1", STEREO },     { "opencv-matrix", OPENCV },
+    { "%YAML", OPENCV },     { "camera_matrix", OPENCV }, { "cameraMatrix", OPENCV },      { "opencv_storage", OPENCV },
 };
 
 static const struct sst_calib_format *of_folder(const char *path)
@@ -102,7 +100,7 @@ const struct sst_calib_format *sst_calib_format_of(const char *path)
 
     if (sst_path_is_dir(path))
         return of_folder(path);
-    if (sst_file_read(path, LOOK_BYTES, &data, &size))
+    if (sst_file_read_text(path, SST_CALIB_FILE_MAX, &data, &size))
         return NULL;
     for (size_t i = 0; i < ARRAY_LEN(signs) && !found; i++) {
         if (strstr((const char *)data, signs[i].word)) /* a NUL follows the data */

@@ -5,11 +5,13 @@
 #include "pipeline/camera/calib.h"
 
 #define SST_LENS_LOSS_PX 0.05 /* largest error of a simpler lens model that is accepted without asking */
+#define SST_CALIB_FILE_MAX ((size_t)64 << 20) /* other tools list every picture and point beside the cameras */
 
 struct sst_calib_format_config {
     int rows, cols;    /* reading: the grid, if the source has none; 0: not given */
     int width, height; /* reading: size of the frames, if the source has none; 0: not given */
     double unit_mm;    /* reading: unit of the source's lengths; 0: the format's */
+    bool plain_names;  /* reading: names such as 04_12 are no places */
     bool lossy;        /* writing: accept lenses that the format's model misses by over SST_LENS_LOSS_PX */
     bool force;        /* writing: replace an earlier folder */
 };

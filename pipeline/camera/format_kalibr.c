@@ -1,10 +1,12 @@
 /* Kalibr's camchain.yaml: pinhole cameras cam0, cam1 ...; T_cn_cnm1 takes points (metres) from the camera before into
  * this one; pixel centres on integers; radtan is k1 k2 p1 p2. */
+#include <ctype.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/file.h"
+#include "base/log.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
 
@@ -41,12 +43,19 @@ static bool read_transform(struct sst_yaml *doc, const struct sst_yaml_node *nod
 static void read_lens(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_calib_camera *cam)
 {
     static const char *const models[] = { "radtan", "none", "equidistant", "fov", "equi" };
+    bool plain = true;
     struct sst_yaml_node *model_at = sst_yaml_need(doc, map, "distortion_model");
     const struct sst_yaml_node *list = sst_yaml_get(map, "distortion_coeffs");
     double d[4] = { 0 };
     int model;
 
-    if (!sst_yaml_choice(doc, model_at, models, ARRAY_LEN(models), &model) || model == 1)
+    if (!sst_yaml_choice(doc, model_at, models, ARRAY_LEN(models), &model))
+        return;
+    for (const struct sst_yaml_node *n = model == 1 && list ? list->first : NULL; n; n = n->next)
+        plain &= strtod(n->text, NULL) == 0;
+    if (!plain)
+        sst_yaml_fault(doc, list, "are not 0, but distortion_model is none; correct one of them");
+    if (model == 1)
         return;
     if (model > 1) {
         sst_yaml_fault(doc, model_at,
@@ -113,24 +122,81 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     read_place(doc, map, c);
 }
 
-/* Read "cam0", "cam1" ... in this order, ignoring all else in the file. @return -EBADMSG if there are too many,
- * logged */
+/* A camera of the file, in the order of the numbers. */
+struct link {
+    long number;
+    struct sst_yaml_node *map;
+};
+
+static int by_number(const void *a, const void *b)
+{
+    const struct link *p = a, *q = b;
+
+    return (p->number > q->number) - (p->number < q->number);
+}
+
+/* The keys "cam0", "cam1" ...; other mappings that look like cameras are faults. @return how many, -EBADMSG: too many
+ */
+static int find_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct link out[SST_MAX_VIEWS],
+                        const char *name)
+{
+    int n = 0;
+
+    for (struct sst_yaml_node *c = root->first; c; c = c->next) {
+        char *end = NULL;
+        const bool cam = !strncmp(c->key, "cam", 3) && isdigit((unsigned char)c->key[3]);
+        const long number = cam ? strtol(c->key + 3, &end, 10) : 0;
+
+        if (cam && !*end && n == SST_MAX_VIEWS) {
+            sst_log_error("%s has more than %d cameras, the maximum", name, SST_MAX_VIEWS);
+            return -EBADMSG;
+        }
+        if (cam && !*end)
+            out[n++] = (struct link){ number, c };
+        else if (sst_yaml_get(c, "intrinsics") || sst_yaml_get(c, "distortion_coeffs"))
+            sst_yaml_fault(doc, c, "is a camera that is not named cam0, cam1 ...; rename it");
+    }
+    qsort(out, (size_t)n, sizeof(*out), by_number);
+    return n;
+}
+
+/* Each transform is from the camera whose number is one less: without that one the chain is broken. */
+static bool follows(struct sst_yaml *doc, const struct link *link, int i, const struct sst_yaml_node *to)
+{
+    const long before = link[i].number - 1;
+
+    if (i == 0 && !to)
+        return true;
+    if (i == 0 && before < 0)
+        sst_yaml_fault(doc, to, "of the first camera has no camera to start from; remove it");
+    else if (i > 0 && link[i - 1].number == before + 1)
+        sst_yaml_fault(doc, link[i].map, "has the number of %.20s; keep one of them", link[i - 1].map->key);
+    else if (i == 0 || link[i - 1].number != before)
+        sst_yaml_fault(doc, link[i].map,
+                       "follows cam%ld, which is missing; use the whole chain, or calibrate again without it", before);
+    else if (!to)
+        sst_yaml_fault(doc, link[i].map,
+                       "lacks T_cn_cnm1, the transform from the previous camera; calibrate them together");
+    else
+        return true;
+    return false;
+}
+
+/* Read the cameras in the order of their numbers. @return -EBADMSG if there are too many, logged */
 static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose *loose, double unit_mm,
                         const char *name)
 {
+    static const char *const own[] = { "camera_model", "distortion_model", NULL };
     double R[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, T[3] = { 0 }, one_R[9], one_T[3];
+    struct link link[SST_MAX_VIEWS];
+    const int n = find_cameras(doc, root, link, name);
 
-    for (int i = 0;; i++) {
-        struct sst_loose_camera *c;
-        struct sst_yaml_node *map, *to;
+    sst_loose_refuse_lenses(doc, root, own);
+    for (int i = 0; i < n; i++) {
+        struct sst_yaml_node *map = link[i].map, *to;
+        struct sst_loose_camera *c = sst_loose_add(loose, map->key, name);
         const char *fault;
-        char key[16];
 
-        snprintf(key, sizeof(key), "cam%d", i);
-        map = sst_yaml_get(root, key);
-        if (!map)
-            return 0;
-        c = sst_loose_add(loose, key, name);
         if (!c)
             return -EBADMSG;
         if (map->type != SST_YAML_MAP) {
@@ -139,10 +205,7 @@ static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
         }
         read_camera(doc, map, c);
         to = sst_yaml_get(map, "T_cn_cnm1");
-        if (i > 0 && !to)
-            sst_yaml_fault(doc, map,
-                           "lacks T_cn_cnm1, the transform from the previous camera; calibrate them together");
-        if (i > 0 && to && read_transform(doc, to, one_R, one_T)) {
+        if (follows(doc, link, i, to) && to && read_transform(doc, to, one_R, one_T)) {
             struct sst_loose_camera step = *c;
 
             fault = sst_loose_pose(&step, one_R, one_T, 1);
@@ -154,6 +217,7 @@ static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
         }
         (void)sst_loose_pose(c, R, T, unit_mm);
     }
+    return n < 0 ? n : 0;
 }
 
 int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
@@ -162,7 +226,7 @@ int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const
     struct sst_loose *loose = sst_loose_create();
     struct sst_yaml *doc = NULL;
     struct sst_yaml_node *root;
-    int err = loose ? sst_yaml_parse(&doc, text, size, name) : -ENOMEM, faults;
+    int err = loose ? sst_yaml_parse_foreign(&doc, text, size, name) : -ENOMEM, faults;
 
     if (!err) {
         root = sst_yaml_root(doc);
@@ -180,7 +244,7 @@ int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const
 
 int sst_kalibr_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
 {
-    return sst_calib_read_file(out, path, SST_YAML_MAX_BYTES, cfg, sst_kalibr_parse);
+    return sst_calib_read_file(out, path, cfg, sst_kalibr_parse);
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */

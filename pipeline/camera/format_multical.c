@@ -11,13 +11,13 @@
 #include "base/log.h"
 #include "pipeline/camera/format_parts.h"
 
-#define METRE_MM  1000.0
-#define MAX_BYTES ((size_t)64 << 20) /* the file lists every picture of the calibration */
-#define MOST      16
+#define METRE_MM 1000.0
+#define MOST     16
 
 /* A file being read. */
 struct reader {
     const char *name;
+    const struct sst_calib_format_config *cfg;
     double unit_mm;
     json_t *cameras, *poses;
     struct sst_loose *loose;
@@ -62,12 +62,51 @@ static bool place_part(const json_t *camera, const char *key, int *out)
     return true;
 }
 
+/* Whether a value, or one in a list of it, is of another lens model. */
+static bool is_other(const char *key, const json_t *v, bool listed, char why[SST_LENS_WHY])
+{
+    char text[40] = "";
+    const json_t *item;
+    size_t i;
+
+    json_array_foreach(v, i, item)
+    {
+        if (is_other(key, item, true, why)) /* no deeper than jansson's own limit */
+            return true;
+    }
+    if (json_is_number(v))
+        snprintf(text, sizeof(text), "%g", json_number_value(v));
+    else if (json_is_string(v) || json_is_boolean(v))
+        snprintf(text, sizeof(text), "%s", json_is_string(v) ? json_string_value(v) : json_is_true(v) ? "true" : "");
+    return sst_loose_other_lens(key, text, listed, why);
+}
+
+/* Whether a member of a camera, or of the whole file, gives it another lens. @param why  a clause that begins with its
+ * key */
+static bool has_other_lens(const json_t *object, char why[SST_LENS_WHY])
+{
+    const char *key;
+    json_t *v;
+
+    json_object_foreach((json_t *)(uintptr_t)object, key, v)
+    {
+        char clause[SST_LENS_WHY];
+
+        if (is_other(strcmp(key, "model") ? key : "lens_model", v, false, clause)) {
+            snprintf(why, SST_LENS_WHY, "%.40s %.150s", key, clause);
+            return true;
+        }
+    }
+    return false;
+}
+
 static int read_camera(const struct reader *r, const char *name, const json_t *camera)
 {
     struct sst_loose_camera *c = sst_loose_add(r->loose, name, r->name);
     const json_t *size = json_object_get(camera, "image_size"), *dist = json_object_get(camera, "dist");
     double K[MOST], d[MOST], s[MOST];
     const char *what;
+    char why[SST_LENS_WHY];
     int n;
 
     if (!c)
@@ -76,6 +115,10 @@ static int read_camera(const struct reader *r, const char *name, const json_t *c
         return fault(r, name, "K is not a 3 x 3 matrix");
     what = sst_loose_matrix(&c->cam, K);
     n = json_is_null(dist) ? 0 : numbers(dist, d, 0, 2); /* Python's None: a lens without distortion */
+    if (!what && has_other_lens(camera, why))
+        what = why;
+    if (!what && n == 4) /* multical's pinholes have 5 and more */
+        what = "dist has four coefficients: a fisheye lens, which is not supported; calibrate it as a pinhole";
     if (!what)
         what = n < 0 ? "dist is not a list of numbers" : sst_loose_lens(&c->cam, d, n);
     if (what)
@@ -86,7 +129,7 @@ static int read_camera(const struct reader *r, const char *name, const json_t *c
     c->width = (int)s[0];
     c->height = (int)s[1];
     if (!place_part(camera, "row", &c->row) || !place_part(camera, "col", &c->col))
-        (void)sst_loose_place(name, &c->row, &c->col);
+        sst_loose_place(c, name, r->cfg);
     return 0;
 }
 
@@ -194,7 +237,8 @@ static int read_all(const struct reader *r)
 int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
                        const struct sst_calib_format_config *cfg)
 {
-    struct reader r = { .name = name, .unit_mm = cfg->unit_mm > 0 ? cfg->unit_mm : METRE_MM };
+    struct reader r = { .name = name, .cfg = cfg, .unit_mm = cfg->unit_mm > 0 ? cfg->unit_mm : METRE_MM };
+    char why[SST_LENS_WHY];
     json_error_t where;
     json_t *root = json_loadb(text, size, JSON_REJECT_DUPLICATES, &where);
     int err;
@@ -211,6 +255,9 @@ int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, con
     } else if (!json_is_object(r.cameras) || (r.poses && !json_is_object(r.poses))) {
         sst_log_error("%s has no objects \"cameras\" and \"camera_poses\"; is it multical's calibration.json?", name);
         err = -EBADMSG;
+    } else if (has_other_lens(root, why)) {
+        sst_log_error("%s: %s", name, why);
+        err = -EBADMSG;
     } else {
         err = read_all(&r);
     }
@@ -223,7 +270,7 @@ int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, con
 
 int sst_multical_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
 {
-    return sst_calib_read_file(out, path, MAX_BYTES, cfg, sst_multical_parse);
+    return sst_calib_read_file(out, path, cfg, sst_multical_parse);
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */

@@ -144,24 +144,33 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
     (void)sst_yaml_int(doc, h, 1, SST_IMAGE_MAX_SIDE, &c->height);
 }
 
-static void refuse_fisheye(struct sst_yaml *doc, struct sst_yaml_node *root)
-{
-    static const char *const known[] = { "plumb_bob", "rational_polynomial" };
-    struct sst_yaml_node *model = sst_yaml_get(root, "distortion_model"),
-                         *fisheye = sst_yaml_get(root, "fisheye_model");
+static const char *const no_keys[] = { NULL };
 
-    if (model && strcmp(model->text, known[0]) != 0 && strcmp(model->text, known[1]) != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only plumb_bob and rational_polynomial are supported", model->text);
-    if (fisheye && strcmp(fisheye->text, "0") != 0)
-        sst_yaml_fault(doc, fisheye, "is set; cameras here are pinholes, so calibrate again without it");
+/* Four coefficients are those of a pinhole, or of cv::fisheye, whose documentation writes K and D. */
+static void doubt_four(struct sst_yaml *doc, const struct sst_yaml_node *root, const struct sst_yaml_node *matrix,
+                       const struct sst_yaml_node *lens, struct sst_loose *loose)
+{
+    double v[MOST_NUMBERS];
+    bool named = false;
+
+    for (const struct sst_yaml_node *n = root->first; n; n = n->next)
+        named |= !strcmp(n->key, "distortion_model") || !strcmp(n->key, "camera_model") || strstr(n->key, "fisheye");
+    if (named || numbers(doc, (struct sst_yaml_node *)(uintptr_t)lens, v) != 4)
+        return;
+    if (matrix->key[0] == 'K' && lens->key[0] == 'D')
+        sst_yaml_fault(doc, lens,
+                       "has four coefficients, as a fisheye lens of OpenCV; if it is a pinhole, add `distortion_model: "
+                       "plumb_bob`, else calibrate again as one");
+    loose->four++;
 }
 
-static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
+static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose *loose,
+                        struct sst_loose_camera *c, double unit_mm)
 {
     struct sst_yaml_node *matrix = get_any(root, matrix_names), *lens = get_any(root, lens_names);
     struct sst_yaml_node *name = sst_yaml_get(root, "camera_name");
 
-    refuse_fisheye(doc, root);
+    sst_loose_refuse_lenses(doc, root, no_keys);
     if (!matrix)
         sst_yaml_fault(doc, root, "camera_matrix is missing; is it a calibration?");
     else
@@ -169,8 +178,8 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *root, struct
     if (!lens)
         sst_yaml_fault(doc, root,
                        "distortion_coefficients are missing; add an empty list for a lens without distortion");
-    else
-        (void)read_lens(doc, lens, &c->cam);
+    else if (read_lens(doc, lens, &c->cam) && matrix)
+        doubt_four(doc, root, matrix, lens, loose);
     read_size(doc, root, c);
     read_pose(doc, root, c, unit_mm);
     (void)sst_yaml_int(doc, sst_yaml_get(root, "row"), 0, SST_MAX_VIEWS - 1, &c->row);
@@ -186,7 +195,7 @@ static int parse_yaml(struct sst_yaml **doc, const char *text, size_t size, cons
     int err = sst_opencv_to_yaml(&yaml, &yaml_size, text, size, name);
 
     if (!err)
-        err = sst_yaml_parse(doc, yaml, yaml_size, name);
+        err = sst_yaml_parse_foreign(doc, yaml, yaml_size, name);
     free(yaml);
     return err;
 }
@@ -195,7 +204,7 @@ static int read_yaml(struct sst_yaml **doc, const char *path)
 {
     uint8_t *data;
     size_t size;
-    int err = sst_file_read(path, SST_YAML_MAX_BYTES, &data, &size);
+    int err = sst_file_read_text(path, SST_CALIB_FILE_MAX, &data, &size);
 
     if (err)
         return err;
@@ -224,8 +233,8 @@ static int read_one(struct sst_loose *loose, struct sst_yaml *doc, const char *f
     c = sst_loose_add(loose, name, file);
     if (c && root) {
         sst_yaml_know_tree(root);
-        (void)sst_loose_place(name, &c->row, &c->col);
-        read_camera(doc, root, c, unit_of(cfg));
+        sst_loose_place(c, name, cfg);
+        read_camera(doc, root, loose, c, unit_of(cfg));
     }
     err = c ? sst_yaml_finish(doc) : -EBADMSG;
     sst_yaml_destroy(doc);
@@ -290,7 +299,7 @@ int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_ca
     int err;
 
     if (!sst_path_is_dir(path))
-        return sst_calib_read_file(out, path, SST_YAML_MAX_BYTES, cfg, sst_opencv_parse);
+        return sst_calib_read_file(out, path, cfg, sst_opencv_parse);
     loose = sst_loose_create();
     if (!loose)
         return -ENOMEM;
@@ -343,8 +352,8 @@ static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
         if (!matrix || !lens)
             sst_yaml_fault(in, root[0], "M%d or D%d is missing; is it the stereo sample's intrinsics file?", i + 1,
                            i + 1);
-        if (matrix && lens && read_matrix(in, matrix, &c->cam))
-            (void)read_lens(in, lens, &c->cam);
+        if (matrix && lens && read_matrix(in, matrix, &c->cam) && read_lens(in, lens, &c->cam))
+            doubt_four(in, root[0], matrix, lens, loose);
         read_size(in, root[0], c);
         c->row = 0;
         c->col = i;
@@ -353,6 +362,8 @@ static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
         else
             read_pose(ex, root[1], c, unit_of(cfg));
     }
+    for (int i = 0; i < 2 && root[i]; i++)
+        sst_loose_refuse_lenses(i ? ex : in, root[i], no_keys);
     sst_yaml_know_tree(root[0]);
     sst_yaml_know_tree(root[1]);
     err = sst_yaml_finish(in);

@@ -63,6 +63,129 @@ const char *sst_loose_lens(struct sst_calib_camera *cam, const double *d, int n)
     return NULL;
 }
 
+/* --- other lens models ---------------------------------------------------------------------------------------------
+ */
+
+/* Letters and digits alone, in lower case. */
+static void squeeze(char out[40], const char *text)
+{
+    size_t n = 0;
+
+    for (; *text && n < 39; text++) {
+        if (isalnum((unsigned char)*text))
+            out[n++] = (char)tolower((unsigned char)*text);
+    }
+    out[n] = 0;
+}
+
+static bool is_among(const char *word, const char *const *list)
+{
+    while (*list && strcmp(word, *list) != 0)
+        list++;
+    return *list;
+}
+
+static bool is_unset(const char *value)
+{
+    static const char *const words[] = { "", "false", "no", "off", "none", "null", NULL };
+    char word[40], *end;
+
+    squeeze(word, value);
+    return is_among(word, words) || (strtod(value, &end) == 0 && end != value && !*end);
+}
+
+/* Names that other programs give to pinholes with OpenCV's distortion or a part of it. */
+static const char *const pinholes[] = { "",
+                                        "none",
+                                        "pinhole",
+                                        "perspective",
+                                        "rectilinear",
+                                        "standard",
+                                        "normal",
+                                        "rational",
+                                        "rationalpolynomial",
+                                        "plumbbob",
+                                        "radtan",
+                                        "radial",
+                                        "radialtangential",
+                                        "brown",
+                                        "brownconrady",
+                                        "thinprism",
+                                        "tilted",
+                                        "opencv",
+                                        "opencv4",
+                                        "opencv5",
+                                        "opencv8",
+                                        "opencvpinhole",
+                                        NULL };
+
+/* Whether a word names another model, where it may as well name a device or a board. */
+static bool names_other(const char *word)
+{
+    static const char *const parts[] = { "fish",    "omni",         "equi",          "kannala",    "spher",
+                                         "unified", "cylind",       "stereographic", "scaramuzza", "division",
+                                         "panoram", "orthographic", "ftheta",        NULL };
+    static const char *const words[] = { "mei", "ds",  "ucm",  "eucm", "fov",  "kb",
+                                         "kb4", "kb8", "atan", "ocam", "cata", NULL };
+    bool found = is_among(word, words);
+
+    for (int i = 0; parts[i]; i++)
+        found |= strstr(word, parts[i]) != NULL;
+    return found;
+}
+
+bool sst_loose_other_lens(const char *key, const char *value, bool listed, char why[SST_LENS_WHY])
+{
+    static const char *const model[] = {
+        "distortionmodel", "distortiontype",  "lensmodel",      "lenstype",  "cameramodel",
+        "projection",      "projectionmodel", "projectiontype", "modeltype", NULL
+    };
+    static const char *const perhaps[] = { "model", "type", "cameratype", "lens", "distortion", NULL };
+    static const char *const parameter[] = { "xi",        "alpha", "beta", "tau", "taux", "tauy",  "tilt",
+                                             "skew",      "s1",    "s2",   "s3",  "s4",   "omega", "mirrorparameters",
+                                             "thinprism", NULL };
+    char k[40], v[40];
+
+    squeeze(k, key);
+    squeeze(v, value);
+    if (is_among(k, parameter) || strstr(k, "fisheye") || strstr(k, "omnidir")) {
+        snprintf(why, SST_LENS_WHY,
+                 "is set (%.40s), which belongs to another lens model; cameras here are pinholes with OpenCV's "
+                 "distortion, so calibrate again with it",
+                 value);
+        return !is_unset(value);
+    }
+    snprintf(why, SST_LENS_WHY,
+             "is %.40s; only pinholes with OpenCV's distortion (plumb_bob, rational_polynomial) are supported, so "
+             "calibrate again with it",
+             value);
+    return !listed && ((is_among(k, model) && !is_among(v, pinholes)) || (is_among(k, perhaps) && names_other(v)));
+}
+
+/* @param named  the node whose key counts for the values below it; NULL at the root */
+static void refuse_lenses(struct sst_yaml *doc, const struct sst_yaml_node *node, const struct sst_yaml_node *named,
+                          const char *const *except)
+{
+    static const char *const matrix[] = { "rows", "cols", "dt", "type_id", NULL };
+    char why[SST_LENS_WHY];
+
+    if (node->type == SST_YAML_SCALAR && named && sst_loose_other_lens(named->key, node->text, node != named, why))
+        sst_yaml_fault(doc, named, "%s", why);
+    for (const struct sst_yaml_node *n = node->first; n; n = n->next) { /* no deeper than SST_YAML_MAX_DEPTH */
+        if (!n->key || !strcmp(n->key, "data"))
+            refuse_lenses(doc, n, named, except);
+        else if (!is_among(n->key, matrix) && !is_among(n->key, except))
+            refuse_lenses(doc, n, n, except);
+    }
+}
+
+void sst_loose_refuse_lenses(struct sst_yaml *doc, const struct sst_yaml_node *node, const char *const *except)
+{
+    refuse_lenses(doc, node, NULL, except);
+}
+
+/* --- numbers ------------------------------------------------------------------------------------------------------ */
+
 static void cofactors(const double r[9], double c[9])
 {
     for (int i = 0; i < 3; i++) {
@@ -127,16 +250,15 @@ static int digits_before(const char *begin, const char **end)
     return value;
 }
 
-bool sst_loose_place(const char *name, int *row, int *col)
+void sst_loose_place(struct sst_loose_camera *camera, const char *name, const struct sst_calib_format_config *cfg)
 {
     const char *p = name + strlen(name);
     const int c = digits_before(name, &p), r = c >= 0 && p > name && *--p == '_' ? digits_before(name, &p) : -1;
 
-    if (r < 0)
-        return false;
-    *row = r;
-    *col = c;
-    return true;
+    if (r < 0 || cfg->plain_names)
+        return;
+    camera->row = r;
+    camera->col = c;
 }
 
 /* --- the grid ----------------------------------------------------------------------------------------------------- */
@@ -178,10 +300,16 @@ static int find_grid(const struct sst_loose *loose, const struct sst_calib_forma
     *rows = cfg->rows ? cfg->rows : need_rows;
     *cols = cfg->cols ? cfg->cols : need_cols;
     if (need_rows <= *rows && need_cols <= *cols && need_rows <= SST_MAX_VIEWS && need_cols <= SST_MAX_VIEWS &&
-        *rows * *cols <= SST_MAX_VIEWS)
+        *rows * *cols <= SST_MAX_VIEWS) {
+        if (!cfg->rows && 2 * loose->count < *rows * *cols)
+            sst_log_warning("%s has %d cameras at places of a grid of %d x %d; add --plain-names and --grid if their "
+                            "names are no places",
+                            file, loose->count, *rows, *cols);
         return 0;
-    sst_log_error("%s names cameras up to row %d, column %d (from 0), beyond %s", file, need_rows - 1, need_cols - 1,
-                  cfg->rows ? "the --grid given" : "the maximum of 256 views");
+    }
+    sst_log_error("%s names cameras up to row %d, column %d (from 0), beyond %s; add --plain-names if names in it are "
+                  "no places",
+                  file, need_rows - 1, need_cols - 1, cfg->rows ? "the --grid given" : "the maximum of 256 views");
     return -EINVAL;
 }
 
@@ -286,6 +414,11 @@ int sst_loose_assemble(struct sst_calib *out, const struct sst_loose *loose, con
     const char *fault;
     int rows, cols, err;
 
+    if (loose->four)
+        sst_log_warning(
+            "%s: four distortion coefficients are taken for k1, k2, p1, p2 of a pinhole; a lens of "
+            "cv::fisheye also has four: `distortion_model: plumb_bob` or `equidistant` in the file says which",
+            file);
     if (!loose->count) {
         sst_log_error("%s holds no camera; is it a calibration?", file);
         return -EBADMSG;
@@ -381,12 +514,12 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code)
     return n;
 }
 
-int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
-                        const struct sst_calib_format_config *cfg, sst_calib_parse_fn *parse)
+int sst_calib_read_file(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg,
+                        sst_calib_parse_fn *parse)
 {
     uint8_t *data;
     size_t size;
-    int err = sst_file_read(path, limit, &data, &size);
+    int err = sst_file_read_text(path, SST_CALIB_FILE_MAX, &data, &size);
 
     if (err)
         return err;

@@ -4,7 +4,10 @@
 
 #include <stdio.h>
 
+#include "base/yaml.h"
 #include "pipeline/camera/format.h"
+
+#define SST_LENS_WHY 200
 
 /** Cameras as a file lists them: with or without a grid position. */
 struct sst_loose_camera {
@@ -15,7 +18,7 @@ struct sst_loose_camera {
 };
 
 struct sst_loose {
-    int count;
+    int count, four; /* four: of them with four coefficients that no lens model is named for */
     struct sst_loose_camera camera[SST_MAX_VIEWS];
 };
 
@@ -27,14 +30,26 @@ struct sst_loose_camera *sst_loose_add(struct sst_loose *loose, const char *name
 
 /* Fill a camera from other tools' numbers. @return NULL, or a clause naming the fault */
 const char *sst_loose_matrix(struct sst_calib_camera *cam, const double K[9]);
+/**
+ * Whether a value of a file beside a camera's matrix and coefficients gives it another lens than a pinhole with
+ * OpenCV's distortion, or changes where it projects to: the name of another model under a key such as distortion_model,
+ * or a parameter or flag of one, such as xi or fisheye_model, that is set. Case and underlines do not count.
+ * @param listed  the value is an element of a list
+ * @return whether it does; `why` is then a clause that follows the key
+ */
+bool sst_loose_other_lens(const char *key, const char *value, bool listed, char why[SST_LENS_WHY]);
+
+/** Note a fault for every such value at or below a node. @param except  keys that the caller reads, ends in NULL */
+void sst_loose_refuse_lenses(struct sst_yaml *doc, const struct sst_yaml_node *node, const char *const *except);
+
 /** OpenCV's coefficients: n is 0, 4, 5, 8, 12 or 14; the prism and tilt terms of the last two must be 0. */
 const char *sst_loose_lens(struct sst_calib_camera *cam, const double *d, int n);
 /** X_camera = R X_world + T, T in units of unit_mm. R may differ from a rotation by 1e-3: the nearest rotation is
  *  used. */
 const char *sst_loose_pose(struct sst_loose_camera *camera, const double R[9], const double T[3], double unit_mm);
 
-/** Parse "rr_cc", alone or at the end of the name. @return false: there is none */
-bool sst_loose_place(const char *name, int *row, int *col);
+/** Set the place from a name that is or ends in "rr_cc"; another name leaves it. */
+void sst_loose_place(struct sst_loose_camera *camera, const char *name, const struct sst_calib_format_config *cfg);
 
 /**
  * Arrange them in a grid: by their positions, else in the given grid row by row; move the axes to the reference camera.
@@ -59,8 +74,8 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code);
 typedef int sst_calib_parse_fn(struct sst_calib *out, const char *text, size_t size, const char *name,
                                const struct sst_calib_format_config *cfg);
 
-/** Read a file of at most `limit` bytes by one of the parsers of format.h. @return as the parser and sst_file_read() */
-SST_MUST_CHECK int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
+/** Read a file by one of the parsers of format.h. @return as the parser and sst_file_read() */
+SST_MUST_CHECK int sst_calib_read_file(struct sst_calib *out, const char *path,
                                        const struct sst_calib_format_config *cfg, sst_calib_parse_fn *parse);
 
 /* Formats with their own source file. */

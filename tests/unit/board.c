@@ -117,7 +117,7 @@ static void kalibr_targets_are_read(void **state SST_UNUSED)
     char text[SST_LOG_MAX], held[SST_LOG_MAX];
 
     assert_int_equal(parse_file(&b, "target_type: 'aprilgrid' #gridtype\ntagCols: 6\ntagRows: 7\ntagSize: 0.088\n"
-                                    "tagSpacing: 0.3\n"),
+                                    "tagSpacing: 0.3\ncodeOffset: 0\n"),
                      0);
     sst_board_format(&b, text);
     assert_string_equal(text, "aprilgrid:6x7:88mm:0.3:bottom-up");
@@ -129,6 +129,10 @@ static void kalibr_targets_are_read(void **state SST_UNUSED)
     sst_log_hold_errors(held);
     assert_int_equal(parse_file(&b, "target_type: circlegrid\n"), -EBADMSG);
     assert_int_equal(parse_file(&b, "target_type: aprilgrid\ntagCols: 6\n"), -EBADMSG);
+    assert_int_equal(parse_file(&b, "target_type: aprilgrid\ntagCols: 6\ntagRows: 7\ntagSize: 0.088\ntagSpacing: 0.3\n"
+                                    "codeOffset: 20\n"),
+                     -EBADMSG);
+    assert_non_null(strstr(held, "codeOffset is 20"));
     assert_int_equal(parse_file(&b, "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\n"
                                     "colSpacingMeters: 0.05\n"),
                      -EBADMSG);

@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/yaml.h"
 #include "pipeline/camera/format.h"
 #include "tests/folder.h"
 #include "tests/test.h"
@@ -264,6 +265,32 @@ static void refusals_say_why(void **state SST_UNUSED)
         { sst_kalibr_parse, 1, 1, -EINVAL,
           KALIBR("0", "  row: 0\n  col: 0\n") KALIBR("1", SLIDE "  row: 0\n  col: 1\n"), "beyond the --grid given" },
         { sst_kalibr_parse, 0, 0, -EINVAL, KALIBR("0", "  row: 255\n  col: 255\n"), "beyond the maximum of 256 views" },
+        { sst_kalibr_parse, 1, 3, -EBADMSG, KALIBR("0", "") KALIBR("1", SLIDE) KALIBR("3", SLIDE),
+          "cam3 follows cam2, which is missing" },
+        { sst_kalibr_parse, 1, 2, -EBADMSG, KALIBR("1", SLIDE) KALIBR("2", SLIDE),
+          "cam1 follows cam0, which is missing" },
+        { sst_kalibr_parse, 1, 2, -EBADMSG, KALIBR("0", SLIDE) KALIBR("1", SLIDE), "no camera to start from" },
+        { sst_kalibr_parse, 1, 2, -EBADMSG, KALIBR("0", "") KALIBR("1", SLIDE) KALIBR("01", SLIDE),
+          "has the number of" },
+        { sst_kalibr_parse, 1, 1, -EBADMSG, KALIBR("0", "") KALIBR("_left", SLIDE),
+          "cam_left is a camera that is not" },
+        { sst_kalibr_parse, 1, 1, -EBADMSG, KALIBR("0", "  xi: 1.2\n"), "xi is set (1.2)" },
+        { sst_kalibr_parse, 1, 1, -EBADMSG,
+          "cam0:\n  camera_model: ds\n  distortion_model: none\n  intrinsics: [1, 1, 1, 1]\n  resolution: [1, 1]\n",
+          "camera_model is ds" },
+        { sst_kalibr_parse, 1, 1, -EBADMSG,
+          "cam0:\n  camera_model: pinhole\n  distortion_model: none\n  distortion_coeffs: [0.1, 0, 0, 0]\n"
+          "  intrinsics: [1, 1, 1, 1]\n  resolution: [1, 1]\n",
+          "distortion_model is none" },
+        { sst_multical_parse, 0, 0, -EBADMSG,
+          "{\"cameras\": {\"a\": " CAM("[[-0.02], [0.004], [-0.0008], [0.0001]]") "}}",
+          "a: dist has four coefficients" },
+        { sst_multical_parse, 0, 0, -EBADMSG,
+          "{\"cameras\": {\"a\": " CAM("[0, 0, 0, 0, 0], \"model\": \"fisheye\"") "}}", "a: model is fisheye" },
+        { sst_multical_parse, 0, 0, -EBADMSG, "{\"cameras\": {\"a\": " CAM("[0, 0, 0, 0, 0], \"xi\": [[1.5]]") "}}",
+          "a: xi is set (1.5)" },
+        { sst_multical_parse, 0, 0, -EBADMSG,
+          "{\"is_fisheye\": true, \"cameras\": {\"a\": " CAM("[0, 0, 0, 0, 0]") "}}", "t: is_fisheye is set (true)" },
         { sst_multical_parse, 0, 0, -EBADMSG, "{", "t:1:1: not JSON" },
         { sst_multical_parse, 0, 0, -EBADMSG, "{}", "no objects" },
         { sst_multical_parse, 0, 0, -EBADMSG, "{\"cameras\": {\"a\": {}}}", "a: K is not a 3 x 3 matrix" },
@@ -285,7 +312,22 @@ static void refusals_say_why(void **state SST_UNUSED)
           "has 4 numbers, not rows times cols" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "fisheye_model: 1\n", "fisheye_model is set" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "distortion_model: equidistant\n",
-          "only plumb_bob" },
+          "is equidistant; only pinholes" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "xi: 1.35\n", "xi is set (1.35)" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML MATRIX("xi", "1", "1", "1.35"), "xi is set (1.35)" },
+        { sst_opencv_parse, 0, 0, -EBADMSG,
+          "<opencv_storage>\n<camera_matrix><rows>3</rows><cols>3</cols><data>500 0 320 0 501 240 0 0 1</data>"
+          "</camera_matrix><distCoeffs><rows>1</rows><cols>4</cols><data>1 2 3 4</data></distCoeffs>\n"
+          "<xi type_id=\"opencv-matrix\"><rows>1</rows><cols>1</cols><data>1.2</data></xi></opencv_storage>",
+          "t:3:" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "alpha: 0.6\ncamera_model: eucm\n",
+          "camera_model is eucm" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "use_fisheye: true\n", "use_fisheye is set" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "tauX: 0.01\n", "tauX is set" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "lens:\n  model: Kannala-Brandt\n",
+          "model is Kannala-Brandt" },
+        { sst_opencv_parse, 0, 0, -EBADMSG,
+          HEAD S_YML MATRIX("K", "3", "3", "5,0,2,0,5,2,0,0,1") MATRIX("D", "4", "1", "1,2,3,4"), "as a fisheye lens" },
         { sst_opencv_parse, 0, 0, -EBADMSG,
           HEAD S_YML K_YML D_YML MATRIX("R", "1", "3", "0., 90., 0.") MATRIX("T", "1", "3", "0., 0., 0."),
           "in degrees" },
@@ -311,6 +353,118 @@ static void refusals_say_why(void **state SST_UNUSED)
             fail_msg("case %zu: %d, not '%s' but '%s'", i, err, cases[i].said, said);
         assert_int_equal(calib.rows, 77);
     }
+}
+
+/* What looks like another lens or a broken chain and is none. */
+static void what_changes_nothing_is_read(void **state SST_UNUSED)
+{
+    static const struct {
+        parse_fn *parse;
+        int cameras;
+        const char *text;
+    } cases[] = {
+        { sst_opencv_parse, 1,
+          HEAD S_YML K_YML D_YML "xi: 0.\nfisheye_model: 0\nuse_fisheye: false\nmodel: ELP-720\n" },
+        { sst_opencv_parse, 1,
+          HEAD S_YML MATRIX("K", "3", "3", "5,0,2,0,5,2,0,0,1")
+              MATRIX("D", "4", "1", "1,2,3,4") "distortion_model: plumb_bob\ncamera_model: pinhole\n" },
+        { sst_kalibr_parse, 2, KALIBR("1", SLIDE) KALIBR("0", "") },
+        { sst_kalibr_parse, 2, KALIBR("00", "") KALIBR("01", SLIDE) },
+        { sst_kalibr_parse, 2, KALIBR("1", "") KALIBR("2", SLIDE) },
+        { sst_kalibr_parse, 12,
+          KALIBR("0", "") KALIBR("1", SLIDE) KALIBR("10", SLIDE) KALIBR("11", SLIDE) KALIBR("2", SLIDE)
+              KALIBR("3", SLIDE) KALIBR("4", SLIDE) KALIBR("5", SLIDE) KALIBR("6", SLIDE) KALIBR("7", SLIDE)
+                  KALIBR("8", SLIDE) KALIBR("9", SLIDE) },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        struct sst_calib calib = parsed(cases[i].parse, cases[i].text, 1, cases[i].cameras);
+
+        for (int k = 0; k < cases[i].cameras; k++)
+            check_position(&calib, k, 50 * (k - calib.reference), 0, 0);
+        sst_calib_fini(&calib);
+    }
+}
+
+/* As PyYAML writes values that occur twice. */
+static void kalibr_reads_aliases(void **state SST_UNUSED)
+{
+    static const char text[] =
+        "cam0:\n  camera_model: pinhole\n  distortion_coeffs: &id001\n  - 0.1\n  - 0.2\n  - 0.3\n  - 0.4\n"
+        "  distortion_model: &m radtan\n  intrinsics: [500, 501, 320, 240]\n  resolution: &id002 [640, 480]\n"
+        "cam1:\n  camera_model: pinhole\n  distortion_coeffs: *id001\n  distortion_model: *m\n"
+        "  intrinsics: [500, 501, 320, 240]\n  resolution: *id002\n" SLIDE;
+    struct sst_calib calib = parsed(sst_kalibr_parse, text, 1, 2);
+
+    assert_int_equal(calib.camera[1].lens, 5);
+    assert_true(calib.camera[1].k[3] == 0.4 && calib.width == 640);
+    check_position(&calib, 1, 50, 0, 0);
+    sst_calib_fini(&calib);
+}
+
+/* Serial numbers look like places. */
+static void names_need_not_be_places(void **state SST_UNUSED)
+{
+    static const char text[] = "{\"cameras\": {\"rig_0_3\": " CAM("[]") ", \"rig_0_12\": " CAM(
+        "[]") "}, \"camera_poses\": {\"rig_0_3\": {\"R\": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], \"T\": [0, 0, 0]}, "
+              "\"rig_0_12\": {\"R\": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], \"T\": [-0.05, 0, 0]}}}";
+    struct sst_calib_format_config cfg = { .rows = 1, .cols = 2 };
+    struct sst_calib calib;
+    char said[SST_LOG_MAX] = "";
+
+    sst_log_hold_errors(said);
+    assert_int_equal(sst_multical_parse(&calib, text, strlen(text), "t", &cfg), -EINVAL);
+    sst_log_hold_errors(NULL);
+    assert_non_null(strstr(said, "--plain-names"));
+    cfg.plain_names = true;
+    assert_int_equal(sst_multical_parse(&calib, text, strlen(text), "t", &cfg), 0);
+    assert_int_equal(calib.cols, 2);
+    check_position(&calib, 1, 50, 0, 0);
+    sst_calib_fini(&calib);
+}
+
+/* Every kind of text with the mark that Windows' editors begin with; and with the points of 500 pictures. */
+static void files_may_have_a_mark_and_many_points(void **state SST_UNUSED)
+{
+    const char *path = test_path("marked");
+    char said[SST_LOG_MAX] = "", *text;
+    struct sst_calib_format_config cfg = { 0 };
+    struct sst_calib calib;
+    size_t size;
+    FILE *f;
+
+    for (size_t i = 0; i < ARRAY_LEN(opencv_files); i++) {
+        f = open_memstream(&text, &size);
+        fprintf(f, "\xef\xbb\xbf%s", opencv_files[i]);
+        fclose(f);
+        assert_int_equal(sst_file_write(path, text, size), 0);
+        free(text);
+        assert_int_equal(sst_calib_format_of(path)->read(&calib, path, &cfg), 0);
+        assert_true(calib.camera[0].fx == 500);
+        sst_calib_fini(&calib);
+    }
+    assert_int_equal(sst_file_write(path, "\xff\xfe%\0Y\0", 6), 0);
+    sst_log_hold_errors(said);
+    assert_null(sst_calib_format_of(path));
+    sst_log_hold_errors(NULL);
+    assert_non_null(strstr(said, "UTF-16"));
+
+    f = open_memstream(&text, &size);
+    fputs(HEAD S_YML K_YML D_YML
+          "image_points: !!opencv-matrix\n   rows: 500\n   cols: 88\n   dt: \"2f\"\n   data: [ 0.",
+          f);
+    for (int i = 1; i < 88000; i++)
+        fprintf(f, ", 3.%015d", i);
+    fputs(" ]\npoints:\n", f);
+    for (int i = 0; i < 500; i++)
+        fputs("   - { a: [ [ 1., 2. ], [ 1., 2. ] ] }\n", f);
+    fclose(f);
+    assert_int_equal(sst_file_write(path, text, size), 0);
+    assert_true(size > SST_YAML_MAX_BYTES);
+    free(text);
+    assert_int_equal(sst_calib_format_of(path)->read(&calib, path, &cfg), 0);
+    assert_true(calib.camera[0].fx == 500 && calib.camera[0].k[4] == 5);
+    sst_calib_fini(&calib);
 }
 
 /* --- there and back ----------------------------------------------------------------------------------------------- */
@@ -583,6 +737,10 @@ int main(void)
         cmocka_unit_test(opencv_folder_by_hand),
         cmocka_unit_test(opencv_stereo_by_hand),
         cmocka_unit_test(refusals_say_why),
+        cmocka_unit_test(what_changes_nothing_is_read),
+        cmocka_unit_test(kalibr_reads_aliases),
+        cmocka_unit_test(names_need_not_be_places),
+        cmocka_unit_test(files_may_have_a_mark_and_many_points),
         cmocka_unit_test(every_format_reads_what_it_writes),
         cmocka_unit_test(stereo_reads_what_it_writes),
         cmocka_unit_test(lens_that_fits_is_kept),

@@ -198,6 +198,64 @@ static void what_is_not_plain_yaml_is_refused(void **state SST_UNUSED)
     }
 }
 
+/* Files of other programs: aliases are copies, long lists are not kept whole. */
+static void foreign_files_hold_more(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *text, *said;
+    } bad[] = {
+        { "a: &x [1, *x]\n", "1:11: an alias (*name) inside of its own value" },
+        { "a: *x\n", "1:4: an alias (*name) of a value that is not kept" },
+        { "a: &x 1\n*x : 2\n", "2:1: an alias as a key" },
+        { "a: &x {b: 1}\nc:\n  <<: *x\n", "3:3: a merge key" },
+        { "a: !!int 1\n", "1:4: an anchor (&name) or a tag" },
+        { "a: &a [x, x, x, x, x, x, x, x, x]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a]\nc: &c [*b, *b, *b, *b, *b, "
+          "*b, *b, *b, "
+          "*b]\nd: &d [*c, *c, *c, *c, *c, *c, *c, *c, *c]\ne: &e [*d, *d, *d, *d, *d, *d, *d, *d, *d]\n",
+          "65536" },
+    };
+    static const char text[] = "a: &x { k: [1, 2], t: \"s\" }\nb: *x\nl: [0, *x, { y: &z 5 }, *z]\n";
+    struct sst_yaml_node *root, *n;
+    struct sst_yaml *doc;
+    double v[2];
+    char many[400];
+    int i;
+
+    for (size_t k = 0; k < ARRAY_LEN(bad); k++) {
+        said[0] = 0;
+        sst_log_hold_errors(said);
+        assert_int_equal(sst_yaml_parse_foreign(&doc, bad[k].text, strlen(bad[k].text), "t.yaml"), -EBADMSG);
+        sst_log_hold_errors(NULL);
+        assert_contains(said, bad[k].said);
+    }
+    assert_int_equal(sst_yaml_parse_foreign(&doc, text, strlen(text), "t.yaml"), 0);
+    root = sst_yaml_root(doc);
+    n = sst_yaml_get(root, "b");
+    assert_true(sst_yaml_doubles(doc, sst_yaml_get(n, "k"), 0, 9, v, 2) && v[1] == 2);
+    assert_string_equal(sst_yaml_get(n, "t")->text, "s");
+    assert_false(sst_yaml_get(n, "t")->plain);
+    assert_int_equal(n->line, 2);
+    n = sst_yaml_get(root, "l");
+    assert_int_equal(n->count, 4);
+    assert_string_equal(n->last->text, "5");
+    sst_yaml_destroy(doc);
+
+    strcpy(many, "l: [[1");
+    for (i = 1; i < 100; i++)
+        strcat(many, i == 50 ? "],[1]" : i < 50 ? ",1" : ",1");
+    strcat(many, "]\nk: 1\n");
+    assert_int_equal(sst_yaml_parse_foreign(&doc, many, strlen(many), "t.yaml"), 0);
+    n = sst_yaml_get(sst_yaml_root(doc), "l");
+    assert_int_equal(n->count, 51);
+    assert_int_equal(n->first->count, 50);
+    i = 0;
+    for (n = n->first->first; n; n = n->next)
+        i++;
+    assert_int_equal(i, SST_YAML_FOREIGN_LIST);
+    assert_non_null(sst_yaml_get(sst_yaml_root(doc), "k"));
+    sst_yaml_destroy(doc);
+}
+
 /* More faults than are shown: the last line counts the rest. */
 static void all_faults_are_told(void **state SST_UNUSED)
 {
@@ -221,6 +279,7 @@ int main(void)
         cmocka_unit_test(wrong_keys_are_answered_with_the_right_ones),
         cmocka_unit_test(what_is_not_plain_yaml_is_refused),
         cmocka_unit_test(all_faults_are_told),
+        cmocka_unit_test(foreign_files_hold_more),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -236,12 +236,16 @@ static const char *read_text(struct sst_board *b, const char *text)
 
 static void read_grid(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_board *b)
 {
+    struct sst_yaml_node *offset = sst_yaml_get(root, "codeOffset");
     double size_m = 0;
+    int first = 0;
 
     sst_yaml_int(doc, sst_yaml_need(doc, root, "tagCols"), 1, SQUARES_MAX, &b->cols);
     sst_yaml_int(doc, sst_yaml_need(doc, root, "tagRows"), 1, SQUARES_MAX, &b->rows);
     sst_yaml_double(doc, sst_yaml_need(doc, root, "tagSize"), SIZE_MIN_MM / 1000, SIZE_MAX_MM / 1000, &size_m);
     sst_yaml_double(doc, sst_yaml_need(doc, root, "tagSpacing"), 0.05, 1, &b->marker);
+    if (sst_yaml_int(doc, offset, 0, INT32_MAX, &first) && first != 0)
+        sst_yaml_fault(doc, offset, "is %d; boards here begin with tag 0, so print one with codeOffset 0", first);
     b->square_mm = size_m * 1000;
     b->bottom_up = true;
 }
@@ -268,10 +272,10 @@ static int read_kalibr(struct sst_board *b, const char *path)
     struct sst_yaml *doc = NULL;
     uint8_t *text = NULL;
     size_t size;
-    int kind = -1, err = sst_file_read(path, YAML_MAX_BYTES, &text, &size);
+    int kind = -1, err = sst_file_read_text(path, YAML_MAX_BYTES, &text, &size);
 
     if (!err)
-        err = sst_yaml_parse(&doc, (const char *)text, size, path);
+        err = sst_yaml_parse_foreign(&doc, (const char *)text, size, path);
     free(text);
     if (err)
         return err;

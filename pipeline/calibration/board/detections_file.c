@@ -292,7 +292,7 @@ int sst_detections_read(struct sst_detections *all, const char *path)
     json_error_t error;
     json_t *root = NULL;
     size_t size;
-    int err = sst_file_read(path, FILE_MAX_BYTES, &text, &size);
+    int err = sst_file_read_text(path, FILE_MAX_BYTES, &text, &size);
 
     if (err)
         return err;
