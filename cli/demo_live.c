@@ -121,7 +121,7 @@ __attribute__((format(printf, 2, 3))) static int write_first(const char *path, c
     va_end(args);
     err = fclose(memory) ? -ENOMEM : 0;
     if (!err && sst_path_exists(path)) {
-        err = sst_file_read(path, CONFIG_BYTES, &kept, &size);
+        err = sst_file_read_text(path, CONFIG_BYTES, &kept, &size);
         if (!err && strcmp((const char *)kept, fresh))
             printf("%s: kept as it is; delete it to start from the original\n", path);
     } else if (!err) {

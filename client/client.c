@@ -325,7 +325,7 @@ static int add_token(struct sst_client *c, const char *file)
     char header[TOKEN_BYTES + 32];
     uint8_t *token;
     size_t size;
-    int err = sst_file_read(file, TOKEN_BYTES, &token, &size);
+    int err = sst_file_read_text(file, TOKEN_BYTES, &token, &size);
 
     if (err)
         return err;

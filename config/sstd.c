@@ -76,7 +76,7 @@ static int parse(struct sst_yaml **doc, const char *path)
 {
     uint8_t *text = NULL;
     size_t size;
-    int err = sst_file_read(path, SST_YAML_MAX_BYTES, &text, &size);
+    int err = sst_file_read_text(path, SST_YAML_MAX_BYTES, &text, &size);
 
     if (!err)
         err = sst_yaml_parse(doc, (const char *)text, size, path);

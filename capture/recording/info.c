@@ -177,7 +177,7 @@ int manifest_read_info(const char *path, struct sst_recording_info *info)
     uint8_t *data;
     size_t size;
     json_t *root;
-    const int err = sst_file_read(path, INFO_MAX_BYTES, &data, &size);
+    const int err = sst_file_read_text(path, INFO_MAX_BYTES, &data, &size);
 
     if (err)
         return err;

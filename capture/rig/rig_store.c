@@ -222,7 +222,7 @@ static int read_manifest(struct sst_scan_store *s)
 {
     uint8_t *text;
     size_t size, keep = 0;
-    int err = sst_file_read(s->manifest, MANIFEST_MAX, &text, &size);
+    int err = sst_file_read_text(s->manifest, MANIFEST_MAX, &text, &size);
 
     if (err)
         return err;

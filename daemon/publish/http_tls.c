@@ -91,9 +91,9 @@ static int read_pair(struct http_pair **out, const char *certificate, const char
     if (!p)
         return -ENOMEM;
     p->refs = 1;
-    err = sst_file_read(certificate, PEM_MAX, &p->pem[0], &p->bytes[0]);
+    err = sst_file_read_text(certificate, PEM_MAX, &p->pem[0], &p->bytes[0]);
     if (!err)
-        err = sst_file_read(key, PEM_MAX, &p->pem[1], &p->bytes[1]);
+        err = sst_file_read_text(key, PEM_MAX, &p->pem[1], &p->bytes[1]);
     if (!err) {
         const int bad = read_times(p);
 

@@ -129,7 +129,7 @@ int sst_truth_read(struct sst_truth *truth, const char *dir)
         *truth = (struct sst_truth){ .described = false };
         return 0;
     }
-    err = sst_file_read(path, JSON_MAX_BYTES, &text, &size);
+    err = sst_file_read_text(path, JSON_MAX_BYTES, &text, &size);
     if (!err)
         err = parse(&read, (const char *)text, size, path);
     free(text);

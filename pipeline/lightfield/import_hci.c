@@ -52,7 +52,7 @@ static int read_params(struct import_plan *plan, struct grid *g)
         plan->names.used[i] = true;
         err = sst_path_join(g->params_path, plan->cfg->source, "parameters.cfg");
         if (!err)
-            err = sst_file_read(g->params_path, 1 << 20, &text, &size);
+            err = sst_file_read_text(g->params_path, 1 << 20, &text, &size);
         if (err)
             return err;
         g->params = (char *)text;

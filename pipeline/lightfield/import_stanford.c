@@ -190,7 +190,7 @@ static int read_extra(struct import_plan *plan)
     plan->names.used[i] = true;
     err = sst_path_join(path, plan->cfg->source, "positions.cfg");
     if (!err)
-        err = sst_file_read(path, 1 << 20, &text, &size);
+        err = sst_file_read_text(path, 1 << 20, &text, &size);
     if (err)
         return err;
     t = (const char *)text;

@@ -598,7 +598,7 @@ int lightfield_read_json(struct sst_lightfield *lf, const char *path)
     json_error_t e;
     uint8_t *text;
     size_t size;
-    int err = sst_file_read(path, JSON_MAX_BYTES, &text, &size);
+    int err = sst_file_read_text(path, JSON_MAX_BYTES, &text, &size);
 
     if (err)
         return err;

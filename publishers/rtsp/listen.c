@@ -32,7 +32,7 @@ static int read_password(const char *path, char out[RTSP_PASSWORD])
     struct stat st;
     uint8_t *data;
     size_t size, n;
-    int err = sst_file_read(path, PASSWORD_FILE_MAX, &data, &size);
+    int err = sst_file_read_text(path, PASSWORD_FILE_MAX, &data, &size);
 
     if (err)
         return err;

@@ -483,7 +483,7 @@ int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_netw
     if (err == -ENOENT)
         return sst_labels_model_info_parse(out, net, path, NULL, 0, NULL);
     if (!err)
-        err = sst_file_read(sidecar, SST_YAML_MAX_BYTES, &text, &size);
+        err = sst_file_read_text(sidecar, SST_YAML_MAX_BYTES, &text, &size);
     if (!err) {
         sst_log_debug("model %s: described by %s", path, sidecar);
         err = sst_labels_model_info_parse(out, net, path, (const char *)text, size, sidecar);

@@ -445,7 +445,7 @@ int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)
         sst_log_error("unknown world `%s`; give the path of a world file, or a scene: " SCENES, world);
         return -EINVAL;
     }
-    err = sst_file_read(world, SST_YAML_MAX_BYTES, &text, &size);
+    err = sst_file_read_text(world, SST_YAML_MAX_BYTES, &text, &size);
     if (err)
         return err;
     err = sst_yaml_parse(&doc, (const char *)text, size, world);
