@@ -8,10 +8,13 @@
 #if WITH_RAW
 #include <dlfcn.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <libraw/libraw.h>
+
+#include "pipeline/image/codec_formats.h"
 
 #define FUNCTIONS(X)                                                                                                   \
     X(libraw_init)                                                                                                     \
@@ -82,29 +85,62 @@ static void on_fault(void *faults, const char *file SST_UNUSED, const offset_typ
     ++*(int *)faults;
 }
 
-/* @param rc  out: LibRaw's error */
-static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data, size_t size, int *rc)
+/* Nothing is chosen by what a picture shows: the views of one camera, equally exposed, stay alike. By LibRaw's defaults
+ * highlights are clipped, and noise reduction and corrections of the exposure are off. */
+static void set_parameters(libraw_data_t *r)
 {
-    libraw_processed_image_t *picture;
-    int err, faults = 0;
-
-    raw.libraw_set_dataerror_handler(r, on_fault, &faults);
     r->params.use_camera_wb = 1;
+    r->params.use_auto_wb = 0;
     r->params.no_auto_bright = 1;
+    r->params.adjust_maximum_thr = 0; /* else the brightest sample is white, from 0.75 of the white level on */
     r->params.user_flip = 0;
     r->params.output_color = 1; /* sRGB, with its curve */
     r->params.gamm[0] = 1 / 2.4;
     r->params.gamm[1] = 12.92;
-    *rc = raw.libraw_open_buffer(r, (void *)data, size);
-    if (!*rc)
-        *rc = raw.libraw_unpack(r);
-    if (!*rc && faults) /* it is unpacked as far as it goes */
-        *rc = LIBRAW_IO_ERROR;
-    if (!*rc)
-        *rc = raw.libraw_dcraw_process(r);
-    if (*rc)
-        return *rc == LIBRAW_UNSUFFICIENT_MEMORY ? -ENOMEM : -EBADMSG;
-    picture = raw.libraw_dcraw_make_mem_image(r, rc);
+}
+
+/* Where the file has no white balance LibRaw measures one in the picture: instead, that of daylight by the camera's
+ * matrix. */
+static void fix_balance(libraw_data_t *r, const char *name)
+{
+    static atomic_bool warned;
+
+    if (r->color.cam_mul[0] > 1e-5f && r->color.cam_mul[2] > 1e-5f)
+        return;
+    r->params.use_camera_wb = 0;
+    if (!atomic_exchange(&warned, true))
+        sst_log_warning("%s has no white balance of its camera; it, and any other without, gets that of daylight",
+                        name);
+}
+
+/* @param why  out: a clause, or NULL: the error is logged */
+static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                   const char **why)
+{
+    libraw_processed_image_t *picture;
+    int err, faults = 0, rc;
+
+    raw.libraw_set_dataerror_handler(r, on_fault, &faults);
+    set_parameters(r);
+    rc = raw.libraw_open_buffer(r, (void *)data, size);
+    if (!rc && (r->sizes.raw_width > SST_IMAGE_MAX_SIDE || r->sizes.raw_height > SST_IMAGE_MAX_SIDE ||
+                (size_t)r->sizes.raw_width * r->sizes.raw_height > SST_IMAGE_MAX_PIXELS))
+        return sst_image_size_error(-EINVAL, name, r->sizes.raw_width, r->sizes.raw_height);
+    rc = rc ? rc : raw.libraw_unpack(r);
+    if (!rc && faults) /* it is unpacked as far as it goes */
+        rc = LIBRAW_IO_ERROR;
+    *why = rc ? raw.libraw_strerror(rc) : "its samples are floating-point numbers";
+    if (!rc && r->color.fmaximum > 0) /* LibRaw scales them by the largest */
+        return -EBADMSG;
+    if (!rc) {
+        fix_balance(r, name);
+        rc = raw.libraw_dcraw_process(r);
+        *why = raw.libraw_strerror(rc);
+    }
+    if (rc)
+        return rc == LIBRAW_UNSUFFICIENT_MEMORY ? -ENOMEM : -EBADMSG;
+    picture = raw.libraw_dcraw_make_mem_image(r, &rc);
+    *why = rc ? raw.libraw_strerror(rc) : "no picture of three colours";
     err = picture ? copy_image(img, picture) : -EBADMSG;
     if (picture)
         raw.libraw_dcraw_clear_mem(picture);
@@ -114,18 +150,18 @@ static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data,
 int sst_image_develop(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
 {
     libraw_data_t *r = sst_image_can_develop() ? raw.libraw_init(0) : NULL;
-    int rc = 0, err;
+    const char *why = NULL;
+    int err;
 
     if (!loaded) {
         sst_log_error("%s cannot be developed without LibRaw; install it, or use files: raw+jpeg", name);
         return -ENOPKG;
     }
-    err = r ? develop(r, img, data, size, &rc) : -ENOMEM;
+    err = r ? develop(r, img, data, size, name, &why) : -ENOMEM;
     if (err == -ENOMEM)
         sst_log_error("%s: not enough memory to develop it", name);
-    else if (err)
-        sst_log_error("%s cannot be developed: %s; it is damaged, or LibRaw does not know its camera", name,
-                      rc ? raw.libraw_strerror(rc) : "no picture of three colours");
+    else if (err && why)
+        sst_log_error("%s cannot be developed: %s; it is damaged, or LibRaw does not know its camera", name, why);
     if (r)
         raw.libraw_close(r);
     return err;
