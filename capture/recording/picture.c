@@ -28,6 +28,7 @@ int sst_recording_picture(const struct sst_recording *r, const struct sst_record
 {
     struct sst_jpeg_bytes parts, base = { 0 };
     uint8_t *read = NULL, *whole = NULL;
+    const struct sst_recording_info *info = sst_recording_info(r);
     int64_t base_ns = 0;
     int err = sst_recording_frame(r, set, cam, &read);
 
@@ -42,7 +43,7 @@ int sst_recording_picture(const struct sst_recording *r, const struct sst_record
     err = sst_jpeg_parts_base(parts, &base_ns) ? read_base(r, base_ns, cam, &whole, &base.bytes) : -EBADMSG;
     if (!err) {
         base.data = whole;
-        err = sst_jpeg_parts_join(base, parts, data, bytes);
+        err = sst_jpeg_parts_join(base, parts, info->width, info->height, data, bytes);
         err = err == -EINVAL ? -EBADMSG : err;
     }
     free(read);

@@ -7,7 +7,8 @@
 #include "drivers/still/still.h"
 
 /* Decoded to an eighth of its size: all coded data are read, and little is computed. */
-#define SCALE 8
+#define SCALE      8
+#define MAX_PIXELS ((size_t)1 << 28)
 
 static int decode(tjhandle tj, const uint8_t *data, size_t bytes, int width, int height)
 {
@@ -16,7 +17,9 @@ static int decode(tjhandle tj, const uint8_t *data, size_t bytes, int width, int
     int err = -ENOMEM;
 
     if (luma)
-        err = tjDecompress2(tj, data, bytes, luma, w, w, h, TJPF_GRAY, TJFLAG_STOPONWARNING) ? -EBADMSG : 0;
+        err = tjDecompress2(tj, data, bytes, luma, w, w, h, TJPF_GRAY, TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS)
+                  ? -EBADMSG
+                  : 0;
     free(luma);
     return err;
 }
@@ -31,7 +34,8 @@ int sst_still_check_jpeg(const uint8_t *data, size_t bytes, int *width, int *hei
     tj = tjInitDecompress();
     if (!tj)
         return -ENOMEM;
-    if (!tjDecompressHeader3(tj, data, bytes, &w, &h, &subsampling, &colours) && w > 0 && h > 0)
+    if (!tjDecompressHeader3(tj, data, bytes, &w, &h, &subsampling, &colours) && w > 0 && h > 0 &&
+        (size_t)w * (size_t)h <= MAX_PIXELS)
         err = decode(tj, data, bytes, w, h);
     tjDestroy(tj);
     if (err)

@@ -16,6 +16,9 @@ SST_MUST_CHECK int sst_png_count_samples(struct sst_sample_counts *counts, const
 SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
+/** Whether a Huffman-coded file of so many bytes can have so many pixels; small pictures always. */
+bool sst_jpeg_may_hold(size_t pixels, size_t bytes);
+
 /** Log an error of sst_*_init(): the rejected size, or out of memory. @return -EBADMSG or -ENOMEM */
 int sst_image_size_error(int err, const char *name, int64_t width, int64_t height);
 

@@ -30,6 +30,11 @@
 #define STRAY_RESTART 32
 #define STRAY_END     3
 
+bool sst_jpeg_may_hold(size_t pixels, size_t bytes)
+{
+    return pixels <= LARGE_PIXELS || pixels / MAX_PIXELS_PER_BYTE <= bytes;
+}
+
 /* Everything that must survive a longjmp out of libjpeg lives here, not in locals. */
 struct reader {
     struct jpeg_decompress_struct jpeg;
@@ -98,7 +103,7 @@ static int read_header(struct reader *r, const uint8_t *data, size_t size, const
     if (jpeg->image_width > SST_IMAGE_MAX_SIDE || jpeg->image_height > SST_IMAGE_MAX_SIDE ||
         pixels > SST_IMAGE_MAX_PIXELS)
         return sst_image_size_error(-EINVAL, name, jpeg->image_width, jpeg->image_height);
-    if (pixels > LARGE_PIXELS && pixels / MAX_PIXELS_PER_BYTE > size) {
+    if (!sst_jpeg_may_hold(pixels, size)) {
         sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", name, size,
                       jpeg->image_width, jpeg->image_height);
         return -EBADMSG;

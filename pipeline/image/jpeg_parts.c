@@ -9,6 +9,8 @@
 
 #include <jpeglib.h>
 
+#include "pipeline/image/codec_formats.h"
+
 #define LEVELS                                                                                                         \
     4.0           /* by which the means or the slopes of two blocks differ, in addition to half a step of their table */
 #define LOW     3 /* coefficients in each direction that are compared: the others are noise and texture */
@@ -17,6 +19,7 @@
 
 /* One JPEG's coefficients. */
 struct blocks {
+    struct sst_jpeg_bytes jpeg;
     struct jpeg_decompress_struct d;
     jvirt_barray_ptr *coefs;
     bool open;
@@ -24,7 +27,9 @@ struct blocks {
 
 struct work {
     struct jpeg_error_mgr errors;
+    struct jpeg_progress_mgr progress;
     jmp_buf escape;
+    int width, height; /* that both must have */
     struct blocks base, other;
     struct jpeg_compress_struct c;
     bool writes;
@@ -37,6 +42,15 @@ struct work {
 static void on_error(j_common_ptr c)
 {
     longjmp(((struct work *)(void *)c->err)->escape, 1);
+}
+
+/* A scan for each component at most: more would only cost time. */
+static void on_progress(j_common_ptr c)
+{
+    const j_decompress_ptr d = (j_decompress_ptr)c;
+
+    if (d->input_scan_number > d->num_components)
+        on_error(c);
 }
 
 static void on_message(j_common_ptr c, int level)
@@ -58,7 +72,7 @@ static void end(struct work *w)
     free(w);
 }
 
-static struct work *begin(void)
+static struct work *begin(struct sst_jpeg_bytes base, struct sst_jpeg_bytes other, int width, int height)
 {
     struct work *w = calloc(1, sizeof(*w));
 
@@ -67,24 +81,35 @@ static struct work *begin(void)
     jpeg_std_error(&w->errors);
     w->errors.error_exit = on_error;
     w->errors.emit_message = on_message;
+    w->progress.progress_monitor = on_progress;
+    w->base.jpeg = base;
+    w->other.jpeg = other;
+    w->width = width;
+    w->height = height;
     return w;
 }
 
-static void read_blocks(struct work *w, struct blocks *b, struct sst_jpeg_bytes jpeg)
+static void read_header(struct work *w, struct blocks *b)
 {
     b->d.err = &w->errors;
     jpeg_create_decompress(&b->d);
     b->open = true;
-    jpeg_mem_src(&b->d, jpeg.data, jpeg.bytes);
+    jpeg_mem_src(&b->d, b->jpeg.data, b->jpeg.bytes);
     jpeg_save_markers(&b->d, JPEG_COM, 0xFFFF);
     (void)jpeg_read_header(&b->d, TRUE);
-    b->coefs = jpeg_read_coefficients(&b->d);
+    b->d.progress = &w->progress;
+}
+
+/* Whether a header is of a picture of that size whose coefficients may take memory, about 6 bytes a pixel. */
+static bool is_plain(const struct work *w, const struct blocks *b)
+{
+    return (int)b->d.image_width == w->width && (int)b->d.image_height == w->height && !b->d.progressive_mode &&
+           !b->d.arith_code && sst_jpeg_may_hold((size_t)w->width * (size_t)w->height, b->jpeg.bytes);
 }
 
 static bool are_alike(const struct blocks *a, const struct blocks *b)
 {
-    bool alike = a->d.image_width == b->d.image_width && a->d.image_height == b->d.image_height &&
-                 a->d.num_components == b->d.num_components && !a->d.progressive_mode && !b->d.progressive_mode;
+    bool alike = a->d.num_components == b->d.num_components;
 
     for (int i = 0; alike && i < a->d.num_components; i++) {
         const jpeg_component_info *p = &a->d.comp_info[i], *q = &b->d.comp_info[i];
@@ -119,6 +144,19 @@ static int bits(const struct blocks *b)
 static JBLOCKARRAY row_of(struct blocks *b, int component, JDIMENSION y, bool writes)
 {
     return b->d.mem->access_virt_barray((j_common_ptr)&b->d, b->coefs[component], y, 1, writes);
+}
+
+/* Read the headers of both, and their coefficients if the pictures are alike. @return false: they are not; may escape
+ */
+static bool read_both(struct work *w)
+{
+    read_header(w, &w->base);
+    read_header(w, &w->other);
+    if (!is_plain(w, &w->base) || !is_plain(w, &w->other))
+        return false;
+    w->base.coefs = jpeg_read_coefficients(&w->base.d);
+    w->other.coefs = jpeg_read_coefficients(&w->other.d);
+    return are_alike(&w->base, &w->other); /* its tables are a component's only now */
 }
 
 typedef void group_fn(struct work *w, int group, JCOEF *base, JCOEF *other, const UINT16 *step);
@@ -217,10 +255,10 @@ static void give(struct work *w, uint8_t **out, size_t *bytes)
     w->made = NULL;
 }
 
-int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole, uint8_t **out,
-                       size_t *bytes, double *share)
+int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole, int width, int height,
+                       uint8_t **out, size_t *bytes, double *share)
 {
-    struct work *w = begin();
+    struct work *w = begin(base, whole, width, height);
     char head[HEAD + 1];
     int n = 0, err = 0;
 
@@ -230,9 +268,7 @@ int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_j
         end(w);
         return -EINVAL;
     }
-    read_blocks(w, &w->base, base);
-    read_blocks(w, &w->other, whole);
-    if (!are_alike(&w->base, &w->other) || bits(&w->other) / 8 + 1 + (int)HEAD > 0xFFFF - 2)
+    if (!read_both(w) || bits(&w->other) / 8 + 1 + (int)HEAD > 0xFFFF - 2)
         err = -EINVAL;
     if (!err) {
         w->mask_bytes = HEAD + (size_t)bits(&w->other) / 8 + 1;
@@ -287,9 +323,10 @@ bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns)
     return stop == digits + 20;
 }
 
-int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, uint8_t **out, size_t *bytes)
+int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, int width, int height, uint8_t **out,
+                        size_t *bytes)
 {
-    struct work *w = begin();
+    struct work *w = begin(base, parts, width, height);
     const uint8_t *mask = NULL;
     const size_t n = find_mask(parts, &mask);
     int err = 0;
@@ -300,9 +337,7 @@ int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts,
         end(w);
         return -EINVAL;
     }
-    read_blocks(w, &w->base, base);
-    read_blocks(w, &w->other, parts);
-    if (!n || !are_alike(&w->base, &w->other) || n != HEAD + (size_t)bits(&w->other) / 8 + 1)
+    if (!n || !read_both(w) || n != HEAD + (size_t)bits(&w->other) / 8 + 1)
         err = -EINVAL;
     if (!err) {
         w->mask = malloc(n);

@@ -18,18 +18,19 @@ struct sst_jpeg_bytes {
 
 /**
  * @param base_ns  a name for the base, kept in the parts: a time
+ * @param width    and height of both: others are refused before memory is taken for them
  * @param out      to free with free(); a JPEG of the same size, of which grey areas are as in the base
  * @param share    of the picture that differs, 0..1; may be NULL
  * @return 0, -EINVAL (one of them is no baseline JPEG, or they differ in size, sampling or tables), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole,
-                                      uint8_t **out, size_t *bytes, double *share);
+                                      int width, int height, uint8_t **out, size_t *bytes, double *share);
 
 /** @return whether a JPEG has parts alone, and of which base */
 bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns);
 
 /** The inverse. @return 0, -EINVAL (as above, or not parts), -ENOMEM; not logged */
-SST_MUST_CHECK int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, uint8_t **out,
-                                       size_t *bytes);
+SST_MUST_CHECK int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, int width, int height,
+                                       uint8_t **out, size_t *bytes);
 
 #endif

@@ -198,17 +198,16 @@ bool sst_raw_is_jpeg(uint32_t fourcc)
 int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw)
 {
     char text[SST_LOG_MAX] = "", *before;
-    int err;
+    int width, height, err;
 
     if (!sst_raw_is_jpeg(raw->fourcc))
         return sst_raw_to_image(img, raw);
     before = sst_log_hold_errors(text);
-    err = sst_image_decode(img, raw->data, raw->bytes, "frame");
-    sst_log_hold_errors(before);
-    if (!err && (img->width != raw->width || img->height != raw->height)) {
-        sst_image_fini(img);
+    err = sst_image_decode_size(&width, &height, raw->data, raw->bytes, "frame"); /* before memory is taken for it */
+    if (!err && (width != raw->width || height != raw->height))
         err = -EBADMSG;
-    }
+    err = err ? err : sst_image_decode(img, raw->data, raw->bytes, "frame");
+    sst_log_hold_errors(before);
     return err;
 }
 

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include <jpeglib.h>
 
@@ -98,14 +99,15 @@ static void what_changed_stays_bit_by_bit(void **state)
     size_t n;
 
     (void)state;
-    assert_int_equal(
-        sst_jpeg_parts_cut(bytes_of(base), INT64_C(1795600000123456789), bytes_of(whole), &data, &n, &share), 0);
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), INT64_C(1795600000123456789), bytes_of(whole), WIDTH, HEIGHT,
+                                        &data, &n, &share),
+                     0);
     assert_true(n < whole.bytes / 2);
     assert_true(share > 0.08 && share < 0.3); /* where it stands and where it stood, 48x48 px each, and a margin */
     parts = (struct sst_jpeg_bytes){ data, n };
     assert_true(sst_jpeg_parts_base(parts, &base_ns) && base_ns == INT64_C(1795600000123456789));
     assert_false(sst_jpeg_parts_base(bytes_of(whole), &base_ns));
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, &joint, &n), 0);
+    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, WIDTH, HEIGHT, &joint, &n), 0);
     again = (struct sst_jpeg_bytes){ joint, n };
     assert_false(sst_jpeg_parts_base(again, &base_ns)); /* whole again */
     decode(&was, base.data, base.bytes);
@@ -137,13 +139,14 @@ static void what_is_no_part_is_refused(void **state)
     size_t n, unused;
 
     (void)state;
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(narrow), 1, bytes_of(whole), &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(coarse), 1, bytes_of(whole), &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(noise, 1, bytes_of(whole), &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), bytes_of(whole), &joint, &n), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), &data, &n, NULL), 0);
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, &joint, &unused),
-                     -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(narrow), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(coarse), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(noise, 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), bytes_of(whole), WIDTH, HEIGHT, &joint, &n), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), 0);
+    assert_int_equal(
+        sst_jpeg_parts_join(bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, WIDTH, HEIGHT, &joint, &unused),
+        -EINVAL);
     for (int i = 0; i < 200; i++) { /* bytes that are wrong, and ends that are missing */
         uint8_t *bad = malloc(n);
         const size_t left = i % 2 ? n : 1 + sst_random_u64(&seed) % n;
@@ -151,7 +154,7 @@ static void what_is_no_part_is_refused(void **state)
         memcpy(bad, data, n);
         for (int k = 0; k < 3; k++)
             bad[sst_random_u64(&seed) % n] = (uint8_t)sst_random_u64(&seed);
-        if (!sst_jpeg_parts_join(bytes_of(base), (struct sst_jpeg_bytes){ bad, left }, &joint, &unused))
+        if (!sst_jpeg_parts_join(bytes_of(base), (struct sst_jpeg_bytes){ bad, left }, WIDTH, HEIGHT, &joint, &unused))
             free(joint);
         free(bad);
     }
@@ -159,6 +162,58 @@ static void what_is_no_part_is_refused(void **state)
     free(base.data);
     free(narrow.data);
     free(coarse.data);
+    free(whole.data);
+}
+
+/* Let its header claim a side. */
+static void claim(uint8_t *jpeg, size_t bytes, unsigned side)
+{
+    for (size_t i = 0; i + 9 < bytes; i++) {
+        if (jpeg[i] == 0xFF && jpeg[i + 1] == 0xC0) {
+            jpeg[i + 5] = jpeg[i + 7] = (uint8_t)(side >> 8);
+            jpeg[i + 6] = jpeg[i + 8] = (uint8_t)side;
+            return;
+        }
+    }
+    fail();
+}
+
+static long peak_kb(void)
+{
+    struct rusage use;
+
+    assert_int_equal(getrusage(RUSAGE_SELF, &use), 0);
+    return use.ru_maxrss;
+}
+
+/* A few bytes that claim a large picture take no memory, whatever size is expected. */
+static void sizes_are_checked_before_memory_is_taken(void **state)
+{
+    struct jpeg base = picture(16, WIDTH, 85, 1), whole = picture(160, WIDTH, 85, 2);
+    uint8_t *data, *joint;
+    struct sst_jpeg_bytes parts;
+    struct sst_image img;
+    long before;
+    size_t n, unused;
+
+    (void)state;
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), 0);
+    parts = (struct sst_jpeg_bytes){ data, n };
+    claim(base.data, base.bytes, 8000);
+    claim(whole.data, whole.bytes, 8000);
+    claim(data, n, 8000);
+    before = peak_kb();
+    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, WIDTH, HEIGHT, &joint, &unused), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, 8000, 8000, &joint, &unused), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &joint, &unused, NULL),
+                     -EINVAL);
+    claim(whole.data, whole.bytes, 4000); /* below what the size of a file is compared with */
+    assert_int_equal(
+        sst_raw_decode(&img, &(struct sst_raw){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, 0, whole.data, whole.bytes }),
+        -EBADMSG);
+    assert_true(peak_kb() - before < 16 * 1024);
+    free(data);
+    free(base.data);
     free(whole.data);
 }
 
@@ -252,6 +307,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_changed_stays_bit_by_bit),
         cmocka_unit_test(what_is_no_part_is_refused),
+        cmocka_unit_test(sizes_are_checked_before_memory_is_taken),
         cmocka_unit_test_setup_teardown(recordings_of_parts_are_read_as_pictures, test_folder_create,
                                         test_folder_remove),
     };
