@@ -16,6 +16,7 @@ struct bench {
     struct sst_storage *storage;
     uint64_t index;  /* of the next set */
     int64_t wall_ns; /* added to the wall clock of sets */
+    const uint8_t *still; /* bytes of all frames; NULL: those of synthetic sets */
 };
 
 static inline void bench_open_storage(struct bench *b)
@@ -76,6 +77,8 @@ static inline void bench_put(struct bench *b, int64_t t_ns)
             continue;
         set.frame[k]->t_ns += shift;
         set.frame[k]->arrival_ns += shift;
+        if (b->still)
+            memcpy(b->sets.data + (size_t)k * b->sets.bytes, b->still, b->sets.bytes);
     }
     assert_int_equal(sst_ring_put(b->ring, &set), 0);
 }

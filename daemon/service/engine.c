@@ -77,12 +77,16 @@ static void close_live(struct live_engine *v)
     engine_notice_forget(v);
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
+    v->served_t_ns = 0;
     v->state.ready = v->state.counted = false;
     v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     pthread_mutex_unlock(&v->lock);
     engine_tracks_follow(v);
     sst_live_close(live);
     sst_use_calibration_fini(&v->use);
+    /* Of the sets before nothing is rendered any more. */
+    v->set_index = 0;
+    v->set_t_ns = v->set_wall_ns = v->tried_t_ns = 0;
 }
 
 void engine_zones(struct sst_live_zone *out, const struct sst_config *c)
@@ -204,7 +208,7 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 /** Follow the array's openings and the configuration's changes. @return there is a light field to bring up to date */
 static bool follow(struct live_engine *v)
 {
-    const unsigned generation = v->source.generation(v->source.arg);
+    unsigned generation;
     bool restart, enabled;
 
     pthread_mutex_lock(&v->lock);
@@ -212,6 +216,7 @@ static bool follow(struct live_engine *v)
     enabled = v->config.live.enabled;
     v->state.enabled = enabled;
     pthread_mutex_unlock(&v->lock);
+    generation = v->source.generation(v->source.arg); /* after `restart`: sets from before it are not processed again */
     if (generation && generation != v->layout.generation) {
         const struct sst_array_config before = v->layout.config;
 
@@ -508,6 +513,7 @@ static void serve_clients(struct live_engine *v, int64_t took_ns)
         engine_publish(v);
         until_ns = seen_ns + DRAG_NS < end_ns ? seen_ns + DRAG_NS : end_ns;
         pthread_mutex_lock(&v->lock);
+        v->served_t_ns = v->tried_t_ns;
         while (!v->stop && v->interaction_ns == seen_ns && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
             ;
         more = !v->stop && v->interaction_ns != seen_ns && sst_clock_now_ns() < end_ns;
@@ -564,6 +570,7 @@ static int64_t step(struct live_engine *v)
     uint64_t dropped = 0;
     double rate_hz;
     int64_t due_ns, took_ns = 0;
+    bool restart;
 
     follow_zones(v);
     pthread_mutex_lock(&v->lock);
@@ -574,10 +581,16 @@ static int64_t step(struct live_engine *v)
         nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
     else if (sst_ring_wait(v->ring, after, POLL_MS))
         kept = sst_ring_newest(v->ring, after, &dropped);
-    if (kept) {
+    pthread_mutex_lock(&v->lock);
+    restart = v->config_seen != v->config_count; /* asked for before that set came: it is of what comes after */
+    pthread_mutex_unlock(&v->lock);
+    if (kept && restart)
+        sst_ring_unref(v->ring, kept);
+    if (kept && !restart) {
         v->last = kept->number;
         v->last_ns = sst_clock_now_ns();
         process_set(v, kept, dropped, demand);
+        v->tried_t_ns = kept->set.t_ns;
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }
@@ -699,6 +712,26 @@ void engine_state(struct live_engine *v, struct engine_state *out)
     out->rate_hz = (double)sets / 10;
     out->changed_percent = tiles ? 100.0 * (double)changed / (double)tiles : 0;
     out->cpu_percent = (double)cpu_ns / 1e8;
+}
+
+bool engine_has_shown(struct live_engine *v, int64_t t_ns, bool *watched)
+{
+    bool served, viewed = false, rendered = true, never;
+
+    pthread_mutex_lock(&v->lock);
+    never = v->stop || !v->config.live.enabled || (!v->live && v->state.reason[0]);
+    served = v->served_t_ns >= t_ns;
+    for (int i = 0; i < VIEWS_MAX; i++) {
+        const bool has = v->view[i].used && sst_slot_clients(v->view[i].slot);
+
+        viewed |= has;
+        rendered &= !has || v->view[i].shown_version;
+    }
+    for (int i = 0; i < SST_CAMERAS_MAX && !viewed; i++)
+        viewed = v->camera[i].slot && sst_slot_clients(v->camera[i].slot);
+    pthread_mutex_unlock(&v->lock);
+    *watched = viewed;
+    return never || (served && rendered);
 }
 
 int engine_labels(void *engine, struct sst_api_answer *out)

@@ -298,7 +298,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     e->shown_focus_px = render.focus_px;
     e->shown = shown;
     pthread_mutex_unlock(&v->lock);
-    if (!rendered_px && !first)
+    if (!rendered_px && !first && v->events)
         return false;
     err = show(v, e->slot, image, quality);
     ns[1] += sst_clock_now_ns() - rendered_ns;
@@ -319,7 +319,8 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     pthread_mutex_lock(&v->lock);
     asked |= engine_armed_locked(v) && !strcmp(e->id, "main");
     due = e->used && (asked || engine_wanted(e->slot, e->used_ns)) &&
-          (e->shown_version != e->version || e->shown_update != v->update);
+          (e->shown_version != e->version || e->shown_update != v->update ||
+           (!v->events && e->shown_t_ns != v->set_t_ns)); /* a picture of a recording has the time of its set */
     settings = e->settings;
     version = e->version;
     update = v->update;
@@ -331,6 +332,7 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     pthread_mutex_lock(&v->lock);
     e->shown_version = version;
     e->shown_update = update;
+    e->shown_t_ns = v->set_t_ns;
     pthread_cond_broadcast(&v->changed);
     pthread_mutex_unlock(&v->lock);
     return made;

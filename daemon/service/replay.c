@@ -20,6 +20,8 @@
 #define END_NS    INT64_C(5000000000)
 #define GAP_NS    INT64_C(5000000000) /* longer gaps between sets are skipped */
 #define POLL_NS   INT64_C(100000000)
+#define WAIT_NS   INT64_C(20000000)   /* ... while a picture is awaited */
+#define VIEWER_NS INT64_C(2000000000) /* whoever opens a recording is about to watch it */
 #define RING_SETS 4
 #define SPEED_MIN 0.1
 #define SPEED_MAX 16.0
@@ -43,6 +45,7 @@ struct service_replay {
     char id[16];             /* of what is played; "": nothing */
     int64_t used_ns;         /* time of the last request of its client */
     bool playing, restarted; /* restarted: playing or its speed changed */
+    bool computing;          /* the picture of at_ns after a jump is not there yet */
     double speed;
     unsigned asked, answered; /* requests, and those of them that the thread has carried out */
     char recording[64];
@@ -60,6 +63,7 @@ struct service_replay {
     int at; /* the set that is shown */
     int64_t zero_ns, zero_wall_ns,
         stamp_ns; /* stamps of sets: zero_ns when their wall time is zero_wall_ns; the last */
+    int64_t awaited_ns, computed_ns; /* stamp of the set whose picture the clock waits for, 0: it runs; since when it is there */
     int64_t clock_ns, clock_wall_ns, next_ns; /* of playing: the wall time that was due then; that of the next set */
     struct sst_recording_set set;
     struct sst_frame frame[SST_CAMERAS_MAX];
@@ -175,7 +179,8 @@ static int jump_to(struct service_replay *r, int i)
 
     while (err && i < sets)
         err = show_set(r, i++, true);
-    r->next_ns = 0;
+    r->next_ns = r->computed_ns = 0;
+    r->awaited_ns = err ? 0 : r->stamp_ns;
     return err;
 }
 
@@ -214,6 +219,22 @@ static int64_t play(struct service_replay *r, double speed, int64_t at_ns)
     if (wall_ns == INT64_MAX)
         return 0;
     return r->clock_ns + (int64_t)((double)(wall_ns - r->clock_wall_ns) / speed);
+}
+
+/* The first picture after a jump takes long: the clock waits for it, and for a viewer that is about to come.
+ * @param computing  out: it is not there yet @return the clock waits */
+static bool clock_waits(struct service_replay *r, bool *computing)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    bool watched;
+
+    *computing = r->awaited_ns && !engine_has_shown(r->engine, r->awaited_ns, &watched);
+    if (!r->awaited_ns || *computing)
+        return *computing;
+    r->computed_ns = r->computed_ns ? r->computed_ns : now_ns;
+    if (watched || now_ns - r->computed_ns > VIEWER_NS)
+        r->awaited_ns = 0;
+    return r->awaited_ns != 0;
 }
 
 /* --- opening and closing, thread only ----------------------------------------------------------------------------- */
@@ -319,6 +340,7 @@ static bool close_session(struct service_replay *r, int64_t until_ns)
     memcpy(name, r->recording, sizeof(name));
     r->recording[0] = 0;
     pthread_mutex_unlock(&r->lock);
+    r->awaited_ns = 0;
     if (engine) {
         engine_stop(engine);
         pthread_mutex_lock(&r->lock);
@@ -433,6 +455,7 @@ static void *run(void *replay)
 {
     struct service_replay *r = replay;
     int64_t due_ns, next_ns;
+    bool waits, computing;
 
     sst_thread_name("sst-replay");
     pthread_mutex_lock(&r->lock);
@@ -456,7 +479,16 @@ static void *run(void *replay)
         r->answered = asked;
         pthread_cond_broadcast(&r->changed);
         due_ns = sst_clock_now_ns() + POLL_NS;
-        if (r->playing && r->engine) {
+        if (r->engine) {
+            pthread_mutex_unlock(&r->lock);
+            waits = clock_waits(r, &computing);
+            pthread_mutex_lock(&r->lock);
+        }
+        r->computing = (r->engine && computing) || r->wish.open || r->wish.seek;
+        if (r->engine && waits) {
+            r->restarted = true; /* the clock begins when it need not wait any more */
+            due_ns = sst_clock_now_ns() + WAIT_NS;
+        } else if (r->playing && r->engine) {
             pthread_mutex_unlock(&r->lock);
             next_ns = go_on(r);
             due_ns = next_ns < due_ns ? next_ns : due_ns;
@@ -559,10 +591,11 @@ static int describe_state(struct service_replay *r, const char *id, struct sst_a
         replay_release(r);
     pthread_mutex_lock(&r->lock);
     out->body =
-        json_pack("{s:o, s:b, s:s, s:o, s:o, s:o, s:b, s:f, s:s, s:o}", "replay", id[0] ? json_string(id) : json_null(),
-                  "open", engine != NULL, "recording", r->recording, "from", time_json(r->from_ns), "to",
-                  time_json(r->to_ns), "time", time_json(r->at_ns), "playing", r->playing, "speed", r->speed, "error",
-                  r->error, "live", live ? live : json_null());
+        json_pack("{s:o, s:b, s:s, s:o, s:o, s:o, s:b, s:b, s:f, s:s, s:o}", "replay",
+                  id[0] ? json_string(id) : json_null(), "open", engine != NULL, "recording", r->recording, "from",
+                  time_json(r->from_ns), "to", time_json(r->to_ns), "time", time_json(r->at_ns), "computing",
+                  r->computing, "playing", r->playing, "speed", r->speed, "error", r->error, "live",
+                  live ? live : json_null());
     pthread_mutex_unlock(&r->lock);
     return out->body ? 0 : -ENOMEM;
 }
@@ -666,6 +699,7 @@ int replay_change(void *replay, const json_t *request, struct sst_api_answer *ou
         o.wish.open = true; /* another recording has it */
     if (o.wish.open || o.wish.seek || o.wish.close)
         r->wish = o.wish;
+    r->computing |= o.wish.open || o.wish.seek;
     if (o.wish.close)
         r->id[0] = 0;
     r->restarted |= o.play || o.pause || o.speed > 0;

@@ -225,6 +225,9 @@ void engine_zones(struct sst_live_zone *out, const struct sst_config *c);
 void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart);
 
 void engine_state(struct live_engine *v, struct engine_state *out);
+/** Whether all who watch have their pictures of the set of that stamp or a later one, as far as there can be any.
+ *  @param watched  out: there is a viewer */
+bool engine_has_shown(struct live_engine *v, int64_t t_ns, bool *watched);
 
 /* Verbs of struct sst_api, by the same names; `engine` is a struct live_engine. */
 int engine_labels(void *engine, struct sst_api_answer *out);
@@ -390,6 +393,7 @@ struct view {
     unsigned version;       /* of the settings */
     unsigned shown_version; /* version that its picture shows */
     uint64_t shown_update;  /* state of the light field that its picture shows */
+    int64_t shown_t_ns;     /* of a recording: the set that its picture shows */
     double shown_focus_px;
     double track_px;                    /* where the track that it follows was last; live thread */
     struct sst_livepicture_clear shown; /* of its picture */
@@ -498,6 +502,7 @@ struct live_engine {
     bool moved;         /* a watched set has changes that are not processed */
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
+    int64_t tried_t_ns; /* the last set that was processed, or could not be; 0: none */
     bool latency_due; /* the next pictures are the first of a set */
     int notice_at;    /* the view that was measured last */
     bool notice_whole;     /* all views were measured */
@@ -521,6 +526,7 @@ struct live_engine {
     struct second second[RATE_SLOTS];
     uint64_t update; /* states of the light field */
     bool behind;     /* the last set was only watched */
+    int64_t served_t_ns; /* tried_t_ns, when its pictures were rendered */
     struct view view[VIEWS_MAX];
     struct shared overlay[2], camera[SST_CAMERAS_MAX];
     struct request request;

@@ -105,7 +105,8 @@ app.replay = new Replay(() => {
   app.labels.refresh().catch(() => {}); // not there yet; the next round
 }, (state) => {
   if (state.live) followScene(state.live);
-});
+  app.stage.explain(explanation());
+}, () => app.stage.drawn_ms());
 const recordings = new Recordings(() => app.view.stream.shown, app.replay);
 const visits = new Visits(async (visit) => {
   await app.replay.start({ time: momentOf(visit) });
@@ -273,8 +274,9 @@ function explanation() {
   if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
     todo: status ? [] : ["`systemctl status sstd` shows whether it runs."] };
   if (!status) return { title: "Connecting", text: "Asking the service how it is." };
-  if (app.replay.open) return app.view.stream.pictures ? null : { title: "Computing the first picture of the recording",
-    text: sentence(app.replay.state.live?.reason ?? "") || "Depth and labels of all views of that moment. That takes a second or two." };
+  if (app.replay.open) return !app.replay.awaits && app.view.stream.pictures ? null : {
+    title: `Computing the picture of ${app.replay.words(app.replay.at(), true)}`,
+    text: sentence(app.replay.state.live?.reason ?? "") || "Depth and labels of all views of that moment. The recording plays on when it is there." };
   const { state, reason, capture = {}, live = {} } = status;
   if (ADVICE[state]) {
     const [title, text, todo] = ADVICE[state];

@@ -50,13 +50,21 @@ export class Overlays {
     const replayed = this.app.replay.open;
     const canvas = $("canvas-camera");
     const notify = (what, why) => {
-      if (what === "picture") canvas.hidden = this.kind !== "camera";
+      if (what === "picture") {
+        canvas.hidden = this.kind !== "camera";
+        this.app.replay.picture();
+      }
       if (what === "shared") complain(why);
     };
     this.camera = replayed ? this.reference : name;
     this.stream = replayed ? new View(canvas, { ...CAMERA }, notify)
       : new Stream(canvas, async () => `/stream/camera/${encodeURIComponent(name)}`, notify);
     this.stream.start();
+  }
+
+  /** The stream of the camera that is shown in place of the picture; null: none is. */
+  shown() {
+    return this.camera && !$("canvas-camera").hidden ? this.stream.stream ?? this.stream : null;
   }
 
   /** The pictures are of another source. */

@@ -43,7 +43,7 @@ export class Recordings {
     const { state } = this.replay;
     $("snapshot").setAttribute("aria-busy", "true");
     try {
-      const { name } = state ? await post("/api/v1/export", { time: state.time, recording: state.recording })
+      const { name } = state ? await post("/api/v1/export", { time: this.replay.moment(this.replay.drawn()) ?? state.time, recording: state.recording })
         : await post("/api/v1/snapshot", {});
       if (blob) {
         const url = URL.createObjectURL(blob);

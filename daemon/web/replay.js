@@ -5,21 +5,28 @@ import { post, source } from "/web/api.js";
 import { $, complain, finite, icon, session, setText, stopwatch, toast } from "/web/ui.js";
 
 const POLL_MS = 500; // and a sign of life: the service closes a recording that no page asks about
+const WAIT_MS = 200; // while a picture is awaited
+const EARLY_MS = 10; // times of the state have fewer digits than those of pictures
+const LATE_MS = 1000; // of playing, between two states
 const KEPT = "sst-replay";
 
 const ms = (iso) => Date.parse(iso ?? "");
 
 export class Replay {
   /** @param onChange  (open) => void: the pictures are of another source now
-   *  @param onState   (state) => void: as GET /api/v1/replay answers */
-  constructor(onChange, onState) {
+   *  @param onState   (state) => void: as GET /api/v1/replay answers
+   *  @param drawn     () => time of the picture that is drawn; NaN: none of the recording yet */
+  constructor(onChange, onState, drawn) {
     this.onChange = onChange;
     this.onState = onState;
+    this.drawn = drawn;
     this.id = null; // of the service's replay; null: the picture is that of now
     this.state = null;
     this.turn = 0; // of requests
     this.pending = 0;
-    this.goal = NaN;
+    this.goal = NaN; // the moment that was asked for, until its picture is drawn
+    this.awaits = false; // the picture of another moment
+    this.first = NaN; // time of its set
     this.held = false; // the slider is being moved
     $("replay-live").addEventListener("click", () => this.close());
     $("replay-play").addEventListener("click", () => this.toggle());
@@ -28,12 +35,15 @@ export class Replay {
       $(id).addEventListener("click", () => this.step(seconds));
     $("replay-at").addEventListener("input", () => {
       this.held = true;
-      this.showTime(this.from() + Number($("replay-at").value));
+      this.goal = this.from() + Number($("replay-at").value);
+      this.show();
     });
-    $("replay-at").addEventListener("change", () => {
-      this.held = false;
-      this.seek(this.from() + Number($("replay-at").value));
-    });
+    for (const kind of ["change", "pointerup", "pointercancel"]) // back where it was: no change
+      $("replay-at").addEventListener(kind, () => {
+        if (!this.held) return;
+        this.held = false;
+        this.seek(this.goal);
+      });
     addEventListener("pagehide", () => this.leave());
     this.poll();
   }
@@ -46,9 +56,27 @@ export class Replay {
     return ms(this.state?.from);
   }
 
-  /** The moment that is shown, or that was asked for last. */
+  /** The moment that was asked for last, or that is shown. */
   at() {
-    return finite(this.goal) ? this.goal : ms(this.state?.time);
+    return [this.goal, this.awaits ? NaN : this.drawn(), ms(this.state?.time)].find(finite) ?? NaN;
+  }
+
+  /** A picture was drawn. */
+  picture() {
+    if (!this.open) return;
+    const { awaits } = this;
+    this.settle();
+    this.show();
+    if (awaits !== this.awaits) this.onState(this.state);
+  }
+
+  /** Until a picture of the moment that was asked for is drawn, the one before stays, under its own time. */
+  settle() {
+    const { computing, time, speed } = this.state;
+    const at = this.drawn();
+    if (computing || !(at >= this.first - EARLY_MS && at <= Math.max(this.first, ms(time)) + LATE_MS * speed)) return;
+    this.awaits = false;
+    if (!this.held) this.goal = NaN;
   }
 
   /** Opens {recording} from its beginning, or {time}, and plays it. Throws as post() does; 404: no recording has it. */
@@ -60,13 +88,20 @@ export class Replay {
   async post(what) {
     const turn = ++this.turn;
     this.pending++;
+    if (what.time || what.recording) {
+      this.awaits = true;
+      this.first = NaN;
+    }
     try {
       const state = await post("/api/v1/replay", this.open ? { ...what, replay: this.id } : what);
-      if (turn !== this.turn) return;
-      this.goal = NaN;
-      this.take(state);
+      if (turn === this.turn) this.take(state);
     } catch (error) {
-      if (turn === this.turn) throw error;
+      if (turn !== this.turn) return;
+      if (error.status !== 0) {
+        this.awaits = false;
+        this.goal = NaN;
+      }
+      throw error;
     } finally {
       this.pending--;
     }
@@ -81,7 +116,7 @@ export class Replay {
 
   leave() {
     if (!this.open) return;
-    session(KEPT, JSON.stringify({ time: this.state.time ?? this.state.from }));
+    session(KEPT, JSON.stringify({ time: this.moment(this.at()) ?? this.state.from }));
     fetch("/api/v1/replay", { method: "POST", keepalive: true, headers: { "Content-Type": "application/json" },
       body: JSON.stringify({ replay: this.id, close: true }) }).catch(() => {});
   }
@@ -97,6 +132,7 @@ export class Replay {
     this.turn++;
     this.id = this.state = null;
     this.goal = NaN;
+    this.awaits = this.held = false;
     this.show();
     source.base = "";
     this.onChange(false);
@@ -115,8 +151,14 @@ export class Replay {
 
   seek(at_ms) {
     this.goal = at_ms;
-    this.showTime(at_ms);
-    return this.order({ time: new Date(at_ms).toISOString() });
+    this.awaits = true;
+    this.show();
+    return this.order({ time: this.moment(at_ms) });
+  }
+
+  /** A moment as the service writes it; null: not known. */
+  moment(at_ms) {
+    return finite(at_ms) ? new Date(at_ms).toISOString() : null;
   }
 
   async order(what) {
@@ -143,7 +185,7 @@ export class Replay {
 
   async poll() {
     for (;;) {
-      await new Promise((done) => setTimeout(done, POLL_MS));
+      await new Promise((done) => setTimeout(done, this.awaits ? WAIT_MS : POLL_MS));
       if (this.open && !document.hidden && !this.pending) await this.order({});
     }
   }
@@ -152,12 +194,15 @@ export class Replay {
     const other = state.replay !== this.id;
     this.id = state.replay;
     this.state = state;
+    if (state.computing || !finite(this.first)) this.first = ms(state.time);
+    if (other) {
+      source.base = "/replay";
+      this.onChange(true); // what is drawn from now on is of the recording
+    }
+    this.settle();
     this.show();
     this.onState(state);
     if (state.error) toast(state.error, "error");
-    if (!other) return;
-    source.base = "/replay";
-    this.onChange(true);
   }
 
   show() {
@@ -168,10 +213,9 @@ export class Replay {
     const slider = $("replay-at");
     const at = this.at();
     slider.max = String(Math.max(0, ms(state.to) - this.from()) || 0);
-    if (!this.held && finite(at)) {
-      slider.value = String(at - this.from());
-      this.showTime(at);
-    }
+    if (!this.held && finite(at)) slider.value = String(at - this.from());
+    setText($("replay-time"), this.words(this.drawn()));
+    slider.setAttribute("aria-valuetext", `${this.words(at)}, ${stopwatch((at - this.from()) / 1000)} after its beginning`);
     $("replay-play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     if ($("replay-play").dataset.playing !== String(state.playing)) {
       $("replay-play").dataset.playing = state.playing;
@@ -180,11 +224,10 @@ export class Replay {
     $("replay-speed").value = String(state.speed);
   }
 
-  showTime(at_ms) {
-    const at = new Date(at_ms);
-    const text = Number.isNaN(at.getTime()) ? "–" : at.toLocaleString(undefined,
-      { weekday: "short", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", second: "2-digit" });
-    setText($("replay-time"), text);
-    $("replay-at").setAttribute("aria-valuetext", `${text}, ${stopwatch((at_ms - this.from()) / 1000)} after its beginning`);
+  /** A moment; of one that is asked for, `short`. */
+  words(at_ms, short = false) {
+    if (!finite(at_ms)) return "–";
+    const time = { hour: "2-digit", minute: "2-digit", second: "2-digit" };
+    return new Date(at_ms).toLocaleString(undefined, short ? time : { weekday: "short", day: "numeric", month: "short", ...time });
   }
 }

@@ -15,6 +15,7 @@ const CARD_MS = 12000;
 const RING_MS = 1200;
 const SAME_PX = 1.5; // of what stood in front before
 const OLD_MS = 2500;
+const APART_MS = 1500; // of a recording: pictures that are not of one moment are not compared
 
 const WORDS = {
   clear: { left: "Clear", right: "Camera", hint: "sst-hint-clear",
@@ -417,7 +418,25 @@ export class Stage {
       this.refused = "";
       $("stage-box").style.setProperty("--ratio", this.canvas.width / this.canvas.height);
       this.frame.dataset.pictures = this.app.view.stream.pictures;
+      this.app.replay.picture();
     }
+  }
+
+  /** Time of the picture of the recording that is in sight; NaN: there is none yet. */
+  drawn_ms() {
+    const stream = this.overlays.shown() ?? this.app.view.stream;
+    return stream.pictures ? stream.shown_ms : NaN;
+  }
+
+  showPlayback(tag) {
+    const { replay } = this.app;
+    const apart_ms = this.plain ? Math.abs(this.plain.stream.shown_ms - this.app.view.stream.shown_ms) : 0;
+    tag.hidden = false;
+    tag.dataset.kind = this.lost ? "late" : "playback"; // the bar below names the moment
+    setText(tag, replay.held ? `Go to ${replay.words(replay.at(), true)}` : this.lost ? "Reconnecting"
+      : replay.awaits ? `Computing ${replay.words(replay.at(), true)}` : "Playback");
+    this.frame.classList.toggle("stale", replay.awaits || this.lost !== null);
+    if (this.plain) $("canvas-plain").hidden = $("tag-right").hidden = !this.plain.stream.pictures || apart_ms > APART_MS;
   }
 
   showAge() {
@@ -425,9 +444,7 @@ export class Stage {
     const age_ms = this.app.view.stream.age_ms();
     const tag = $("age");
     if (this.app.replay.open) {
-      tag.hidden = false;
-      tag.dataset.kind = "playback"; // the bar below names the moment
-      setText(tag, "Playback");
+      this.showPlayback(tag);
       return;
     }
     const s = finite(age_ms) ? Math.max(0, age_ms / 1000) : 0;

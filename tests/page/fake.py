@@ -3,7 +3,8 @@
 worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
 
 POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}}, "role": "view", "views_max": 0,
-"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true, "old": true}; GET /fake lists requests. A third
+"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true, "old": true, "computing": true, "stall": true};
+while it computes, recordings stand still and have no pictures; while they stall, only pictures do not come; GET /fake lists requests. A third
 member of what refuses says how often it does; an old service has no clear picture."""
 import argparse
 import copy
@@ -116,6 +117,7 @@ class Service:
         self.lock = threading.RLock()
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
+        self.computing = self.stall = False
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
@@ -241,16 +243,16 @@ class Service:
     def replay(self):
         """State of the recording that is played, whose clock goes on while it plays."""
         if not self.played:
-            return {"replay": None, "open": False, "recording": "", "from": None, "to": None, "time": None, "playing": False, "speed": 1.0,
+            return {"replay": None, "open": False, "recording": "", "from": None, "to": None, "time": None, "computing": False, "playing": False, "speed": 1.0,
                     "error": "", "live": None}
         p = self.played
-        if p["playing"]:
+        if p["playing"] and not self.computing:
             p["at"] = min(p["at"] + p["speed"] * (time.time() - p["since"]), p["to"])
             p["playing"] = p["at"] < p["to"]
         p["since"] = time.time()
         at = lambda t: stamp(datetime.datetime.fromtimestamp(t, datetime.timezone.utc))
         return {"replay": p["id"], "open": True, "recording": p["recording"], "from": at(p["from"]), "to": at(p["to"]), "time": at(p["at"]),
-                "playing": p["playing"], "speed": p["speed"], "error": "", "live": self.status()["live"]}
+                "computing": self.computing, "playing": p["playing"], "speed": p["speed"], "error": "", "live": self.status()["live"]}
 
     def change_replay(self, body):
         seconds = lambda text: datetime.datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
@@ -377,7 +379,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "tracks"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "tracks"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -492,10 +494,16 @@ class Handler(http.server.BaseHTTPRequestHandler):
         number = 0
         try:
             while not (s.hold or "main" in name and s.patch.get("state") == "failed"):
+                played = self.view_prefix == "r"
+                if played and (s.computing or s.stall):
+                    time.sleep(0.05)
+                    continue
+                with s.lock:
+                    at = datetime.datetime.fromisoformat(s.replay()["time"].replace("Z", "+00:00")).timestamp() if played else time.time() - 0.21
                 number += 1
                 data = self.jpeg(part, number)
                 self.wfile.write(b"--sst-picture\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Timestamp: %.3f\r\n\r\n"
-                                 % (len(data), time.time() - 0.21) + data + b"\r\n")
+                                 % (len(data), at) + data + b"\r\n")
                 time.sleep(0.15)
         except Refused:
             pass

@@ -272,6 +272,69 @@ def test_replay(b, fake):
     b.click("#tab-overview")
 
 
+def test_replay_waits(b, fake):
+    """A picture of a recording is never shown under the time of another."""
+    mode(b, "clear")
+    seconds = "(Number(document.getElementById('replay-at').value) / 1000)"
+    label = lambda: b.js("document.getElementById('replay-time').textContent")
+    age = "document.getElementById('age').textContent"
+    pictures = lambda: b.js("Number(document.getElementById('stage').dataset.pictures)")
+    played = lambda: json.load(urllib.request.urlopen(fake.url + "api/v1/replay", timeout=60))
+    told = lambda state: b.js("new Date('%s').toLocaleString(undefined, { weekday: 'short', day: 'numeric', month: 'short', hour: '2-digit', minute: '2-digit', "
+                              "second: '2-digit' })" % state["time"])
+
+    def resumes():
+        before = pictures()
+        check(expect(lambda: pictures() != before), "no more pictures")
+
+    def choose(s):
+        b.js(f"(() => {{ const s = document.getElementById('replay-at'); s.value = {1000 * s}; s.dispatchEvent(new Event('input')); "
+             "s.dispatchEvent(new Event('change')); })()")
+
+    b.click("#tab-recordings")
+    b.wait("document.querySelectorAll('.recording').length === 4")
+    if not b.js("document.querySelector('.recording').open"):
+        b.click(".recording summary")
+    fake.set(computing=True)
+    b.click(".recording .take button")
+    b.wait("!document.getElementById('replay').hidden && document.getElementById('explain').textContent.includes('Computing the picture of')")
+    time.sleep(1.5)
+    check(label() == "–" and b.js(seconds) < 0.1, f"{label()} without a picture of the recording, {b.js(seconds)} s after its beginning")
+    fake.set(computing=False)
+    b.wait(f"{seconds} > 0.5 && document.getElementById('explain').hidden")
+    check(label() != "–", "a picture without a time")
+
+    fake.set(stall=True)  # it plays on, and no picture comes
+    time.sleep(1)
+    before, at = label(), b.js(seconds)
+    check(expect(lambda: told(played()) not in (before, told({"time": played()["from"]}))), "it does not play")
+    time.sleep(1.5)
+    check(label() == before and b.js(seconds) == at, f"{label()}, {b.js(seconds)} s, over the picture of {before}, {at} s")
+    choose(40)  # the picture is still the one before
+    b.wait(f"{age}.startsWith('Computing') && {seconds} === 40")
+    time.sleep(1)
+    check(label() == before and b.js(f"{age}.startsWith('Computing')"), f"{label()}, {b.js(age)}, over the picture of {before}")
+    fake.set(stall=False)
+    b.wait(f"{age} === 'Playback' && {seconds} >= 40")
+    b.click("#replay-play")
+    b.wait("document.getElementById('replay-play').getAttribute('aria-label') === 'Play'")
+    resumes()
+    check(expect(lambda: label() == told(played())), f"{label()}, paused at {told(played())}")
+
+    fake.set(computing=True)  # paused, backwards
+    before = label()
+    choose(10)
+    b.wait(f"{age}.startsWith('Computing')")
+    check(label() == before, f"{label()} over the picture of {before}")
+    fake.set(computing=False)
+    b.wait(f"{age} === 'Playback' && Math.abs({seconds} - 10) < 0.2")
+    check(label() == told(played()), f"{label()}, paused at {told(played())}")
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden")
+    mode(b, "sst")
+    b.click("#tab-overview")
+
+
 def test_zones(b, fake):
     """A zone is drawn, changed and deleted: with the mouse, and with keys alone."""
     posts = lambda: fake.posts("/api/v1/zones")
@@ -383,4 +446,4 @@ def test_zones(b, fake):
     b.js("document.getElementById('toasts').replaceChildren()")
 
 
-TESTS = [test_cameras, test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones]
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_replay_waits, test_zones]

@@ -9,14 +9,44 @@ struct player {
     struct bench b;
     struct service_replay *replay;
     char name[64];
+    uint8_t *jpeg; /* of all frames; NULL: those of synthetic sets */
 };
 
+/* One picture for all cameras and times: nothing moves. */
+static void be_still(struct player *p)
+{
+    struct sst_config *defaults = malloc(sizeof(*defaults));
+    struct sst_image image = { 0 };
+    struct bench *b = &p->b;
+
+    synthetic_fini(&b->sets);
+    b->sets.width = b->config->array.width = 96;
+    b->sets.height = b->config->array.height = 72;
+    b->sets.exact = true;
+    assert_int_equal(sst_image_init(&image, 96, 72), 0);
+    for (int c = 0; c < 3; c++)
+        for (int y = 0; y < 72; y++)
+            for (int x = 0; x < 96; x++)
+                image.plane[c][(size_t)y * image.stride + x] = (uint8_t)(synthetic_hash((uint64_t)(y / 4 * 96 + x / 4)) % 256);
+    assert_int_equal(sst_image_encode_jpeg(&image, 90, &p->jpeg, &b->sets.bytes), 0);
+    sst_image_fini(&image);
+    synthetic_init(&b->sets);
+    b->still = p->jpeg;
+    assert_non_null(defaults);
+    sst_config_defaults(defaults);
+    b->config->live = defaults->live;
+    free(defaults);
+}
+
 /* Four seconds of sets at 10 Hz in a recording. */
-static void open_player(struct player *p)
+static void open_player(struct player *p, bool still)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
+    *p = (struct player){ 0 };
     bench_init(&p->b, SST_RECORD_OFF);
+    if (still)
+        be_still(p);
     p->b.config->storage.preroll_s = 4;
     bench_open_storage(&p->b);
     for (int i = 0; i <= 50; i++)
@@ -38,6 +68,7 @@ static void close_player(struct player *p)
     assert_true(replay_join(p->replay, sst_clock_now_ns() + 60000 * MS));
     replay_close(p->replay);
     bench_fini(&p->b);
+    free(p->jpeg);
 }
 
 /* @return the answer, to be released; NULL: refused with err, in `error` */
@@ -126,7 +157,7 @@ static void moments_are_shown_and_played(void **state SST_UNUSED)
     int64_t from_ns, to_ns, start_ns;
     char error[512];
 
-    open_player(&p);
+    open_player(&p, false);
     assert_null(replay_take(p.replay));
     s = open_recording(&p);
     from_ns = wall_of(s, "from");
@@ -179,13 +210,80 @@ static void moments_are_shown_and_played(void **state SST_UNUSED)
     close_player(&p);
 }
 
+/* Time of the main view's picture, with the digits of a state; 0: there is none. */
+static int64_t picture_ns(struct sst_slot *slot)
+{
+    const struct sst_jpeg *jpeg = sst_slot_get(slot, 0);
+    const int64_t wall_ns = jpeg ? jpeg->wall_ns / MS * MS : 0;
+
+    sst_slot_jpeg_unref(jpeg);
+    return wall_ns;
+}
+
+/* The clock of what plays waits for the first picture, and each picture has the time of its set, also where nothing moves. */
+static void the_clock_waits_for_pictures(void **state SST_UNUSED)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 120000 * MS;
+    int64_t from_ns, to_ns, mid_ns, shown_ns = 0;
+    struct sst_slot *slot;
+    struct player p;
+    char error[512], mid[SST_CLOCK_TEXT];
+    json_t *s;
+
+    assert_int_equal(setenv("SST_MODELS", "models", 1), 0);
+    open_player(&p, true);
+    s = ask(&p, json_pack("{s:s, s:b}", "recording", p.name, "playing", 1), 0, error);
+    while (!json_is_true(json_object_get(s, "open")) || json_is_null(json_object_get(s, "time"))) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+        s = order(&p, s, json_object());
+    }
+    from_ns = wall_of(s, "from");
+    to_ns = wall_of(s, "to");
+    assert_int_equal(engine_outlet(replay_take(p.replay), SST_PICTURE_VIEW, "main", &slot), 0);
+    sst_slot_join(slot);
+    while (!shown_ns) { /* whoever asks sees no later time before there is a picture */
+        assert_true(sst_clock_now_ns() < end_ns);
+        s = order(&p, s, json_object());
+        shown_ns = picture_ns(slot);
+        if (!shown_ns)
+            assert_int_equal(wall_of(s, "time"), from_ns);
+    }
+    while (json_is_true(json_object_get(s, "playing")) || picture_ns(slot) != to_ns) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(10000);
+        assert_true(picture_ns(slot) >= from_ns);
+        s = order(&p, s, json_object());
+    }
+
+    /* After a jump, too. */
+    mid_ns = from_ns + (to_ns - from_ns) / 2;
+    sst_clock_text(mid, mid_ns);
+    s = order(&p, s, json_pack("{s:s, s:b}", "time", mid, "playing", 1));
+    while (picture_ns(slot) == to_ns) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        s = order(&p, s, json_object());
+        if (picture_ns(slot) == to_ns) {
+            assert_true(json_is_true(json_object_get(s, "computing")));
+            assert_true(wall_of(s, "time") == to_ns || llabs(wall_of(s, "time") - mid_ns) < 100 * MS);
+        }
+    }
+    assert_true(picture_ns(slot) - from_ns >= (to_ns - from_ns) / 2 - 100 * MS);
+    json_decref(s);
+    sst_slot_leave(slot);
+    sst_slot_unref(slot);
+    replay_release(p.replay);
+    close_player(&p);
+    assert_int_equal(unsetenv("SST_MODELS"), 0);
+}
+
 static void clients_do_not_disturb_each_other(void **state SST_UNUSED)
 {
     struct sst_api_answer seen = { 0 };
     struct player p;
     json_t *s;
 
-    open_player(&p);
+    open_player(&p, false);
     refused(&p, json_object(), -EINVAL, "give a recording or a time");
     refused(&p, json_pack("{s:s}", "recordings", "x"), -EINVAL, "recordings");
     refused(&p, json_pack("{s:s}", "time", "now"), -EINVAL, "time must be like");
@@ -217,7 +315,7 @@ static void a_deleted_recording_ends(void **state SST_UNUSED)
     json_t *s;
     char line[2 * SST_PATH_MAX];
 
-    open_player(&p);
+    open_player(&p, false);
     s = open_recording(&p);
     snprintf(line, sizeof(line), "truncate -s 500 %s/recordings/%s/segments/*.mkv", dir, p.name);
     assert_int_equal(system(line), 0);
@@ -237,6 +335,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(moments_are_shown_and_played),
+        TEST(the_clock_waits_for_pictures),
         TEST(clients_do_not_disturb_each_other),
         TEST(a_deleted_recording_ends),
     };
