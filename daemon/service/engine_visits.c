@@ -224,40 +224,46 @@ static void store(struct live_engine *v, const struct visit *a, enum sst_visit_p
         sst_visits_put_picture(v->kept, name, kind, jpeg, bytes);
 }
 
-/* The share of the picture that a thing takes, as far as it is seen. */
-static double size_of(const struct live_engine *v, const struct sst_live_track *t)
+/* Where a thing is seen in this set, as fractions of the picture. @return the share of the picture that it takes; 0: it
+ * is not seen */
+static double seen_at(const struct live_engine *v, const struct sst_live_track *t, double box[4])
 {
     const int width = v->state.width, height = v->state.height;
-    const double w = sst_clamp_double(t->x1, 0, width) - sst_clamp_double(t->x0, 0, width);
-    const double h = sst_clamp_double(t->y1, 0, height) - sst_clamp_double(t->y0, 0, height);
 
-    return t->state == SST_LIVE_TRACK_SEEN && width > 0 && height > 0 ? w * h / ((double)width * height) : 0;
+    if (t->state != SST_LIVE_TRACK_SEEN || width < 1 || height < 1)
+        return 0;
+    for (int i = 0; i < 4; i++)
+        box[i] = sst_clamp_double(t->at[i] / (i % 2 ? height : width), 0, 1);
+    return (box[2] - box[0]) * (box[3] - box[1]);
+}
+
+/* Has the camera of a view delivered its picture of this set? What it showed before stays in the light field. */
+static bool is_fresh(const struct live_engine *v, int view)
+{
+    const struct sst_lightfield *lf = sst_live_lightfield(v->live);
+
+    return v->input.frame[view].bytes && lf->views[view].present && lf->views[view].image.plane[0];
 }
 
 /* A better picture than the one before: what the reference camera sees, and see-through with the focus on the visitor.
- */
+ * Both, and the box, are of one set. */
 static void take_pictures(struct live_engine *v, struct visit *a, const struct sst_live_track *t)
 {
-    const double size = size_of(v, t);
+    double box[4];
+    const double size = seen_at(v, t, box);
     const struct sst_lightfield *lf;
     struct view_settings settings;
     const struct sst_image *image;
     int64_t rendered_px;
+    json_t *data;
     int err;
 
     if (!v->live || size <= PICTURE_BETTER * a->best || a->pictures == PICTURES_MOST ||
         (a->pictures && v->set_t_ns - a->picture_ns < PICTURE_NS))
         return;
     lf = sst_live_lightfield(v->live);
-    a->best = size;
-    a->picture_ns = v->set_t_ns;
-    a->pictures++;
-    a->box[0] = sst_clamp_double(t->x0 / lf->width, 0, 1);
-    a->box[1] = sst_clamp_double(t->y0 / lf->height, 0, 1);
-    a->box[2] = sst_clamp_double(t->x1 / lf->width, 0, 1);
-    a->box[3] = sst_clamp_double(t->y1 / lf->height, 0, 1);
-    if (lf->views[lf->ref_view].present && lf->views[lf->ref_view].image.plane[0])
-        store(v, a, SST_VISIT_CAMERA, &lf->views[lf->ref_view].image);
+    if (a->of_camera && !is_fresh(v, lf->ref_view)) /* that of another set stays, and its box */
+        return;
     pthread_mutex_lock(&v->lock);
     view_settings_defaults(&settings, &v->config.live);
     pthread_mutex_unlock(&v->lock);
@@ -267,12 +273,27 @@ static void take_pictures(struct live_engine *v, struct visit *a, const struct s
     err = err ? err : sst_livepicture_render(v->visit_picture, &settings.render, &image, &rendered_px);
     if (err)
         return;
+    a->best = size;
+    a->picture_ns = v->set_t_ns;
+    a->pictures++;
+    memcpy(a->box, box, sizeof(box));
     if (t->hidden && !t->label) { /* no view's labels show it */
-        const int label = sst_live_recognise(v->live, image, (double[]){ t->x0, t->y0, t->x1, t->y1 });
+        const int label = sst_live_recognise(v->live, image, t->at);
 
         a->label = label ? label : a->label;
     }
     store(v, a, SST_VISIT_SEEN, image);
+    if (is_fresh(v, lf->ref_view)) {
+        store(v, a, SST_VISIT_CAMERA, &lf->views[lf->ref_view].image);
+        a->of_camera = true;
+    }
+    if (!a->announced) /* the event that follows has its box */
+        return;
+    pthread_mutex_lock(&v->lock);
+    data = visit_json_locked(v, a, true);
+    pthread_mutex_unlock(&v->lock);
+    sst_visits_put(v->kept, data);
+    json_decref(data);
 }
 
 static void emit(struct live_engine *v, const struct visit *a, bool active)

@@ -473,6 +473,7 @@ struct visit {
     double box[4]; /* fractions of the picture, in that of its best picture */
     double best;   /* share of the picture that it took there */
     int pictures;
+    bool of_camera; /* one of them is the reference camera's */
     int64_t picture_ns;
 };
 

@@ -134,6 +134,7 @@ static struct sst_live_track as_track(const struct sst_hidden_thing *t)
                                     .y0 = t->y0,
                                     .x1 = t->x1,
                                     .y1 = t->y1,
+                                    .at = { t->x0, t->y0, t->x1, t->y1 },
                                     .vx_px_s = t->vx_px_s,
                                     .vy_px_s = t->vy_px_s,
                                     .disp_px = t->disp_px,

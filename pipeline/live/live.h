@@ -102,7 +102,7 @@ struct sst_live_report {
 
 enum sst_live_track_state {
     SST_LIVE_TRACK_SEEN = 0,
-    SST_LIVE_TRACK_COVERED = 1, /* something nearer hides it: its place is predicted */
+    SST_LIVE_TRACK_COVERED = 1, /* not seen in this set, or hidden by something nearer: its place is predicted */
     SST_LIVE_TRACK_STILL = 2,   /* it stands where it was */
 };
 
@@ -112,7 +112,8 @@ struct sst_live_track {
     enum sst_live_track_state state;
     bool hidden;           /* behind leaves: found by hidden/ */
     int label;             /* 0: none */
-    double x0, y0, x1, y1; /* in the reference view, px; may lie beyond its edges */
+    double x0, y0, x1, y1; /* in the reference view, px; may lie beyond its edges; a mean over time */
+    double at[4];          /* the same as measured in the set in which it was last seen */
     double vx_px_s, vy_px_s;
     double disp_px;
     int64_t first_ns, seen_ns; /* times of the first set with it, and of the last one in which it was seen */

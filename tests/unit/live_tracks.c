@@ -130,6 +130,45 @@ static void a_pass_is_one_track(void **state)
     }
 }
 
+/* The place of what is not seen in a set is predicted, and is said to be; what is seen is where its piece is. */
+static void predictions_are_not_seen(void **state)
+{
+    struct sst_live_track t[SST_LIVE_TRACKS];
+    struct bench b;
+    int n, seen_x1;
+
+    (void)state;
+    open_bench(&b, 3);
+    for (n = 0; n < 20; n++) {
+        add_person(&b, 60 + (n < 12 ? 2.0 * n : 24 + 14.0 * (n - 12)), blue); /* it begins to run */
+        seen_x1 = b.piece[0].at.x1;
+        step(&b);
+        if (n < 10)
+            continue;
+        assert_int_equal(scene_tracks_list(&b.tracks, 0, t), 1);
+        assert_int_equal(t[0].state, SST_LIVE_TRACK_SEEN);
+        assert_int_equal(lround(t[0].at[2]), 2 * seen_x1);
+    }
+    for (n = 0; n < 5; n++) {
+        step(&b);
+        assert_int_equal(scene_tracks_list(&b.tracks, 0, t), 1);
+        assert_int_equal(t[0].state, SST_LIVE_TRACK_COVERED);
+        assert_int_equal(lround(t[0].at[2]), 2 * seen_x1);
+        assert_true(t[0].x1 > 2 * seen_x1); /* predicted */
+    }
+    close_bench(&b);
+
+    open_bench(&b, 1); /* where it would be is no motion */
+    for (n = 0; n < 5; n++) {
+        add_piece(&b, 60 + 3 * n, 80, 90 + 3 * n, 200, SST_LABEL_PEDESTRIAN, blue);
+        step(&b);
+    }
+    for (n = 0; n < 15; n++)
+        step(&b);
+    assert_int_equal(ids(&b), 0);
+    close_bench(&b);
+}
+
 /* Once or twice a second, too. */
 static void slow_sets_do(void **state)
 {
@@ -464,6 +503,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_pass_is_one_track),
+        cmocka_unit_test(predictions_are_not_seen),
         cmocka_unit_test(slow_sets_do),
         cmocka_unit_test(what_is_covered_comes_out_as_itself),
         cmocka_unit_test(who_meets_parts_as_before),

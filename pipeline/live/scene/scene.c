@@ -287,27 +287,7 @@ static void follow_tracks(struct sst_livescene *s, int64_t t_ns)
 
 int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS])
 {
-    int n = 0;
-
-    for (int i = 0; i < s->tracks.count; i++) {
-        const struct scene_track *a = &s->tracks.track[i];
-
-        if (!a->reported)
-            continue;
-        out[n++] = (struct sst_live_track){ .id = a->id,
-                                            .state = a->state,
-                                            .label = scene_track_label(&s->tracks, a),
-                                            .x0 = 2 * (a->x - a->w / 2),
-                                            .y0 = 2 * (a->y - a->h / 2),
-                                            .x1 = 2 * (a->x + a->w / 2),
-                                            .y1 = 2 * (a->y + a->h / 2),
-                                            .vx_px_s = 2 * a->vx,
-                                            .vy_px_s = 2 * a->vy,
-                                            .disp_px = s->lf->disp_min_px + a->disp_q6 / SST_DISP_SCALE,
-                                            .first_ns = a->first_ns,
-                                            .seen_ns = a->seen_ns };
-    }
-    return n;
+    return scene_tracks_list(&s->tracks, s->lf->disp_min_px, out);
 }
 
 bool sst_livescene_device(const struct sst_livescene *s, struct sst_network_device_report *out)

@@ -214,6 +214,7 @@ struct scene_track {
     bool reported; /* it has moved as things do */
     enum sst_live_track_state state;
     double x, y, w, h, vx, vy; /* centre, size; cells, cells/s */
+    double at[4];              /* left, top, right, bottom of its pieces when it was last seen */
     double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
     float colour[2][3];
     uint16_t votes[SST_MAX_CLASSES + 1]; /* sets of its way by label */
@@ -242,6 +243,9 @@ int scene_track_label(const struct scene_tracks *t, const struct scene_track *a)
 /** Follow the tracks to this set. @param disp  of the reference key */
 void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece, int pieces,
                          const struct sst_map_u16 *disp, int64_t t_ns);
+
+/** Those that are reported, in px. @param disp_min_px  of stored value 0 @return number */
+int scene_tracks_list(const struct scene_tracks *t, double disp_min_px, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /** The disparity of stored value 0 has changed: stored values grow by `by`. */
 void scene_tracks_shift(struct scene_tracks *t, int by);

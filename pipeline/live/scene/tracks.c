@@ -234,8 +234,12 @@ static void move_to(struct scene_track *a, struct extent to, double dt_s)
     }
 }
 
-static void see(struct scene_track *a, int64_t t_ns)
+static void see(struct scene_track *a, struct extent at, int64_t t_ns)
 {
+    a->at[0] = at.x - at.w / 2;
+    a->at[1] = at.y - at.h / 2;
+    a->at[2] = at.x + at.w / 2;
+    a->at[3] = at.y + at.h / 2;
     a->state = SST_LIVE_TRACK_SEEN;
     a->seen_ns = a->moved_ns = t_ns;
     a->sets++;
@@ -254,7 +258,7 @@ static void follow_piece(struct scene_track *a, const struct scene_piece *p, str
             a->colour[half][c] += (float)GAIN_SIZE * (p->colour[half][c] - a->colour[half][c]);
     if (p->label <= SST_MAX_CLASSES)
         a->votes[p->label]++;
-    see(a, t_ns);
+    see(a, to, t_ns);
 }
 
 /* One piece of several tracks, which pass each other: they go on as they went, together within the piece. */
@@ -275,7 +279,7 @@ static void share_piece(struct scene_tracks *t, const struct scene_piece *p, con
             continue;
         t->track[i].x += GAIN * (e.x - all.x);
         t->track[i].y += GAIN * (e.y - all.y);
-        see(&t->track[i], t_ns);
+        see(&t->track[i], extent_of_track(&t->track[i]), t_ns);
     }
 }
 
@@ -384,7 +388,7 @@ static void add(struct scene_tracks *t, const struct scene_piece *p, struct exte
     memcpy(a->colour, p->colour, sizeof(a->colour));
     if (p->label <= SST_MAX_CLASSES)
         a->votes[p->label]++;
-    see(a, t_ns);
+    see(a, e, t_ns);
     t->count++;
 }
 
@@ -522,7 +526,8 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
             continue;
         a->gone += hypot(a->x - a->before_x, a->y - a->before_y);
         a->gone_q6 += fabs(a->disp_q6 - a->before_q6);
-        if (!a->reported && moves(a, t, (double)disp->width * disp->height)) {
+        /* Where it would be is no motion. */
+        if (!a->reported && a->piece >= 0 && moves(a, t, (double)disp->width * disp->height)) {
             a->reported = true;
             a->id = t->next_id++;
         }
@@ -538,4 +543,31 @@ void scene_tracks_shift(struct scene_tracks *t, int by)
         t->track[i].disp_q6 += by;
         t->track[i].from_q6 += by;
     }
+}
+
+int scene_tracks_list(const struct scene_tracks *t, double disp_min_px, struct sst_live_track out[SST_LIVE_TRACKS])
+{
+    int n = 0;
+
+    for (int i = 0; i < t->count; i++) {
+        const struct scene_track *a = &t->track[i];
+
+        if (!a->reported)
+            continue;
+        out[n++] = (struct sst_live_track){ .id = a->id,
+                                            /* Until it is lost, its place is predicted. */
+                                            .state = a->seen_ns < t->t_ns ? SST_LIVE_TRACK_COVERED : a->state,
+                                            .label = scene_track_label(t, a),
+                                            .x0 = 2 * (a->x - a->w / 2),
+                                            .y0 = 2 * (a->y - a->h / 2),
+                                            .x1 = 2 * (a->x + a->w / 2),
+                                            .y1 = 2 * (a->y + a->h / 2),
+                                            .at = { 2 * a->at[0], 2 * a->at[1], 2 * a->at[2], 2 * a->at[3] },
+                                            .vx_px_s = 2 * a->vx,
+                                            .vy_px_s = 2 * a->vy,
+                                            .disp_px = disp_min_px + a->disp_q6 / SST_DISP_SCALE,
+                                            .first_ns = a->first_ns,
+                                            .seen_ns = a->seen_ns };
+    }
+    return n;
 }
