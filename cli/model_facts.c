@@ -201,12 +201,14 @@ static void add_info(json_t *o, const struct sst_model_info *info)
             json_array_append_new(ground, json_text(info->classes.names[i]));
     }
     json_object_update_new(o, json_pack("{s:o, s:o, s:i, s:s, s:[f, f, f], s:[f, f, f], s:[i, i], s:b, s:s, s:f, s:o}",
-                                        "classes", names, "ground", ground, "channels", info->channels, "colour",
+                                        "classes", names, "ground", ground, "channels", info->channels - info->background, "colour",
                                         info->bgr ? "bgr" : "rgb", "mean", info->mean[0], info->mean[1], info->mean[2],
                                         "std", info->std[0], info->std[1], info->std[2], "size", info->width,
                                         info->height, "fixed_size", info->fixed_size, "output",
                                         info->probabilities ? "probabilities" : "logits", "temperature",
                                         info->temperature, "epsilon_h", cli_real_json(info->eps_h)));
+    if (info->last_op[0])
+        json_object_set_new(o, "ends_in", json_text(info->last_op));
 }
 
 static int shape_of(json_t *o, struct sst_network *net, int width, int height)
@@ -293,6 +295,7 @@ int cli_model_inspect(const char *path, bool json)
         { "gives c,w,h", "gives" },
         { "classes", "classes" },
         { "ground", "ground" },
+        { "ends in", "ends_in" },
         { "values are", "output" },
         { "colour", "colour" },
         { "temperature", "temperature" },

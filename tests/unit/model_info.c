@@ -166,7 +166,7 @@ static void the_file_beside_wins(void **state SST_UNUSED)
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), "classes: [a, b, c]\n"), -EBADMSG);
     assert_contains(said, "two descriptions");
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    assert_contains(said, "3 channels for the 1 classes");
+    assert_contains(said, "3 channels for the 1 class ");
     write_file("m.onnx.yaml", "", 0);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
     remove(test_path("m.onnx.yaml"));

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/labels_internal.h"
+#include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
@@ -22,13 +23,30 @@ struct entry {
 /* The same with y = x + (the mean of windows of 64x48, brought back to 64x48): it runs at that size only. */
 static bool fixed_size;
 
-static int open_segmenter(struct sst_segmenter **seg, const struct entry *entries, size_t n, int channels, int threads)
+/* @param graph  taken */
+static int open_graph(struct sst_segmenter **seg, struct ow_buf *graph, int opset, const struct entry *entries, size_t n,
+                      int threads)
 {
     char path[] = "/tmp/sst-segment-XXXXXX";
-    const float w[4 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
-    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
+    struct ow_buf model = ow_model(graph, opset);
     const int fd = mkstemp(path);
     int err;
+
+    for (size_t i = 0; i < n; i++)
+        ow_metadata(&model, entries[i].key, entries[i].value);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, model.p, model.n), (ssize_t)model.n);
+    close(fd);
+    err = sst_segmenter_open(seg, path, SST_PRECISION_F32, threads);
+    unlink(path);
+    free(model.p);
+    return err;
+}
+
+static int open_segmenter(struct sst_segmenter **seg, const struct entry *entries, size_t n, int channels, int threads)
+{
+    const float w[4 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    struct ow_buf graph = { 0 }, attrs = { 0 };
 
     ow_value(&graph, 11, "x", 3);
     ow_value(&graph, 12, "y", channels);
@@ -45,16 +63,7 @@ static int open_segmenter(struct sst_segmenter **seg, const struct entry *entrie
         ow_node(&graph, "Resize", "p - - sizes", "r", &attrs);
         ow_node(&graph, "Add", "c r", "y", NULL);
     }
-    model = ow_model(&graph, 11);
-    for (size_t i = 0; i < n; i++)
-        ow_metadata(&model, entries[i].key, entries[i].value);
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, model.p, model.n), (ssize_t)model.n);
-    close(fd);
-    err = sst_segmenter_open(seg, path, SST_PRECISION_F32, threads);
-    unlink(path);
-    free(model.p);
-    return err;
+    return open_graph(seg, &graph, 11, entries, n, threads);
 }
 
 static struct sst_image new_image(int width, int height, int r, int g, int b)
@@ -327,6 +336,189 @@ static void probabilities_are_taken_as_they_are(void **state SST_UNUSED)
     sst_segmenter_close(seg);
 }
 
+/* --- what ends a network --- */
+
+/** Nodes behind the logits "c", which are R, G and B: "OPERATOR ATTRIBUTE", ATTRIBUTE an axis, a permutation or "". */
+struct ending {
+    int opset;
+    const char *nodes[3][2];
+};
+
+static int open_ending(struct sst_segmenter **seg, const struct ending *e, const struct entry *more)
+{
+    const struct entry entries[] = { { "sst.classes", "a,b,c" }, { "sst.size", "64x48" }, more ? *more : good[0] };
+    const float w[3 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    struct ow_buf graph = { 0 }, attrs = { 0 };
+    char in[2] = "c", out[2] = "d";
+    int n = 0;
+
+    while (n < 3 && e->nodes[n][0])
+        n++;
+    ow_value(&graph, 11, "x", 3);
+    ow_value(&graph, 12, "y", 3);
+    ow_floats(&graph, "w", w, 3, 3, 1, 1);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", "c", &attrs);
+    for (int i = 0; i < n; i++, in[0]++, out[0]++) {
+        const char *op = e->nodes[i][0], *attribute = e->nodes[i][1];
+
+        if (!strcmp(op, "Transpose"))
+            ow_attr_ints(&attrs, "perm", 4, attribute[0] - '0', attribute[1] - '0', attribute[2] - '0', attribute[3] - '0');
+        else if (!strcmp(op, "Cast"))
+            ow_attr_int(&attrs, "to", 1);
+        else if (*attribute)
+            ow_attr_int(&attrs, "axis", atoi(attribute));
+        ow_node(&graph, op, in, i == n - 1 ? "y" : out, &attrs);
+    }
+    return open_graph(seg, &graph, e->opset, entries, 3, 1);
+}
+
+/* One softmax, in the network or after it: logits 1, 0.2 and 0 have the same probabilities. */
+static void softmax_is_never_taken_twice(void **state SST_UNUSED)
+{
+    static const struct ending same[] = {
+        { 13, { { "Identity", "" } } },
+        { 13, { { "Softmax", "1" } } },
+        { 13, { { "Softmax", "-3" }, { "Identity", "" } } },
+        { 11, { { "Softmax", "1" } } },
+        { 11, { { "Softmax", "" }, { "Identity", "" } } },
+        { 13, { { "LogSoftmax", "1" } } },
+        { 13, { { "Transpose", "0231" }, { "Softmax", "-1" }, { "Transpose", "0312" } } },
+        { 11, { { "Transpose", "0231" }, { "Softmax", "3" }, { "Transpose", "0312" } } },
+    };
+    const double sum = exp(1) + exp(0.2) + 1, p[3] = { exp(1) / sum, exp(0.2) / sum, 1 / sum };
+    struct sst_image img = new_image(64, 48, 255, 51, 0);
+
+    for (size_t i = 0; i < ARRAY_LEN(same); i++) {
+        const char *last = same[i].nodes[0][0];
+        struct sst_segmenter *seg;
+        struct sst_map_u8 label;
+        float *prob;
+
+        if (!WITH_OPENCV && i > 2)
+            break;
+        assert_int_equal(open_ending(&seg, &same[i], NULL), 0);
+        assert_int_equal(sst_segmenter_info(seg)->probabilities, i != 0 && strcmp(last, "LogSoftmax") != 0);
+        assert_int_equal(sst_segment(seg, &img, &label, NULL, &prob), 0);
+        for (int c = 0; c < 3; c++) {
+            if (fabs((double)prob[c * 64 * 48 + 1000] - p[c]) > 1e-5)
+                fail_msg("ending %zu (%s): %g, not %g", i, last, (double)prob[c * 64 * 48 + 1000], p[c]);
+        }
+        free(prob);
+        sst_map_u8_fini(&label);
+        sst_segmenter_close(seg);
+    }
+    sst_image_fini(&img);
+}
+
+static void ends_that_contradict_are_named(void **state SST_UNUSED)
+{
+    static const struct entry logits = { "sst.output", "logits" }, shares = { "sst.output", "probabilities" };
+    static const struct {
+        struct ending ending;
+        const struct entry *more;
+        const char *said;
+    } bad[] = {
+        { { 13, { { "Softmax", "1" } } }, &logits, "ends in Softmax, so its values are probabilities" },
+        { { 13, { { "LogSoftmax", "1" } } }, &shares, "ends in LogSoftmax, so its values are logarithms" },
+        { { 13, { { "Softmax", "" } } }, NULL, "ends in Softmax, but not over the channels" },
+        { { 11, { { "Softmax", "3" }, { "Identity", "" } } }, NULL, "not over the channels" },
+        { { 13, { { "Softmax", "1" }, { "ArgMax", "1" }, { "Cast", "" } } }, NULL, "ends in ArgMax" },
+    };
+    struct sst_segmenter *seg;
+    char said[SST_LOG_MAX], *before;
+
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
+        before = sst_log_hold_errors(said);
+        assert_int_equal(open_ending(&seg, &bad[i].ending, bad[i].more), -EBADMSG);
+        sst_log_hold_errors(before);
+        assert_contains(said, bad[i].said);
+    }
+    if (!WITH_OPENCV)
+        return;
+    before = sst_log_hold_errors(said); /* OpenCV would take another axis */
+    assert_int_equal(
+        open_ending(&seg, &(struct ending){ 13, { { "Transpose", "0231" }, { "Softmax", "" }, { "Transpose", "0312" } } },
+                    NULL),
+        -ENOTSUP);
+    sst_log_hold_errors(before);
+    assert_contains(said, "without an axis");
+}
+
+/* The network's only channel is R - `less`, or the sigmoid of it. */
+static int open_one(struct sst_segmenter **seg, const char *classes, const char *less, const char *last,
+                    const char *output)
+{
+    const struct entry entries[] = {
+        { "sst.classes", classes }, { "sst.size", "64x48" }, { "sst.mean", less }, { "sst.output", output }
+    };
+    const float w[3] = { 1, 0, 0 };
+    struct ow_buf graph = { 0 }, attrs = { 0 };
+
+    ow_value(&graph, 11, "x", 3);
+    ow_value(&graph, 12, "y", 1);
+    ow_floats(&graph, "w", w, 1, 3, 1, 1);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", "c", &attrs);
+    ow_node(&graph, last, "c", "y", NULL);
+    return open_graph(seg, &graph, 13, entries, output ? 4 : 3, 1);
+}
+
+/* A softmax over one channel would be 1 everywhere. */
+static void one_channel_stands_against_the_background(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *classes, *less, *last, *output;
+        double person; /* where R is 1 */
+    } nets[] = {
+        { "person", "0,0,0", "Identity", NULL, 0.731058579 },
+        { "person", "3,0,0", "Identity", "logits", 0.119202922 },
+        { "sky,person", "3,0,0", "Identity", NULL, 0.119202922 },
+        { "person", "0.75,0,0", "Identity", "probabilities", 0.25 },
+        { "person", "3,0,0", "Sigmoid", NULL, 0.119202922 }, /* OpenCV */
+        { "person", "3,0,0", "Sigmoid", "probabilities", 0.119202922 },
+    };
+    struct sst_image img = new_image(64, 48, 255, 0, 0);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+    struct sst_map_f32 entropy;
+    char said[SST_LOG_MAX], *before;
+    float *prob;
+
+    for (size_t i = 0; i < ARRAY_LEN(nets); i++) {
+        const double p = nets[i].person, h = -p * log(p) - (1 - p) * log(1 - p);
+
+        if (!WITH_OPENCV && !strcmp(nets[i].last, "Sigmoid"))
+            break;
+        assert_int_equal(open_one(&seg, nets[i].classes, nets[i].less, nets[i].last, nets[i].output), 0);
+        assert_int_equal(sst_segmenter_classes(seg)->count, 2);
+        assert_string_equal(sst_segmenter_classes(seg)->names[0], i == 2 ? "sky" : "background");
+        assert_string_equal(sst_segmenter_classes(seg)->names[1], "person");
+        assert_int_equal(sst_segment(seg, &img, &label, &entropy, &prob), 0);
+        assert_int_equal(label.data[0], p > 0.5 ? 2 : 1);
+        assert_true(fabs((double)prob[64 * 48] - p) < 1e-6 && fabs((double)prob[0] - (1 - p)) < 1e-6);
+        assert_true(fabs((double)entropy.data[0] - h) < 1e-5);
+        free(prob);
+        sst_map_u8_fini(&label);
+        sst_map_f32_fini(&entropy);
+        assert_int_equal(sst_segment_hcsm(seg, &img, &label), 0);
+        assert_int_equal(label.data[0], p > 0.5 ? 2 : 1);
+        sst_map_u8_fini(&label);
+        sst_segmenter_close(seg);
+    }
+    before = sst_log_hold_errors(said);
+    assert_int_equal(open_one(&seg, "person", "-1,0,0", "Identity", "probabilities"), 0);
+    assert_int_equal(sst_segment(seg, &img, &label, NULL, NULL), -EBADMSG);
+    assert_contains(said, "above 1");
+    sst_segmenter_close(seg);
+    assert_int_equal(open_one(&seg, "Background", "0,0,0", "Identity", NULL), -EBADMSG);
+    assert_contains(said, "which is implied");
+    assert_int_equal(open_one(&seg, "a,b,c", "0,0,0", "Identity", NULL), -EBADMSG);
+    assert_contains(said, "gives 1 channel for the 3 classes");
+    sst_log_hold_errors(before);
+    sst_image_fini(&img);
+}
+
 static void unfit_models_are_refused(void **state SST_UNUSED)
 {
     static const struct entry bad[] = {
@@ -404,6 +596,9 @@ int main(void)
         cmocka_unit_test(upsampling_follows_the_picture),
         cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
         cmocka_unit_test(probabilities_are_taken_as_they_are),
+        cmocka_unit_test(softmax_is_never_taken_twice),
+        cmocka_unit_test(ends_that_contradict_are_named),
+        cmocka_unit_test(one_channel_stands_against_the_background),
         cmocka_unit_test(unfit_models_are_refused),
         cmocka_unit_test(resampling_has_known_values),
         cmocka_unit_test(models_are_found_by_name),

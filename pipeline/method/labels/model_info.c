@@ -26,6 +26,7 @@ struct reader {
     struct sst_yaml_node *root;
     char (*names)[SST_CLASS_NAME_MAX]; /* [SST_MODEL_MAX_CHANNELS], of the channels */
     bool range_255;
+    int output; /* index of `outputs`, or -1 where the description does not say it */
 };
 
 static const char *const outputs[] = { "logits", "probabilities" };
@@ -213,7 +214,13 @@ static int read_metadata(struct reader *r)
         err = read_word(r, "sst.colour", colours, "rgb or bgr", &info->bgr);
     if (!err)
         err = read_word(r, "sst.range", ranges, "0..1 or 0..255", &r->range_255);
-    return err ? err : read_word(r, "sst.output", outputs, "logits or probabilities", &info->probabilities);
+    if (!err && metadata(r, "sst.output")) {
+        bool probabilities = false;
+
+        err = read_word(r, "sst.output", outputs, "logits or probabilities", &probabilities);
+        r->output = probabilities;
+    }
+    return err;
 }
 
 /* --- YAML --------------------------------------------------------------------------------------------------------- */
@@ -344,7 +351,7 @@ static void read_yaml(struct reader *r)
     sst_yaml_double(r->doc, sst_yaml_get(r->root, "temperature"), 1e-3, 1e3, &info->temperature);
     sst_yaml_double(r->doc, sst_yaml_get(r->root, "epsilon_h"), 0, 1e9, &info->eps_h);
     if (sst_yaml_choice(r->doc, sst_yaml_get(r->root, "output"), outputs, 2, &word))
-        info->probabilities = word == 1;
+        r->output = word;
     if (sst_yaml_choice(r->doc, sst_yaml_get(r->root, "colour"), colours, 2, &word))
         info->bgr = word == 1;
     if (sst_yaml_choice(r->doc, sst_yaml_get(r->root, "range"), ranges, 2, &word))
@@ -360,6 +367,26 @@ static void settle_range(struct reader *r)
         r->info->mean[c] /= 255;
         r->info->std[c] /= 255;
     }
+}
+
+/* A network that ends in a softmax or sigmoid gives probabilities: a second softmax would bring them closer together. */
+static int settle_output(struct reader *r)
+{
+    bool logarithm = false;
+    const char *op = r->net ? sst_network_ends_in_probabilities(r->net, &logarithm) : NULL;
+
+    if (op && r->output >= 0 && r->output == (int)logarithm) {
+        sst_log_error("model %s ends in %s, so its values are %s, but its description says output: %s; leave output out",
+                      r->path, op, logarithm ? "logarithms of probabilities, which are logits" : "probabilities",
+                      outputs[r->output]);
+        return -EBADMSG;
+    }
+    r->info->probabilities = r->output == 1 || (op && !logarithm);
+    if (op && !logarithm) {
+        snprintf(r->info->last_op, sizeof(r->info->last_op), "%s", op);
+        sst_log_info("model %s ends in %s: its values are taken as probabilities", r->path, op);
+    }
+    return 0;
 }
 
 /* A network of fixed size runs at that size. */
@@ -383,6 +410,21 @@ static int settle_size(struct reader *r)
     return 0;
 }
 
+/* One channel is a class against the rest: a softmax over it would be 1 everywhere. */
+static int imply_background(struct reader *r)
+{
+    if (!strcasecmp(r->names[0], "background")) {
+        sst_log_error("model %s: its only class is called %s, which is implied; name the class that its channel finds",
+                      r->path, r->names[0]);
+        return -EBADMSG;
+    }
+    strcpy(r->names[1], r->names[0]);
+    strcpy(r->names[0], "background");
+    r->info->channels = 2;
+    r->info->background = true;
+    return 0;
+}
+
 /* Read the channels' names from file or metadata and build the classes. */
 static int read_channels(struct reader *r)
 {
@@ -398,6 +440,8 @@ static int read_channels(struct reader *r)
         sst_yaml_need(r->doc, r->root, "classes");
     else if (!r->doc)
         err = no_classes(r);
+    if (!err && r->info->channels == 1)
+        err = imply_background(r);
     if (err)
         return err;
     if (!join_channels(r, labels)) {
@@ -420,7 +464,7 @@ int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_net
         .width = 480,
         .height = 360,
     };
-    struct reader r = { .info = &info, .net = net, .path = path };
+    struct reader r = { .info = &info, .net = net, .path = path, .output = -1 };
     int err = yaml ? sst_yaml_parse(&r.doc, yaml, size, yaml_name) : 0;
 
     if (err)
@@ -442,6 +486,8 @@ int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_net
         err = read_metadata(&r);
     if (!err)
         err = settle_size(&r);
+    if (!err)
+        err = settle_output(&r);
     settle_range(&r);
     sst_yaml_destroy(r.doc);
     free(r.names);

@@ -10,14 +10,16 @@
 
 struct sst_model_info {
     struct sst_classes classes;               /* the labels, after channels were joined by `labels` */
-    int channels;                             /* of the network's output */
+    int channels;                             /* of the network's output, and the background if that is implied */
     uint8_t class_of[SST_MODEL_MAX_CHANNELS]; /* channel -> index in classes */
     bool bgr;                                 /* order of a colour network's input channels */
     double mean[3], std[3];                   /* input channel c is (v / 255 - mean[c]) / std[c], v the 8-bit sample */
     double eps_h, temperature;
     int width, height; /* nominal working size */
     bool fixed_size;   /* the network accepts that size only; images are stretched to it */
-    bool probabilities;
+    bool probabilities; /* the values of the output, else logits */
+    bool background;    /* the output has one channel, which is channel 1: 0 is what it leaves to the background */
+    char last_op[24];   /* Softmax or Sigmoid that ends the network; "": neither */
 };
 
 /**

@@ -37,8 +37,8 @@ static bool covers(int width, int height, int out_width, int out_height)
 /* Reject a network for other images, or with another number of classes, on opening instead of at the first image. */
 static int check_shape(struct sst_segmenter *seg)
 {
-    const struct sst_model_info *info = &seg->info;
-    const int in = sst_network_in_channels(seg->net);
+    struct sst_model_info *info = &seg->info;
+    const int in = sst_network_in_channels(seg->net), listed = info->channels - info->background;
     int c, w, h, err;
 
     if (in != 3 && in != 1) {
@@ -50,9 +50,11 @@ static int check_shape(struct sst_segmenter *seg)
     err = sst_network_out_shape(seg->net, info->width, info->height, &c, &w, &h);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
-    if (c != info->channels) {
-        sst_log_error("model %s gives %d channels for the %d classes that its description lists; correct the list",
-                      seg->path, c, info->channels);
+    if (c == 1 && listed == 2) {
+        info->background = true; /* named first */
+    } else if (c != listed) {
+        sst_log_error("model %s gives %d channel%s for the %d class%s that its description lists; correct the list",
+                      seg->path, c, c == 1 ? "" : "s", listed, listed == 1 ? "" : "es");
         return -EBADMSG;
     }
     if (!covers(info->width, info->height, w, h)) {
@@ -229,6 +231,20 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     return err;
 }
 
+/* The values of a cell, one for each channel; of one channel alone also what it leaves to the background. */
+static void read_values(float *p, const float *out, size_t plane, const struct sst_model_info *info)
+{
+    const int first = info->background ? 1 : 0;
+
+    for (int c = first; c < info->channels; c++)
+        p[c] = out[(size_t)(c - first) * plane];
+    if (info->background) {
+        p[0] = info->probabilities ? 1 - p[1] : 0; /* exp(0) against exp(x): a sigmoid */
+        if (p[0] < 0 && p[0] > -1e-4f)
+            p[0] = 0; /* enlarging rounds */
+    }
+}
+
 /* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up. */
 static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
@@ -244,12 +260,13 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
         for (int x = 0; x < w->out_width; x++) {
             const float weight = down * tiles_weight(&w->across, i, x);
 
-            for (int c = 0; c < seg->info.channels; c++)
-                p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
+            read_values(p, w->out + (size_t)y * (size_t)w->out_width + (size_t)x, plane, &seg->info);
             if (!sst_class_probabilities(p, seg->info.channels, seg->info.probabilities, per_temperature)) {
-                sst_log_error("model %s: its output at (%d, %d) is not a probability (NaN, infinite or negative); use"
-                              " another model",
-                              seg->path, x0 + x, y0 + y);
+                sst_log_error("model %s: its output at (%d, %d) is not a %s; %suse another model", seg->path, x0 + x,
+                              y0 + y,
+                              seg->info.probabilities ? "probability (NaN, infinite, negative, or above 1)"
+                                                      : "logit (NaN or infinite)",
+                              seg->info.probabilities ? "correct `output` in its description, or " : "");
                 return -EBADMSG;
             }
             for (int c = 0; c < seg->info.channels; c++)
@@ -381,7 +398,7 @@ static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const s
     if (grid->cell)
         memset(grid->cell, 0, cells * sizeof(*grid->cell));
     err = w.picture && (whole || w.window) && w.out && grid->cell ? 0 : -ENOMEM;
-    if (!err && whole && finish)
+    if (!err && whole && finish && !seg->info.background)
         err = prepare_finish(&w, finish, seg, img);
     else if (!err)
         err = make_input(w.picture, w.width, w.height, img, seg);

@@ -24,6 +24,8 @@ struct sst_network {
     int threads, in_channels, in_width, in_height, n_metadata;
     enum sst_precision precision; /* never auto */
     struct metadata *metadata;
+    enum sst_network_values values; /* of the result */
+    char last_op[24];               /* that makes them probabilities */
     struct sst_graph graph; /* of the runner oneDNN */
     struct cv_net *cv;      /* of the runner OpenCV, else NULL */
     /* fixed after sst_network_use_device() */
@@ -78,16 +80,42 @@ static int unfit(const struct sst_network *net, const char *what)
     return -EBADMSG;
 }
 
+/* The values of the result must say how probable each class is. */
+static int check_ending(struct sst_network *net, const struct sst_onnx *model)
+{
+    struct sst_onnx_str op = { 0 };
+    char what[224];
+
+    net->values = sst_onnx_ending(model, &op);
+    snprintf(net->last_op, sizeof(net->last_op), "%.*s", SST_ONNX_STR(op));
+    if (net->values == SST_NETWORK_CLASSES) {
+        snprintf(what, sizeof(what),
+                 "it ends in %s: its output holds whole numbers of classes, not one value per class; export the network"
+                 " up to its logits",
+                 net->last_op);
+        return unfit(net, what);
+    }
+    if (net->values == SST_NETWORK_OTHER_AXIS) {
+        snprintf(what, sizeof(what),
+                 "it ends in %s, but not over the channels, which are axis 1; export it with that axis, or up to its"
+                 " logits",
+                 net->last_op);
+        return unfit(net, what);
+    }
+    return 0;
+}
+
 /* Input and output must be numeric images, channels first. */
 static int check_ends(struct sst_network *net, const struct sst_onnx *model)
 {
     const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
+    int err = check_ending(net, model);
 
+    if (err)
+        return err;
     if (out && out->type != SST_ONNX_FLOAT && out->type != SST_ONNX_HALF && out->type != 0)
-        return unfit(
-            net,
-            "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class; export the"
-            " network up to its logits");
+        return unfit(net, "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class;"
+                          " export the network up to its logits");
     if (!in)
         return unfit(net, "it has no input; export the network with its image as the input");
     if (in->type != SST_ONNX_FLOAT && in->type != 0)
@@ -121,6 +149,21 @@ static int choose_precision(struct sst_network *net)
 }
 #endif
 
+/* OpenCV reads such a node as if the file were of an older opset. */
+static bool leaves_axis_out(const struct sst_onnx *model)
+{
+    struct sst_onnx_attr axis;
+
+    for (int i = 0; model->opset >= 13 && i < model->n_nodes; i++) {
+        const struct sst_onnx_node *node = &model->nodes[i];
+
+        if ((sst_onnx_str_is(node->op, "Softmax") || sst_onnx_str_is(node->op, "LogSoftmax")) &&
+            !sst_onnx_attr_find(node, "axis", &axis))
+            return true;
+    }
+    return false;
+}
+
 static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data, size_t size,
                        const char *reason)
 {
@@ -132,7 +175,9 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
         return -ENOTSUP;
     }
     net->precision = SST_PRECISION_F32;
-    if (model->n_outs == 1)
+    if (leaves_axis_out(model))
+        strcpy(why, "it takes axis 1 for a Softmax without an axis, the last one since opset 13");
+    else if (model->n_outs == 1)
         err = cv_net_open(&net->cv, data, size, why);
     else
         strcpy(why, "it has several outputs");
@@ -285,6 +330,12 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
             return net->metadata[i].value;
     }
     return NULL;
+}
+
+const char *sst_network_ends_in_probabilities(const struct sst_network *net, bool *logarithm)
+{
+    *logarithm = net->values == SST_NETWORK_LOGARITHMS;
+    return net->values == SST_NETWORK_PROBABILITIES || *logarithm ? net->last_op : NULL;
 }
 
 int sst_network_in_channels(const struct sst_network *net)

@@ -53,6 +53,12 @@ enum sst_precision sst_network_precision(const struct sst_network *net);
 const char *sst_network_metadata(const struct sst_network *net, const char *key);
 
 /**
+ * The operator that ends the network in probabilities of classes (Softmax over the channels, Sigmoid) or, *logarithm
+ * then, in their logarithms (LogSoftmax), by whichever runner; NULL: another. Owner: the network.
+ */
+const char *sst_network_ends_in_probabilities(const struct sst_network *net, bool *logarithm);
+
+/**
  * Channels of input and output, and the factor by which the output is smaller (1 for per-pixel output).
  * Input and output are NCHW with N = 1.
  */

@@ -121,4 +121,22 @@ bool sst_onnx_is_constant(const struct sst_onnx *model, const struct sst_onnx_va
 
 void sst_onnx_summary(struct sst_summary *out, const struct sst_onnx *model);
 
+/* --- what ends a network --- */
+
+enum sst_network_values {
+    SST_NETWORK_VALUES = 0,        /* any */
+    SST_NETWORK_PROBABILITIES = 1, /* a softmax over the channels, or a sigmoid */
+    SST_NETWORK_LOGARITHMS = 2,    /* their logarithms, which are logits */
+    SST_NETWORK_OTHER_AXIS = 3,    /* a softmax, but not over the channels */
+    SST_NETWORK_CLASSES = 4,       /* numbers of classes, as of an ArgMax */
+};
+
+/**
+ * What the first output holds, by the node that makes it: those behind it that only move, cut or enlarge values do not
+ * count.
+ *
+ * @param op  out: that node's operator, unless SST_NETWORK_VALUES is returned
+ */
+enum sst_network_values sst_onnx_ending(const struct sst_onnx *model, struct sst_onnx_str *op);
+
 #endif
