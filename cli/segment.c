@@ -158,7 +158,7 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
     double end[2];
     const bool hcsm = o->hcsm || o->eps_h >= 0;
     struct sst_image img = { 0 };
-    int err = sst_image_read_alike((struct sst_image *[]){ &img }, &path, 1);
+    int err = sst_image_read_upright(&img, path);
 
     clocks(ms);
     if (!err)
@@ -340,9 +340,13 @@ const struct cli_command cli_segment = {
     .summary = "semantic labels of images",
     .detail =
         "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
-        "--prob and --entropy name folders, too. A damaged image is reported and left out.\n"
+        "--prob and --entropy name folders, too. A damaged image is reported and left out. A photograph with an EXIF\n"
+        "orientation is turned upright first, and so are its results.\n"
         "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose\n"
         "label distribution has an entropy (natural log) at or above the threshold stay unlabeled.\n"
+        "Results have the image's size: the network's are enlarged with the image as a guide, so that labels end at its\n"
+        "edges. So also --prob is not the network's own output, not even at --scale 1 of an image of its size: at edges\n"
+        "neighbouring cells mix.\n"
         "--device runs the network on a GPU; what it has no shader for, or fails at, is done on the CPU, logged and\n"
         "counted in `device` of --json. Software devices are used only by name (lavapipe).",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",

@@ -318,6 +318,18 @@ static int arrange(struct sst_gather_source *s, struct list *l, const struct sst
     return err;
 }
 
+static void warn_orientations(const struct sst_gather_source *s)
+{
+    const int n = s->frames * s->rows * s->cols;
+    uint8_t *orientation = calloc((size_t)n, 1);
+
+    for (int i = 0; orientation && i < n; i++)
+        orientation[i] = (uint8_t)(s->file[i] ? sst_image_read_orientation(s->file[i]) : 1);
+    if (orientation)
+        sst_image_warn_orientations(s->path, (const char *const *)s->file, orientation, n);
+    free(orientation);
+}
+
 int sst_gather_source_open(struct sst_gather_source *out, const char *path,
                            const struct sst_gather_selection *selection)
 {
@@ -342,6 +354,8 @@ int sst_gather_source_open(struct sst_gather_source *out, const char *path,
         }
         if (!err)
             err = arrange(out, &l, selection);
+        if (!err)
+            warn_orientations(out);
     }
     list_fini(&l);
     if (err)

@@ -72,6 +72,23 @@ void sst_image_report_depth(const char *path);
  *  none is read */
 SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count);
 
+/** sst_image_read_alike() of one picture, turned upright by its orientation. */
+SST_MUST_CHECK int sst_image_read_upright(struct sst_image *img, const char *path);
+
+/** EXIF's orientation of a PNG or JPEG in memory, 1..8; 1 (upright) where it has none, or no valid one. No reader but
+ *  sst_image_read_upright() applies it: geometry is that of the pixels as they are stored. */
+int sst_image_orientation(const uint8_t *data, size_t size);
+
+/** The same of a file, of which only the beginning is read; 1 where it cannot be read. */
+int sst_image_read_orientation(const char *path);
+
+/** Turn and mirror a picture as its orientation says: upright afterwards. @return 0 or -ENOMEM (unchanged; not logged) */
+SST_MUST_CHECK int sst_image_orient(struct sst_image *img, int orientation);
+
+/** Log a warning where pictures of an array have an orientation, which does not count, and name those of another one than
+ *  most. @param names  [count]; NULL: no picture */
+void sst_image_warn_orientations(const char *source, const char *const *names, const uint8_t *orientations, int count);
+
 /** Size of a PNG or JPEG without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 

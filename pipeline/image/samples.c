@@ -66,7 +66,7 @@ void sst_samples_report(const struct sst_sample_counts *counts, struct sst_sampl
                      black, white);
 }
 
-int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count)
+static int read_alike(struct sst_image *const *img, const char *const *path, int count, bool upright)
 {
     struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
     struct sst_samples samples = { 0, 0 };
@@ -87,6 +87,11 @@ int sst_image_read_alike(struct sst_image *const *img, const char *const *path, 
         samples = sst_samples_choose(counts);
     for (int i = 0; !err && i < count; i++)
         err = sst_image_decode_samples(&made[i], data[i], size[i], path[i], samples);
+    for (int i = 0; !err && upright && i < count; i++) {
+        err = sst_image_orient(&made[i], sst_image_orientation(data[i], size[i]));
+        if (err)
+            sst_image_size_error(err, path[i], made[i].width, made[i].height);
+    }
     if (!err && deep)
         sst_samples_report(counts, samples, path[0]);
     for (int i = 0; i < count; i++) {
@@ -98,6 +103,16 @@ int sst_image_read_alike(struct sst_image *const *img, const char *const *path, 
     }
     free(counts);
     return err;
+}
+
+int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count)
+{
+    return read_alike(img, path, count, false);
+}
+
+int sst_image_read_upright(struct sst_image *img, const char *path)
+{
+    return read_alike(&img, &path, 1, true);
 }
 
 void sst_image_report_depth(const char *path)

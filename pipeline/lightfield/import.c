@@ -31,6 +31,7 @@ struct job {
     struct import_plan *plan;
     const char *out; /* the output's temporary folder */
     int width[SST_MAX_VIEWS], height[SST_MAX_VIEWS];
+    uint8_t orientation[SST_MAX_VIEWS]; /* EXIF's, which is not applied */
     double truth_min[SST_MAX_VIEWS], truth_max[SST_MAX_VIEWS]; /* min above max: none */
 };
 
@@ -211,6 +212,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     err = sst_image_decode(&img, data, size, path);
     if (err)
         goto out;
+    job->orientation[k] = (uint8_t)sst_image_orientation(data, size);
     job->width[k] = img.width;
     job->height[k] = img.height;
     sst_image_fini(&img);
@@ -227,6 +229,17 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 out:
     free(data);
     return err;
+}
+
+static void warn_orientations(const struct job *job)
+{
+    const struct import_plan *plan = job->plan;
+    const char *name[SST_MAX_VIEWS] = { NULL };
+    const int n = plan->lf.rows * plan->lf.cols;
+
+    for (int k = 0; k < n; k++)
+        name[k] = plan->lf.views[k].present ? plan->names.name[plan->views[k].name] : NULL;
+    sst_image_warn_orientations(plan->cfg->source, name, job->orientation, n);
 }
 
 static int check_sizes(const struct job *job)
@@ -307,6 +320,8 @@ static int fill(struct job *job)
 
     if (!err)
         err = sst_parallel_for(plan->lf.rows * plan->lf.cols, threads, copy_view, job);
+    if (!err)
+        warn_orientations(job);
     if (!err)
         err = check_sizes(job);
     if (err)

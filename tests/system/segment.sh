@@ -83,6 +83,36 @@ PY
 ok segment wide.png tall.png line.png dot.png -o strips
 ok segment tall.png -o strips --tiles --scale 2
 
+# --- photographs that a turned camera took ---
+/usr/bin/python3 - $a <<'PY' || fail "no turned pictures"
+import os, sys
+from PIL import Image, ImageOps
+
+up, undo = Image.open(sys.argv[1]).convert("RGB"), {6: 8, 8: 6}
+os.mkdir("turned")
+os.mkdir("mixed")
+for o in range(1, 9):
+    exif = Image.Exif()
+    exif[0x112] = undo.get(o, o)
+    stored = Image.Image()
+    up.save("x.png", exif=exif)
+    stored = ImageOps.exif_transpose(Image.open("x.png"))
+    exif = Image.Exif()
+    exif[0x112] = o
+    stored.save(f"turned/{o}.png", exif=exif)
+    if o in (1, 2, 4):
+        stored.save(f"mixed/00_0{o // 2}.png", exif=exif)
+PY
+ok segment turned -o upright
+for o in 1 2 3 4 5 6 7 8; do cmp -s upright/$o.png one.png || fail "orientation $o: other labels than of the upright picture"; done
+"$sst" import folder mixed --grid 1x3 -o field --range-min 2 --range-max 12 2>err >/dev/null || fail "import of mixed orientations: $(cat err)"
+[ "$(grep -c "EXIF orientation" err)" -eq 1 ] && grep -q "00_01.png: 2, 00_02.png: 4" err || fail "mixed orientations: $(cat err)"
+for f in mixed/*; do cmp -s $f field/views/$(basename $f) || fail "$f: its stored pixels are not kept"; done
+rm mixed/00_0[02].png
+cp mixed/00_01.png mixed/00_00.png
+"$sst" import folder mixed --grid 1x2 -o alike --range-min 2 --range-max 12 2>err >/dev/null || fail "import of one orientation: $(cat err)"
+[ "$(grep -c "EXIF orientation" err)" -eq 1 ] && grep -q "all pictures have the EXIF orientation 2" err || fail "one orientation: $(cat err)"
+
 # --- what cannot be ---
 want 2 "twice" segment $a lf/truth/00_00.png -o many
 want 2 "scale" segment $a -o one.png --scale big

@@ -341,6 +341,66 @@ static void jpeg_stays_close(void **state SST_UNUSED)
 
 /* Every proper prefix of a file, and every file with one byte changed, is refused or decodes: no crash, no leak. A
  * prefix never decodes. */
+/* A TIFF structure of two tags, the second one the orientation. */
+static size_t put_orientation(uint8_t *to, int orientation, bool little)
+{
+    static const uint8_t big_tags[] = { 'M', 'M', 0, 42, 0, 0, 0, 8,    0,    2, 1, 0, 0, 4, 0, 0, 0, 1, 0,
+                                        0,   0,   1, 1,  0x12, 0, 3, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0 };
+    static const uint8_t little_tags[] = { 'I', 'I', 42, 0, 8, 0,    0, 0, 2, 0, 0, 1, 4, 0, 1, 0, 0, 0, 1,
+                                           0,   0,   0,  0x12, 1, 3, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 };
+
+    memcpy(to, little ? little_tags : big_tags, sizeof(big_tags));
+    to[little ? 30 : 31] = (uint8_t)orientation;
+    return sizeof(big_tags);
+}
+
+/* Where rows and columns begin, by EXIF 2.3, 4.6.4: the first row is at the top, the first column at the left ... */
+static void orientations_are_those_of_exif(void **state SST_UNUSED)
+{
+    static const char row[] = "?ttbblrrl", column[] = "?lrrlttbb";
+    struct sst_image img = make_image(24, 16), stored, got;
+    uint8_t *data, file[8192] = { 0xFF, 0xD8, 0xFF, 0xE1 }, saved;
+    const char *path = test_path("turned.jpg");
+    size_t size;
+
+    assert_int_equal(sst_image_encode_jpeg(&img, 90, &data, &size), 0);
+    assert_int_equal(sst_image_decode(&stored, data, size, "stored"), 0);
+    for (int i = 2; i < 18; i++) {
+        const size_t tiff = put_orientation(file + 12, i / 2, i % 2), length = 8 + tiff;
+
+        file[4] = (uint8_t)(length >> 8);
+        file[5] = (uint8_t)length;
+        memcpy(file + 6, "Exif\0", 6);
+        assert_true(12 + tiff + size - 2 <= sizeof(file));
+        memcpy(file + 12 + tiff, data + 2, size - 2);
+        put("turned.jpg", file, 12 + tiff + size - 2);
+        assert_int_equal(sst_image_read_orientation(path), i / 2);
+        assert_int_equal(sst_image_read_upright(&got, path), 0);
+        for (int y = 0; y < 16; y++) {
+            for (int x = 0; x < 24; x++) {
+                const char r = row[i / 2], c = column[i / 2];
+                const int at_y = r == 't' ? y : r == 'b' ? 15 - y : c == 't' ? x : 23 - x;
+                const int at_x = c == 'l' ? x : c == 'r' ? 23 - x : r == 'l' ? y : 15 - y;
+
+                assert_int_equal(sst_image_row(&got, 1, at_y)[at_x], sst_image_row(&stored, 1, y)[x]);
+            }
+        }
+        sst_image_fini(&got);
+    }
+    /* Cut anywhere, and with absurd numbers in it, a file has none. */
+    for (size_t n = 0; n < 12 + 38; n++)
+        assert_int_equal(sst_image_orientation(file, n), 1);
+    for (int i = 6; i < 50; i++) {
+        saved = file[i];
+        file[i] = 0xFF;
+        assert_in_range(sst_image_orientation(file, 12 + 38), 1, 8);
+        file[i] = saved;
+    }
+    free(data);
+    sst_image_fini(&img);
+    sst_image_fini(&stored);
+}
+
 static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
 {
     static const char *const names[] = { "cut.png", "cut.jpg", "cut.pfm" };
@@ -806,6 +866,7 @@ int main(void)
         cmocka_unit_test(noise_is_measured),
         cmocka_unit_test(compared_pictures_are_scaled_alike),
         cmocka_unit_test(jpeg_stays_close),
+        cmocka_unit_test(orientations_are_those_of_exif),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
         cmocka_unit_test(a_png_without_its_header_is_refused),
         cmocka_unit_test(absurd_sizes_are_refused),
