@@ -147,7 +147,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -282,7 +282,7 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%)
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
@@ -296,7 +296,7 @@ built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
 built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(TOOLS) $(BUILD)/config_man
 built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
-	+$(MAKE) SAN=address,undefined built
+	+$(MAKE) SAN=address,undefined built fuzzers
 
 check-tests: built $(BUILD)/config_man
 	@$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
@@ -351,24 +351,20 @@ coverage: deps ## measure which lines and branches the tests run, about a quarte
 	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
 	$(PYTHON) scripts/coverage.py build-coverage | tee build-coverage/coverage.txt
 
-# libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
-FUZZ_SECONDS ?= 60
-FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
-FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/method/network/graph*.c pipeline/method/network/ops.c pipeline/method/network/plan*.c) \
-            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c pipeline/method/network/opencv.c \
-            pipeline/method/labels/model_info.c pipeline/image/classes.c \
-            pipeline/camera/calib.c pipeline/camera/calib_yaml.c pipeline/camera/camera.c $(wildcard pipeline/camera/format*.c) \
-            pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c \
-            daemon/publish/http_parse.c
-build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
+# Targets of tests/fuzz, twice: with the sanitized tests' objects and a driver of our own, which `make check` runs, and with
+# clang's libFuzzer, which is led by coverage and is for long runs: what it found is kept in build/fuzz/.
+FUZZERS := $(patsubst tests/fuzz/%.c,%,$(filter-out tests/fuzz/driver.c,$(wildcard tests/fuzz/*.c)))
+FUZZ_MAIN ?= $(BUILD)/obj/tests/fuzz/driver.o
+FUZZ_SECONDS ?= $(if $(filter command line,$(origin HOURS)),$(shell expr $(HOURS) '*' 3600 / $(words $(FUZZERS))),60)
+$(BUILD)/tests/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_MAIN) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@mkdir -p $(@D)
-	@echo "  FUZZ $@"
-	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	      $(DEFS) $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
-fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks and calibrations: FUZZ_SECONDS=60 for each of them
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+fuzzers: $(FUZZERS:%=$(BUILD)/tests/fuzz/%)
+fuzz: ## look for inputs that crash, leak or hang the readers of files and messages: FUZZ_SECONDS=60 for each, or HOURS= for all
+	$(MAKE) $(PARALLEL) CC=clang CXX=clang++ BUILD=build-fuzz SAN=address,undefined CFLAGS=-fsanitize=fuzzer-no-link LDFLAGS=-fsanitize=fuzzer FUZZ_MAIN= fuzzers
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
-	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
-	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
+	  FUZZ_CORPUS=build/fuzz/corpus-$$f build-fuzz/tests/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
+	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f $(wildcard tests/fuzz/corpus/$$f) || exit 1; \
 	done
 
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
@@ -466,4 +462,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

@@ -33,9 +33,11 @@ static void *find(const char *name)
     type function parameters                                                                                           \
     {                                                                                                                  \
         static void *_Atomic found;                                                                                    \
-        void *at = found ? found : (found = find(#function));                                                          \
+        void *at = found;                                                                                              \
         __typeof__(&(function)) call;                                                                                  \
                                                                                                                        \
+        if (!at)                                                                                                       \
+            found = at = find(#function);                                                                              \
         *(void **)&call = at;                                                                                          \
         return call ? call arguments : without;                                                                        \
     }

@@ -1,4 +1,4 @@
-/* libFuzzer target: calibrations of other tools; the first byte says whose. */
+/* Fuzz target: calibrations of other tools; the first byte says whose. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -60,7 +60,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return 0;
     if (sst_calib_fault(&calib) || calib.camera[calib.reference].position_mm[0] != 0)
         abort();
-    (void)sst_lens_reduce(&lens, &worst, &calib.camera[calib.reference], calib.width, calib.height, 4);
+    if (sst_lens_reduce(&lens, &worst, &calib.camera[calib.reference], calib.width, calib.height, 4) > 0)
+        abort();
     sst_calib_fini(&calib);
     return 0;
 }

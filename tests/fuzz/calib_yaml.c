@@ -1,4 +1,5 @@
-/* libFuzzer target: calib.yaml. */
+/* Fuzz target: calib.yaml. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -35,8 +36,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (sst_calib_fault(&calib))
         abort();
     for (int k = 0; k < calib.rows * calib.cols; k++) {
-        if (calib.camera[k].known)
-            (void)sst_camera_project(&calib.camera[k], (const double[]){ 10, -20, 1000 }, &x, &y);
+        if (calib.camera[k].known && !sst_camera_project(&calib.camera[k], (const double[]){ 10, -20, 1000 }, &x, &y) &&
+            (isnan(x) || isnan(y)))
+            abort();
     }
     sst_calib_fini(&calib);
     return 0;

@@ -1,4 +1,4 @@
-/* libFuzzer target: sstd.yaml. What is accepted compares equal with itself and is told in full. */
+/* Fuzz target: sstd.yaml. What is accepted compares equal with itself and is told in full. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -45,7 +45,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (sst_yaml_parse(&doc, (const char *)data, size, "fuzz"))
         return 0;
     sst_config_defaults(&cfg);
-    config_parse(&load, doc);
+    config_parse(&load, doc, false);
     config_check_array(&load);
     if (!load.array_only)
         config_check_service(&load);

@@ -1,4 +1,4 @@
-/* libFuzzer target: what the HTTP server takes apart itself: paths, hosts, origins, passwords, forms, tags, numbers. */
+/* Fuzz target: what the HTTP server takes apart itself: paths, hosts, origins, passwords, forms, tags, numbers. */
 #include <stdlib.h>
 #include <string.h>
 

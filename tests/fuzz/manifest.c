@@ -1,4 +1,4 @@
-/* libFuzzer target: manifest.json. */
+/* Fuzz target: manifest.json. */
 #include <stdlib.h>
 
 #include <string.h>

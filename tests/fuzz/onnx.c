@@ -1,5 +1,5 @@
-/* libFuzzer target: the reader of ONNX files, the graph, the shapes, and the plan with a run where the network is small
- * enough. `make fuzz` builds and runs it. */
+/* Fuzz target: the reader of ONNX files, the graph, the shapes, and the plan with a run where the network is small
+ * enough. */
 #include <stdlib.h>
 
 #include "pipeline/method/network/graph.h"

@@ -4,25 +4,58 @@
 #define SST_TESTS_FUZZ_SEEDS_H
 
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "base/base.h"
 
-/* Called once by libFuzzer before the corpus is read. */
+/* Called once before the corpus is read. */
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 
-/** Write a seed into the corpus that `make fuzz` made for a target; without such a folder nothing happens. */
-static inline void seed_write(const char *target, int i, const void *data, size_t n)
+/** Write a seed into the corpus, the folder FUZZ_CORPUS; without it nothing happens. */
+static inline void seed_write(const char *target SST_UNUSED, int i, const void *data, size_t n)
 {
+    const char *folder = getenv("FUZZ_CORPUS");
     char path[256];
     FILE *f;
 
-    snprintf(path, sizeof(path), "build/fuzz/corpus-%s/seed-%d", target, i);
+    if (!folder)
+        return;
+    snprintf(path, sizeof(path), "%s/seed-%d", folder, i);
     f = fopen(path, "wb");
     if (!f)
         return;
     if (fwrite(data, 1, n, f) != n)
         fprintf(stderr, "%s: cannot be written\n", path);
     fclose(f);
+}
+
+/** A folder or file in memory: a disk would have a thousand inputs a second at most. @return mkdtemp()'s argument */
+static inline char *input_template(void)
+{
+    static char name[40];
+
+    snprintf(name, sizeof(name), "%s/sst-fuzz-XXXXXX", access("/dev/shm", W_OK) ? "/tmp" : "/dev/shm");
+    return name;
+}
+
+/** Inputs of readers that want a path: a file without a name. @return its path, the same every time */
+static inline const char *input_file(const uint8_t *data, size_t size)
+{
+    static char path[32];
+    static int fd = -1;
+
+    if (fd < 0) {
+        char *name = input_template();
+
+        fd = mkstemp(name);
+        (void)unlink(name);
+        snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
+    }
+    if (fd < 0 || ftruncate(fd, 0) || pwrite(fd, data, size, 0) != (ssize_t)size)
+        abort();
+    return path;
 }
 
 #endif

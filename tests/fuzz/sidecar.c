@@ -1,4 +1,4 @@
-/* libFuzzer target: the YAML reader and the description of a network beside it. */
+/* Fuzz target: the YAML reader and the description of a network beside it. */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,0 +1,137 @@
+/* Fuzz target: what a node sends of its sets, by datagram and over TLS. Each message is its kind and length, two bytes,
+ * then itself; datagrams get the session's number, so that they are read at all. */
+#include <string.h>
+
+#include "capture/link/link_internal.h"
+#include "tests/fuzz/seeds.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+#define SESSION UINT64_C(0xfeed)
+#define MOST    (1 << 20)
+#define STEP_NS INT64_C(30000000)
+
+enum { DATAGRAM = 0, OFFER = 1, REPAIR = 2, WHOLE = 3, KINDS = 4 };
+
+struct seed {
+    uint8_t data[16384];
+    size_t size;
+};
+
+static void add(struct seed *s, int kind, const uint8_t *data, size_t bytes)
+{
+    s->data[s->size] = (uint8_t)(kind | (int)(bytes >> 8) << 2);
+    s->data[s->size + 1] = (uint8_t)bytes;
+    memcpy(s->data + s->size + 2, data, bytes);
+    s->size += bytes + 2;
+}
+
+static void add_offer(struct seed *s, uint64_t seq, const struct sst_pieces_shape *shape)
+{
+    uint8_t offer[WIRE_OFFER_BYTES];
+
+    wire_put_u64(offer, seq);
+    wire_put_u64(offer + 8, (uint64_t)shape->parity << 32 | shape->bytes);
+    add(s, OFFER, offer, sizeof(offer));
+}
+
+int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
+{
+    static uint8_t pieces[16 * SST_PIECE_BYTES], one[SST_PIECE_HEAD + SST_PIECE_BYTES];
+    struct sst_pieces_coder *coder;
+    struct sst_pieces_shape shape;
+
+    if (!sst_pieces_built() || sst_pieces_shape(&shape, 2500, 2) || sst_pieces_coder_create(&coder))
+        return 0;
+    for (int lost = 0; lost < 4; lost++) { /* pieces of set 1 that do not come; set 2 comes whole */
+        static struct seed s;
+        uint8_t repair[WIRE_OFFER_BYTES + WIRE_INDEX_BYTES + SST_PIECE_BYTES];
+
+        s.size = 0;
+        for (size_t i = 0; i < 2500; i++)
+            pieces[i] = (uint8_t)(i * 7);
+        wire_put_u64(pieces, 1);
+        sst_pieces_encode(coder, &shape, pieces);
+        for (int i = lost; i < shape.all; i++) {
+            sst_piece_put(one, &(struct sst_piece){ SESSION, 1, 2500, i, 2, NULL });
+            memcpy(one + SST_PIECE_HEAD, pieces + (size_t)i * shape.piece, shape.piece);
+            add(&s, DATAGRAM, one, SST_PIECE_HEAD + shape.piece);
+        }
+        add_offer(&s, 1, &shape);
+        memcpy(repair, s.data + s.size - WIRE_OFFER_BYTES, WIRE_OFFER_BYTES);
+        wire_put_u64(repair + WIRE_OFFER_BYTES, 0);
+        memcpy(repair + WIRE_OFFER_BYTES + WIRE_INDEX_BYTES, pieces, shape.piece);
+        add(&s, REPAIR, repair, WIRE_OFFER_BYTES + (lost < 3 ? WIRE_INDEX_BYTES + shape.piece : 0));
+        wire_put_u64(pieces, 2);
+        add(&s, WHOLE, pieces, 300);
+        seed_write("link_inbox", lost, s.data, s.size);
+    }
+    sst_pieces_coder_destroy(coder);
+    return 0;
+}
+
+static int deliver(struct link_inbox *in, int kind, uint8_t *message, size_t bytes, int64_t now_ns)
+{
+    switch (kind) {
+    case DATAGRAM:
+        if (bytes >= 8)
+            wire_put_u64(message, SESSION);
+        return link_inbox_datagram(in, message, bytes, now_ns);
+    case OFFER:
+        return link_inbox_offer(in, message, bytes, now_ns);
+    case REPAIR:
+        return link_inbox_repair(in, message, bytes, now_ns);
+    default:
+        return link_inbox_whole(in, message, bytes, now_ns);
+    }
+}
+
+static void settle(struct link_inbox *in, int64_t now_ns)
+{
+    static uint16_t index[SST_PIECES_DATA_MAX];
+    struct link_inbox_set set;
+    uint64_t seq;
+    int n, sum = 0;
+
+    while (link_inbox_next(in, now_ns, &set))
+        for (size_t i = 0; set.data && i < set.bytes; i++)
+            sum += set.data[i];
+    while (link_inbox_ask(in, now_ns, &seq, index, &n))
+        if (n < 0 || n > SST_PIECES_DATA_MAX)
+            abort();
+    if (sum < 0)
+        abort();
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    int64_t now_ns = 1;
+    struct link_inbox *in;
+
+    if (link_inbox_create(&in, SESSION, 1, MOST, 10 * STEP_NS))
+        abort();
+    while (size >= 2) {
+        const int kind = data[0] % KINDS;
+        size_t bytes = (size_t)(data[0] >> 2) << 8 | data[1];
+        uint8_t *message;
+
+        data += 2;
+        size -= 2;
+        bytes = bytes < size ? bytes : size;
+        message = malloc(bytes + 1);
+        if (!message)
+            abort();
+        memcpy(message, data, bytes);
+        if (deliver(in, kind, message, bytes, now_ns)) {
+            /* refused */
+        }
+        settle(in, now_ns);
+        free(message);
+        now_ns += STEP_NS;
+        data += bytes;
+        size -= bytes;
+    }
+    settle(in, now_ns + 100 * STEP_NS);
+    link_inbox_destroy(in);
+    return 0;
+}
