@@ -25,7 +25,7 @@
 #define IDLE_NS      INT64_C(5000000000) /* a session of which nothing comes ends with its node's connection */
 #define REPLACE_NS   INT64_C(1000000000) /* ... and makes way for a new one from the same port after this */
 #define BUFFER_BYTES (4 << 20)
-#define PEERS        (2 * LINK_NODES)
+#define PEERS        (2 * LINK_NODES + 64)
 #define BATCH        32
 #define ROUNDS       16 /* batches, before others have their turn */
 
@@ -217,6 +217,7 @@ struct link_dtls_server {
     struct peer peer[PEERS];
     uint64_t overflows;
     uint8_t buffer[BATCH][2048];
+    struct sst_log_limit strangers;
 };
 
 /* A datagram of a sender without a session: the address that the cookie is sent to. */
@@ -277,6 +278,7 @@ int link_dtls_listen(struct link_dtls_server **out, const char *address, int por
         return -ENOMEM;
     s->credentials = credentials;
     s->events = *events;
+    s->strangers.what = "hosts: handshakes for datagrams that were refused";
     s->fd = open_socket(address, port, &at, &bytes);
     err = s->fd < 0 ? s->fd : 0;
     if (!err && (setsockopt(s->fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof(on)) < 0 ||
@@ -310,6 +312,7 @@ void link_dtls_server_close(struct link_dtls_server *s)
     for (int i = 0; i < PEERS; i++)
         if (s->peer[i].server)
             drop(&s->peer[i]);
+    sst_log_limit_work(&s->strangers, INT64_MAX);
     if (s->fd >= 0)
         close(s->fd);
     gnutls_free(s->cookie_key.data);
@@ -334,18 +337,36 @@ static struct peer *find_peer(struct link_dtls_server *s, const struct sockaddr_
     return NULL;
 }
 
-/* Where another one has room: unused, or the oldest handshake. @return NULL: all are nodes */
+/* Handshakes of an address, beyond those that a whole array behind one address needs. */
+static int count_spare(const struct link_dtls_server *s, const struct peer *of)
+{
+    int n = 0;
+
+    for (int i = 0; i < PEERS; i++)
+        n += s->peer[i].server && !s->peer[i].ready && link_same_network(&s->peer[i].at, &of->at);
+    return sst_max_int(n - LINK_NODES, 0);
+}
+
+/* Where another one has room: unused, or of the address with most handshakes the oldest one. @return NULL: all are
+ * nodes */
 static struct peer *find_room(struct link_dtls_server *s)
 {
     struct peer *oldest = NULL;
+    int most = 0;
 
     for (int i = 0; i < PEERS; i++) {
         struct peer *p = &s->peer[i];
+        int spare;
 
         if (!p->server)
             return p;
-        if (!p->ready && (!oldest || p->began_ns < oldest->began_ns))
+        if (p->ready)
+            continue;
+        spare = count_spare(s, p);
+        if (!oldest || spare > most || (spare == most && p->began_ns < oldest->began_ns)) {
             oldest = p;
+            most = spare;
+        }
     }
     if (oldest)
         drop(oldest);
@@ -404,7 +425,11 @@ static void shake_hands(struct link_dtls_server *s, struct peer *p)
         err = -EACCES;
     }
     if (err) {
-        sst_log_warning("hosts: datagrams of a host were refused: %s", why);
+        char address[64];
+
+        link_address_text(&p->at, address);
+        if (sst_log_limit_due(&s->strangers, (const struct sockaddr *)&p->at, address, sst_clock_now_ns()))
+            sst_log_warning("hosts: datagrams of %s are refused: %s", address, why);
         drop(p);
         return;
     }
@@ -522,6 +547,7 @@ bool link_dtls_server_work(struct link_dtls_server *s)
             drop(p);
         shaking |= p->server && !p->ready;
     }
+    sst_log_limit_work(&s->strangers, now_ns);
     return shaking;
 }
 

@@ -228,7 +228,7 @@ static int listen_for_nodes(struct sst_link_head *h)
         return err;
     h->listen_fd = socket(at.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (h->listen_fd < 0 || setsockopt(h->listen_fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) < 0 ||
-        bind(h->listen_fd, (const struct sockaddr *)&at, bytes) < 0 || listen(h->listen_fd, 32) < 0) {
+        bind(h->listen_fd, (const struct sockaddr *)&at, bytes) < 0 || listen(h->listen_fd, SOMAXCONN) < 0) {
         err = -errno;
         sst_log_error("hosts: cannot listen on %s port %d: %s; choose another hosts: port, or end what uses it",
                       address, port, strerror(-err));

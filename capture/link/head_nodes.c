@@ -16,8 +16,10 @@
 #include "base/thread.h"
 #include "capture/link/link_internal.h"
 
-#define CONNECTIONS (2 * LINK_NODES + 16)
-#define HELLO_NS    INT64_C(5000000000)
+#define CONNECTIONS (2 * LINK_NODES + 64)
+#define ACCEPTS     8                   /* at a time: then those that are connected have their turn */
+#define HELLO_NS    INT64_C(5000000000) /* from the connection to the node's name */
+#define GREET_NS    INT64_C(250000000)  /* ... to the first message, when others want its place */
 #define SILENCE_NS  INT64_C(2000000000)
 #define HOLD_MS     20 /* sets that are incomplete, or whose names are not decided, are looked at again */
 #define WAIT_NS     INT64_C(600000000) /* for a set to become complete, at least, where sets: wait_ms does not say it */
@@ -25,8 +27,9 @@
 struct link_connection {
     struct link_stream stream; /* fd -1: unused */
     int source;                /* -1: it has not said which node it is */
+    struct sockaddr_storage from;
     char address[64];
-    int64_t until_ns;
+    int64_t began_ns, until_ns;
     bool refused; /* closed once the reason has been sent */
     /* of its node */
     struct link_inbox *inbox;
@@ -66,7 +69,8 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
         pthread_mutex_unlock(&h->lock);
         if (h->event)
             h->event(h->arg, s->peer.name, false, why);
-    } else if (*why && !c->refused) {
+    } else if (*why && !c->refused &&
+               sst_log_limit_due(&h->strangers, (const struct sockaddr *)&c->from, c->address, sst_clock_now_ns())) {
         sst_log_warning("hosts: the connection of %s ended before it was accepted: %s", c->address, why);
     }
     *c = (struct link_connection){ .stream.fd = -1, .source = -1 };
@@ -229,16 +233,20 @@ static int join_locked(struct sst_link_head *h, struct link_connection *c, int s
     memcpy(p->address, c->address, sizeof(p->address));
     c->source = source;
     c->cameras = h->source[source].cameras;
+    c->stream.most = link_message_most(h->array.bound, h->array.width, h->array.height);
     show_cameras_locked(h, source, json_object_get(hello, "cameras"));
     sst_numbering_join(h->numbering, source, counting_of(hello));
     return 0;
 }
 
-static int refuse(struct link_connection *c, const char *why)
+static int refuse(struct sst_link_head *h, struct link_connection *c, const char *why)
 {
-    sst_log_warning("hosts: node %s at %s is refused: %s", c->stream.peer, c->address, why);
+    const int64_t now_ns = sst_clock_now_ns();
+
+    if (sst_log_limit_due(&h->refusals, (const struct sockaddr *)&c->from, c->address, now_ns))
+        sst_log_warning("hosts: node %s at %s is refused: %s", c->stream.peer, c->address, why);
     c->refused = true;
-    c->until_ns = sst_clock_now_ns() + HELLO_NS / 5;
+    c->until_ns = now_ns + HELLO_NS / 5;
     return link_stream_add_json(
         &c->stream, MESSAGE_WELCOME,
         json_pack("{s:s, s:i, s:i, s:s}", "refused", why, "seq", 0, "missed", 0, "session", ""));
@@ -268,7 +276,7 @@ static int welcome(struct sst_link_head *h, struct link_connection *c, const uin
     }
     if (err) {
         json_decref(hello);
-        return err == -EBADMSG ? err : refuse(c, why);
+        return err == -EBADMSG ? err : refuse(h, c, why);
     }
     err = open_inbox(h, c, hello, &session);
     json_decref(hello);
@@ -401,7 +409,8 @@ static int take_set(struct sst_link_head *h, struct link_connection *c, const st
     struct head_set *set;
     struct wire_set from;
     const uint8_t *pictures;
-    int err = wire_get_set(in->data, in->bytes, c->cameras, &from, frame, &pictures);
+    int err = wire_get_set(in->data, in->bytes, c->cameras, link_frame_most(h->array.width, h->array.height), &from,
+                           frame, &pictures);
 
     if (!err && from.seq != in->seq)
         err = -EBADMSG;
@@ -517,18 +526,24 @@ void head_datagram(void *head, const char *name, const uint8_t *data, size_t byt
 static int take(struct sst_link_head *h, struct link_connection *c, enum message_type type, const uint8_t *data,
                 size_t bytes)
 {
-    c->until_ns = sst_clock_now_ns() + SILENCE_NS;
-    if (type == MESSAGE_HELLO && c->source < 0 && !c->refused)
+    if (c->refused) /* until the reason has been sent */
+        return 0;
+    if (type == MESSAGE_HELLO && c->source < 0) {
+        c->until_ns = sst_clock_now_ns() + SILENCE_NS;
         return welcome(h, c, data, bytes);
-    if (type == MESSAGE_STATE && c->source >= 0)
+    }
+    if (c->source < 0 || (type == MESSAGE_STATE && bytes > MESSAGE_TEXT_MAX))
+        return -EBADMSG;
+    c->until_ns = sst_clock_now_ns() + SILENCE_NS;
+    if (type == MESSAGE_STATE)
         return take_state(h, c, data, bytes);
-    if (type == MESSAGE_SET && c->source >= 0)
+    if (type == MESSAGE_SET)
         return link_inbox_whole(c->inbox, data, bytes, sst_clock_now_ns());
-    if (type == MESSAGE_OFFER && c->source >= 0)
+    if (type == MESSAGE_OFFER)
         return link_inbox_offer(c->inbox, data, bytes, sst_clock_now_ns());
-    if (type == MESSAGE_REPAIR && c->source >= 0)
+    if (type == MESSAGE_REPAIR)
         return link_inbox_repair(c->inbox, data, bytes, sst_clock_now_ns());
-    return c->refused ? 0 : -EBADMSG;
+    return -EBADMSG;
 }
 
 static void name_error(int err, char why[256])
@@ -570,37 +585,78 @@ static int serve_one(struct sst_link_head *h, struct link_connection *c, char wh
     return err;
 }
 
-static void name_address(char out[64], const struct sockaddr_storage *from)
+/* Connections of an address that are no nodes yet, beyond those that a whole array behind one address needs. */
+static int count_spare(const struct sst_link_head *h, const struct link_connection *of)
 {
-    const void *at = from->ss_family == AF_INET6 ? (const void *)&((const struct sockaddr_in6 *)from)->sin6_addr
-                                                 : (const void *)&((const struct sockaddr_in *)from)->sin_addr;
+    int n = 0;
 
-    if (!inet_ntop(from->ss_family, at, out, 64))
-        out[0] = 0;
+    for (int i = 0; i < CONNECTIONS; i++) {
+        const struct link_connection *c = &h->connection[i];
+
+        n += c->stream.fd >= 0 && c->source < 0 && link_same_network(&c->from, &of->from);
+    }
+    return sst_max_int(n - LINK_NODES, 0);
 }
 
-static void accept_one(struct sst_link_head *h)
+/* Which of two connections that are no nodes yet makes room for another one? Those with a certificate stay longest. Of
+ * the others those that say nothing go first, then those of the address that has most of them, then the oldest. */
+static bool goes_first(const struct sst_link_head *h, const struct link_connection *a, const struct link_connection *b,
+                       int64_t now_ns)
+{
+    const bool silent_a = !link_stream_greeted(&a->stream) && now_ns - a->began_ns > GREET_NS;
+    const bool silent_b = !link_stream_greeted(&b->stream) && now_ns - b->began_ns > GREET_NS;
+    int spare_a, spare_b;
+
+    if (a->stream.ready != b->stream.ready)
+        return b->stream.ready;
+    if (silent_a != silent_b)
+        return silent_a;
+    spare_a = count_spare(h, a);
+    spare_b = count_spare(h, b);
+    return spare_a != spare_b ? spare_a > spare_b : a->began_ns < b->began_ns;
+}
+
+/* @return NULL: all are nodes */
+static struct link_connection *make_room(struct sst_link_head *h, int64_t now_ns)
+{
+    struct link_connection *first = NULL;
+
+    for (int i = 0; i < CONNECTIONS; i++) {
+        struct link_connection *c = &h->connection[i];
+
+        if (c->stream.fd < 0)
+            return c;
+        if (c->source < 0 && (!first || goes_first(h, c, first, now_ns)))
+            first = c;
+    }
+    if (first)
+        end(h, first, "another one needed its place");
+    return first;
+}
+
+/* @return false: there is none */
+static bool accept_one(struct sst_link_head *h, int64_t now_ns)
 {
     struct sockaddr_storage from = { 0 };
     socklen_t size = sizeof(from);
     const int fd = accept4(h->listen_fd, (struct sockaddr *)&from, &size, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    struct link_connection *c = NULL;
+    struct link_connection *c;
 
-    for (int i = 0; i < CONNECTIONS && !c; i++)
-        if (h->connection[i].stream.fd < 0)
-            c = &h->connection[i];
     if (fd < 0)
-        return;
-    if (!c) { /* those that say nothing go after HELLO_NS */
+        return false;
+    c = make_room(h, now_ns);
+    if (!c) {
         close(fd);
-        return;
+        return true;
     }
     link_socket_prepare(fd);
-    name_address(c->address, &from);
-    c->until_ns = sst_clock_now_ns() + HELLO_NS;
-    if (link_stream_open(&c->stream, fd, h->credentials, true,
-                         link_message_most(h->array.bound, h->array.width, h->array.height)))
+    c->from = from;
+    link_address_text(&from, c->address);
+    c->began_ns = now_ns;
+    c->until_ns = now_ns + HELLO_NS;
+    if (link_stream_open(&c->stream, fd, h->credentials, true, MESSAGE_TEXT_MAX))
         end(h, c, "no memory");
+    return true;
 }
 
 static int gather(const struct sst_link_head *h, struct pollfd *fds)
@@ -659,8 +715,8 @@ static bool serve_all(struct sst_link_head *h, const struct pollfd *fds)
         why[0] = 0;
         waits |= c->inbox && link_inbox_waits(c->inbox);
     }
-    if (fds[1].revents)
-        accept_one(h);
+    for (int i = 0; fds[1].revents && i < ACCEPTS && accept_one(h, sst_clock_now_ns()); i++)
+        ;
     if (h->dtls) {
         pthread_mutex_lock(&h->lock);
         h->overflows = link_dtls_server_overflows(h->dtls);
@@ -676,6 +732,8 @@ void *head_serve(void *arg)
     bool stop = false, waits = false;
 
     sst_thread_name("sst-link");
+    h->strangers.what = "hosts: connections that ended before they were accepted";
+    h->refusals.what = "hosts: connections of nodes that are refused";
     h->connection = calloc(CONNECTIONS, sizeof(*h->connection));
     if (!h->connection) {
         sst_log_error("hosts: no memory for connections of nodes");
@@ -689,6 +747,8 @@ void *head_serve(void *arg)
         if (poll(fds, (nfds_t)n, waits ? HOLD_MS : 200) >= 0 || errno == EINTR)
             waits = serve_all(h, fds);
         waits |= head_settle(h, sst_clock_now_ns());
+        sst_log_limit_work(&h->strangers, sst_clock_now_ns());
+        sst_log_limit_work(&h->refusals, sst_clock_now_ns());
         pthread_mutex_lock(&h->lock);
         stop = h->stop;
         pthread_mutex_unlock(&h->lock);
@@ -697,6 +757,8 @@ void *head_serve(void *arg)
     for (int i = 0; i < CONNECTIONS; i++)
         if (h->connection[i].stream.fd >= 0)
             end(h, &h->connection[i], "the head ends");
+    sst_log_limit_work(&h->strangers, INT64_MAX);
+    sst_log_limit_work(&h->refusals, INT64_MAX);
     free(h->connection);
     return NULL;
 }

@@ -6,6 +6,7 @@
 #include <pthread.h>
 #include <stdbool.h>
 
+#include "base/log_limit.h"
 #include "capture/array/frame_sync.h"
 #include "capture/array/ring.h"
 #include "capture/link/link.h"
@@ -54,6 +55,11 @@ enum wire_outcome {
     WIRE_MISSED = 1, /* incomplete when its time was over */
 };
 
+#define WIRE_COUNT_MAX   (INT64_MAX / 8)
+#define WIRE_T_MAX_NS    (INT64_MAX / 8) /* since the node's start: 36 years */
+#define WIRE_WALL_MAX_NS (INT64_MAX / 2)
+#define WIRE_AWAY_MAX_NS INT64_C(3600000000000) /* of a frame from its set */
+
 #define WIRE_SET_BYTES   40
 #define WIRE_FRAME_BYTES 40
 #define WIRE_ACK_BYTES   16
@@ -79,8 +85,10 @@ void wire_put_frame(uint8_t *out, const struct wire_frame *frame);
 void wire_put_u64(uint8_t *out, uint64_t value);
 uint64_t wire_get_u64(const uint8_t *in);
 
-/** Check a message of type SET. @param frame  out, [cameras] @return 0, -EBADMSG (it is no such message) */
-SST_MUST_CHECK int wire_get_set(const uint8_t *in, size_t bytes, int cameras, struct wire_set *set,
+/** Check a message of type SET: sums and differences of its times and numbers do not overflow.
+ *  @param frame_most  bytes of the longest frame, link_frame_most() @param frame  out, [cameras]
+ *  @return 0, -EBADMSG (it is no such message) */
+SST_MUST_CHECK int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most, struct wire_set *set,
                                 struct wire_frame *frame, const uint8_t **data);
 
 /* --- connections: TLS 1.3 and DTLS 1.2 with certificates on both sides, never blocking. --- */
@@ -134,6 +142,8 @@ uint8_t *link_stream_add(struct link_stream *s, enum message_type type, size_t b
 SST_MUST_CHECK int link_stream_add_json(struct link_stream *s, enum message_type type, json_t *message);
 /** Bytes that wait to be sent. */
 size_t link_stream_waiting(const struct link_stream *s);
+/** The other side has begun to shake hands: a whole ClientHello has come. */
+bool link_stream_greeted(const struct link_stream *s);
 /** POLLIN, and POLLOUT where something waits. */
 short link_stream_events(const struct link_stream *s);
 void link_stream_close(struct link_stream *s);
@@ -144,8 +154,13 @@ void link_socket_prepare(int fd);
 /** Numeric address and port. @return 0, -EINVAL */
 struct sockaddr_storage;
 SST_MUST_CHECK int link_address(const char *address, int port, struct sockaddr_storage *out, unsigned *bytes);
+/** The inverse, without the port. */
+void link_address_text(const struct sockaddr_storage *address, char out[64]);
+/** Whoever connects has many ports, and of IPv6 a whole network. */
+bool link_same_network(const struct sockaddr_storage *a, const struct sockaddr_storage *b);
 
-/** Bytes of the longest message of an array of that size. */
+/** Bytes of the longest frame of that size, and of the longest message of an array of such. */
+size_t link_frame_most(int width, int height);
 size_t link_message_most(int cameras, int width, int height);
 
 /* --- datagrams: a client of a node, a server of the head --- */
@@ -424,7 +439,9 @@ struct sst_link_head {
     struct head_slot slot[SST_CAMERAS_MAX];
     struct head_set *ready[LINK_READY];
     int ready_first, ready_count;
-    struct link_connection *connection; /* link thread only */
+    /* link thread */
+    struct link_connection *connection;
+    struct sst_log_limit strangers, refusals;
 };
 
 /** A set to fill, whose fields `source` and `slot` are set. @param missed  of its frames: they are counted as that, and

@@ -9,7 +9,9 @@
 #define HOLD_PERIODS 3
 #define HOLD_MOST_NS INT64_C(1000000000)
 #define LIVE_NS      INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
-#define ANCHOR_STEP  256                 /* the time of all moves by no more than this part of a period an edge */
+#define INDEX_MAX    (INT64_MAX / 4)     /* sums and differences of two do not overflow; nor do those of times */
+#define T_MAX_NS     (INT64_MAX / 2 - INT64_C(3600000000000))
+#define ANCHOR_STEP  256 /* the time of all moves by no more than this part of a period an edge */
 
 struct tick {
     int64_t index, t_ns;
@@ -156,7 +158,7 @@ static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source 
     } else {
         s->away_ns += s->state.residual_ns / SMOOTH;
     }
-    s->state.clock_ns += (error_ns - s->state.clock_ns) / SMOOTH;
+    s->state.clock_ns += error_ns / SMOOTH - s->state.clock_ns / SMOOTH;
     if (at->index <= s->last) /* an edge that it counted twice */
         return SST_NUMBERING_UNNAMED;
     s->last = at->index;
@@ -180,7 +182,7 @@ static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s
         s->state.clock_ns = wall_t_ns - at.t_ns;
         if (!near(n, wall_t_ns, at.t_ns))
             return SST_NUMBERING_UNNAMED;
-        if (at.index < 0)
+        if (at.index < 0 || at.index > INDEX_MAX)
             return SST_NUMBERING_UNNAMED;
     }
     s->offset = at.index - (int64_t)edge->count;
@@ -199,7 +201,8 @@ static void slip(struct source *s, int64_t by)
 {
     s->offset += by;
     s->state.slips++;
-    s->state.slipped += by;
+    if (__builtin_add_overflow(s->state.slipped, by, &s->state.slipped))
+        s->state.slipped = by > 0 ? INT64_MAX : INT64_MIN;
 }
 
 /* Does another source wait with the same edge? */
@@ -240,12 +243,15 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
                                                int64_t wall_offset_ns, struct sst_numbering_place *place)
 {
     struct source *s = &n->source[source];
-    const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns;
-    struct tick at = { (int64_t)edge->count + s->offset, edge->t_ns - s->away_ns };
+    const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns; /* neither is below zero */
+    struct tick at = { .index = 0 };
     struct tick *known, *last = newest(n);
 
     if (!s->placed)
         return name(n, s, edge, wall_t_ns, now_ns, place);
+    if (__builtin_add_overflow((int64_t)edge->count, s->offset, &at.index) || at.index > INDEX_MAX ||
+        __builtin_sub_overflow(edge->t_ns, s->away_ns, &at.t_ns) || llabs(at.t_ns) > T_MAX_NS)
+        return SST_NUMBERING_UNNAMED;
     known = find(n, at.index);
     if (known && near(n, known->t_ns, at.t_ns))
         return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
@@ -255,9 +261,12 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
         return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
     }
     if (at.index > last->index) {
-        const int64_t due_ns = last->t_ns + (at.index - last->index) * n->period_ns;
+        int64_t due_ns;
+        const bool due = !__builtin_mul_overflow(at.index - last->index, n->period_ns, &due_ns) &&
+                         !__builtin_add_overflow(due_ns, last->t_ns, &due_ns) && llabs(due_ns) <= T_MAX_NS &&
+                         near(n, at.t_ns, due_ns);
 
-        if (!near(n, at.t_ns, due_ns) && must_wait(n, s, &at, now_ns))
+        if (!due && must_wait(n, s, &at, now_ns))
             return SST_NUMBERING_HELD;
         if (at.t_ns > last->t_ns)
             return accept(n, s, add(n, at.index, at.t_ns), at.t_ns, wall_t_ns, now_ns, place);

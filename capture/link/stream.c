@@ -18,6 +18,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "base/brake.h"
 
 #define IN_STEP     65536
 #define GONE_MS     2000   /* without an answer to what was sent a connection ends */
@@ -53,6 +54,24 @@ int link_address(const char *address, int port, struct sockaddr_storage *out, un
         return 0;
     }
     return -EINVAL;
+}
+
+void link_address_text(const struct sockaddr_storage *address, char out[64])
+{
+    const void *at = address->ss_family == AF_INET6 ? (const void *)&((const struct sockaddr_in6 *)address)->sin6_addr
+                                                    : (const void *)&((const struct sockaddr_in *)address)->sin_addr;
+
+    if (!inet_ntop(address->ss_family, at, out, 64))
+        out[0] = 0;
+}
+
+bool link_same_network(const struct sockaddr_storage *a, const struct sockaddr_storage *b)
+{
+    uint8_t of_a[16], of_b[16];
+
+    sst_brake_network((const struct sockaddr *)a, of_a);
+    sst_brake_network((const struct sockaddr *)b, of_b);
+    return !memcmp(of_a, of_b, sizeof(of_a));
 }
 
 /* --- messages ----------------------------------------------------------------------------------------------------- */
@@ -225,6 +244,11 @@ int link_stream_work(struct link_stream *s, char why[256])
     return err;
 }
 
+bool link_stream_greeted(const struct link_stream *s)
+{
+    return s->ready || gnutls_handshake_get_last_in(s->tls->session) == GNUTLS_HANDSHAKE_CLIENT_HELLO;
+}
+
 short link_stream_events(const struct link_stream *s)
 {
     const bool sends = s->ready ? link_stream_waiting(s) > 0 : gnutls_record_get_direction(s->tls->session) == 1;
@@ -259,6 +283,11 @@ int link_stream_open(struct link_stream *s SST_UNUSED, int fd SST_UNUSED,
 int link_stream_work(struct link_stream *s SST_UNUSED, char why[256] SST_UNUSED)
 {
     return -ENOSYS;
+}
+
+bool link_stream_greeted(const struct link_stream *s SST_UNUSED)
+{
+    return false;
 }
 
 short link_stream_events(const struct link_stream *s SST_UNUSED)

@@ -51,7 +51,7 @@ void wire_put_frame(uint8_t *out, const struct wire_frame *f)
     wire_put_u64(out + 32, f->since);
 }
 
-static int get_frame(const uint8_t *in, struct wire_frame *f)
+static int get_frame(const uint8_t *in, size_t most, struct wire_frame *f)
 {
     const uint32_t kind = get_u32(in);
 
@@ -63,11 +63,13 @@ static int get_frame(const uint8_t *in, struct wire_frame *f)
                               .faults = get_u32(in + 20),
                               .from_set_ns = (int64_t)wire_get_u64(in + 24),
                               .since = wire_get_u64(in + 32) };
-    return kind > WIRE_UNCHANGED || (kind == WIRE_FRAME) != (f->bytes > 0) ? -EBADMSG : 0;
+    if (kind > WIRE_UNCHANGED || (kind == WIRE_FRAME) != (f->bytes > 0) || f->bytes > most || f->stride > most)
+        return -EBADMSG;
+    return f->from_set_ns < -WIRE_AWAY_MAX_NS || f->from_set_ns > WIRE_AWAY_MAX_NS ? -EBADMSG : 0;
 }
 
-int wire_get_set(const uint8_t *in, size_t bytes, int cameras, struct wire_set *set, struct wire_frame *frame,
-                 const uint8_t **data)
+int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most, struct wire_set *set,
+                 struct wire_frame *frame, const uint8_t **data)
 {
     const size_t head = WIRE_SET_BYTES + (size_t)cameras * WIRE_FRAME_BYTES;
     size_t total = head;
@@ -81,19 +83,23 @@ int wire_get_set(const uint8_t *in, size_t bytes, int cameras, struct wire_set *
                               .edge = get_u32(in + 32) != 0,
                               .cameras = cameras };
     for (int i = 0; i < cameras; i++) {
-        if (get_frame(in + WIRE_SET_BYTES + (size_t)i * WIRE_FRAME_BYTES, &frame[i]))
+        if (get_frame(in + WIRE_SET_BYTES + (size_t)i * WIRE_FRAME_BYTES, frame_most, &frame[i]))
             return -EBADMSG;
         total += frame[i].bytes;
     }
-    if (total != bytes || set->count > INT64_MAX / 2 || set->t_ns < 0 || set->wall_ns < 0)
+    if (total != bytes || set->count > WIRE_COUNT_MAX || set->t_ns < 0 || set->t_ns > WIRE_T_MAX_NS ||
+        set->wall_ns < 0 || set->wall_ns > WIRE_WALL_MAX_NS)
         return -EBADMSG;
     *data = in + head;
     return 0;
 }
 
+size_t link_frame_most(int width, int height)
+{
+    return (size_t)width * (size_t)height * 4 + FRAME_BYTES_EXTRA;
+}
+
 size_t link_message_most(int cameras, int width, int height)
 {
-    const size_t frame = (size_t)width * (size_t)height * 4 + FRAME_BYTES_EXTRA;
-
-    return MESSAGE_TEXT_MAX + WIRE_SET_BYTES + (size_t)cameras * (WIRE_FRAME_BYTES + frame);
+    return MESSAGE_TEXT_MAX + WIRE_SET_BYTES + (size_t)cameras * (WIRE_FRAME_BYTES + link_frame_most(width, height));
 }

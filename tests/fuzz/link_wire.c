@@ -74,7 +74,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             used += (uint32_t)wire_get_u64(data + WIRE_SET_BYTES + (size_t)i * WIRE_FRAME_BYTES + 4);
         if (used > size)
             used = size;
-        if (!wire_get_set(data, used, cameras, &set, frame, &pictures)) {
+        if (!wire_get_set(data, used, cameras, link_frame_most(WIDTH, HEIGHT), &set, frame, &pictures)) {
             size_t bytes = 0;
 
             for (int i = 0; i < cameras; i++)

@@ -1,7 +1,10 @@
 /* capture/link: a node and a head in one process, over TLS on the loopback: sets arrive, each frame ends in one place.
  */
+#include <arpa/inet.h>
 #include <errno.h>
+#include <netinet/in.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -472,8 +475,6 @@ static void without_datagrams_sets_go_over_tls(void **state_ SST_UNUSED)
     assert_int_equal(head.wrong, 0);
 }
 
-#if WITH_ISAL
-
 static struct link_credentials *credentials_of(const char *name)
 {
     struct sst_array_config a;
@@ -483,6 +484,8 @@ static struct link_credentials *credentials_of(const char *name)
     assert_int_equal(link_credentials_create(&c, &a), 0);
     return c;
 }
+
+#if WITH_ISAL
 
 /* @return it has shaken hands; false: it was refused, or a second went by */
 static bool shake_hands(struct link_dtls **d, struct link_credentials *c)
@@ -610,6 +613,148 @@ static void who_is_not_of_the_array_is_refused(void **state_ SST_UNUSED)
     close_head(NULL);
 }
 
+/* --- strangers ---------------------------------------------------------------------------------------------------- */
+
+enum manner { SILENT = 0, HALF_A_RECORD = 1, GREETING = 2, MANY_ADDRESSES = 3, MANNERS = 4 };
+
+#define CROWD 200 /* connections of strangers at a time, more than the head has room for */
+
+static struct {
+    enum manner manner;
+    struct link_stream stream[CROWD];
+    struct link_credentials *credentials;
+    _Atomic int opened;
+    _Atomic bool stop;
+} crowd;
+
+/* @param host  last byte of 127.0.0.x, where it comes from @return the descriptor of a connection to the head */
+static int connect_from(int host)
+{
+    struct sockaddr_in from = { .sin_family = AF_INET, .sin_addr.s_addr = htonl(0x7f000000u + (unsigned)host) };
+    struct sockaddr_storage to;
+    unsigned size;
+    const int fd = socket(AF_INET, SOCK_STREAM, 0);
+
+    assert_true(fd >= 0);
+    assert_int_equal(bind(fd, (const struct sockaddr *)&from, sizeof(from)), 0);
+    assert_int_equal(link_address("127.0.0.1", PORT, &to, &size), 0);
+    assert_int_equal(connect(fd, (const struct sockaddr *)&to, size), 0);
+    link_socket_prepare(fd);
+    return fd;
+}
+
+static void *crowd_in(void *arg SST_UNUSED)
+{
+    static const uint8_t half[] = { 22, 3, 1, 2, 0, 1 };
+    char why[256];
+
+    for (int i = 0; !crowd.stop; i++) {
+        struct link_stream *s = &crowd.stream[i % CROWD];
+
+        if (i >= CROWD)
+            link_stream_close(s);
+        assert_int_equal(link_stream_open(s, connect_from(crowd.manner == MANY_ADDRESSES ? 2 + i % 250 : 1),
+                                          crowd.credentials, false, 1 << 16),
+                         0);
+        if (crowd.manner == HALF_A_RECORD && send(s->fd, half, sizeof(half), MSG_NOSIGNAL) < 0)
+            continue; /* the head has closed it */
+        if (crowd.manner >= GREETING && link_stream_work(s, why))
+            continue;
+        crowd.opened++;
+        if (i >= CROWD)
+            usleep(20000);
+    }
+    for (int i = 0; i < CROWD; i++)
+        link_stream_close(&crowd.stream[i]);
+    return NULL;
+}
+
+/* A right certificate is shown, and a HELLO sent: is it answered? @return 1, 0 (not yet), -1: the connection has ended
+ */
+static int is_answered(struct link_stream *s)
+{
+    enum message_type type;
+    const uint8_t *data;
+    size_t bytes;
+    char why[256];
+
+    if (!s->sent_bytes && s->ready && !link_stream_waiting(s))
+        assert_int_equal(link_stream_add_json(s, MESSAGE_HELLO, json_object()), 0);
+    if (link_stream_work(s, why))
+        return -1;
+    return s->ready && link_stream_next(s, &type, &data, &bytes) == 1 && type == MESSAGE_WELCOME;
+}
+
+/* As many nodes as there can be connect at once, from one address. @return how many were served */
+static int nodes_served(struct link_credentials *credentials)
+{
+    struct link_stream s[LINK_NODES - 1];
+    int result[LINK_NODES - 1] = { 0 }, left = LINK_NODES - 1, served = 0;
+    const int64_t end_ns = sst_clock_now_ns() + INT64_C(60000000000);
+
+    for (int i = 0; i < LINK_NODES - 1; i++)
+        assert_int_equal(link_stream_open(&s[i], connect_from(1), credentials, false, 1 << 16), 0);
+    while (left && sst_clock_now_ns() < end_ns) {
+        for (int i = 0; i < LINK_NODES - 1; i++) {
+            if (result[i])
+                continue;
+            result[i] = is_answered(&s[i]);
+            left -= result[i] != 0;
+        }
+        usleep(500);
+    }
+    for (int i = 0; i < LINK_NODES - 1; i++) {
+        served += result[i] == 1;
+        link_stream_close(&s[i]);
+    }
+    return served;
+}
+
+/* Whatever strangers do at the head's port, nodes are served, and the log stays readable. */
+static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
+{
+    struct link_credentials *right = credentials_of("left");
+    struct node left;
+    FILE *said = tmpfile();
+    const int shown = dup(STDERR_FILENO);
+    int served[MANNERS] = { 0 }, lines = 0;
+
+    assert_true(said && shown >= 0);
+    crowd.credentials = credentials_of("stranger");
+    open_head();
+    assert_true(dup2(fileno(said), STDERR_FILENO) >= 0);
+    for (int manner = SILENT; manner < MANNERS; manner++) {
+        pthread_t thread;
+
+        crowd.manner = (enum manner)manner;
+        crowd.opened = 0;
+        crowd.stop = false;
+        assert_int_equal(pthread_create(&thread, NULL, crowd_in, NULL), 0);
+        UNTIL(crowd.opened >= CROWD);
+        for (int i = 0; i < 3; i++) /* where the machine stands still in between, a handshake is dropped */
+            served[manner] += nodes_served(right);
+        open_node(&left, "left", 0);
+        UNTIL(state(&left).connected);
+        close_node(&left);
+        crowd.stop = true;
+        pthread_join(thread, NULL);
+    }
+    close_head(NULL);
+    assert_true(dup2(shown, STDERR_FILENO) >= 0);
+    close(shown);
+    rewind(said);
+    for (int c; (c = fgetc(said)) != EOF;)
+        lines += c == '\n';
+    fclose(said);
+    for (int manner = SILENT; manner < MANNERS; manner++)
+        if (served[manner] < 2 * (LINK_NODES - 1))
+            fail_msg("manner %d: %d of %d were served", manner, served[manner], 3 * (LINK_NODES - 1));
+    if (lines > 120) /* one for each of 17 addresses, and what was left out; so in each minute */
+        fail_msg("%d lines", lines);
+    link_credentials_destroy(crowd.credentials);
+    link_credentials_destroy(right);
+}
+
 static void a_node_refuses_who_is_not_the_head(void **state_ SST_UNUSED)
 {
     struct node left;
@@ -682,6 +827,7 @@ int main(void)
 #endif
         cmocka_unit_test(silence_of_the_trigger_ends_nothing),
         cmocka_unit_test(who_is_not_of_the_array_is_refused),
+        cmocka_unit_test(strangers_keep_nobody_out),
         cmocka_unit_test(a_node_refuses_who_is_not_the_head),
         cmocka_unit_test(certificates_that_are_not_there_are_named),
     };

@@ -296,9 +296,60 @@ static void hostile_messages_do_no_harm(void **unused SST_UNUSED)
     assert_true(refused > 1000);
 }
 
+/* A set whose frames or times no node has. @return as wire_get_set() */
+static int read_set(const struct wire_set *set, const struct wire_frame *frame, size_t bytes)
+{
+    const size_t size = WIRE_SET_BYTES + WIRE_FRAME_BYTES + bytes;
+    uint8_t *message = calloc(size, 1);
+    struct wire_frame got;
+    struct wire_set out;
+    const uint8_t *data;
+    int err;
+
+    assert_non_null(message);
+    wire_put_set(message, set);
+    wire_put_frame(message + WIRE_SET_BYTES, frame);
+    err = wire_get_set(message, size, 1, link_frame_most(32, 16), &out, &got, &data);
+    free(message);
+    return err;
+}
+
+static void sets_that_no_node_has_are_refused(void **unused SST_UNUSED)
+{
+    const struct wire_set set = {
+        .seq = 1, .count = 5, .t_ns = 7, .wall_ns = INT64_C(1800000000000000000), .cameras = 1
+    };
+    const size_t most = link_frame_most(32, 16);
+    const struct wire_frame frame = { .kind = WIRE_FRAME, .bytes = (uint32_t)most, .stride = 32, .from_set_ns = -5 };
+    const int64_t times[] = { WIRE_AWAY_MAX_NS + 1, -WIRE_AWAY_MAX_NS - 1, INT64_MAX, INT64_MIN };
+    struct wire_frame f = frame;
+    struct wire_set s = set;
+
+    assert_int_equal(read_set(&set, &frame, most), 0);
+    f.bytes++; /* a message has room for as many as there are cameras of the array, a frame has not */
+    assert_int_equal(read_set(&set, &f, most + 1), -EBADMSG);
+    f = frame;
+    f.stride = 0x80000000u;
+    assert_int_equal(read_set(&set, &f, most), -EBADMSG);
+    for (size_t i = 0; i < ARRAY_LEN(times); i++) {
+        f = frame;
+        f.from_set_ns = times[i];
+        assert_int_equal(read_set(&set, &f, most), -EBADMSG);
+    }
+    s.t_ns = INT64_MAX / 2;
+    assert_int_equal(read_set(&s, &frame, most), -EBADMSG);
+    s = set;
+    s.wall_ns = INT64_MAX;
+    assert_int_equal(read_set(&s, &frame, most), -EBADMSG);
+    s = set;
+    s.count = INT64_MAX / 2;
+    assert_int_equal(read_set(&s, &frame, most), -EBADMSG);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(sets_that_no_node_has_are_refused),
         cmocka_unit_test_setup_teardown(sets_come_in_their_order, set_up, tear_down),
         cmocka_unit_test_setup_teardown(what_is_lacking_is_asked_for_once, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_set_without_a_datagram_is_repaired, set_up, tear_down),

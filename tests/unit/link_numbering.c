@@ -315,6 +315,31 @@ static void no_set_is_mixed_whatever_happens(void **state SST_UNUSED)
         random_course(seed);
 }
 
+/* Numbers and times at the ends of what a message can hold, from hosts that join again and again. */
+static void no_number_of_a_host_overflows(void **state SST_UNUSED)
+{
+    static const int64_t ends[] = { 0, 1, INT64_MAX / 8, INT64_MAX / 8 - 1, 5000 * MS, INT64_MAX / 16 };
+    struct sst_numbering_place at;
+    struct sst_numbering_state s;
+    uint64_t rng = 1;
+
+    begin();
+    for (int i = 0; i < 20000; i++) {
+        const int source = (int)draw(&rng, SOURCES);
+        const struct sst_numbering_edge edge = { .count = (uint64_t)ends[draw(&rng, ARRAY_LEN(ends))] + draw(&rng, 2),
+                                                 .t_ns = ends[draw(&rng, ARRAY_LEN(ends))],
+                                                 .wall_ns = 4 * ends[draw(&rng, ARRAY_LEN(ends))] };
+
+        if (!draw(&rng, 50))
+            sst_numbering_join(t.n, source, draw(&rng, 3));
+        if (sst_numbering_place(t.n, source, &edge, i * PERIOD, INT64_C(1800000000000000000), &at) ==
+            SST_NUMBERING_PLACED)
+            assert_true(at.index <= INT64_MAX / 2 && llabs(at.t_ns) <= INT64_MAX / 2);
+        sst_numbering_state(t.n, source, &s);
+    }
+    sst_numbering_destroy(t.n);
+}
+
 static void a_period_is_needed(void **state SST_UNUSED)
 {
     struct sst_numbering *n;
@@ -333,6 +358,7 @@ int main(void)
         cmocka_unit_test(an_edge_that_one_host_counts_twice_shifts_nothing),
         cmocka_unit_test(a_host_that_comes_back_goes_on_or_is_named_again),
         cmocka_unit_test(no_set_is_mixed_whatever_happens),
+        cmocka_unit_test(no_number_of_a_host_overflows),
         cmocka_unit_test(a_period_is_needed),
     };
 
