@@ -1,16 +1,21 @@
-
 #include "cli/cli_internal.h"
+
+#include <math.h>
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_export_config cfg = { 0 };
     const char *args[2];
+    double infinity_px = (double)NAN;
     int err;
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "DST", "folder to make" },
-        { "focal-px", 0, CLI_DOUBLE, &cfg.focal_px, "F", "colmap, nerfstudio: focal length if LF has none", 1e-3, 1e7 },
-        { "spacing-mm", 0, CLI_DOUBLE, &cfg.spacing_mm, "B", "colmap, nerfstudio: camera spacing if LF has none", 1e-6,
-          1e6 },
+        { "focal-px", 0, CLI_DOUBLE, &cfg.focal_px, "F", "focal length if LF has none", 1e-3, 1e7 },
+        { "spacing-mm", 0, CLI_DOUBLE, &cfg.spacing_mm, "B", "camera spacing if LF has none", 1e-6, 1e6 },
+        { "focus-mm", 0, CLI_DOUBLE, &cfg.focus_mm, "Z",
+          "distance at which the views converge (disparity 0) if LF has none; inf: parallel", 1e-3, (double)INFINITY },
+        { "infinity-px", 0, CLI_DOUBLE, &infinity_px, "D",
+          "instead: disparity of what is infinitely far; 0: parallel, below 0: converging", -32768, 32768 },
         { "lossy", 0, CLI_FLAG, &cfg.lossy, NULL, "nerfstudio: accept lenses that its model misses by over 0.05 px" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export" },
@@ -21,6 +26,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!cfg.out)
         return cli_usage_error(cmd, "-o DST is missing");
+    if (!isnan(infinity_px) && cfg.focus_mm > 0)
+        return cli_usage_error(cmd, "--focus-mm and --infinity-px say the same; give one");
+    if (!isnan(infinity_px))
+        cfg.infinity_px = &infinity_px;
     cfg.format = args[0];
     cfg.dir = args[1];
     err = sst_export(&cfg);
@@ -38,7 +47,7 @@ const struct cli_command cli_export = {
         "  colmap      images/ and a model without points in sparse/0, as text: lenses and poses in metres\n"
         "  nerfstudio  images/ and transforms.json\n"
         "A light field with a calibration gives colmap and nerfstudio its raw frames with their lenses, the others\n"
-        "rectified views.",
+        "rectified views. Without one, their cameras need focal length, spacing, and where the views converge.",
     .example = "sst export hci scene.lf -o scene-hci",
     .run = run,
 };

@@ -18,6 +18,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { .import = &cfg };
     int grid[2] = { 0, 0 };
+    double infinity_px = (double)NAN;
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make" },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
@@ -34,6 +35,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
+        { "infinity-px", 0, CLI_DOUBLE, &infinity_px, "D",
+          "disparity of what is infinitely far; 0: parallel views, below 0: they converge", -32768, 32768 },
         { "calib", 0, CLI_STRING, &calib, "FILE",
           "recording, folder: the array's calibration; views are then rectified" },
         { "filter", 0, CLI_STRING, &filter, "F", "of that: bilinear, bicubic (default) or lanczos" },
@@ -54,11 +57,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         cfg.range_min_px = cfg.range_max_px = 0;
     if (strcmp(args[0], "recording") && args[2])
         return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
-    if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir))
-        return cli_usage_error(cmd, "--grid, --spacing-px, --disparity and --labels do not apply to a recording, which "
-                                    "has its own grid and spacing");
+    if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
+        return cli_usage_error(cmd, "--grid, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
+                                    "recording, which has its own grid and spacing");
     if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
         return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
+    if (!isnan(infinity_px))
+        cfg.infinity_px = &infinity_px;
     sst_use_calibration_defaults(&use);
     if (calib) {
         r = cli_use_calibration(&use, cmd, calib, filter);

@@ -27,10 +27,13 @@ int cli_print_lightfield(const char *dir, const char *name)
     printf("%s: %d views of %dx%d, grid %dx%d, offsets x %.3f..%.3f, y %.3f..%.3f, disparity ", name, count, lf.width,
            lf.height, lf.rows, lf.cols, x0, x1, y0, y1);
     if (lf.range_min_px < lf.range_max_px)
-        printf("%.3f..%.3f px per spacing%s\n", lf.range_min_px, lf.range_max_px,
+        printf("%.3f..%.3f px per spacing%s", lf.range_min_px, lf.range_max_px,
                lf.files->external_disparity ? " (given)" : "");
     else
-        printf("range unknown\n");
+        printf("range unknown");
+    if (lf.infinity_px != 0)
+        printf(", infinity at %.3f px", lf.infinity_px);
+    putchar('\n');
     sst_lightfield_fini(&lf);
     return 0;
 }

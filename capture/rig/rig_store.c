@@ -594,7 +594,7 @@ static int fill(const struct sst_scan_store *s, struct sst_lightfield *lf)
         return err;
     ref = &s->view[lf->ref_view].read;
     lf->spacing_mm = s->pitch_um[0] / 1000.0;
-    lf->parallel = true;
+    lf->infinity_known = true; /* at 0: one camera that moves without turning */
     snprintf(lf->files->source, sizeof(lf->files->source), "rig capture, camera %s at %s",
              s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial",
              s->view[lf->ref_view].port);

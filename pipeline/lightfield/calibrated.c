@@ -107,6 +107,14 @@ static int check_views(const struct sst_rectified *to, const struct sst_calib *c
     return 0;
 }
 
+void rectified_geometry(struct sst_lightfield *lf)
+{
+    lf->infinity_known = true;
+    lf->infinity_px = 0;
+    lf->off_centre_px[0] = lf->rectified->cx - (lf->width - 1) / 2.0;
+    lf->off_centre_px[1] = lf->rectified->cy - (lf->height - 1) / 2.0;
+}
+
 int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use)
 {
     struct sst_calib *calib = calloc(1, sizeof(*calib));
@@ -139,6 +147,7 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
     lf->height = to->height;
     lf->focal_px = to->focal_px;
     lf->spacing_mm = to->spacing_mm;
+    rectified_geometry(lf);
     set_offsets(lf, to);
     return 0;
 }

@@ -11,7 +11,8 @@
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
-#define SENSOR_MM 35.0 /* HCI expresses the focal length by a sensor size; any value works, this is the benchmark's */
+#define SENSOR_MM 35.0  /* HCI expresses the focal length by a sensor size; any value works, this is the benchmark's */
+#define FSTOP     100.0 /* everything is sharp */
 
 struct format {
     const char *name, *marker; /* marker: a file that identifies an export of this format */
@@ -31,6 +32,14 @@ static int open_text(struct sst_outfile *out, const struct export_job *job, cons
 }
 
 /* --- stanford ----------------------------------------------------------------------------------------------------- */
+
+/* For our own import; the formats have no place for it. */
+static void put_off_centre(FILE *f, const struct sst_lightfield *lf)
+{
+    if (lf->off_centre_px[0] != 0 || lf->off_centre_px[1] != 0)
+        fprintf(f, "\n[principal]\noff_centre_x_px = %.17g\noff_centre_y_px = %.17g\n", lf->off_centre_px[0],
+                lf->off_centre_px[1]);
+}
 
 /* Positions in millimetres, or in spacings if the spacing is unknown. */
 static double position_unit(const struct sst_lightfield *lf)
@@ -78,6 +87,9 @@ static int stanford_rest(const struct export_job *job)
         fprintf(out.stream, "focal_px = %.17g\n", lf->focal_px);
     if (lf->range_min_px < lf->range_max_px)
         fprintf(out.stream, "disp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
+    if (lf->infinity_known)
+        fprintf(out.stream, "infinity_px = %.17g\n", lf->infinity_px);
+    put_off_centre(out.stream, lf);
     return sst_outfile_commit(&out);
 }
 
@@ -171,6 +183,47 @@ static void put_offsets(FILE *f, const struct sst_lightfield *lf)
                         worst);
 }
 
+/* Principal points of a converging grid are in the middle for a camera in the middle. */
+static bool hci_centred(const struct sst_lightfield *lf)
+{
+    return lf->off_centre_px[0] == ((lf->cols - 1) / 2.0 - lf->ref_view % lf->cols) * lf->infinity_px &&
+           lf->off_centre_px[1] == ((lf->rows - 1) / 2.0 - lf->ref_view / lf->cols) * lf->infinity_px;
+}
+
+/* Readers need every key of the benchmark, in this form; 0 is what is unknown. */
+static void put_hci(FILE *f, const struct sst_lightfield *lf)
+{
+    const double fb = lf->focal_px * lf->spacing_mm;
+    const bool focus_known = lf->infinity_known && (lf->infinity_px == 0 || fb > 0);
+    const double focus_m = !focus_known           ? 0
+                           : lf->infinity_px == 0 ? HCI_FOCUS_INFINITE_M
+                                                  : -fb / lf->infinity_px / 1000;
+    const double lo = lf->range_min_px, hi = lf->range_max_px;
+
+    fprintf(f,
+            "[intrinsics]\nfocal_length_mm = %.17g\nimage_resolution_x_px = %d\nimage_resolution_y_px = %d\n"
+            "sensor_size_mm = %g\nfstop = %g\n",
+            lf->focal_px * SENSOR_MM / sst_max_int(lf->width, lf->height), lf->width, lf->height, SENSOR_MM, FSTOP);
+    fprintf(f,
+            "\n[extrinsics]\nnum_cams_x = %d\nnum_cams_y = %d\nbaseline_mm = %.17g\nfocus_distance_m = %.17g\n"
+            "center_cam_x_m = 0.0\ncenter_cam_y_m = 0.0\ncenter_cam_z_m = 0.0\ncenter_cam_rx_rad = 0.0\n"
+            "center_cam_ry_rad = 0.0\ncenter_cam_rz_rad = 0.0\n",
+            lf->cols, lf->rows, lf->spacing_mm, focus_m);
+    fprintf(f,
+            "\n[meta]\nscene = lightfield\ncategory = other\ndate = unknown\nversion = 1\nauthors = unknown\n"
+            "contact = unknown\ndisp_min = %.17g\ndisp_max = %.17g\nfrustum_disp_min = %.17g\n"
+            "frustum_disp_max = %.17g\ndepth_map_scale = 1.0\n",
+            lo, hi, lo, hi);
+    put_offsets(f, lf);
+    if (!hci_centred(lf))
+        put_off_centre(f, lf);
+    if (!(lf->focal_px > 0) || !(lf->spacing_mm > 0) || !focus_known)
+        sst_log_warning("parameters.cfg has %s%s%s0 for what is not known, so that its readers make no depths of "
+                        "disparities; add --focal-px, --spacing-mm, --focus-mm or --infinity-px",
+                        lf->focal_px > 0 ? "" : "focal_length_mm ", lf->spacing_mm > 0 ? "" : "baseline_mm ",
+                        focus_known ? "" : "focus_distance_m ");
+}
+
 static int hci_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
@@ -180,17 +233,7 @@ static int hci_rest(const struct export_job *job)
 
     if (err)
         return err;
-    fprintf(out.stream, "[intrinsics]\nimage_resolution_x_px = %d\nimage_resolution_y_px = %d\n", lf->width,
-            lf->height);
-    if (lf->focal_px > 0)
-        fprintf(out.stream, "focal_length_mm = %.17g\nsensor_size_mm = %g\n",
-                lf->focal_px * SENSOR_MM / sst_max_int(lf->width, lf->height), SENSOR_MM);
-    fprintf(out.stream, "\n[extrinsics]\nnum_cams_x = %d\nnum_cams_y = %d\n", lf->cols, lf->rows);
-    if (lf->spacing_mm > 0)
-        fprintf(out.stream, "baseline_mm = %.17g\n", lf->spacing_mm);
-    if (lf->range_min_px < lf->range_max_px)
-        fprintf(out.stream, "\n[meta]\ndisp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
-    put_offsets(out.stream, lf);
+    put_hci(out.stream, lf);
     err = sst_outfile_commit(&out);
     return err || !lf->views[centre].disp.data ? err : hci_disparity(job, centre, "gt_disp_lowres.pfm");
 }
@@ -243,7 +286,7 @@ static int write_poses(const struct export_job *job, write_poses_fn *write, int 
     }
     for (int k = 0; k < views; k++)
         image_name(job, k, name[k]);
-    err = export_cameras(&exact, &job->lf, job->cfg);
+    err = export_cameras(&exact, &job->lf, job->cfg->dir);
     if (!err) {
         if (coefficients)
             err = sst_calib_reduce(&fitted, &exact, coefficients, job->cfg->lossy, "nerfstudio");
@@ -286,6 +329,33 @@ static int load(struct sst_lightfield *lf, const struct format *f, const char *d
     return sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
+/* What the user gives of cameras of which the light field knows nothing. */
+static int replace_geometry(struct sst_lightfield *lf, const struct sst_export_config *cfg)
+{
+    const bool converges = cfg->focus_mm > 0 && isfinite(cfg->focus_mm);
+
+    if (lf->calibration && (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->focus_mm > 0 || cfg->infinity_px)) {
+        sst_log_error("the light field has a calibration; leave out --focal-px, --spacing-mm, --focus-mm and "
+                      "--infinity-px");
+        return -EINVAL;
+    }
+    if (cfg->focal_px > 0)
+        lf->focal_px = cfg->focal_px;
+    if (cfg->spacing_mm > 0)
+        lf->spacing_mm = cfg->spacing_mm;
+    if (converges && (!(lf->focal_px > 0) || !(lf->spacing_mm > 0))) {
+        sst_log_error("--focus-mm needs the focal length and the camera spacing, one of which is unknown; add "
+                      "--focal-px and --spacing-mm, or use --infinity-px");
+        return -EBADMSG;
+    }
+    if (cfg->infinity_px)
+        lf->infinity_px = *cfg->infinity_px;
+    else if (cfg->focus_mm > 0)
+        lf->infinity_px = converges ? -lf->focal_px * lf->spacing_mm / cfg->focus_mm : 0;
+    lf->infinity_known |= cfg->infinity_px || cfg->focus_mm > 0;
+    return 0;
+}
+
 int sst_export(const struct sst_export_config *cfg)
 {
     const char *const inputs[] = { cfg->dir, NULL };
@@ -301,8 +371,8 @@ int sst_export(const struct sst_export_config *cfg)
         sst_log_error("unknown export format `%s`; use stanford, hci, colmap or nerfstudio", cfg->format);
         return -EINVAL;
     }
-    if (!f->raw && (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->lossy)) {
-        sst_log_error("--focal-px, --spacing-mm and --lossy belong to colmap and nerfstudio, not to %s", f->name);
+    if (strcmp(f->name, "nerfstudio") && cfg->lossy) {
+        sst_log_error("--lossy belongs to nerfstudio, not to %s", f->name);
         return -EINVAL;
     }
     err = sst_path_check_output(cfg->out, cfg->force, f->marker, inputs);
@@ -310,6 +380,9 @@ int sst_export(const struct sst_export_config *cfg)
         err = load(&job.lf, f, cfg->dir, threads);
     if (err)
         return err;
+    err = replace_geometry(&job.lf, cfg);
+    if (err)
+        goto out;
     err = sst_outdir_open(&folder, cfg->out, cfg->force);
     if (err)
         goto out;

@@ -32,12 +32,36 @@ static int check_known(const struct sst_lightfield *lf, const struct sst_calib *
     return 0;
 }
 
-/* Views share one rotation and one K; x_k = x - f B b_k / Z gives their centres. */
-static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield *lf,
-                             const struct sst_export_config *cfg)
+/* Parallel views have disparities above 0 only. */
+static int check_infinity(const struct sst_lightfield *lf, const char *dir)
 {
-    const double focal = cfg->focal_px > 0 ? cfg->focal_px : lf->focal_px;
-    const double spacing = cfg->spacing_mm > 0 ? cfg->spacing_mm : lf->spacing_mm;
+    const bool ranged = lf->range_min_px < lf->range_max_px;
+
+    if (!lf->infinity_known && ranged && lf->range_min_px < 0) {
+        sst_log_error("%s has disparities down to %.2f px, so its views converge (parallel ones have none below 0), and "
+                      "it is not known where; add --focus-mm Z, the distance at which the disparity is 0, or "
+                      "--infinity-px D, the disparity of what is infinitely far",
+                      dir, lf->range_min_px);
+        return -EBADMSG;
+    }
+    if (!lf->infinity_known)
+        sst_log_warning("it is not known whether the views of %s are parallel; they are exported so: right if what is "
+                        "infinitely far has the disparity 0, else add --focus-mm or --infinity-px",
+                        dir);
+    else if (ranged && lf->range_min_px < lf->infinity_px - 1) {
+        sst_log_error("%s has disparities down to %.2f px, behind infinity at %.2f px; correct --focus-mm, "
+                      "--infinity-px or the range",
+                      dir, lf->range_min_px, lf->infinity_px);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+/* Views share one rotation and one focal length. Their centres and principal points follow from
+ * x_k = x - b_k (f B / Z + infinity). */
+static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const char *dir)
+{
+    const double focal = lf->focal_px, spacing = lf->spacing_mm;
 
     if (!(focal > 0) || !(spacing > 0)) {
         sst_log_error("the light field's %s is unknown, so its cameras have no poses; add %s",
@@ -45,35 +69,34 @@ static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield 
                       focal > 0 ? "--spacing-mm" : "--focal-px (and --spacing-mm)");
         return -EBADMSG;
     }
+    if (check_infinity(lf, dir))
+        return -EBADMSG;
     if (sst_calib_init(out, lf->rows, lf->cols))
         return -ENOMEM;
     out->width = lf->width;
     out->height = lf->height;
     out->reference = lf->ref_view;
-    out->rig = true;
+    out->rig = lf->infinity_px == 0; /* one camera stepped over the grid would do */
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         struct sst_calib_camera *c = &out->camera[k];
 
         c->known = lf->views[k].present;
         c->fx = c->fy = focal;
-        c->cx = (lf->width - 1) / 2.0;
-        c->cy = (lf->height - 1) / 2.0;
+        c->cx = (lf->width - 1) / 2.0 + lf->off_centre_px[0] - lf->views[k].bx * lf->infinity_px;
+        c->cy = (lf->height - 1) / 2.0 + lf->off_centre_px[1] - lf->views[k].by * lf->infinity_px;
         c->position_mm[0] = lf->views[k].bx * spacing;
         c->position_mm[1] = lf->views[k].by * spacing;
     }
     return 0;
 }
 
-int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const struct sst_export_config *cfg)
+int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const char *dir)
 {
     struct sst_calib made;
     int err;
 
     if (!lf->calibration) {
-        err = rectified_cameras(&made, lf, cfg);
-    } else if (cfg->focal_px > 0 || cfg->spacing_mm > 0) {
-        sst_log_error("the light field has a calibration; leave out --focal-px and --spacing-mm");
-        err = -EINVAL;
+        err = rectified_cameras(&made, lf, dir);
     } else {
         err = check_known(lf, lf->calibration);
         if (!err)
@@ -101,15 +124,16 @@ static void put(FILE *f, const double *v, int n)
 
 /* Quaternion (w first) and translation in metres of X_b = R X_a + t, from camera a's axes into b's; a NULL: from the
  * rig's. */
-static void put_pose(FILE *f, const struct sst_calib_camera *a, const struct sst_calib_camera *b)
+static void get_pose(double q[4], double t[3], const struct sst_calib_camera *a, const struct sst_calib_camera *b)
 {
-    double r[9], v[3], t[3] = { 0 }, q[4], turn, half;
+    double r[9], v[3], turn, half;
 
     if (a)
         sst_rotation_between(b->rotation, a->rotation, r);
     else
         memcpy(r, b->rotation, sizeof(r));
     for (int i = 0; i < 3; i++) {
+        t[i] = 0;
         for (int j = 0; j < 3; j++)
             t[i] += b->rotation[3 * i + j] * ((a ? a->position_mm[j] : 0) - b->position_mm[j]) / METRE_MM;
     }
@@ -119,50 +143,95 @@ static void put_pose(FILE *f, const struct sst_calib_camera *a, const struct sst
     q[0] = cos(turn / 2);
     for (int i = 0; i < 3; i++)
         q[i + 1] = half * v[i];
+}
+
+static void put_pose(FILE *f, const struct sst_calib_camera *a, const struct sst_calib_camera *b)
+{
+    double q[4], t[3];
+
+    get_pose(q, t, a, b);
     put(f, q, 4);
     put(f, t, 3);
 }
 
-static void put_camera(FILE *f, const struct sst_calib *calib, int view, int id)
-{
-    const struct sst_calib_camera *c = &calib->camera[view];
+/* A model with the numbers that COLMAP's database gives to the files: images and cameras count from 1 in the order of
+ * the names. A single camera at many poses stays a single COLMAP camera. The rig and frame of an array are made
+ * after one of each for every image, where the files' names differ in the camera only; else these stay. */
+struct colmap_model {
+    const struct sst_calib *calib;
+    const char (*name)[64];
+    int images, view[SST_MAX_VIEWS]; /* images in the order of their names */
+    int number[SST_MAX_VIEWS];       /* of a view's image; 0: none */
+    bool lenses;                     /* the extractor has one camera model for all */
+    bool one_rig;                    /* an array as one rig with one frame */
+};
 
-    fprintf(f, "%d %s %d %d", id, c->lens ? "FULL_OPENCV" : "PINHOLE", calib->width, calib->height);
-    put(f, (const double[]){ c->fx, c->fy, c->cx + HALF_PX, c->cy + HALF_PX }, 4);
-    put(f, c->k, c->lens ? SST_LENS_MAX : 0);
-    putc('\n', f);
+/* Of the part of a file's name that says the camera. */
+static int camera_bytes(const char *name)
+{
+    return (int)strcspn(name, ".");
 }
 
-/* A single camera at many poses stays a single COLMAP camera. */
-static int camera_id(const struct sst_calib *calib, int view)
+static void model_init(struct colmap_model *m, const struct sst_calib *calib, const char (*name)[64])
 {
-    return calib->rig ? 1 : view + 1;
-}
-
-static void put_cameras(FILE *f, const struct sst_calib *calib, const char (*name)[64] SST_UNUSED)
-{
-    fputs("# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n", f);
+    *m = (struct colmap_model){ .calib = calib, .name = name };
     for (int k = 0; k < calib->rows * calib->cols; k++) {
-        if (calib->camera[k].known && (!calib->rig || k == calib->reference))
-            put_camera(f, calib, k, camera_id(calib, k));
+        int at = m->images;
+
+        if (!calib->camera[k].known)
+            continue;
+        for (; at > 0 && strcmp(name[m->view[at - 1]], name[k]) > 0; at--)
+            m->view[at] = m->view[at - 1];
+        m->view[at] = k;
+        m->images++;
+        m->lenses |= calib->camera[k].lens;
+    }
+    m->one_rig = !calib->rig;
+    for (int i = 0; i < m->images; i++) {
+        m->number[m->view[i]] = i + 1;
+        m->one_rig &= !strcmp(name[m->view[i]] + camera_bytes(name[m->view[i]]),
+                              name[m->view[0]] + camera_bytes(name[m->view[0]]));
     }
 }
 
-static void put_images(FILE *f, const struct sst_calib *calib, const char (*name)[64])
+static const char *camera_model(const struct colmap_model *m)
+{
+    return m->lenses ? "FULL_OPENCV" : "PINHOLE";
+}
+
+static int camera_number(const struct colmap_model *m, int view)
+{
+    return m->calib->rig ? 1 : m->number[view];
+}
+
+static void put_cameras(FILE *f, const struct colmap_model *m)
+{
+    fputs("# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n", f);
+    for (int i = 0; i < m->images; i++) {
+        const struct sst_calib_camera *c = &m->calib->camera[m->view[i]];
+
+        if (m->calib->rig && m->view[i] != m->calib->reference)
+            continue;
+        fprintf(f, "%d %s %d %d", camera_number(m, m->view[i]), camera_model(m), m->calib->width, m->calib->height);
+        put(f, (const double[]){ c->fx, c->fy, c->cx + HALF_PX, c->cy + HALF_PX }, 4);
+        put(f, c->k, m->lenses ? SST_LENS_MAX : 0);
+        putc('\n', f);
+    }
+}
+
+static void put_images(FILE *f, const struct colmap_model *m)
 {
     fputs("# Image list with two lines of data per image:\n"
           "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n",
           f);
-    for (int k = 0; k < calib->rows * calib->cols; k++) {
-        if (!calib->camera[k].known)
-            continue;
-        fprintf(f, "%d", k + 1);
-        put_pose(f, NULL, &calib->camera[k]);
-        fprintf(f, " %d %s\n\n", camera_id(calib, k), name[k]);
+    for (int i = 0; i < m->images; i++) {
+        fprintf(f, "%d", i + 1);
+        put_pose(f, NULL, &m->calib->camera[m->view[i]]);
+        fprintf(f, " %d %s\n\n", camera_number(m, m->view[i]), m->name[m->view[i]]);
     }
 }
 
-static void put_points(FILE *f, const struct sst_calib *calib SST_UNUSED, const char (*name)[64] SST_UNUSED)
+static void put_points(FILE *f, const struct colmap_model *m SST_UNUSED)
 {
     fputs("# 3D point list with one line of data per point:\n"
           "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n",
@@ -170,77 +239,136 @@ static void put_points(FILE *f, const struct sst_calib *calib SST_UNUSED, const 
 }
 
 /* An array becomes one rig of many cameras with one frame; a moved camera becomes a rig of one with many frames. */
-static void put_rigs(FILE *f, const struct sst_calib *calib, const char (*name)[64] SST_UNUSED)
+static void put_rigs(FILE *f, const struct colmap_model *m)
 {
-    int n = 0;
+    const struct sst_calib *calib = m->calib;
 
-    for (int k = 0; k < calib->rows * calib->cols; k++)
-        n += calib->camera[k].known;
     fputs("# Rig calib list with one line of data per calib:\n#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, "
           "SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n",
           f);
-    fprintf(f, "1 %d CAMERA %d", calib->rig ? 1 : n, camera_id(calib, calib->reference));
-    for (int k = 0; !calib->rig && k < calib->rows * calib->cols; k++) {
-        if (!calib->camera[k].known || k == calib->reference)
+    if (!m->one_rig) {
+        for (int i = 1; i <= (calib->rig ? 1 : m->images); i++)
+            fprintf(f, "%d 1 CAMERA %d\n", i, i);
+        return;
+    }
+    fprintf(f, "%d %d CAMERA %d", m->images + 1, m->images, m->number[calib->reference]);
+    for (int i = 0; i < m->images; i++) {
+        if (m->view[i] == calib->reference)
             continue;
-        fprintf(f, " CAMERA %d 1", k + 1);
-        put_pose(f, &calib->camera[calib->reference], &calib->camera[k]);
+        fprintf(f, " CAMERA %d 1", i + 1);
+        put_pose(f, &calib->camera[calib->reference], &calib->camera[m->view[i]]);
     }
     putc('\n', f);
 }
 
-static void put_frames(FILE *f, const struct sst_calib *calib, const char (*name)[64] SST_UNUSED)
+static void put_frames(FILE *f, const struct colmap_model *m)
 {
-    int n = 0;
+    const struct sst_calib *calib = m->calib;
 
     fputs("# Frame list with one line of data per frame:\n#   FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, "
           "TZ], NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)\n",
           f);
-    for (int k = 0; k < calib->rows * calib->cols; k++)
-        n += calib->camera[k].known;
-    if (!calib->rig) {
-        fputs("1 1", f);
+    if (m->one_rig) {
+        fprintf(f, "%d %d", m->images + 1, m->images + 1);
         put_pose(f, NULL, &calib->camera[calib->reference]);
-        fprintf(f, " %d", n);
+        fprintf(f, " %d", m->images);
+        for (int i = 1; i <= m->images; i++)
+            fprintf(f, " CAMERA %d %d", i, i);
+        putc('\n', f);
+        return;
     }
-    for (int k = 0; k < calib->rows * calib->cols; k++) {
-        if (!calib->camera[k].known)
+    for (int i = 0; i < m->images; i++) {
+        const int camera = camera_number(m, m->view[i]);
+
+        fprintf(f, "%d %d", i + 1, camera);
+        put_pose(f, NULL, &calib->camera[m->view[i]]);
+        fprintf(f, " 1 CAMERA %d %d\n", camera, i + 1);
+    }
+}
+
+/* The names of a camera's images begin so. */
+static void put_prefix(FILE *f, const char *name)
+{
+    fprintf(f, "{\"image_prefix\": \"%.*s\", ", camera_bytes(name), name);
+}
+
+/* For `colmap rig_configurator`, which must read the reference first. */
+static void put_rig_config(FILE *f, const struct colmap_model *m)
+{
+    const struct sst_calib *calib = m->calib;
+    double q[4], t[3];
+
+    fputs("[{\"cameras\": [\n ", f);
+    put_prefix(f, m->name[calib->reference]);
+    fputs("\"ref_sensor\": true}", f);
+    for (int i = 0; i < m->images; i++) {
+        if (m->view[i] == calib->reference)
             continue;
-        if (calib->rig) {
-            fprintf(f, "%d 1", k + 1);
-            put_pose(f, NULL, &calib->camera[k]);
-            fprintf(f, " 1");
-        }
-        fprintf(f, " CAMERA %d %d%s", camera_id(calib, k), k + 1, calib->rig ? "\n" : "");
+        get_pose(q, t, &calib->camera[calib->reference], &calib->camera[m->view[i]]);
+        fputs(",\n ", f);
+        put_prefix(f, m->name[m->view[i]]);
+        fprintf(f,
+                "\"cam_from_rig_rotation\": [%.17g, %.17g, %.17g, %.17g], "
+                "\"cam_from_rig_translation\": [%.17g, %.17g, %.17g]}",
+                q[0], q[1], q[2], q[3], t[0], t[1], t[2]);
     }
-    fputs(calib->rig ? "" : "\n", f);
+    fputs("\n]}]\n", f);
+}
+
+static void put_commands(FILE *f, const struct colmap_model *m, const char *versions, const char *extraction,
+                         const char *matching, const char *between)
+{
+    fprintf(f,
+            "\n# COLMAP %s\n"
+            "colmap feature_extractor --database_path points.db --image_path images --ImageReader.camera_model %s%s "
+            "--%s.num_threads 1 --%s.use_gpu 0\n"
+            "%s"
+            "colmap exhaustive_matcher --database_path points.db --%s.use_gpu 0\n"
+            "mkdir points\n"
+            "colmap point_triangulator --database_path points.db --image_path images --input_path sparse/0 "
+            "--output_path points\n",
+            versions, camera_model(m), m->calib->rig ? " --ImageReader.single_camera 1" : "", extraction, extraction,
+            between, matching);
+}
+
+static void put_readme(FILE *f, const struct colmap_model *m)
+{
+    fputs("A model without points in sparse/0, lengths in metres. To make points for its poses, run in this folder, with an\n"
+          "empty database: one thread numbers the images in the order of their names, as the model does. Leave out use_gpu 0\n"
+          "where COLMAP has CUDA.\n",
+          f);
+    put_commands(f, m, "3.8 to 3.11", "SiftExtraction", "SiftMatching", "");
+    put_commands(f, m, "3.12 and later", "FeatureExtraction", "FeatureMatching",
+                 m->one_rig ? "colmap rig_configurator --database_path points.db --rig_config_path rig_config.json\n" : "");
 }
 
 int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
 {
     static const struct {
         const char *name;
-        void (*put)(FILE *f, const struct sst_calib *calib, const char (*name)[64]);
-    } files[] = { { "cameras.txt", put_cameras },
-                  { "images.txt", put_images },
-                  { "points3D.txt", put_points },
-                  { "rigs.txt", put_rigs },
-                  { "frames.txt", put_frames } };
-    char model[SST_PATH_MAX], path[SST_PATH_MAX];
+        void (*put)(FILE *f, const struct colmap_model *m);
+        bool one_rig; /* of an array only */
+    } files[] = { { "sparse/0/cameras.txt", put_cameras, false }, { "sparse/0/images.txt", put_images, false },
+                  { "sparse/0/points3D.txt", put_points, false }, { "sparse/0/rigs.txt", put_rigs, false },
+                  { "sparse/0/frames.txt", put_frames, false },   { "rig_config.json", put_rig_config, true },
+                  { "README.txt", put_readme, false } };
+    char path[SST_PATH_MAX];
+    struct colmap_model m;
     struct sst_outfile out;
     int err = make_folder(dir, "sparse");
 
+    model_init(&m, calib, name);
     if (!err)
         err = make_folder(dir, "sparse/0");
-    if (!err)
-        err = sst_path_join(model, dir, "sparse/0");
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
-        err = sst_path_join(path, model, files[i].name);
+        if (files[i].one_rig && !m.one_rig)
+            continue;
+        err = sst_path_join(path, dir, files[i].name);
         if (!err)
             err = sst_outfile_open(&out, path);
         if (err)
             break;
-        files[i].put(out.stream, calib, name);
+        files[i].put(out.stream, &m);
         err = sst_outfile_commit(&out);
     }
     return err;

@@ -55,6 +55,10 @@ static int check_config(const struct sst_import_config *cfg)
         sst_log_error("--calib is for raw frames, from a folder or a recording; %s holds rectified views", cfg->format);
         return -EINVAL;
     }
+    if (cfg->calibration && cfg->infinity_px) {
+        sst_log_error("--infinity-px has no effect with --calib, which makes parallel views");
+        return -EINVAL;
+    }
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
         cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX ||
         fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
@@ -260,6 +264,27 @@ static int check_sizes(const struct job *job)
 
 /* --- the import --------------------------------------------------------------------------------------------------- */
 
+/* Where infinity is, by precedence: as the user gives it, as the source does, or by the distance at which it converges. */
+static void set_infinity(struct import_plan *plan)
+{
+    struct sst_lightfield *lf = &plan->lf;
+    const struct import_view *ref = &plan->views[lf->ref_view];
+
+    if (plan->cfg->infinity_px)
+        lf->infinity_px = *plan->cfg->infinity_px;
+    else if (isinf(plan->focus_mm))
+        lf->infinity_px = 0;
+    else if (plan->focus_mm != 0 && lf->focal_px > 0 && lf->spacing_mm > 0)
+        lf->infinity_px = -lf->focal_px * lf->spacing_mm / plan->focus_mm;
+    else
+        return;
+    lf->infinity_known = true;
+    if (isnan(plan->centre[0]))
+        return;
+    lf->off_centre_px[0] = (plan->centre[0] - ref->pos_x) / plan->spacing * lf->infinity_px;
+    lf->off_centre_px[1] = (plan->centre[1] - ref->pos_y) / plan->spacing * lf->infinity_px;
+}
+
 /* Range by precedence: the user's, the source's, that of the true disparities. */
 static void set_range(const struct job *job)
 {
@@ -330,6 +355,7 @@ static int fill(struct job *job)
     plan->lf.height = job->height[ref];
     if (plan->focal_sides > 0)
         plan->lf.focal_px = plan->focal_sides * sst_max_int(plan->lf.width, plan->lf.height);
+    set_infinity(plan);
     if (cfg->calibration)
         err = sst_lightfield_calibrate(&plan->lf, cfg->calibration);
     if (err)
@@ -374,7 +400,7 @@ static int run(struct import_plan *plan, int (*format)(struct import_plan *), co
 int sst_import(const struct sst_import_config *cfg)
 {
     const char *inputs[] = { cfg->source, cfg->disparity_dir, cfg->labels_dir, NULL, NULL };
-    struct import_plan plan = { .cfg = cfg, .spacing = 1, .truth_scale = 1 };
+    struct import_plan plan = { .cfg = cfg, .spacing = 1, .truth_scale = 1, .centre = { (double)NAN, (double)NAN } };
     struct sst_outdir out;
     size_t i = 0;
     int err;

@@ -12,6 +12,7 @@ struct sst_import_config {
     const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
     const char *labels_dir;    /* rr_cc.png, label values; NULL: none */
     double range_min_px, range_max_px;             /* equal: from the source if it has one, else unknown */
+    const double *infinity_px;                     /* disparity of infinity; NULL: from the source, else unknown */
     const struct sst_use_calibration *calibration; /* folder: the images are raw frames of this array; NULL: views */
     bool force;                                    /* replace an existing output */
     int threads;
@@ -27,9 +28,10 @@ SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
 struct sst_export_config {
     const char *format;    /* "stanford", "hci", "colmap", "nerfstudio" */
     const char *dir, *out; /* light field; folder to create */
-    double focal_px,
-        spacing_mm; /* colmap, nerfstudio: for a light field that has neither them nor a calibration; else 0 */
-    bool lossy;     /* nerfstudio: accept lenses that its model misses by over 0.05 px */
+    double focal_px, spacing_mm; /* replace the light field's, which has no calibration; 0: its own */
+    double focus_mm;             /* the same for where its views converge, INFINITY: nowhere; ... */
+    const double *infinity_px;   /* ... or for the disparity of infinity; NULL */
+    bool lossy;                  /* nerfstudio: accept lenses that its model misses by over 0.05 px */
     bool force;     /* replace an earlier export */
     int threads;
 };

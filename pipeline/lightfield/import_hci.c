@@ -1,11 +1,14 @@
 /* The format of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is
- * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI); true
+ * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI), whose
+ * focus_distance_m is where the views converge, as seen from the middle of the grid (0, as our own export writes it:
+ * unknown); true
  * disparity in gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
  *
  * HCI's disparity is positive in front of the focus plane, in pixels per camera step, and a point at x in a view is at
  * x - d in the next view to the right: the same convention as ours. A sub-set of the views (a window, or every second)
  * is ranked; its disparity is converted where the step is not 1. */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -43,7 +46,7 @@ static int number(const struct grid *g, const char *key, double *value)
 static int read_params(struct import_plan *plan, struct grid *g)
 {
     const int i = names_find(&plan->names, "parameters.cfg");
-    double rows = 9, cols = 9, focal_mm = 0, sensor_mm = 0;
+    double rows = 9, cols = 9, focal_mm = 0, sensor_mm = 0, focus_m = 0;
     uint8_t *text;
     size_t size;
     int err;
@@ -60,9 +63,17 @@ static int read_params(struct import_plan *plan, struct grid *g)
     if ((err = number(g, "num_cams_y", &rows)) < 0 || (err = number(g, "num_cams_x", &cols)) < 0 ||
         (err = number(g, "focal_length_mm", &focal_mm)) < 0 || (err = number(g, "sensor_size_mm", &sensor_mm)) < 0 ||
         (err = number(g, "baseline_mm", &plan->lf.spacing_mm)) < 0 ||
+        (err = number(g, "focus_distance_m", &focus_m)) < 0 ||
         (err = number(g, "disp_min", &plan->lf.range_min_px)) < 0 ||
         (err = number(g, "disp_max", &plan->lf.range_max_px)) < 0)
         return err;
+    err = g->params ? params_off_centre(&plan->lf, g->params, g->params_path) : 0;
+    if (err < 0)
+        return err;
+    if (!err) {
+        plan->centre[0] = (cols - 1) / 2;
+        plan->centre[1] = (rows - 1) / 2;
+    }
     if (!(rows >= 1 && rows <= SST_MAX_VIEWS && cols >= 1 && cols <= SST_MAX_VIEWS)) {
         sst_log_error("%s: num_cams_y %g and num_cams_x %g are outside 1..%d", g->params_path, rows, cols,
                       SST_MAX_VIEWS);
@@ -72,6 +83,7 @@ static int read_params(struct import_plan *plan, struct grid *g)
     g->cols = (int)cols;
     if (focal_mm > 0 && sensor_mm > 0)
         plan->focal_sides = focal_mm / sensor_mm;
+    plan->focus_mm = focus_m >= HCI_FOCUS_INFINITE_M ? INFINITY : focus_m * 1000;
     return 0;
 }
 
@@ -178,22 +190,20 @@ static int place_all(struct import_plan *plan, const struct grid *g)
 int import_hci(struct import_plan *plan)
 {
     struct grid g = { 0 };
-    double range[2], spacing_mm;
+    struct sst_lightfield params;
     int err = read_params(plan, &g);
 
-    /* import_set_grid() resets the light field. */
-    range[0] = plan->lf.range_min_px;
-    range[1] = plan->lf.range_max_px;
-    spacing_mm = plan->lf.spacing_mm;
+    params = plan->lf; /* import_set_grid() resets it */
     if (!err)
         err = find_lines(plan, &g);
     if (!err)
         err = place_all(plan, &g);
     if (!err) {
         plan->spacing = plan->truth_scale = median_step(&g);
-        plan->lf.range_min_px = range[0] * plan->spacing;
-        plan->lf.range_max_px = range[1] * plan->spacing;
-        plan->lf.spacing_mm = spacing_mm * plan->spacing;
+        plan->lf.range_min_px = params.range_min_px * plan->spacing;
+        plan->lf.range_max_px = params.range_max_px * plan->spacing;
+        plan->lf.spacing_mm = params.spacing_mm * plan->spacing;
+        memcpy(plan->lf.off_centre_px, params.off_centre_px, sizeof(params.off_centre_px));
     }
     free(g.params);
     return err;

@@ -141,6 +141,13 @@ int params_number(const char *text, const char *path, const char *key, double *v
     return 0;
 }
 
+int params_off_centre(struct sst_lightfield *lf, const char *text, const char *path)
+{
+    const int err = params_number(text, path, "off_centre_x_px", &lf->off_centre_px[0]);
+
+    return err < 0 ? err : params_number(text, path, "off_centre_y_px", &lf->off_centre_px[1]);
+}
+
 int import_set_grid(struct import_plan *plan, int rows, int cols)
 {
     const struct sst_import_config *cfg = plan->cfg;

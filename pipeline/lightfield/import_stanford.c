@@ -174,7 +174,7 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
 }
 
 /* Reads the file that our own export adds for what names cannot hold: the nominal spacing, which is not exactly the
- * median of measured ones, whether positions are in millimetres, and the range. */
+ * median of measured ones, whether positions are in millimetres, the range, and where infinity is. */
 static int read_extra(struct import_plan *plan)
 {
     const int i = names_find(&plan->names, "positions.cfg");
@@ -197,8 +197,12 @@ static int read_extra(struct import_plan *plan)
     if ((err = params_number(t, path, "spacing", &plan->spacing)) >= 0 &&
         (err = params_number(t, path, "spacing_mm", &lf->spacing_mm)) >= 0 &&
         (err = params_number(t, path, "focal_px", &lf->focal_px)) >= 0 &&
-        (err = params_number(t, path, "disp_min", &lf->range_min_px)) >= 0)
-        err = params_number(t, path, "disp_max", &lf->range_max_px);
+        (err = params_number(t, path, "disp_min", &lf->range_min_px)) >= 0 &&
+        (err = params_number(t, path, "disp_max", &lf->range_max_px)) >= 0 &&
+        (err = params_off_centre(lf, t, path)) >= 0) {
+        err = params_number(t, path, "infinity_px", &lf->infinity_px);
+        lf->infinity_known = err > 0;
+    }
     free(text);
     return err < 0 ? err : 0;
 }

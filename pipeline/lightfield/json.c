@@ -94,6 +94,10 @@ const char *lightfield_fault(const struct sst_lightfield *lf)
         return "focal_px: outside 0..1e9";
     if (!within(lf->spacing_mm, 0, 1e9))
         return "spacing_mm: outside 0..1e9";
+    if (!within(lf->infinity_px, -SST_DISP_ABS_MAX_PX, SST_DISP_ABS_MAX_PX))
+        return "infinity_px: outside -32768..32768";
+    if (!within(lf->off_centre_px[0], -1e6, 1e6) || !within(lf->off_centre_px[1], -1e6, 1e6))
+        return "off_centre_px: outside -1e6..1e6";
     if (!within(lf->skew_us, 0, 1e12))
         return "skew_us: outside 0..1e12";
     if (sst_lightfield_choose_ref(&copy))
@@ -183,6 +187,21 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *
         r->skew_deg);
 }
 
+/* Where infinity is, and the principal point; with a calibration both follow from it. */
+static int geometry_to_json(const struct sst_lightfield *lf, json_t *root)
+{
+    const double *off = lf->off_centre_px;
+
+    if (lf->rectified)
+        return 0;
+    if (lf->infinity_known && (lf->infinity_px != 0
+                                   ? json_object_set_new(root, "infinity_px", json_real(lf->infinity_px))
+                                   : json_object_set_new(root, "parallel", json_true())))
+        return -1;
+    return (off[0] != 0 || off[1] != 0) &&
+           json_object_set_new(root, "off_centre_px", json_pack("[f, f]", off[0], off[1]));
+}
+
 char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)
 {
     json_t *root = json_pack(
@@ -197,7 +216,7 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
     if (root &&
         ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
-         (lf->parallel && json_object_set_new(root, "parallel", json_true())) ||
+         geometry_to_json(lf, root) ||
          (lf->skew_us > 0 && json_object_set_new(root, "skew_us", json_real(lf->skew_us))) ||
          (lf->samples.white &&
           json_object_set_new(root, "samples", json_pack("[i, i]", lf->samples.black, lf->samples.white))) ||
@@ -451,6 +470,7 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
         return -ENOMEM;
     }
     *lf->rectified = to;
+    rectified_geometry(lf);
     return 0;
 }
 
@@ -564,7 +584,15 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->spacing_mm = get_double(r, "spacing_mm");
     lf->files->external_disparity = get_bool(r, "disparity_given");
     lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
-    lf->parallel = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
+    lf->infinity_known = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
+    if (json_object_get(r->object, "infinity_px")) {
+        lf->infinity_px = get_double(r, "infinity_px");
+        if (lf->infinity_known && lf->infinity_px != 0)
+            fault(r, "infinity_px", "contradicts parallel");
+        lf->infinity_known = true;
+    }
+    if (json_object_get(r->object, "off_centre_px"))
+        get_doubles(r, "off_centre_px", lf->off_centre_px, 2);
     lf->skew_us = json_object_get(r->object, "skew_us") ? get_double(r, "skew_us") : 0;
     if (json_object_get(r->object, "samples"))
         read_samples(lf, r);

@@ -42,7 +42,10 @@ struct sst_lightfield {
     double disp_min_px;                /* disparity of stored value 0; may be negative */
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
     struct sst_samples samples;        /* of 16-bit views; all are scaled alike */
-    bool parallel;                     /* one camera that moved without turning: infinity has disparity 0 */
+    bool infinity_known;               /* infinity_px is known; false: it is 0 */
+    double infinity_px; /* disparity of what is infinitely far: Z = f B / (d - infinity_px). 0: parallel views; below
+                           0: they converge at Z = -f B / infinity_px, where d is 0 */
+    double off_centre_px[2]; /* principal point of the reference view from the middle of the picture, right and down */
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
     double focal_px;                   /* 0: unknown */
     double spacing_mm;                 /* nominal spacing; 0: unknown */

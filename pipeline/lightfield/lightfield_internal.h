@@ -16,12 +16,11 @@ struct export_job {
 };
 
 /**
- * The cameras that took the views' files: the light field's calibration, or one pinhole in the rectified views' plane,
- * its principal point in the middle of the picture.
- * @return 0, -EBADMSG (focal length or spacing is unknown, or a view's camera), -ENOMEM; logged
+ * The cameras that took the views' files: the light field's calibration, or pinholes in the rectified views' plane:
+ * one for all views that are parallel, one each where they converge, which moves principal points.
+ * @return 0, -EBADMSG (focal length, spacing or infinity is unknown, or a view's camera), -ENOMEM; logged
  */
-SST_MUST_CHECK int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf,
-                                  const struct sst_export_config *cfg);
+SST_MUST_CHECK int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const char *dir);
 
 /**
  * A COLMAP model as text in dir/sparse/0: cameras, images, points3D (empty), rigs and frames. COLMAP's convention:
@@ -43,7 +42,8 @@ SST_MUST_CHECK int nerfstudio_write(const struct sst_calib *calib, const char (*
  * A format (import_<format>.c) reads names and parameters only and fills the plan; import.c does what all formats
  * share: decoding, checking, hashing, copying, writing. */
 
-#define SST_NAME_MAX 256
+#define SST_NAME_MAX         256
+#define HCI_FOCUS_INFINITE_M 1e9 /* focus_distance_m of parallel views: readers need a number */
 
 /** Regular files of a folder in the order of their names, hidden ones left out. */
 struct name_list {
@@ -68,6 +68,8 @@ struct import_plan {
     double spacing;            /* nominal spacing in the unit of the positions, above 0 */
     double truth_scale;        /* factor from the source's disparity to ours */
     double focal_sides;        /* focal length in units of the longer side of an image; 0: unknown */
+    double focus_mm;           /* distance at which the views converge, with focal length and spacing; 0: unknown */
+    double centre[2];          /* where a converging camera has its principal point in the middle; NAN: the reference */
 };
 
 /** The formats: set grid, views and spacing; log contradictions. */
@@ -101,6 +103,9 @@ int distinct(int *v, int n);
  * @return 1 and *value, 0 when the key is absent (*value stays), -EBADMSG when it is not a finite number (logged).
  */
 SST_MUST_CHECK int params_number(const char *text, const char *path, const char *key, double *value);
+
+/** The principal point that our own exports add: off_centre_x_px, off_centre_y_px. @return as above */
+SST_MUST_CHECK int params_off_centre(struct sst_lightfield *lf, const char *text, const char *path);
 
 /* --- correction --- */
 
@@ -151,6 +156,9 @@ SST_MUST_CHECK int lightfield_read_json(struct sst_lightfield *lf, const char *p
 /** Load the calibration that lightfield_read_json() found.
  *  @return 0, -ENOENT, -EBADMSG (differs from the one it was made with), -ENOMEM, -EIO; logged. */
 SST_MUST_CHECK int calibration_load(struct sst_lightfield *lf, const char *dir);
+
+/** Set where infinity and the principal point are from lf->rectified. */
+void rectified_geometry(struct sst_lightfield *lf);
 
 /** Undo sst_lightfield_calibrate() except for the offsets; restores the raw frames' width and height. */
 void calibration_drop(struct sst_lightfield *lf);

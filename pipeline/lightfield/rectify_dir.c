@@ -78,14 +78,15 @@ static int convert_view(void *arg, int k, int worker)
     return err;
 }
 
-/* The old geometry's disparity range, scaled by f B where both are known, holds for the new one. */
-static void scale_range(struct sst_lightfield *lf, double old_fb)
+/* The old geometry's disparity range, counted from infinity and scaled by f B where these are known, holds for the new
+ * one, whose infinity is at 0. */
+static void scale_range(struct sst_lightfield *lf, double old_fb, double old_infinity_px)
 {
     const double scale = old_fb > 0 ? lf->focal_px * lf->spacing_mm / old_fb : 1;
 
     if (lf->range_min_px < lf->range_max_px) {
-        lf->range_min_px *= scale;
-        lf->range_max_px = fmin(lf->range_max_px * scale, lf->range_min_px + SST_RANGE_MAX_PX);
+        lf->range_min_px = (lf->range_min_px - old_infinity_px) * scale;
+        lf->range_max_px = fmin((lf->range_max_px - old_infinity_px) * scale, lf->range_min_px + SST_RANGE_MAX_PX);
     }
     lf->disp_min_px = floor(lf->range_min_px);
 }
@@ -94,7 +95,7 @@ static int prepare(struct job *job)
 {
     const struct sst_use_calibration *use = job->cfg->use;
     struct sst_lightfield *lf = &job->lf;
-    const double old_fb = lf->focal_px * lf->spacing_mm;
+    const double old_fb = lf->focal_px * lf->spacing_mm, old_infinity_px = lf->infinity_px;
     int err;
 
     lf->files->external_disparity = lf->files->external_labels = false;
@@ -112,7 +113,7 @@ static int prepare(struct job *job)
         if (err)
             return err;
     }
-    scale_range(lf, old_fb);
+    scale_range(lf, old_fb, old_infinity_px);
     return 0;
 }
 

@@ -9,7 +9,7 @@ python=${PYTHON:-/usr/bin/python3}
 ok() { "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }
 
 cat >tool.py <<'PY'
-import json, math, sys
+import configparser, json, math, os, sys
 import numpy as np
 
 SIZE, GRID = (200, 150), (2, 3)
@@ -50,7 +50,13 @@ def colmap(dir):  # name -> function of points (metres) that gives pixels, (0.5,
         assert len(w) == 10
         images[int(w[0])] = (rotation([float(x) for x in w[1:5]]), np.array([float(x) for x in w[5:8]]), int(w[8]), w[9])
     assert lines(dir + '/sparse/0/points3D.txt') == []
+    # COLMAP's database counts both in the order of the names, its extractor has one model for all.
+    names = [images[i][3] for i in range(1, len(images) + 1)]
+    assert names == sorted(names) and sorted(cams) == list(range(1, len(cams) + 1))
+    assert [images[i][2] for i in sorted(images)] == (sorted(images) if len(cams) > 1 else [1] * len(images))
+    assert len({model for model, _, _ in cams.values()}) == 1
     rigs(dir, images)
+    readme(dir, cams)
     for R, t, cam, name in images.values():
         model, size, p = cams[cam]
         assert size == SIZE and len(p) == {'PINHOLE': 4, 'FULL_OPENCV': 12}[model]
@@ -63,7 +69,9 @@ def pose(w):
 def rigs(dir, images):  # an image's pose is its sensor's in the rig after the rig's in the world
     (rig,) = lines(dir + '/sparse/0/rigs.txt')
     w = rig.split()
-    assert w[0] == '1' and w[2] == 'CAMERA'
+    number = w[0]
+    assert number == ('1' if w[1] == '1' else str(len(images) + 1)) and w[2] == 'CAMERA'
+    config(dir, images, w[1] != '1', int(w[3]))
     sensor = {int(w[3]): (np.eye(3), np.zeros(3))}
     for i in range(4, len(w), 10):
         assert w[i] == 'CAMERA' and w[i + 2] == '1'
@@ -72,7 +80,8 @@ def rigs(dir, images):  # an image's pose is its sensor's in the rig after the r
     seen = set()
     for l in lines(dir + '/sparse/0/frames.txt'):
         w = l.split()
-        assert w[1] == '1' and len(w) == 10 + 3 * int(w[9])
+        assert w[1] == number and len(w) == 10 + 3 * int(w[9])
+        assert number == '1' or w[0] == number
         Rr, tr = pose(w[2:9])
         for i in range(10, len(w), 3):
             assert w[i] == 'CAMERA'
@@ -82,6 +91,28 @@ def rigs(dir, images):  # an image's pose is its sensor's in the rig after the r
             assert np.allclose(Rs @ Rr, R, atol=1e-14) and np.allclose(Rs @ tr + ts, t, atol=1e-14)
             seen.add(int(w[i + 2]))
     assert seen == set(images)
+
+def config(dir, images, array, reference):  # for rig_configurator: the reference first
+    if not array:
+        assert not os.path.exists(dir + '/rig_config.json')
+        return
+    (rig,) = json.load(open(dir + '/rig_config.json'))
+    first, *rest = rig['cameras']
+    R0, t0, cam, name = images[reference]
+    assert first == {'image_prefix': name.split('.')[0], 'ref_sensor': True}
+    found = {name.split('.')[0]: (R, t) for R, t, _, name in images.values()}
+    assert len(rest) == len(images) - 1
+    for c in rest:
+        R, t = found[c['image_prefix']]
+        Rs = rotation(c['cam_from_rig_rotation'])
+        assert np.allclose(Rs @ R0, R, atol=1e-14)
+        assert np.allclose(Rs @ t0 + c['cam_from_rig_translation'], t, atol=1e-14)
+
+def readme(dir, cams):
+    text = open(dir + '/README.txt').read()
+    assert text.count('--ImageReader.camera_model %s ' % cams[1][0]) == 2
+    assert text.count('--ImageReader.single_camera 1') == (2 if len(cams) == 1 else 0)
+    assert text.count('rig_configurator') == (0 if len(cams) == 1 else 1)
 
 def nerfstudio(dir):  # camera-to-world, camera x right, y up, z back
     f = json.load(open(dir + '/transforms.json'))
@@ -107,15 +138,45 @@ def pfm(path):
         order = '<' if float(f.readline()) < 0 else '>'
         return np.flipud(np.frombuffer(f.read(), order + 'f4').reshape(h, w)).astype(float)
 
-def scene_truth():  # points of the scene, by the true disparity of the reference view
+INFINITY = -7  # of the same pictures as those of a set that converges
+
+def scene_truth(infinity=0, off=(0, 0), hole=None):  # points of the scene, by the true disparity of the reference view
     lf = json.load(open('scene/lightfield.json'))
     f, B = lf['focal_px'], lf['spacing_mm']
     d = pfm('scene/truth/00_01.pfm')
     x, y = rng.integers(0, SIZE[0], 50), rng.integers(0, SIZE[1], 50)
     d = d[y, x]
-    Z = f * B / d
-    X = np.stack([(x - (SIZE[0] - 1) / 2) * Z / f, (y - (SIZE[1] - 1) / 2) * Z / f, Z], 1) / 1000
-    return X, {v['file']: np.stack([x - d * v['bx'], y - d * v['by']], 1) for v in lf['views']}
+    Z = f * B / (d - infinity)
+    X = np.stack([(x - (SIZE[0] - 1) / 2 - off[0]) * Z / f, (y - (SIZE[1] - 1) / 2 - off[1]) * Z / f, Z], 1) / 1000
+    return X, {v['file']: np.stack([x - d * v['bx'], y - d * v['by']], 1) for v in lf['views'] if v['file'] != hole}
+
+def hci():  # the pictures as those of the benchmark, which converge where d is 0; row 0.5 is the middle of two
+    lf = json.load(open('scene/lightfield.json'))
+    os.makedirs('hci')
+    for v in lf['views']:
+        os.link('scene/views/' + v['file'], 'hci/input_Cam%03d.png' % (v['row'] * GRID[1] + v['col']))
+    with open('hci/parameters.cfg', 'w') as f:
+        f.write('[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = %r\n[extrinsics]\nnum_cams_x = 3\nnum_cams_y = 2\n'
+                'baseline_mm = %r\nfocus_distance_m = %r\n[meta]\ndisp_min = -1\ndisp_max = 40\n'
+                % (100 * SIZE[0] / lf['focal_px'], lf['spacing_mm'], lf['focal_px'] * lf['spacing_mm'] / -INFINITY / 1000))
+
+def parameters(path, focus_m):  # every key that the benchmark's own two readers ask for
+    p = configparser.ConfigParser()
+    p.read(path)
+    for key in 'focal_length_mm image_resolution_x_px image_resolution_y_px sensor_size_mm fstop'.split():
+        p.getfloat('intrinsics', key)
+    for key in ('num_cams_x num_cams_y baseline_mm focus_distance_m center_cam_x_m center_cam_y_m center_cam_z_m '
+                'center_cam_rx_rad center_cam_ry_rad center_cam_rz_rad').split():
+        p.getfloat('extrinsics', key)
+    for key in 'disp_min disp_max frustum_disp_min frustum_disp_max depth_map_scale'.split():
+        p.getfloat('meta', key)
+    for key in 'scene category date version authors contact'.split():
+        assert p.get('meta', key)
+    got = p.getfloat('extrinsics', 'focus_distance_m')
+    assert abs(got - focus_m) <= 1e-12 * focus_m, (got, focus_m)
+    # Z of a disparity by the benchmark's own formula
+    f = p.getfloat('intrinsics', 'focal_length_mm') / p.getfloat('intrinsics', 'sensor_size_mm') * SIZE[0]
+    return lambda d: 1 / (d / (f * p.getfloat('extrinsics', 'baseline_mm')) + 1 / (1000 * got))
 
 def array(lens8):  # cameras of an array whose pictures these might be
     cams = {}
@@ -149,7 +210,9 @@ def compare(made, truth, what):
     if not worst < 1e-6:
         sys.exit('%s: off by %g px' % (what, worst))
 
-if sys.argv[1] == 'make':
+if sys.argv[1] == 'hci':
+    hci()
+elif sys.argv[1] == 'make':
     write_array('calib.yaml', array(False))
     write_array('calib8.yaml', array(True))
 else:
@@ -159,6 +222,20 @@ else:
     compare(colmap('c-colmap'), array_truth(five), 'calibrated, colmap')
     compare(nerfstudio('c-nerf'), array_truth(five), 'calibrated, nerfstudio')
     compare(colmap('c8-colmap'), array_truth(eight), '8 coefficients, colmap')
+    compare(colmap('hole'), scene_truth(hole='00_00.png'), 'with a hole, colmap')
+    for name in 'conv', 'focus', 'stan-back':
+        compare(colmap(name + '-colmap'), scene_truth(INFINITY), 'converging %s, colmap' % name)
+    compare(nerfstudio('conv-nerf'), scene_truth(INFINITY), 'converging, nerfstudio')
+    off = (0, 0.5 * INFINITY)
+    for name in 'hci-lf', 'hci-back':
+        compare(colmap(name + '-colmap'), scene_truth(INFINITY, off), '%s, colmap' % name)
+        compare(nerfstudio(name + '-nerf'), scene_truth(INFINITY, off), '%s, nerfstudio' % name)
+    lf = json.load(open('scene/lightfield.json'))
+    fb = lf['focal_px'] * lf['spacing_mm']
+    Z = parameters('hci-out/parameters.cfg', fb / -INFINITY / 1000)
+    assert abs(Z(11) / (fb / 18) - 1) < 1e-9
+    assert abs(parameters('s-hci/parameters.cfg', 1e9)(11) / (fb / 11) - 1) < 1e-6
+    parameters('p-hci/parameters.cfg', 0)
 PY
 "$python" tool.py make || { fail "the samples"; exit 1; }
 
@@ -170,6 +247,41 @@ ok rectify scene --calib calib8.yaml -o cal8
 ok export colmap cal -o c-colmap
 ok export nerfstudio cal -o c-nerf
 ok export colmap cal8 -o c8-colmap
+
+# Views that converge: as the user says, as another format does, and with a hole of the grid.
+focal=$("$python" -c 'import json; print(json.load(open("scene/lightfield.json"))["focal_px"])')
+spacing=$("$python" -c 'import json; print(json.load(open("scene/lightfield.json"))["spacing_mm"])')
+cameras="--focal-px $focal --spacing-mm $spacing"
+ok import folder scene/views --grid 2x3 --infinity-px -7 -o conv
+grep -q 'infinity at -7.000 px' out || fail "not said: $(cat out)"
+# shellcheck disable=SC2086
+{
+  ok export colmap conv -o conv-colmap $cameras
+  ok export nerfstudio conv -o conv-nerf $cameras
+  ok import folder scene/views --grid 2x3 -o focus
+  ok export colmap focus -o focus-colmap $cameras --focus-mm "$("$python" -c "print(repr($focal * $spacing / 7))")"
+  ok export stanford conv -o stan $cameras
+  ok import stanford stan -o stan-back
+  ok export colmap stan-back -o stan-back-colmap
+  mkdir holed && cp scene/views/* holed && rm holed/00_00.png
+  ok import folder holed --grid 2x3 --infinity-px 0 -o holed.lf
+  ok export colmap holed.lf -o hole $cameras
+  [ ! -s err ] || fail "known to be parallel, and yet: $(cat err)"
+  ok import folder scene/views --grid 2x3 -o plain
+  ok export hci plain -o p-hci
+  grep -q "warning.*focal_length_mm baseline_mm focus_distance_m 0 for what is not known" err || fail "no warning: $(cat err)"
+  ok export nerfstudio plain -o p-nerf $cameras
+  grep -q "warning: .*not known whether the views of plain are parallel" err || fail "no warning: $(cat err)"
+}
+"$python" tool.py hci || fail "the benchmark's set"
+ok import hci hci -o hci-lf
+ok export hci hci-lf -o hci-out
+ok import hci hci-out -o hci-back
+for lf in hci-lf hci-back; do
+  ok export colmap $lf -o $lf-colmap
+  ok export nerfstudio $lf -o $lf-nerf
+done
+ok export hci scene -o s-hci
 "$python" tool.py check >said 2>&1 || fail "$(tail -n 3 said)"
 cat said
 for view in 00_00 00_01 01_02; do # raw frames, byte for byte
@@ -195,13 +307,18 @@ grep -q "^6 cameras in a grid of 2 x 3" out || fail "show: $(head -n 3 out)"
 want 3 "off by up to .* px.*--lossy" export nerfstudio cal8 -o bad
 ok export nerfstudio cal8 -o lossy --lossy
 grep -q "^sst: warning: nerfstudio has 5 coefficients" err || fail "no warning: $(cat err)"
-ok import folder scene/views --grid 2x3 -o plain
 want 3 "focal length is unknown.*--focal-px" export colmap plain -o bad
 want 3 "camera spacing is unknown.*--spacing-mm" export colmap plain -o bad --focal-px 640
 ok export colmap plain -o given --focal-px 640 --spacing-mm 80
 cmp -s given/sparse/0/cameras.txt s-colmap/sparse/0/cameras.txt || fail "--focal-px makes another camera"
 want 2 "has a calibration" export colmap cal -o bad --focal-px 640
-want 2 "belong to colmap" export hci scene -o bad --focal-px 640
+want 2 "belongs to nerfstudio" export hci scene -o bad --lossy
+want 2 "give one" export colmap plain -o bad --focus-mm 3000 --infinity-px 0
+want 3 "needs the focal length and the camera spacing" export colmap plain -o bad --focus-mm 3000
+want 2 "has a calibration" export nerfstudio cal -o bad --infinity-px 0
+ok import folder scene/views --grid 2x3 --range-min -3 --range-max 20 -o negative
+want 3 "disparities down to -3.00 px, so its views converge.*--focus-mm.*--infinity-px" export nerfstudio negative -o bad --focal-px 640 --spacing-mm 80
+want 3 "behind infinity at 2.00 px" export colmap negative -o bad --focal-px 640 --spacing-mm 80 --infinity-px 2
 want 4 "exists" export colmap scene -o given
 ok export colmap scene -o given --force
 want 4 "does not replace" export nerfstudio scene -o given --force

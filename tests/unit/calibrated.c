@@ -345,6 +345,11 @@ static void threads_raw_and_bake(void **state SST_UNUSED)
     assert_null(three.calibration);
     same_images(&one, &three);
     assert_true(one.views[0].bx == three.views[0].bx && one.focal_px == three.focal_px);
+    /* Where the principal point and infinity are stays known without the calibration. */
+    assert_true(three.infinity_known && three.infinity_px == 0 && one.infinity_known);
+    assert_true(fabs(three.off_centre_px[0] + (WIDTH - 1) / 2.0 - one.rectified->cx) < 1e-12);
+    assert_true(fabs(three.off_centre_px[1] + (HEIGHT - 1) / 2.0 - one.rectified->cy) < 1e-12);
+    assert_true(three.off_centre_px[0] != 0 && one.off_centre_px[0] == three.off_centre_px[0]);
     sst_lightfield_fini(&three);
     sst_lightfield_fini(&one);
     sst_calib_fini(&calib);

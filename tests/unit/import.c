@@ -196,7 +196,7 @@ static void hci_window_keeps_its_truth(void **state SST_UNUSED)
 static void hci_parameters_are_converted(void **state SST_UNUSED)
 {
     static const char params[] = "[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 40\n[extrinsics]\n"
-                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\n[meta]\ndisp_min = -1\n"
+                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\nfocus_distance_m = 2\n[meta]\ndisp_min = -1\n"
                                  "disp_max = 2.5\n";
     static const int index[] = { 0, 2, 8, 10 };
     struct sst_import_config cfg = config("hci", "src");
@@ -215,6 +215,10 @@ static void hci_parameters_are_converted(void **state SST_UNUSED)
         assert_view(&lf, k, index[k], k % 2, k / 2);
     assert_true(lf.spacing_mm == 60 && lf.range_min_px == -2 && lf.range_max_px == 5);
     assert_true(lf.focal_px == 2.5 * WIDTH); /* 100 mm of a sensor of 40 mm, on the longer side */
+    /* f B / Z of two steps; the axes of the cameras meet before the middle of the grid, 1.5 steps from view 0. */
+    assert_true(lf.infinity_known && fabs(lf.infinity_px + 2.5 * WIDTH * 60 / 2000) < 1e-12);
+    assert_true(fabs(lf.off_centre_px[0] - 0.75 * lf.infinity_px) < 1e-12 &&
+                lf.off_centre_px[1] == lf.off_centre_px[0]);
     assert_int_equal(sst_map_f32_read_pfm(&truth, in_dir("out/truth/01_01.pfm")), 0);
     assert_true(sst_map_f32_row(&truth, 1)[2] == 1 + 4 / 64.0f);
     sst_map_f32_fini(&truth);
@@ -425,6 +429,10 @@ static void make_lightfield(struct sst_lightfield *lf)
     lf->disp_min_px = -4;
     lf->range_min_px = -3.75;
     lf->range_max_px = 9;
+    lf->infinity_known = true;
+    lf->infinity_px = -5.5;
+    lf->off_centre_px[0] = 0.25;
+    lf->off_centre_px[1] = -3;
     for (int k = 0; k < 6; k++) {
         struct sst_view *v = &lf->views[k];
 
@@ -469,6 +477,8 @@ static void export_gives_back_the_same(void **state SST_UNUSED)
         cfg.cols = 3;
         cfg.force = f > 0;
         import_and_load(&cfg, &back);
+        assert_true(back.infinity_known && fabs(back.infinity_px - lf.infinity_px) < 1e-12);
+        assert_memory_equal(back.off_centre_px, lf.off_centre_px, sizeof(lf.off_centre_px));
         assert_int_equal(back.ref_view, lf.ref_view);
         assert_true(back.spacing_mm == lf.spacing_mm && fabs(back.focal_px - lf.focal_px) < 1e-9);
         assert_true(back.range_min_px == lf.range_min_px && back.range_max_px == lf.range_max_px);

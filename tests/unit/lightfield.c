@@ -157,6 +157,31 @@ static void a_folder_gives_back_what_was_written(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Where infinity and the principal point are; what was written before these were known loads as unknown. */
+static void geometry_comes_back(void **state SST_UNUSED)
+{
+    static const double infinity[] = { 0, 0, -7.25, 3 };
+    struct sst_lightfield lf, back;
+
+    for (int i = 0; i < 4; i++) {
+        make_lightfield(&lf, "geometry");
+        lf.infinity_known = i > 0;
+        lf.infinity_px = infinity[i];
+        lf.off_centre_px[0] = i == 3 ? 1.5 : 0;
+        lf.off_centre_px[1] = i == 3 ? -1.0 / 3 : 0;
+        /* All optional fields at once. */
+        lf.disparity_tested = lf.files->judged = lf.files->plausible = i == 3;
+        lf.skew_us = i == 3 ? 12 : 0;
+        assert_int_equal(sst_lightfield_write(&lf, test_path("geometry"), 2), 0);
+        assert_int_equal(sst_lightfield_load(&back, test_path("geometry"), 0, 1), 0);
+        assert_int_equal(back.infinity_known, i > 0);
+        assert_true(back.infinity_px == infinity[i]);
+        assert_memory_equal(back.off_centre_px, lf.off_centre_px, sizeof(lf.off_centre_px));
+        sst_lightfield_fini(&back);
+        sst_lightfield_fini(&lf);
+    }
+}
+
 static void maps_are_replaced_whole_or_not(void **state SST_UNUSED)
 {
     struct sst_lightfield lf, back;
@@ -242,6 +267,10 @@ static void every_field_is_checked(void **state SST_UNUSED)
         { "\"name\": \"Sky\"", "\"name\": \"\"" },
         { "\"name\": \"Sky\"", "\"name\": \"a name that is longer than thirty-one bytes\"" },
         { "\"ground\": false", "\"ground\": \"no\"" },
+        { "\"source\":", "\"infinity_px\": \"far\", \"source\":" },
+        { "\"source\":", "\"infinity_px\": 1e6, \"source\":" },
+        { "\"source\":", "\"parallel\": true, \"infinity_px\": -3, \"source\":" },
+        { "\"source\":", "\"off_centre_px\": [1], \"source\":" },
         { "\"row\": 1", "\"row\": 0" },
         { "\"bx\": -1.0", "\"bx\": -1e5" },
         { "\"bx\": 0.0", "\"bx\": 0.25" }, /* the reference view's */
@@ -307,6 +336,7 @@ int main(void)
         cmocka_unit_test(disparity_is_stored_in_64ths),
         cmocka_unit_test(sha256_of_abc),
         cmocka_unit_test(a_folder_gives_back_what_was_written),
+        cmocka_unit_test(geometry_comes_back),
         cmocka_unit_test(maps_are_replaced_whole_or_not),
         cmocka_unit_test(every_field_is_checked),
         cmocka_unit_test(maps_of_another_size_are_refused),

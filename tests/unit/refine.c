@@ -332,6 +332,12 @@ static void rough_surfaces_have_no_normals(void **state SST_UNUSED)
     lf.disp_min_px = 4;
     frame = sst_normal_frame_of(&lf, &cfg);
     assert_true(frame.focal_px == 40 && frame.zero_px == 4);
+    lf.infinity_px = -7; /* depth counts from infinity, rays from the principal point */
+    lf.off_centre_px[1] = 2.5;
+    frame = sst_normal_frame_of(&lf, &cfg);
+    assert_true(frame.zero_px == 11 && frame.cx == 19.5 && frame.cy == 22);
+    lf.infinity_px = lf.off_centre_px[1] = 0;
+    frame = sst_normal_frame_of(&lf, &cfg);
     assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
     surface_fini(&s);
 }

@@ -217,6 +217,9 @@ int scene_background_start(struct scene_background *b, double min_px, double max
     lf->ref_view = b->live->ref_view;
     lf->focal_px = b->live->focal_px;
     lf->spacing_mm = b->live->spacing_mm;
+    lf->infinity_known = b->live->infinity_known;
+    lf->infinity_px = b->live->infinity_px;
+    memcpy(lf->off_centre_px, b->live->off_centre_px, sizeof(lf->off_centre_px));
     lf->classes = b->live->classes;
     lf->range_min_px = min_px;
     lf->range_max_px = max_px;

@@ -568,9 +568,9 @@ static int match_views(struct run *run)
         };
 
         err = sst_disparity_range(lf, &search, &cfg.disp_min_px, &cfg.disp_max_px);
-        if (!err && lf->parallel) { /* nothing is behind infinity */
-            cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
-            cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);
+        if (!err && lf->infinity_known && !lf->calibration) { /* nothing is behind infinity; cameras may have drifted */
+            cfg.disp_min_px = fmax(cfg.disp_min_px, lf->infinity_px - INFINITY_SLACK_PX);
+            cfg.disp_max_px = fmax(cfg.disp_max_px, lf->infinity_px + INFINITY_SLACK_PX);
         }
         if (!err)
             sst_log_info("disparities found between %.0f and %.0f px", cfg.disp_min_px, cfg.disp_max_px);

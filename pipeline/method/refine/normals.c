@@ -78,9 +78,9 @@ struct sst_surface_frame sst_normal_frame_of(const struct sst_lightfield *lf, co
 
     return (struct sst_surface_frame){
         .focal_px = (float)(lf->focal_px > 0 ? lf->focal_px : lf->width),
-        .cx = (float)((lf->width - 1) / 2.0),
-        .cy = (float)((lf->height - 1) / 2.0),
-        .zero_px = (float)fmax(lf->disp_min_px, 0),
+        .cx = (float)((lf->width - 1) / 2.0 + lf->off_centre_px[0]),
+        .cy = (float)((lf->height - 1) / 2.0 + lf->off_centre_px[1]),
+        .zero_px = (float)fmax(lf->disp_min_px - lf->infinity_px, 0),
         .score_max = (float)(RELIABLE_SIGMAS2 * sigma2),
     };
 }
