@@ -1,13 +1,14 @@
 # Sourced by findings/*.sh: a temporary folder, pinned packages unpacked into it, and how a finding ends.
 # shellcheck shell=bash
 set -eu
+here=$(cd "$(dirname "$0")" && pwd)
 tmp=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$tmp"' EXIT
 cd "$tmp"
 root=$tmp/root lib=$tmp/root/usr/lib/$(gcc -print-multiarch)
 export LD_LIBRARY_PATH=$lib PATH=$root/usr/bin:$root/usr/sbin:$PATH
 
-# unpack PACKAGE=VERSION...: Debian's packages, in these versions, below $root; nothing is installed
+# unpack PACKAGE=VERSION... [DEPENDENCY...]: Debian's packages, in these versions, and what they need, below $root; nothing is installed
 unpack() {
   local p
   mkdir -p debs "$root"
@@ -15,7 +16,7 @@ unpack() {
     (cd debs && apt-get -qq download "$p" 2>err) || { echo "$p cannot be downloaded: $(tail -n 1 debs/err)"; exit 2; }
   done
   for p in debs/*.deb; do dpkg-deb -x "$p" "$root"; done
-  printf 'with %s\n' "$@"
+  printf 'with %s\n' debs/*.deb | sed 's,debs/,,'
 }
 # compile SOURCE FLAGS...: builds SOURCE.c against what was unpacked
 compile() { gcc -O1 -w -I"$root/usr/include" -I"$root/usr/include/$(gcc -print-multiarch)" "$1.c" -o "$1" -L"$lib" "${@:2}"; }
