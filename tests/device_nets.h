@@ -125,15 +125,16 @@ static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct
     return out;
 }
 
-/* Results of a device against the CPU's. On 8 bits they are equal where processor and oneDNN sum as the device does
- * (AVX-512 and VNNI); elsewhere few differ, by steps of the 8 bits. Floats differ by their order of summation. */
+/* Results of a device against the CPU's. On 8 bits both compute the same numbers, whatever the processor; only the first
+ * layer, on floats, may round another way, which few results show, by steps of the 8 bits. Floats differ by their order of
+ * summation. */
 static SST_UNUSED void nets_expect(const struct image *got, const struct image *want, bool int8)
 {
     const double apart = nets_apart(got, want, int8 ? 0 : 1e-5);
 
     if (int8)
         print_message("8 bits: %.5f of the results differ\n", apart);
-    assert_true(apart <= (int8 ? 0.2 : 0));
+    assert_true(apart <= (int8 ? 0.01 : 0));
     assert_true(nets_apart(got, want, int8 ? 0.1 : 1e-5) <= (int8 ? 0.01 : 0));
 }
 

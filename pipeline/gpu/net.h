@@ -6,8 +6,7 @@
  * All of them give the bytes of their references (net.c) on every device: sums of bytes are exact, those of floats have
  * one order and one rounding for a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts.
  * The references compute as the plan for the CPU does (pipeline/method/network/plan_conv.c): convolutions on 8 bits
- * equal it byte for byte on processors with VNNI; those on floats as far as oneDNN sums in this order, which it does
- * where a pixel has few inputs and the processor has AVX-512.
+ * equal it byte for byte; those on floats as far as oneDNN sums in this order, which it does where a pixel has few inputs.
  */
 #ifndef SST_PIPELINE_GPU_NET_H
 #define SST_PIPELINE_GPU_NET_H

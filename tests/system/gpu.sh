@@ -112,8 +112,9 @@ done
 # --- labels: the network on a device ---
 if "$sst" version --json | grep -q '"onednn": true'; then
   view=world/views/$(ls world/views | head -n 1)
-  "$sst" segment "$view" --scale 0.3 -o labels.png --prob prob.npy || fail "segment"
-  "$sst" segment "$view" --scale 0.3 -o labels1.png --prob prob1.npy --device lavapipe --json >labels.json 2>err || fail "segment on lavapipe: $(cat err)"
+  int8="--precision int8" # processors without VNNI have floats by default
+  "$sst" segment "$view" $int8 --scale 0.3 -o labels.png --prob prob.npy || fail "segment"
+  "$sst" segment "$view" $int8 --scale 0.3 -o labels1.png --prob prob1.npy --device lavapipe --json >labels.json 2>err || fail "segment on lavapipe: $(cat err)"
   [ ! -s err ] || fail "segment on lavapipe: $(cat err)"
   device labels.json 'd["runs"] == 1 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and d["plans"] == 1 and d["memory_bytes"] > 0'
   /usr/bin/python3 -c '
@@ -123,27 +124,27 @@ a, b = (numpy.asarray(Image.open(f)) for f in sys.argv[1:3])
 p, q = (numpy.load(f) for f in sys.argv[3:5])
 print(f"labels: {(a != b).sum()} differ, probabilities by {abs(p - q).max():.2g} at most")
 sys.exit(int((a != b).mean() > 1e-3 or abs(p - q).max() > 0.05))' labels.png labels1.png prob.npy prob1.npy || fail "the labels of lavapipe differ"
-  "$sst" segment "$view" "$view.copy" --scale 0.3 -o labels2 --device dummy 2>/dev/null && fail "segment of a missing file"
+  "$sst" segment "$view" $int8 "$view.copy" --scale 0.3 -o labels2 --device dummy 2>/dev/null && fail "segment of a missing file"
   cmp -s labels1.png labels2/$(basename "$view") || fail "the labels of two devices differ"
-  "$sst" segment "$view" --scale 0.3 -o labels3.png --device dummy:lost=60 --json >lost.json 2>err || fail "segment, lost: $(cat err)"
+  "$sst" segment "$view" $int8 --scale 0.3 -o labels3.png --device dummy:lost=60 --json >lost.json 2>err || fail "segment, lost: $(cat err)"
   cmp -s labels.png labels3.png || fail "segment, lost: other labels than the CPU's"
   grep -q "1 of 1 runs of a network were on the CPU instead of dummy: the device is lost" err || fail "segment, lost: $(cat err)"
   device lost.json "d['runs'] == 0 and d['on_cpu'] == 1 and d['failures'] == 1 and 'lost' in d['why_cpu']"
-  "$sst" segment "$view" --scale 0.3 -o labels4.png --device dummy --device-memory 1 --json >small.json 2>err || fail "segment in 1 MiB: $(cat err)"
+  "$sst" segment "$view" $int8 --scale 0.3 -o labels4.png --device dummy --device-memory 1 --json >small.json 2>err || fail "segment in 1 MiB: $(cat err)"
   cmp -s labels.png labels4.png || fail "segment in 1 MiB: other labels than the CPU's"
   device small.json "d['runs'] == 0 and d['on_cpu'] == 1 and d['failures'] == 0 and 'does not fit' in d['why_cpu']"
   # variants of convolutions on 8 bits: the same labels
   for variant in plain:net_conv8 dot:net_conv8_dot; do
-    SST_GPU_VARIANT=${variant%:*} "$sst" segment "$view" --scale 0.3 -o variant.png --device lavapipe --json >variant.json 2>err ||
+    SST_GPU_VARIANT=${variant%:*} "$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device lavapipe --json >variant.json 2>err ||
       fail "segment, $variant: $(cat err)"
     cmp -s labels1.png variant.png || fail "segment, $variant: other labels"
     device variant.json "d['conv8'] == '${variant#*:}' and d['runs'] == 1"
   done
-  "$sst" segment "$view" --scale 0.3 -o variant.png --device dummy:dot=1,wrong=25 --json >variant.json 2>err || fail "segment, a wrong variant"
+  "$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy:dot=1,wrong=25 --json >variant.json 2>err || fail "segment, a wrong variant"
   grep -q 'the shader `net_conv8_dot` is refused' err || fail "segment, a wrong variant: $(cat err)"
   cmp -s labels1.png variant.png || fail "segment, a wrong variant: other labels"
   device variant.json "d['conv8'] == 'net_conv8' and d['on_cpu'] == 0"
-  SST_GPU_VARIANT=dots "$sst" segment "$view" --scale 0.3 -o variant.png --device dummy 2>&1 | grep -q 'unknown SST_GPU_VARIANT=dots' ||
+  SST_GPU_VARIANT=dots "$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy 2>&1 | grep -q 'unknown SST_GPU_VARIANT=dots' ||
     fail "segment, an unknown variant"
   want 3 'no device `GeForce`' segment "$view" --device GeForce -o bad.png
   views=(world/views/*)

@@ -68,6 +68,37 @@ static void a_pyramid_equals_the_cpu(void **state SST_UNUSED)
     sst_network_device_close(d);
 }
 
+/* Values that may be negative, into a convolution, a residual and a concatenation: without VNNI their weights are even, of
+ * others 7 bits. */
+static void signed_values_equal_the_cpu(void **state SST_UNUSED)
+{
+    const struct conv c1 = { 3, 16, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c2 = { 16, 24, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c3 = { 24, 24, { 5, 5 }, { 2, 2 }, { 1, 1 }, { 2, 2, 2, 2 }, 1 };
+    const struct conv c4 = { 24, 24, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
+    const struct conv c5 = { 48, 9, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    struct sst_network_device *d = open_device("dummy", 0);
+    struct ow_buf graph = { 0 }, a = { 0 }, model;
+    struct image in = random_image(3, 22, 30), got, want;
+
+    nets_add_conv(&graph, "c1", &c1, "x", "a");
+    nets_add_conv(&graph, "c2", &c2, "a", "b");
+    nets_add_conv(&graph, "c3", &c3, "b", "c");
+    nets_add_conv(&graph, "c4", &c4, "c", "e");
+    ow_node(&graph, "Add", "e c", "f", NULL);
+    ow_node(&graph, "Relu", "f", "g", NULL);
+    ow_attr_int(&a, "axis", 1);
+    ow_node(&graph, "Concat", "c g", "h", &a);
+    nets_add_conv(&graph, "c5", &c5, "h", "y");
+    model = nets_finish(&graph, 3, 9, "1 x\n5 a\n5 b\n5 c\n5 e\n5 f\n5 g\n5 h\n5 y\n");
+    want = nets_run(&model, &in, SST_PRECISION_INT8, NULL);
+    got = nets_run(&model, &in, SST_PRECISION_INT8, d);
+    nets_expect(&got, &want, true);
+    assert_int_equal(report_of(d).runs, 1);
+    free(model.p), free(in.d), free(got.d), free(want.d);
+    sst_network_device_close(d);
+}
+
 static void features_equal_the_cpu(void **state SST_UNUSED)
 {
     struct sst_network_device *d = open_device("dummy", 0);
@@ -385,7 +416,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(convolutions_equal_the_cpu), cmocka_unit_test(a_pyramid_equals_the_cpu),
-        cmocka_unit_test(features_equal_the_cpu),     cmocka_unit_test(float_features_are_the_cpus),
+        cmocka_unit_test(signed_values_equal_the_cpu), cmocka_unit_test(features_equal_the_cpu),
+        cmocka_unit_test(float_features_are_the_cpus),
         cmocka_unit_test(variants_are_chosen),        cmocka_unit_test(other_layers_end_on_the_cpu),
         cmocka_unit_test(memory_is_bounded),          cmocka_unit_test(plans_are_bounded),
         cmocka_unit_test(plans_are_shared),           serial_test(faults_end_on_the_cpu),

@@ -1,8 +1,8 @@
 /* pipeline/method/network/device.h - a device that runs networks: weights and activations stay in its memory.
  *
- * Needs a build with oneDNN, whose plans decide what is computed on 8 bits. The shaders compute the same numbers: equal
- * bytes after convolutions on 8 bits on processors with VNNI, and sums in another order in those on floats, of which a
- * network on 8 bits has the first one alone.
+ * Needs a build with oneDNN, whose plans decide what is computed on 8 bits. The shaders compute the same numbers,
+ * with VNNI and without: equal bytes after convolutions on 8 bits, and sums in another order in those on floats, of which
+ * a network on 8 bits has the first one alone.
  */
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H

@@ -31,8 +31,8 @@ enum sst_precision {
  * (pipeline/method/network/manifest.h).
  *
  * With SST_PRECISION_INT8 convolutions after the first one, and the layers between them, are computed on 8 bits in the
- * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI use 7
- * bits for values that are never negative.
+ * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI,
+ * and devices beside them, use 7 bits for values that are never negative and for the weights of others.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the

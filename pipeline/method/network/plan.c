@@ -242,14 +242,11 @@ int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const 
     int err = -ENOMEM;
 
     if (p) {
-        /* Processors without VNNI multiply pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127
-         * does not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
         *p = (struct net_plan){
             .graph = graph,
             .shapes = shapes,
             .threads = threads,
             .precision = precision,
-            .u8_max = net_plan_fast_int8() ? 255.0f : 127.0f,
             .name = name,
         };
         err = build(p);

@@ -8,6 +8,10 @@
  * size. */
 #define MAX_PRODUCTS (INT32_MAX / 2 / (255 * 127))
 
+/* Without VNNI oneDNN multiplies pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127 does not:
+ * values that are never negative use 7 bits there. Others it makes u8 by adding 128, and halves the weights, rounded:
+ * these are even there, so that nothing is lost. Both hold for devices beside such a processor too (plan_device.c): CPU
+ * and device compute the same. */
 bool net_plan_fast_int8(void)
 {
     static const unsigned vnni[] = { dnnl_cpu_isa_avx512_core_vnni, dnnl_cpu_isa_avx2_vnni };
@@ -66,7 +70,7 @@ static void set_units(struct net_plan *p, int value, float range, bool never_neg
     struct net_plan_value *v = &p->values[value];
 
     v->type = never_negative ? dnnl_u8 : dnnl_s8;
-    v->scale = range / (never_negative ? p->u8_max : 127.0f);
+    v->scale = range / (never_negative && net_plan_fast_int8() ? 255.0f : 127.0f);
 }
 
 /* Inputs of a concatenation share their scale, so that it is a copy. */

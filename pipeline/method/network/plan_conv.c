@@ -156,8 +156,10 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 
 /* --- 8 bits --------------------------------------------------------------------------------------- */
 
-void net_plan_quantise(const struct sst_op *op, float factor, int8_t *weights, float *scales)
+void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *weights, float *scales)
 {
+    const int step = s8 && !net_plan_fast_int8() ? 2 : 1; /* between two weights: plan_bits.c */
+    const float most = (float)(127 / step);
     const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
 
     for (size_t c = 0; c < (size_t)op->channels; c++) {
@@ -167,10 +169,10 @@ void net_plan_quantise(const struct sst_op *op, float factor, int8_t *weights, f
         for (size_t i = 0; i < per; i++)
             max = fmaxf(max, fabsf(w[i]));
         /* Channels of zeros, or of numbers too small to divide by, become zero. */
-        scales[c] = max > 1e-30f ? max / 127.0f : 1.0f;
+        scales[c] = max > 1e-30f ? max / most : 1.0f;
         for (size_t i = 0; i < per; i++)
-            weights[c * per + i] = (int8_t)lrintf(w[i] / scales[c]);
-        scales[c] *= factor;
+            weights[c * per + i] = (int8_t)(step * lrintf(w[i] / scales[c]));
+        scales[c] *= factor / (float)step;
     }
 }
 
@@ -189,7 +191,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     q->weights = malloc((size_t)op->channels * per);
     if (!q->scales || !q->weights)
         return -ENOMEM;
-    net_plan_quantise(op, q->src_scale / q->dst_scale, q->weights, q->scales);
+    net_plan_quantise(op, q->src == dnnl_s8, q->src_scale / q->dst_scale, q->weights, q->scales);
     return 0;
 }
 

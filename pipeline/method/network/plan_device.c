@@ -1,5 +1,5 @@
 /* A graph as dispatches of the shaders of pipeline/gpu/net.h: the same choices of 8 bits, scales and conversions as the
- * plan for the CPU (plan_dnnl.c, plan_conv.c). */
+ * plan for the CPU (plan_dnnl.c, plan_conv.c), those of processors without VNNI included. */
 #include "pipeline/method/network/network_internal.h"
 
 #if WITH_DNNL
@@ -276,7 +276,7 @@ static int add_numbers_8(struct building *b, const struct sst_op *op, struct sst
     int err = scales && bias && bytes ? 0 : -ENOMEM;
 
     if (!err) {
-        net_plan_quantise(op, src_scale / dst_scale, bytes, scales);
+        net_plan_quantise(op, c->from.type == SST_GPU_NET_S8, src_scale / dst_scale, bytes, scales);
         net_plan_scale_bias(op, scales, dst_scale, bias);
         err = add_weights(b, op, c, bytes);
     }
@@ -570,7 +570,7 @@ int net_device_plan_create(struct net_device_plan **out, struct sst_gpu *gpu, co
                            const struct sst_shape *shapes, enum sst_precision precision, char why[NET_DEVICE_WHY])
 {
     struct building b = { .p = calloc(1, sizeof(*b.p)),
-                          .bits = { .graph = graph, .precision = precision, .u8_max = 255 },
+                          .bits = { .graph = graph, .precision = precision },
                           .shapes = shapes,
                           .why = why };
     int err = b.p ? 0 : -ENOMEM;

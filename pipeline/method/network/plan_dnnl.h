@@ -48,7 +48,6 @@ struct net_plan {
     const char *name;
     int threads;
     enum sst_precision precision;
-    float u8_max;                  /* largest byte of a value that is never negative */
     struct net_plan_value *values; /* [n_values] */
     dnnl_engine_t engine;
     dnnl_stream_t stream;
@@ -121,18 +120,19 @@ uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op);
 /**
  * Weights in bytes between -127 and 127, and the factor of each output channel's sums.
  *
+ * @param s8       true: the inputs may be negative
  * @param factor   of all channels
  * @param weights  out [channels][group_in][kernel]
  * @param scales   out [channels]
  */
-void net_plan_quantise(const struct sst_op *op, float factor, int8_t *weights, float *scales);
+void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *weights, float *scales);
 
 /** Biases in units of the sums, which scales[c] brings to units of dst_scale. @param bias out [channels] */
 void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst_scale, float *bias);
 
 /* --- plan_bits.c --- */
 
-/** Fill p->values; of p only graph, precision and u8_max are read. */
+/** Fill p->values; of p only graph and precision are read. */
 void net_plan_choose_bits(struct net_plan *p);
 
 bool net_plan_conv_on_8_bits(const struct net_plan *p, const struct sst_op *op);
