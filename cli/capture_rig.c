@@ -241,15 +241,16 @@ static void print_report(const struct sst_scan_config *cfg, const struct sst_sca
 {
     if (json) {
         json_t *all = json_pack(
-            "{s:s, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}, "
+            "{s:s, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, "
+            "s:I}, "
             "s:o}",
             "dir", cfg->dir, "views", cfg->rows * cfg->cols, "there", count, "taken", r->taken, "again", r->again,
             "rig_faults", r->rig_faults, "camera_faults", r->camera_faults, "moved", r->moved, "homed", r->homed, "rig",
             "requests", (json_int_t)r->rig.requests, "timeouts", (json_int_t)r->rig.timeouts, "garbled",
             (json_int_t)r->rig.garbled, "exceptions", (json_int_t)r->rig.exceptions, "lost", (json_int_t)r->rig.lost,
-            "reconnects", (json_int_t)r->rig.reconnects, "stalls", (json_int_t)r->rig.stalls, "limits",
-            (json_int_t)r->rig.limits, "alarms", (json_int_t)r->rig.alarms, "missed", (json_int_t)r->rig.missed, "lies",
-            (json_int_t)r->rig.lies, "camera", camera);
+            "reconnects", (json_int_t)r->rig.reconnects, "late", (json_int_t)r->rig.late, "stalls",
+            (json_int_t)r->rig.stalls, "limits", (json_int_t)r->rig.limits, "alarms", (json_int_t)r->rig.alarms,
+            "missed", (json_int_t)r->rig.missed, "lies", (json_int_t)r->rig.lies, "camera", camera);
 
         (void)cli_dump_json(all, JSON_COMPACT);
         return;
@@ -259,11 +260,12 @@ static void print_report(const struct sst_scan_config *cfg, const struct sst_sca
            r->homed);
     cli_still_print(camera);
     json_decref(camera);
-    if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost)
-        printf("bus: %llu requests: %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
+    if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost + r->rig.late)
+        printf("bus: %llu requests: %llu without reply in time, %llu garbled, %llu refused, %llu with the line lost; "
+               "%llu late replies discarded\n",
                (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts,
                (unsigned long long)r->rig.garbled, (unsigned long long)r->rig.exceptions,
-               (unsigned long long)r->rig.lost);
+               (unsigned long long)r->rig.lost, (unsigned long long)r->rig.late);
 }
 
 /* Warn early if the disk will be full before the end. */

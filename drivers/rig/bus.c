@@ -21,11 +21,15 @@
 #define BYTE_TIMEOUT_US 100000
 #define RETRY_NS        100000000
 #define DRAIN_MAX_NS    2000000000
+#define ECHO_RESPONSES  4 /* response times in which an echo comes, behind a late reply */
+#define ECHO_BYTES      8
 
 struct rig_bus {
     modbus_t *ctx;
     bool serial, open;
     int response_ms, gap_ms;
+    int unit;        /* of the last request */
+    unsigned echo;   /* data of the last echo */
     int64_t last_ns; /* end of the last request */
     char name[SST_RIG_TEXT_MAX], device[SST_RIG_TEXT_MAX], why[128];
     struct sst_rig_counters *count;
@@ -197,8 +201,12 @@ static int exception(struct rig_bus *b, int code)
     case MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE:
         return -EPROTO;
     case MODBUS_EXCEPTION_ACKNOWLEDGE:
+        return -EINPROGRESS;
     case MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY:
+    case MODBUS_EXCEPTION_GATEWAY_PATH:
         return -EAGAIN;
+    case MODBUS_EXCEPTION_GATEWAY_TARGET:
+        return -EHOSTDOWN;
     default:
         return -EREMOTEIO;
     }
@@ -223,6 +231,22 @@ static int request_errno(struct rig_bus *b, int e)
     return -ENOTCONN;
 }
 
+/* Discard what came since the last reply: a late reply, which is none to the next request. @return false: line lost */
+static bool discard(struct rig_bus *b)
+{
+    struct pollfd p = { .fd = modbus_get_socket(b->ctx), .events = POLLIN };
+    char rubbish[256];
+    bool late = false;
+
+    while (poll(&p, 1, 0) > 0) {
+        if (read(p.fd, rubbish, sizeof(rubbish)) <= 0)
+            return false;
+        late = true;
+    }
+    b->count->late += late;
+    return true;
+}
+
 static int begin(struct rig_bus *b, int unit)
 {
     if (!b->open) {
@@ -230,7 +254,13 @@ static int begin(struct rig_bus *b, int unit)
         return -ENOTCONN;
     }
     sleep_ns(b->last_ns + (int64_t)b->gap_ms * 1000000 - sst_clock_now_ns());
+    if (b->serial && !discard(b)) {
+        b->count->lost++;
+        snprintf(b->why, sizeof(b->why), "the line is lost");
+        return -ENOTCONN;
+    }
     b->count->requests++;
+    b->unit = unit;
     return modbus_set_slave(b->ctx, unit) ? -EINVAL : 0;
 }
 
@@ -307,13 +337,77 @@ static int drain(struct rig_bus *b)
     return 0;
 }
 
+static unsigned crc16(const uint8_t *data, int n)
+{
+    unsigned crc = 0xFFFF;
+
+    for (int i = 0; i < n; i++) {
+        crc ^= data[i];
+        for (int bit = 0; bit < 8; bit++)
+            crc = crc & 1 ? crc >> 1 ^ 0xA001 : crc >> 1;
+    }
+    return crc;
+}
+
+static bool has_crc(const uint8_t *frame, int n)
+{
+    return crc16(frame, n - 2) == (unsigned)(frame[n - 2] | frame[n - 1] << 8);
+}
+
+/* Are the last bytes the answer to an echo: the same bytes, or an exception to its function? */
+static bool is_echo(const uint8_t *in, int n, const uint8_t *request)
+{
+    if (n >= ECHO_BYTES && !memcmp(in + n - ECHO_BYTES, request, ECHO_BYTES))
+        return true;
+    return n >= 5 && in[n - 5] == request[0] && in[n - 4] == (request[1] | 0x80) && has_crc(in + n - 5, 5);
+}
+
+/*
+ * A reply on a serial line does not say which request it answers. A drive answers in the order of its requests, so that
+ * after the answer to an echo (function 8/0 with new data, which no other request has) no earlier one is to come.
+ * Drives without function 8 answer with an exception; those that answer nothing are given the time.
+ * @return 0 or -ENOTCONN
+ */
+static int echo(struct rig_bus *b)
+{
+    const unsigned data = ++b->echo & 0xFFFF;
+    uint8_t request[ECHO_BYTES] = { (uint8_t)b->unit, 8, 0, 0, (uint8_t)(data >> 8), (uint8_t)data }, in[256];
+    struct pollfd p = { .fd = modbus_get_socket(b->ctx), .events = POLLIN };
+    const int64_t end_ns = sst_clock_now_ns() + ECHO_RESPONSES * (int64_t)b->response_ms * 1000000;
+    const unsigned crc = crc16(request, ECHO_BYTES - 2);
+    int n = 0;
+
+    request[6] = (uint8_t)crc;
+    request[7] = (uint8_t)(crc >> 8);
+    sleep_ns(b->last_ns + (int64_t)b->gap_ms * 1000000 - sst_clock_now_ns());
+    b->count->requests++;
+    if (write(p.fd, request, sizeof(request)) != sizeof(request))
+        return -ENOTCONN;
+    while (sst_clock_now_ns() < end_ns && !is_echo(in, n, request)) {
+        const int64_t left_ms = (end_ns - sst_clock_now_ns()) / 1000000;
+
+        if (poll(&p, 1, (int)left_ms + 1) <= 0)
+            continue;
+        if (n == (int)sizeof(in)) { /* keep what may be the start of the answer */
+            memmove(in, in + n - ECHO_BYTES, ECHO_BYTES);
+            n = ECHO_BYTES;
+        }
+        if (read(p.fd, in + n, 1) != 1)
+            return -ENOTCONN;
+        n++;
+    }
+    b->last_ns = sst_clock_now_ns();
+    b->count->late += n > (is_echo(in, n, request) ? ECHO_BYTES : 0);
+    return 0;
+}
+
 int rig_bus_restore(struct rig_bus *b, int reconnect_ms, const SST_ATOMIC(bool) * cancel)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
     bool logged = false;
     int err;
 
-    if (b->open && b->serial && !drain(b))
+    if (b->open && b->serial && !drain(b) && !echo(b))
         return 0;
     if (b->open)
         modbus_close(b->ctx);

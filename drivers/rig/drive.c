@@ -8,9 +8,11 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-#define POLL_MS 5
-#define BUSY_MS 30
-#define LOG_NS  10000000000 /* between two warnings about faults that were recovered */
+#define POLL_MS     5
+#define BUSY_MS     10          /* first pause before a busy drive is asked again; each one doubles */
+#define BUSY_MAX_MS 320         /* longest pause */
+#define HURRY_MS    200         /* for a busy drive while other axes wait */
+#define LOG_NS      10000000000 /* between two warnings about faults that were recovered */
 
 const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32])
 {
@@ -56,39 +58,76 @@ static int give_up(struct sst_rig *rig, int a, const char *doing, const char *re
 {
     char name[32];
 
-    sst_log_error("rig %s: %s: %s while %s %s; check cable, unit number and the drive's profile %s", rig->cfg.bus,
-                  rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg, rig->profile.path);
+    rig_axis_name(rig, a, name);
+    if (err == -EAGAIN || err == -EINPROGRESS)
+        sst_log_error("rig %s: %s: %s while %s %s, for %d ms; let the drive finish, or raise reconnect_ms",
+                      rig->cfg.bus, name, rig_bus_why(rig->bus), doing, reg, rig->cfg.reconnect_ms);
+    else
+        sst_log_error("rig %s: %s: %s while %s %s; check cable, unit number and the drive's profile %s", rig->cfg.bus,
+                      name, rig_bus_why(rig->bus), doing, reg, rig->profile.path);
     return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
 }
 
-/* Prepare the retry of a request. @return 0: retry */
-static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, const char *reg)
+/* Tries of one request. */
+struct tries {
+    int left, pause_ms;
+    int64_t busy_end_ns; /* 0: the drive was not busy yet */
+};
+
+static struct tries tries_of(const struct sst_rig *rig)
 {
+    return (struct tries){ .left = rig->hurry ? 0 : rig->cfg.retries, .pause_ms = BUSY_MS };
+}
+
+static int64_t patience_end_ns(const struct sst_rig *rig)
+{
+    return sst_clock_now_ns() + (rig->hurry ? HURRY_MS : rig->cfg.reconnect_ms) * (int64_t)1000000;
+}
+
+/* Prepare the retry of a request. @return 0: retry; else the error to give up with */
+static int before_retry(struct sst_rig *rig, int a, struct tries *t, int err, const char *doing, const char *reg)
+{
+    int again = 0;
+
     if (err == -EPROTO || err == -EREMOTEIO)
         return err;
     if (err == -EAGAIN) { /* "busy" of the standard: not a fault */
-        rig_sleep_ms(rig, BUSY_MS);
-        return 0;
+        if (!t->busy_end_ns)
+            t->busy_end_ns = patience_end_ns(rig);
+        else if (sst_clock_now_ns() >= t->busy_end_ns)
+            return err;
+        rig_sleep_ms(rig, t->pause_ms);
+        t->pause_ms = sst_min_int(2 * t->pause_ms, BUSY_MAX_MS);
+        return atomic_load(&rig->cancel) ? -ECANCELED : 0;
     }
     log_fault(rig, a, doing, reg);
-    return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, &rig->cancel);
+    if (err != -EHOSTDOWN)
+        again = rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, &rig->cancel);
+    return again ? again : t->left-- > 0 ? 0 : err;
+}
+
+/* As read_words(), without a message of its end. */
+static int try_read(struct sst_rig *rig, int a, const struct rig_register *reg, uint16_t out[2])
+{
+    struct tries t = tries_of(rig);
+    int err, again;
+
+    do {
+        err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
+        if (!err)
+            return 0;
+        if (err == -EINPROGRESS) /* it takes a while: ask again */
+            err = -EAGAIN;
+        again = before_retry(rig, a, &t, err, "reading", reg->name);
+    } while (!again);
+    return again == -ECANCELED || atomic_load(&rig->cancel) ? -ECANCELED : err;
 }
 
 static int read_words(struct sst_rig *rig, int a, const struct rig_register *reg, uint16_t out[2])
 {
-    int err = 0, again = 0;
+    const int err = try_read(rig, a, reg, out);
 
-    for (int i = 0; i <= rig->cfg.retries; i++) {
-        err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
-        if (!err)
-            return 0;
-        again = before_retry(rig, a, err, "reading", reg->name);
-        if (again)
-            break;
-    }
-    if (again == -ECANCELED || atomic_load(&rig->cancel))
-        return -ECANCELED;
-    return give_up(rig, a, "reading", reg->name, err);
+    return err && err != -ECANCELED ? give_up(rig, a, "reading", reg->name, err) : err;
 }
 
 static double value_of(const struct rig_register *reg, const uint16_t words[2])
@@ -201,9 +240,7 @@ static int arrived(struct sst_rig *rig, int a, const struct rig_step *step, cons
     uint16_t back[2];
 
     if (reg->read_back) {
-        const int err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), back);
-
-        if (err)
+        if (try_read(rig, a, reg, back))
             return -ETIMEDOUT;
         return back[0] == words[0] && (registers_of(reg) == 1 || back[1] == words[1]);
     }
@@ -212,26 +249,45 @@ static int arrived(struct sst_rig *rig, int a, const struct rig_step *step, cons
     return -ETIMEDOUT;
 }
 
+/* An acknowledged write (exception 5) was accepted: wait until its effect is seen, where that is possible. */
+static int wait_effect(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
+{
+    const struct rig_register *reg = &rig->profile.reg[step->reg];
+    const int64_t end_ns = patience_end_ns(rig);
+
+    while (reg->read_back || step->flag < SST_RIG_FLAGS) {
+        const int there = arrived(rig, a, step, words);
+
+        if (there > 0)
+            return 0;
+        if (there < 0 || sst_clock_now_ns() >= end_ns || atomic_load(&rig->cancel))
+            return give_up(rig, a, "waiting for the effect of writing", reg->name, there < 0 ? there : -EINPROGRESS);
+        rig_sleep_ms(rig, POLL_MS);
+    }
+    return 0;
+}
+
 static int write_words(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
 {
     const struct rig_register *reg = &rig->profile.reg[step->reg];
-    int err = 0;
+    struct tries t = tries_of(rig);
+    int err, again, there = 0;
 
-    for (int i = 0; i <= rig->cfg.retries; i++) {
-        int there = 0;
-
+    do {
         err = rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
-        if (!err || before_retry(rig, a, err, "writing", reg->name))
-            break;
-        if (err == -EAGAIN)
+        if (!err)
+            return 0;
+        if (err == -EINPROGRESS)
+            return wait_effect(rig, a, step, words);
+        again = before_retry(rig, a, &t, err, "writing", reg->name);
+        if (err == -EAGAIN) /* not carried out */
             continue;
-        there = arrived(rig, a, step, words);
+        if (!again || again == err)
+            there = err == -EPROTO || err == -EREMOTEIO ? 0 : arrived(rig, a, step, words);
         if (there > 0)
             return 0;
-        if (there < 0)
-            break;
-    }
-    return err ? give_up(rig, a, "writing", reg->name, err) : 0;
+    } while (!again && !there);
+    return again == -ECANCELED && err == -EAGAIN ? -ECANCELED : give_up(rig, a, "writing", reg->name, err);
 }
 
 static int run_write(struct sst_rig *rig, int a, const struct rig_step *step, int32_t um)

@@ -117,17 +117,31 @@ void sst_rig_close(struct sst_rig *rig)
 
 /* --- stopping ----------------------------------------------------------------------------------------------------- */
 
+/* Run the sequence that stops an axis. */
+static int stop_axis(struct sst_rig *rig, int a)
+{
+    rig->axis[a].has_target = false;
+    return rig_drive_run(rig, a, SST_RIG_SEQ_STOP, 0);
+}
+
 int sst_rig_stop(struct sst_rig *rig)
 {
     const bool cancel = atomic_exchange(&rig->cancel, false);
+    bool stopped[SST_RIG_AXES] = { false };
+    char unsaid[SST_LOG_MAX], *before = sst_log_hold_errors(unsaid);
     int err = 0;
 
     rig->moving = false;
     rig->count.stops++;
+    /* An axis that does not answer must not delay the others: it is asked with patience after them. */
+    rig->hurry = true;
+    for (int a = 0; a < rig->cfg.axes; a++)
+        stopped[a] = !stop_axis(rig, a);
+    rig->hurry = false;
+    (void)sst_log_hold_errors(before);
     for (int a = 0; a < rig->cfg.axes; a++) {
-        const int e = rig_drive_run(rig, a, SST_RIG_SEQ_STOP, 0);
+        const int e = stopped[a] ? 0 : stop_axis(rig, a);
 
-        rig->axis[a].has_target = false;
         if (e && !err)
             err = e;
     }

@@ -25,7 +25,7 @@ struct sst_rig_config {
     double um_per_count[SST_RIG_AXES]; /* spindle and gear; negative: mounted the other way round */
     int response_ms;                   /* time-out of one reply */
     int retries;                       /* of reads; of a write only if read-back shows that it did not arrive */
-    int reconnect_ms;                  /* give up a lost bus after this */
+    int reconnect_ms;                  /* give up a lost bus, or a busy drive, after this */
     int settle_ms;                     /* standstill after in-position */
     int32_t tolerance_um;
     double speed_mm_s, accel_mm_s2; /* 0: setting of the drive */
@@ -33,7 +33,8 @@ struct sst_rig_config {
 
 /** Since open. */
 struct sst_rig_counters {
-    uint64_t requests, timeouts, garbled, exceptions, lost, reconnects;   /* of the bus */
+    uint64_t requests, timeouts, garbled, exceptions, lost, reconnects; /* of the bus */
+    uint64_t late; /* replies on a serial line that came when none was expected, discarded */
     uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stopped off the target; lies:
                                                                            in-position reported while moving */
 };

@@ -136,8 +136,9 @@ void rig_bus_close(struct rig_bus *bus);
  *
  * @param count  1 or 2 registers, or 1 bit (values 0 and 1)
  * @return 0; no valid reply: -ETIMEDOUT, -EBADMSG (garbled, other unit), -ENOTCONN (line lost): call
- *         rig_bus_restore() before the next request; refused by the drive: -EAGAIN (busy), -EPROTO (unknown function,
- *         register or value), -EREMOTEIO (all other exceptions).
+ *         rig_bus_restore() before the next request; answered by an exception: -EAGAIN (busy: not carried out),
+ *         -EINPROGRESS (accepted, takes longer), -EHOSTDOWN (a gateway got no reply of the drive), -EPROTO (unknown
+ *         function, register or value), -EREMOTEIO (all others).
  */
 SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
                                 uint16_t *out);
@@ -149,7 +150,7 @@ const char *rig_bus_why(const struct rig_bus *bus);
 
 /**
  * Restore the bus after a failed request, so that a late reply cannot be mistaken for that of the next request. TCP
- * reconnects; a serial line is read until it is silent, and reopened if it was lost.
+ * reconnects; a serial line is read until it is silent and the unit has answered an echo, and reopened if it was lost.
  * @param cancel  read between attempts; true gives up
  * @return 0, or the error of the last attempt after reconnect_ms
  */
@@ -176,6 +177,7 @@ struct sst_rig {
     struct rig_axis axis[SST_RIG_AXES];
     struct sst_rig_counters count;
     bool moving, doubt; /* doubt: positions are unreliable until homing */
+    bool hurry;         /* no retries: other axes wait */
     int64_t logged_ns;  /* last time a fault of the bus was logged; 0: never */
     SST_ATOMIC(bool) cancel;
 };
@@ -192,7 +194,8 @@ SST_MUST_CHECK int rig_drive_identity(struct sst_rig *rig, int a, long *value);
 
 /**
  * Run a sequence of the profile. A write without a reply is repeated only if read-back, or the flag that confirms it,
- * shows that it did not arrive.
+ * shows that it did not arrive; one that the drive acknowledges (exception 5) is done when read-back or the flag shows
+ * it. A busy drive is asked again for reconnect_ms.
  * @param um  target of a move
  * @return 0, -ETIMEDOUT (a wait step, or the bus), -EIO, -ECANCELED (only before the first write); logged.
  */

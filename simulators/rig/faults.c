@@ -135,8 +135,14 @@ static struct sim_when *wire_fault(struct sim_wire_faults *f, const char *name)
         const char *name;
         struct sim_when *when;
     } all[] = {
-        { "noise", &f->noise },           { "bad_crc", &f->bad_crc },       { "silence", &f->silence },
-        { "wrong_unit", &f->wrong_unit }, { "drop_bytes", &f->drop_bytes }, { "disconnect", &f->disconnect },
+        { "noise", &f->noise },
+        { "bad_crc", &f->bad_crc },
+        { "silence", &f->silence },
+        { "acknowledge", &f->acknowledge },
+        { "busy", &f->busy },
+        { "wrong_unit", &f->wrong_unit },
+        { "drop_bytes", &f->drop_bytes },
+        { "disconnect", &f->disconnect },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(all); i++) {
@@ -167,7 +173,7 @@ int sim_drives_fault(struct sim_drives *bus, const char *name, const char *value
         ok = set_axis_fault(bus, name, value);
     } else {
         snprintf(error, error_size,
-                 "unknown rig fault `%.40s`; choose exception, late_ms, noise, bad_crc, silence, "
+                 "unknown rig fault `%.40s`; choose exception, acknowledge, busy, late_ms, noise, bad_crc, silence, "
                  "wrong_unit, drop_bytes, disconnect, stall, limit, alarm, lost_steps, power_loss, in_position_lies",
                  name);
         return -EINVAL;

@@ -3,7 +3,13 @@
 
 #include "simulators/rig/rig_internal.h"
 
-enum exception { ILLEGAL_FUNCTION = 1, ILLEGAL_ADDRESS = 2, ILLEGAL_VALUE = 3 };
+enum exception {
+    ILLEGAL_FUNCTION = 1,
+    ILLEGAL_ADDRESS = 2,
+    ILLEGAL_VALUE = 3,
+    ACKNOWLEDGE = 5,
+    BUSY = 6,
+};
 
 #define HOLDING_COUNT 0x10
 #define INPUT_COUNT   0x14
@@ -172,6 +178,20 @@ static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size,
     }
 }
 
+static bool is_write(uint8_t function)
+{
+    return function == 5 || function == 6 || function == 15 || function == 16;
+}
+
+/* Fault "busy": each write is refused that often before it is carried out. */
+static bool refuses_busy(struct sim_when *busy)
+{
+    if (busy->every || busy->count++ < busy->left)
+        return true;
+    busy->count = 0;
+    return false;
+}
+
 size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
                          uint8_t reply[SST_SIM_PDU_MAX])
 {
@@ -184,8 +204,12 @@ size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const u
     sim_axis_advance(a, t_ns);
     if (sim_strikes(&bus->faults.exception))
         exception = bus->faults.exception_code;
+    if (!exception && is_write(pdu[0]) && refuses_busy(&bus->faults.busy))
+        exception = BUSY;
     if (!exception)
         exception = answer(a, unit, pdu, size, reply, &n);
+    if (!exception && is_write(pdu[0]) && sim_strikes(&bus->faults.acknowledge))
+        exception = ACKNOWLEDGE;
     if (!exception)
         return n;
     reply[0] = pdu[0] | 0x80;

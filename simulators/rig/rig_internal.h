@@ -109,7 +109,8 @@ struct sim_when {
 };
 
 struct sim_wire_faults {
-    struct sim_when exception, noise, bad_crc, silence, late, wrong_unit, drop_bytes, disconnect;
+    struct sim_when exception, acknowledge, noise, bad_crc, silence, late, wrong_unit, drop_bytes, disconnect;
+    struct sim_when busy; /* each write: how often it is refused, and was */
     int exception_code, late_ms;
 };
 

@@ -81,8 +81,8 @@ static void expect_all_views(void)
 /* --- the wire ----------------------------------------------------------------------------------------------------- */
 
 /* Faults that the driver mends by itself: no view is tried again, in one capture of a few at least, for a machine that
- * stands still for longer than all tries of a request causes a retry by itself. What is late is not seen to be late when
- * all stands still meanwhile: then once more, too. */
+ * stands still for longer than all tries of a request causes a retry by itself. What is late is not seen to be late
+ * when all stands still meanwhile: then once more, too. */
 static void mended(const char *fault, const char *value, uint64_t (*count)(const struct sst_rig_counters *c))
 {
     struct sst_scan_report report = { .taken = 0 };
@@ -139,6 +139,11 @@ static void the_wire(void)
     mended("drop_bytes", "1/40", cut_short);
     mended("exception", "5", exceptions);
     mended("exception", "6:1/7", exceptions);
+    mended("exception", "10:1/7", exceptions);
+    mended("exception", "11:1/30", exceptions);
+    mended("acknowledge", "always", exceptions);
+    mended("busy", "4", exceptions); /* also to the stop, which is asked first while others wait */
+    mended("late_ms", "450:1/23", timeouts);
     mended("disconnect", "once", lost);
 }
 
@@ -171,6 +176,41 @@ static void exceptions_stop_and_retry(void **state SST_UNUSED)
         assert_non_null(strstr(said, "exception"));
         expect_all_views();
     }
+}
+
+/* An acknowledged or a busy stop is a stop: nobody is sent to switch the drives off. */
+static void a_stop_is_confirmed(void **state SST_UNUSED)
+{
+    static const char *const faults[][2] = { { "acknowledge", "always" }, { "busy", "6" } };
+
+    for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
+        struct sst_rig *rig;
+
+        assert_int_equal(sst_rig_open(&rig, &bench.rig_cfg), 0);
+        set_fault(faults[i][0], faults[i][1]);
+        assert_int_equal(sst_rig_stop(rig), 0);
+        sst_rig_close(rig);
+        set_fault(faults[i][0], "off");
+    }
+}
+
+/* A drive that stays busy is reported as busy, and its stop as not confirmed, in time. */
+static void a_busy_drive_is_given_up(void **state SST_UNUSED)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    struct sst_rig *rig;
+
+    bench.rig_cfg.reconnect_ms = 300;
+    assert_int_equal(sst_rig_open(&rig, &bench.rig_cfg), 0);
+    set_fault("busy", "always");
+    said[0] = 0;
+    (void)sst_log_hold_errors(said);
+    assert_int_equal(sst_rig_stop(rig), -EIO);
+    (void)sst_log_hold_errors(NULL);
+    assert_non_null(strstr(said, "switch the drives off"));
+    assert_quick(start_ns, 5000000000);
+    set_fault("busy", "off");
+    sst_rig_close(rig);
 }
 
 /* What never ends is reported in time, and the folder goes on when it does. */
@@ -298,6 +338,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_wire_over_tcp, setup_tcp, teardown),
         cmocka_unit_test_setup_teardown(the_wire_over_rtu, setup_rtu, teardown),
         cmocka_unit_test_setup_teardown(exceptions_stop_and_retry, setup_tcp, teardown),
+        cmocka_unit_test_setup_teardown(a_stop_is_confirmed, setup_rtu, teardown),
+        cmocka_unit_test_setup_teardown(a_busy_drive_is_given_up, setup_tcp, teardown),
         cmocka_unit_test_setup_teardown(a_dead_bus_ends_the_capture, setup_tcp, teardown),
         cmocka_unit_test_setup_teardown(the_axes, setup_tcp, teardown),
         cmocka_unit_test_setup_teardown(an_early_in_position_is_not_believed, setup_tcp, teardown),
