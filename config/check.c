@@ -1,8 +1,10 @@
 /* Checks between values, after all files are read. */
+#include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -295,6 +297,15 @@ static bool is_loopback(const char *address)
     return !strncmp(address, "127.", 4) || !strcmp(address, "::1");
 }
 
+/* A name may begin with a number, too. */
+static bool is_local_host(const char *host)
+{
+    struct in_addr v4;
+
+    return !strcasecmp(host, "localhost") || !strcmp(host, "::1") ||
+           (is_loopback(host) && inet_pton(AF_INET, host, &v4) == 1);
+}
+
 static bool is_any(const char *address)
 {
     return !strcmp(address, "0.0.0.0") || !strcmp(address, "::");
@@ -321,6 +332,11 @@ static void check_sockets(const struct config_load *load)
     if (c->rtsp.enabled && !is_loopback(c->rtsp.address) && !password && !c->rtsp.insecure)
         fault(source(load, "rtsp.address", NULL), NULL,
               "%s is open to the network: set user and password_file, or insecure: true", c->rtsp.address);
+    if (c->mqtt.enabled && !is_local_host(c->mqtt.host) && !c->mqtt.ca_file[0] && !c->mqtt.insecure)
+        fault(source(load, "mqtt.host", "mqtt.enabled"), NULL,
+              "%.100s is another machine: pictures, commands and the password would go there unencrypted; set ca_file "
+              "(TLS), or insecure: true",
+              c->mqtt.host);
     if (c->web.enabled && c->rtsp.enabled && c->web.port && c->web.port == c->rtsp.port &&
         (!strcmp(c->web.address, c->rtsp.address) || is_any(c->web.address) || is_any(c->rtsp.address)))
         fault(source(load, "rtsp.port", "web.port"), NULL, "%d is the port of both web and rtsp; choose different ones",

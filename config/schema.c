@@ -456,6 +456,8 @@ static const struct sst_key keys[] = {
       KIND(FILE) },
     { KEY("mqtt", "ca_file", TEXT, mqtt.ca_file, "", LIVE, "CA certificates (PEM) that verify the broker; enables TLS"),
       KIND(FILE) },
+    { KEY("mqtt", "insecure", BOOL, mqtt.insecure, "false", LIVE,
+          "allow a broker on another machine without TLS (ca_file)") },
     { KEY("mqtt", "topic", TEXT, mqtt.topic, "sst", LIVE, "prefix of all topics; each array needs its own"),
       KIND(TOPIC) },
     { KEY("mqtt", "discovery", TEXT, mqtt.discovery, "homeassistant", LIVE,

@@ -150,6 +150,7 @@ struct sst_config {
         char host[256];
         int port;
         char user[64], password_file[SST_CONFIG_TEXT_MAX], ca_file[SST_CONFIG_TEXT_MAX];
+        bool insecure;       /* allow a host other than this one without TLS */
         char topic[128];     /* sst */
         char discovery[128]; /* homeassistant; "": none */
         double picture_s;    /* minimum time between pictures of the main view; 0: none */

@@ -7,26 +7,21 @@
 #include "publishers/publisher.h"
 
 /* Topics below mqtt.topic (docs/integrate/mqtt.md):
- *   available                 online, offline (also by last will); retained
- *   status                    short JSON, each 10 s and when something changes; retained
- *   camera/rRcC/state         as GET /api/v1/cameras has it; retained
- *   event/TYPE                events as they come, also those of a time without connection that are still kept
- *   zone/NAME/motion          ON, OFF; retained
- *   visit, zone/NAME/visit    data of the last visit event; retained
- *   visit/picture, zone/NAME/picture   JPEG of it; retained
- *   visit/trigger, zone/NAME/trigger   came, gone
- *   zone/NAME/visited, zone/NAME/label/LABEL   ON, OFF; retained
- *   picture                   JPEG of the main view; retained
- *   record, record/set        ON, OFF
- *   focus, focus/set          px, or auto */
+ *   available                 online, offline (also by last will); retained; an offline that others publish is
+ * corrected status                    short JSON, each 10 s and when something changes; retained camera/rRcC/state as
+ * GET /api/v1/cameras has it; retained event/TYPE                events as they come, also those of a time without
+ * connection that are still kept zone/NAME/motion          ON, OFF; retained visit, zone/NAME/visit    data of the last
+ * visit event; retained visit/picture, zone/NAME/picture   JPEG of it; retained visit/trigger, zone/NAME/trigger came,
+ * gone zone/NAME/visited, zone/NAME/label/LABEL   ON, OFF; retained picture                   JPEG of the main view;
+ * retained record, record/set        ON, OFF focus, focus/set          px, or auto */
 
 #define MQTT_TOPIC_MAX     320
 #define MQTT_IN_FLIGHT_MAX 32   /* messages that the broker has not acknowledged; no more are sent */
 #define MQTT_EVENTS_MAX    1000 /* that wait for the broker; the oldest are dropped */
 
-#define MQTT_VISITS_MAX    32   /* at a time; the service has no more tracks */
-#define MQTT_LATER_MAX     512  /* messages of visits that wait */
-#define MQTT_WANTED_MAX    8    /* visits whose pictures wait */
+#define MQTT_VISITS_MAX    32  /* at a time; the service has no more tracks */
+#define MQTT_LATER_MAX     512 /* messages of visits that wait */
+#define MQTT_WANTED_MAX    8   /* visits whose pictures wait */
 #define MQTT_VISIT_LETTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 
 struct mosquitto;
@@ -68,7 +63,7 @@ struct mqtt {
     pthread_cond_t picture_wanted; /* for the thread that gets pictures */
     bool picture_asked, picture_ready;
     char picture_of[64]; /* visit; "": the main view */
-    uint8_t *picture; /* with picture_ready; NULL: there is none */
+    uint8_t *picture;    /* with picture_ready; NULL: there is none */
     size_t picture_bytes;
     /* main thread */
     struct sst_config *config;
@@ -77,6 +72,16 @@ struct mqtt {
     bool reported;            /* why there is no connection */
     int in_flight;
     int64_t next_try_ns, wait_ns, up_ns;
+    char id[40];                            /* of the client at the broker; "": to be made */
+    bool shared_id;                         /* another program uses ours: from now on one that nobody else has */
+    int short_lives;                        /* connections in a row that others ended soon */
+    bool refused, version_311;              /* what the broker has said of this connection; the next one's protocol */
+    size_t packet_max, learned_max;         /* bytes, 0: no limit; of this connection, and of what has ended others */
+    size_t large;                           /* bytes of a large message that is not acknowledged; 0: none */
+    int large_id, large_lost;               /* its, and connections in a row that ended with one */
+    bool left_out, unaccepted;              /* was logged */
+    bool online_due;                        /* to be published */
+    int64_t online_ns;                      /* when it was last */
     bool state_changed;                     /* by an event: status and cameras are due */
     int64_t status_ns, picture_ns;          /* when they are due next */
     char camera_state[SST_CAMERAS_MAX][24]; /* as published */
@@ -97,7 +102,8 @@ struct mqtt {
 char *mqtt_next_event(struct mqtt *m);
 /** Put it back: the broker did not accept it. */
 void mqtt_return_event(struct mqtt *m, char *line);
-/** Ask for a picture, or fetch it. @param visit  "": of the main view @return true: *data is one, to free with free(), or NULL: the service has none */
+/** Ask for a picture, or fetch it. @param visit  "": of the main view @return true: *data is one, to free with free(),
+ * or NULL: the service has none */
 bool mqtt_fetch_picture(struct mqtt *m, const char *visit, uint8_t **data, size_t *bytes);
 
 /* --- connection.c: the broker ------------------------------------------------------------------------------------- */
@@ -128,6 +134,8 @@ bool mqtt_announce_step(struct mqtt *m);
 void mqtt_withdraw(struct mqtt *m);
 /** A retained announcement at the broker: a stale one of this array is removed. */
 void mqtt_on_announced(struct mqtt *m, const char *topic);
+/** Somebody said that we are offline, such as the last will of a connection that died unnoticed. */
+void mqtt_on_offline(struct mqtt *m);
 void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
 
 /* --- visits.c ----------------------------------------------------------------------------------------------------- */

@@ -13,6 +13,7 @@
 #define STATUS_NS        INT64_C(10000000000)
 #define SOON_NS          INT64_C(500000000) /* after an event that changes the state: several come together */
 #define PICTURE_QUIET_NS INT64_C(1000000000)
+#define ONLINE_NS        INT64_C(1000000000)
 
 /* --- status ------------------------------------------------------------------------------------------------------- */
 
@@ -336,11 +337,29 @@ void mqtt_on_announced(struct mqtt *m, const char *topic)
     }
 }
 
+/* Once a second at most: another program may say the opposite as often. */
+static void publish_online(struct mqtt *m)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    if (m->online_due && now_ns - m->online_ns >= ONLINE_NS && publish_text(m, "available", "online")) {
+        m->online_due = false;
+        m->online_ns = now_ns;
+    }
+}
+
+void mqtt_on_offline(struct mqtt *m)
+{
+    m->online_due = true;
+}
+
 void mqtt_topics_begin(struct mqtt *m)
 {
     mqtt_topics_reset(m);
     add_announcements(m);
-    (void)publish_text(m, "available", "online");
+    m->online_due = true;
+    m->online_ns = -ONLINE_NS;
+    publish_online(m);
     mqtt_visits_begin(m);
     m->status_ns = m->picture_ns = 0;
 }
@@ -349,6 +368,7 @@ void mqtt_topics_step(struct mqtt *m)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
+    publish_online(m);
     if (!mqtt_announce_step(m))
         return;
     publish_events(m);

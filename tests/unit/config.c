@@ -198,7 +198,7 @@ static void values_arrive(void **state)
            "  record_on:\n"
            "    - { zone: yard, label: Pedestrian, share: 0.5, end_s: 20 }\n"
            "    - { visit: true }\n"
-           "mqtt: { topic: site/sst, discovery: \"\" }\n"
+           "mqtt: { enabled: true, host: broker, insecure: true, topic: site/sst, discovery: \"\" }\n"
            "hooks: [ { event: motion, run: [/bin/sh, -c, 'echo \"$SST_ZONE\"'] } ]\n");
     assert_true(cfg.live.focus_px == 7.25 && cfg.live.plane_mm == 3000 && cfg.live.c1 == 0.01);
     assert_int_equal(cfg.zones, 2);
@@ -293,6 +293,10 @@ static void single_faults_are_told(void **state)
         { "rtsp: { enabled: true, address: \"::\" }\n", "open to the network" },
         { "rtsp: { user: me }\n", "needs both user and password_file" },
         { "rtsp: { codec: h265 }\n", "must be h264 or mjpeg, not h265" },
+        { "mqtt: { enabled: true, host: broker.example.org, user: me, password_file: /etc/hosts }\n",
+          "1:30: host broker.example.org is another machine" },
+        { "mqtt: { enabled: true, host: 192.0.2.1 }\n", "set ca_file (TLS), or insecure: true" },
+        { "mqtt: { enabled: true, host: 127.example.org }\n", "is another machine" },
         { "mqtt: { topic: a/# }\n", "without spaces" },
         { "mqtt: { topic: a/ }\n", "outer slashes" },
         { "mqtt: { password_file: /etc/hosts }\n", "needs mqtt: user" },
@@ -409,8 +413,13 @@ static void expect_change(const struct sst_config_change *list, int n, const cha
 /* What the page draws: over the zones of other files, and nothing else. */
 static void drawn_zones_replace_others(void **state)
 {
-    struct sst_zone drawn = { .name = "lawn", .points = "0.1,0.2 0.9,0.2 0.5,0.9", .x1 = 1, .y1 = 1, .near_px = 9.5,
-                              .far_px = -INFINITY, .labels = { "Pedestrian", "Car" } };
+    struct sst_zone drawn = { .name = "lawn",
+                              .points = "0.1,0.2 0.9,0.2 0.5,0.9",
+                              .x1 = 1,
+                              .y1 = 1,
+                              .near_px = 9.5,
+                              .far_px = -INFINITY,
+                              .labels = { "Pedestrian", "Car" } };
     double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
     char text[SST_PATH_MAX + 200], *file = sst_zones_text(&drawn, 1);
 
