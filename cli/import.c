@@ -14,7 +14,7 @@ static int import_folder(const struct sst_import_config *cfg)
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *calib = NULL, *filter = "bicubic";
+    const char *calib = NULL, *filter = "bicubic", *prefer = NULL;
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { .import = &cfg };
     int grid[2] = { 0, 0 };
@@ -28,6 +28,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
           "folder: external disparity rr_cc.pfm, px per spacing, inf unknown" },
         { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled" },
+        { "prefer", 0, CLI_STRING, &prefer, "KIND",
+          "folder: jpeg (default) or raw: which files of views that have both; raw ones are developed" },
         { "sets", 0, CLI_STRING, &recording.sets, "LIST",
           "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each" },
         { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
@@ -64,6 +66,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
     if (!isnan(infinity_px))
         cfg.infinity_px = &infinity_px;
+    if (prefer && (strcmp(args[0], "folder") || (strcmp(prefer, "jpeg") && strcmp(prefer, "raw"))))
+        return cli_usage_error(cmd, "--prefer is jpeg or raw, of the format folder");
+    cfg.prefer_raw = prefer && !strcmp(prefer, "raw");
     sst_use_calibration_defaults(&use);
     if (calib) {
         r = cli_use_calibration(&use, cmd, calib, filter);
@@ -91,7 +96,8 @@ const struct cli_command cli_import = {
               "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
               "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
               "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels add external maps\n"
-              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents. Several: those of\n"
+              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents. Several: "
+              "those of\n"
               "            the hosts of one array, joined by trigger; sets are then counted from 0 over all of them",
     .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
                "  sst import recording night --sets 0,10-19 -o night.lf\n"

@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/develop.h"
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/lightfield_internal.h"
@@ -192,13 +193,26 @@ out:
     return err;
 }
 
+/* A raw file of a still camera becomes a PNG. @param data  out: that PNG's bytes, in place of the raw file's */
+static int develop_view(const char *from, const char *to, uint8_t **data, size_t *size)
+{
+    struct sst_image img = { 0 };
+    int err = sst_image_develop(&img, *data, *size, from);
+
+    err = err ? err : sst_image_write_png(&img, to);
+    sst_image_fini(&img);
+    free(*data);
+    *data = NULL;
+    return err ? err : sst_file_read(to, SST_VIEW_FILE_MAX, data, size);
+}
+
 /* Decodes (to reject a damaged image now), hashes and copies the bytes unchanged. */
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct job *job = arg;
     struct import_plan *plan = job->plan;
     struct sst_lightfield_file *file = &plan->lf.files->view[k];
-    char path[SST_PATH_MAX];
+    char path[SST_PATH_MAX], to[SST_PATH_MAX];
     struct sst_image img;
     uint8_t *data = NULL;
     size_t size;
@@ -213,7 +227,13 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
-    err = sst_image_decode(&img, data, size, path);
+    sst_view_name(&plan->lf, k, file->name);
+    strcat(file->name, plan->raw || data[0] == 0x89 ? ".png" : ".jpg"); /* nothing else can be decoded */
+    err = view_path(to, &plan->lf, k, job->out);
+    if (!err && plan->raw)
+        err = develop_view(path, to, &data, &size);
+    if (!err)
+        err = sst_image_decode(&img, data, size, path);
     if (err)
         goto out;
     job->orientation[k] = (uint8_t)sst_image_orientation(data, size);
@@ -221,12 +241,8 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     job->height[k] = img.height;
     sst_image_fini(&img);
     sst_sha256_hex(file->sha256, data, size);
-    sst_view_name(&plan->lf, k, file->name);
-    strcat(file->name,
-           data[0] == 0x89 ? ".png" : ".jpg"); /* decoding succeeded, so the first byte identifies the format */
-    err = view_path(path, &plan->lf, k, job->out);
-    if (!err)
-        err = sst_file_write(path, data, size);
+    if (!plan->raw)
+        err = sst_file_write(to, data, size);
     if (!err && plan->views[k].truth >= 0)
         err = copy_truth(job, k);
 

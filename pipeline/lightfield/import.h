@@ -14,12 +14,13 @@ struct sst_import_config {
     double range_min_px, range_max_px;             /* equal: from the source if it has one, else unknown */
     const double *infinity_px;                     /* disparity of infinity; NULL: from the source, else unknown */
     const struct sst_use_calibration *calibration; /* folder: the images are raw frames of this array; NULL: views */
+    bool prefer_raw;                               /* folder: raw files rather than the pictures beside them */
     bool force;                                    /* replace an existing output */
     int threads;
 };
 
 /**
- * Create a light-field folder from another format; view files are copied byte for byte. With a calibration, external
+ * Create a light-field folder from another format; view files are copied byte for byte, raw files are developed. With a calibration, external
  * maps belong to the rectified views.
  * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.
  */

@@ -67,6 +67,7 @@ struct import_plan {
     struct import_view *views; /* [rows * cols], allocated by import_set_grid() */
     double spacing;            /* nominal spacing in the unit of the positions, above 0 */
     double truth_scale;        /* factor from the source's disparity to ours */
+    bool raw;                  /* views are raw files of still cameras, to be developed */
     double focal_sides;        /* focal length in units of the longer side of an image; 0: unknown */
     double focus_mm;           /* distance at which the views converge, with focal length and spacing; 0: unknown */
     double centre[2];          /* where a converging camera has its principal point in the middle; NAN: the reference */

@@ -7,10 +7,13 @@
 #include <sys/stat.h>
 
 #include "base/file.h"
+#include "base/log.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/develop.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "simulators/devices/ptp/ptp_model.h"
 #include "tests/test.h"
 
 #define WIDTH  6
@@ -276,7 +279,8 @@ static void folder_reads_external_maps(void **state SST_UNUSED)
     sst_map_u8_fini(&label);
 }
 
-/* Grey views of 16 bits, 00_00.png ...: view k has the samples base + k ... base + k + span - 1, and one 65535 if hot. */
+/* Grey views of 16 bits, 00_00.png ...: view k has the samples base + k ... base + k + span - 1, and one 65535 if hot.
+ */
 static void put_deep(int views, int base, int span, bool hot)
 {
     for (int k = 0; k < views; k++) {
@@ -393,6 +397,62 @@ static void folder_refuses(void **state SST_UNUSED)
     assert_int_equal(sst_import(&cfg), -ENOENT);
     cfg = config("tiff", "src");
     assert_int_equal(sst_import(&cfg), -EINVAL);
+}
+
+/* What cameras and photo programs leave beside pictures; raw files never mix with pictures. */
+static void folder_of_a_camera_is_read(void **state SST_UNUSED)
+{
+    static const char *const beside[] = { "src/00_00.xmp",     "src/00_00.JSON",    "src/00_01.THM", "src/07_00.txt",
+                                          "src/00_00.JPG.xmp", "src/00_01.old.jpg", "src/Thumbs.db", "src/.00_00.jpg" };
+    struct sst_import_config cfg = config("folder", "src");
+    char said[SST_LOG_MAX] = "", *before;
+    uint8_t bayer[32 * 32], *dng;
+    struct sst_lightfield lf;
+    size_t bytes;
+
+    cfg.rows = 1;
+    cfg.cols = 2;
+    cfg.force = true;
+    for (size_t i = 0; i < ARRAY_LEN(beside); i++)
+        put_text(beside[i], "no image");
+    before = sst_log_hold_errors(said);
+    assert_int_equal(sst_import(&cfg), -EBADMSG); /* nothing else */
+    sst_log_hold_errors(before);
+    assert_non_null(strstr(said, "only 00_"));
+    put_image("src/00_00.jpg", 10, 32, 32);
+    put_image("src/00_01.jpg", 20, 32, 32);
+    import_and_load(&cfg, &lf);
+    sst_lightfield_fini(&lf);
+
+    memset(bayer, 200, sizeof(bayer));
+    assert_int_equal(sst_sim_ptp_dng(bayer, 32, 32, &dng, &bytes), 0);
+    assert_int_equal(sst_file_write(in_dir("src/00_00.DNG"), dng, bytes), 0);
+    import_and_load(&cfg, &lf);
+    assert_true(abs(sst_image_row(&lf.views[0].image, 0, 9)[9] - 10) < 6); /* the JPEG */
+    sst_lightfield_fini(&lf);
+    cfg.prefer_raw = true;
+    before = sst_log_hold_errors(said);
+    assert_int_equal(sst_import(&cfg), -EBADMSG); /* the other view has none */
+    sst_log_hold_errors(before);
+    assert_non_null(strstr(said, "row 0, column 1 has only a picture"));
+    assert_int_equal(sst_file_write(in_dir("src/00_01.dng"), dng, bytes), 0);
+    if (sst_image_can_develop()) {
+        for (int i = 0; i < 2; i++) { /* with the pictures, and alone */
+            import_and_load(&cfg, &lf);
+            for (int k = 0; k < 2; k++)
+                assert_int_equal(sst_image_row(&lf.views[k].image, 0, 9)[9], 200);
+            sst_lightfield_fini(&lf);
+            (void)remove(in_dir("src/00_00.jpg"));
+            (void)remove(in_dir("src/00_01.jpg"));
+            cfg.prefer_raw = false;
+        }
+        put_image("src/00_01.jpg", 20, 32, 32);
+        before = sst_log_hold_errors(said);
+        assert_int_equal(sst_import(&cfg), -EBADMSG);
+        sst_log_hold_errors(before);
+        assert_non_null(strstr(said, "row 0, column 0 has only a raw file"));
+    }
+    free(dng);
 }
 
 static void replacing_is_refused_where_it_would_hurt(void **state SST_UNUSED)
@@ -558,6 +618,7 @@ int main(void)
         cmocka_unit_test_setup(folder_reads_external_maps, setup),
         cmocka_unit_test_setup(views_of_16_bits_are_scaled_alike, setup),
         cmocka_unit_test_setup(folder_refuses, setup),
+        cmocka_unit_test_setup(folder_of_a_camera_is_read, setup),
         cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
         cmocka_unit_test_setup(export_gives_back_the_same, setup),
         cmocka_unit_test_setup(export_refuses, setup),
