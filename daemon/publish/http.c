@@ -60,7 +60,7 @@ static int serve(struct http_listener *listener, int fd, bool tls)
 {
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
                            MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0);
-    const unsigned clients = (unsigned)listener->http->cfg.clients;
+    const unsigned clients = (unsigned)listener->http->cfg.clients, idle_s = (unsigned)listener->http->cfg.idle_s;
     struct http_pair *pair = tls ? http_tls_take(&listener->http->pairs) : NULL; /* it may be renewed meanwhile */
     const struct MHD_OptionItem secure[] = {
         { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, http_tls_pem(pair, false) },
@@ -78,7 +78,7 @@ static int serve(struct http_listener *listener, int fd, bool tls)
         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_NOTIFY_CONNECTION,
         http_on_connection, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
         clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, listener->local ? 0 : (clients + 3) / 4 * 3,
-        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
+        MHD_OPTION_CONNECTION_TIMEOUT, idle_s, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
         MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
         MHD_OPTION_END);
     http_tls_end(&listener->http->pairs, pair);
@@ -228,6 +228,7 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     if (!http)
         return -ENOMEM;
     http->cfg = *cfg;
+    http->cfg.idle_s = cfg->idle_s > 0 ? cfg->idle_s : HTTP_IDLE_S;
     http->count = cfg->counters;
     http->tcp = (struct http_listener){ .http = http };
     http->local = (struct http_listener){ .http = http, .local = true };

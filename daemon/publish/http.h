@@ -32,6 +32,7 @@ struct sst_http_config {
     bool insecure;                         /* allow an address other than loopback without TLS */
     int clients, streams;                  /* limits */
     double stream_hz;                      /* at most this many pictures per second and stream; 0: no limit */
+    int idle_s;                            /* a connection without a byte goes, streams after twice that; 0: 10 */
     const struct sst_api *api;             /* must outlive the server */
     struct sst_counters *counters;         /* must outlive the server */
 };

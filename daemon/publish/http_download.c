@@ -14,10 +14,11 @@
 
 #define PIECE_BYTES ((size_t)128 << 10)
 #define RETRY_S     5
-#define SILENCE_S   60 /* of a client that reads nothing: players stop when they have enough, and ask again */
+#define SILENCE     6 /* idle times of a client that reads nothing: players stop when they have enough, and ask again */
 
 struct transfer {
     struct sst_http *http;
+    struct MHD_Connection *connection;
     struct sst_download *download;
     uint64_t first;
 };
@@ -30,6 +31,7 @@ static ssize_t piece(void *arg, uint64_t pos, char *buf, size_t max)
 
     if (n <= 0)
         return MHD_CONTENT_READER_END_WITH_ERROR;
+    http_awake(t->connection, SILENCE * t->http->cfg.idle_s); /* the disk may have been slow */
     atomic_fetch_add(&t->http->count->bytes, (uint64_t)n);
     return n;
 }
@@ -55,7 +57,7 @@ static struct MHD_Response *respond(struct http_request *q, struct sst_download 
             return MHD_create_response_from_callback(bytes, PIECE_BYTES, piece, NULL, NULL);
         return bytes ? NULL : MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
     }
-    *t = (struct transfer){ .http = q->http, .download = d, .first = first };
+    *t = (struct transfer){ .http = q->http, .connection = q->connection, .download = d, .first = first };
     response = MHD_create_response_from_callback(bytes, PIECE_BYTES, piece, t, transfer_free);
     if (!response)
         transfer_free(t);
@@ -125,7 +127,7 @@ static int answer(struct http_request *q, struct sst_download *d)
     response = respond(q, d, first, bytes);
     if (!response)
         return MHD_NO;
-    (void)MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S);
+    q->silence_s = SILENCE * q->http->cfg.idle_s;
     describe(q, response, type, etag);
     if (range == HTTP_RANGE_PART)
         http_set(response, "Content-Range", "bytes %" PRIu64 "-%" PRIu64 "/%" PRIu64, first, first + bytes - 1, size);

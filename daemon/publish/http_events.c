@@ -13,13 +13,14 @@
 #define LIMIT_USUAL 100
 #define LIMIT_MAX   1000
 #define PIECE_BYTES 4096
-#define SILENCE_S   60 /* longer than signs of life are apart */
+#define SILENCE     6 /* idle times after which a client that reads nothing is disconnected */
 
 struct listener {
     struct sst_http *http;
     struct sst_events *events;
     uint64_t after;
-    int fd;
+    struct MHD_Connection *connection;
+    int fd, silence_s;
     char session[HTTP_SESSION_NAME + 1]; /* "": none */
     bool sse;
     char *text; /* being sent */
@@ -164,6 +165,7 @@ static ssize_t listener_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size
 
     if (!l->text && !next_text(l))
         return MHD_CONTENT_READER_END_OF_STREAM;
+    http_awake(l->connection, l->silence_s);
     n = l->size - l->at < max ? l->size - l->at : max;
     memcpy(buf, l->text + l->at, n);
     l->at += n;
@@ -218,17 +220,15 @@ int http_do_listen(struct http_request *q)
     l->http = q->http;
     l->events = events;
     l->after = after;
+    l->connection = q->connection;
     l->fd = q->fd;
+    l->silence_s = q->silence_s = SILENCE * q->http->cfg.idle_s;
     memcpy(l->session, q->session, sizeof(l->session));
     l->sse = !accept || !strstr(accept, "application/x-ndjson");
     atomic_fetch_add(&q->http->count->listeners, 1);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);
     if (!response) {
         listener_free(l);
-        return MHD_NO;
-    }
-    if (MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S) != MHD_YES) {
-        MHD_destroy_response(response);
         return MHD_NO;
     }
     http_set(response, "Content-Type", l->sse ? "text/event-stream" : "application/x-ndjson");

@@ -40,6 +40,13 @@ static bool is_tls(struct MHD_Connection *connection)
     return info && info->tls_session;
 }
 
+void http_awake(struct MHD_Connection *connection, int silence_s)
+{
+    /* It counts from the moment at which a limit comes where there was none. */
+    (void)MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, 0u);
+    (void)MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, (unsigned)silence_s);
+}
+
 int http_reply(struct http_request *q, int status, struct MHD_Response *response)
 {
     enum MHD_Result done;
@@ -65,6 +72,7 @@ int http_reply(struct http_request *q, int status, struct MHD_Response *response
         challenge(q, response);
     if (q->route && !strcmp(q->route->method, "POST"))
         sst_log_info("http: %s: POST %s: %d", q->who, q->route->path, status);
+    http_awake(q->connection, q->silence_s);
     done = MHD_queue_response(q->connection, (unsigned)status, response);
     MHD_destroy_response(response);
     return done;

@@ -3,6 +3,7 @@
 
 #if WITH_HTTPD
 
+#include <netinet/tcp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -31,6 +32,18 @@ bool http_crowded(struct http_request *q)
     return true;
 }
 
+/* Who waits for a picture or an event sends and gets nothing for long: the kernel finds out whether it is still there. */
+static void notice_dead_peers(int fd)
+{
+    const int on = 1, idle_s = 15, interval_s = 5, probes = 4, unread_ms = 60000;
+
+    (void)!setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof(on));
+    (void)!setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof(idle_s));
+    (void)!setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &interval_s, sizeof(interval_s));
+    (void)!setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &probes, sizeof(probes));
+    (void)!setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &unread_ms, sizeof(unread_ms));
+}
+
 void http_on_connection(void *cls, struct MHD_Connection *connection, void **state,
                         enum MHD_ConnectionNotificationCode how)
 {
@@ -48,6 +61,8 @@ void http_on_connection(void *cls, struct MHD_Connection *connection, void **sta
         l->pair = http_tls_begin(&http->pairs, connection);
         l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
+        if (!listener->local)
+            notice_dead_peers(l->fd);
         pthread_mutex_lock(&http->lock);
         l->next = http->links;
         l->prev = &http->links;
@@ -83,6 +98,7 @@ static struct http_request *new_request(struct http_listener *listener, struct M
     q->connection = connection;
     q->link = link;
     q->fd = link->fd;
+    q->silence_s = listener->http->cfg.idle_s;
     http_name_peer(q);
     atomic_fetch_add(&listener->http->count->requests, 1);
     return q;
@@ -187,7 +203,7 @@ void http_on_done(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UN
     if (!q)
         return;
     /* An idle connection goes earlier, and what comes after it has its time from its first byte on. */
-    atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (HTTP_IDLE_S + HTTP_REQUEST_S) * SECOND_NS);
+    atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (q->http->cfg.idle_s + HTTP_REQUEST_S) * SECOND_NS);
     json_decref(q->body);
     free(q->data);
     free(q);

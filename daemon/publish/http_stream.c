@@ -23,13 +23,14 @@
 #define REPEAT_NS   5000000000LL /* a still picture is shown again, as a sign of life */
 #define FRESH_NS    1000000000LL /* a picture is worth waiting that long for a newer one */
 #define FIRST_NS    5000000000LL /* ... and that long for the first */
-#define SILENCE_S   20           /* a client that reads nothing is disconnected */
+#define SILENCE     2            /* idle times after which a client that reads nothing is disconnected */
 
 struct stream {
     struct sst_http *http;
     struct sst_slot *slot;
     const struct sst_jpeg *jpeg; /* being sent */
-    int fd;
+    struct MHD_Connection *connection;
+    int fd, silence_s;
     char session[HTTP_SESSION_NAME + 1]; /* "": none */
     char head[256];
     size_t head_bytes, at; /* of head, picture, tail: bytes handed over */
@@ -86,6 +87,7 @@ static bool next_picture(struct stream *s)
             break;
         sst_slot_wait(s->slot, s->number, HTTP_WAIT_MS);
     }
+    http_awake(s->connection, s->silence_s);
     /* Steps of one period, so that jitter of the source does not add up. */
     s->due_ns = s->due_ns + s->period_ns < now_ns - s->period_ns ? now_ns : s->due_ns + s->period_ns;
     s->sent_ns = now_ns;
@@ -187,7 +189,9 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     }
     s->http = q->http;
     s->slot = slot;
+    s->connection = q->connection;
     s->fd = q->fd;
+    s->silence_s = q->silence_s = SILENCE * q->http->cfg.idle_s;
     memcpy(s->session, q->session, sizeof(s->session));
     s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
     sst_slot_join(slot);
@@ -197,8 +201,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
         return MHD_NO;
     }
     /* No chunks: cameras' clients of all ages read until the end of the connection. */
-    if (MHD_set_response_options(response, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END) != MHD_YES ||
-        MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S) != MHD_YES) {
+    if (MHD_set_response_options(response, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END) != MHD_YES) {
         MHD_destroy_response(response);
         return MHD_NO;
     }

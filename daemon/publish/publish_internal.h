@@ -39,7 +39,7 @@ struct MHD_Response;
 #define HTTP_TOKEN_MAX    128   /* characters of a token */
 #define HTTP_NAME_MAX     128   /* characters of {a part} of a path */
 #define HTTP_REQUEST_S    10    /* a request must have arrived this long after its connection */
-#define HTTP_IDLE_S       10    /* a connection without a byte goes */
+#define HTTP_IDLE_S       10    /* a connection without a byte goes; sst_http_config.idle_s */
 #define HTTP_KEEP_ALIVE_S 15    /* between signs of life on a silent event stream */
 #define HTTP_WAIT_MS      200   /* longest wait in one piece: how fast stopping and a lost peer are noticed */
 
@@ -262,6 +262,7 @@ struct http_request {
     char session[HTTP_SESSION_NAME + 1]; /* whose cookie it has; "": none */
     char allow[24];               /* answer 405: methods */
     int retry_s;                  /* answer 429: seconds until a retry */
+    int silence_s;                /* the answer ends when the client has read nothing for that long */
     char *data;                   /* body, with a NUL after it */
     size_t size, capacity;
     bool too_large;
@@ -324,6 +325,10 @@ int http_do_logout(struct http_request *q);
 
 /** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);
+
+/** Begin the silence of a client now: the library counts the time that a callback or handler waits, too, and would close
+ *  the connection before it sends what was waited for. */
+void http_awake(struct MHD_Connection *connection, int silence_s);
 
 /** Has the peer of a connection gone? */
 bool http_peer_gone(int fd);

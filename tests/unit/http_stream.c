@@ -419,6 +419,42 @@ static void closes_within_a_second(void **state)
     assert_int_equal(sst_slot_clients(fake_outlet), 0);
 }
 
+static int make_impatient_server(void **state)
+{
+    struct sst_http_config cfg;
+
+    if (make_service(state))
+        return -1;
+    cfg = config();
+    cfg.idle_s = 1; /* 2 for streams */
+    serve(&cfg);
+    return 0;
+}
+
+/* How long the service makes a client wait is not the client's silence: who waited gets what comes then. */
+static void who_waits_is_served(void **state)
+{
+    char type[100];
+    FILE *f, *again;
+
+    (void)state;
+    fake_plays = true;
+    f = open_stream("/stream", type, sizeof(type));
+    again = open_stream("/replay/stream", type, sizeof(type));
+    wait_viewers(2);
+    api_sleep_ms = 2600;
+    assert_int_equal(ask("GET", "/api/v1/status", bearer(view), NULL), 200);
+    api_sleep_ms = 0;
+    assert_int_equal(sst_slot_clients(fake_outlet), 2);
+    show(7, 1000);
+    assert_int_equal(read_picture(f, true), 7);
+    assert_int_equal(read_picture(again, true), 7);
+    fclose(f);
+    fclose(again);
+    fake_plays = false;
+    wait_viewers(0); /* who has gone is noticed, also while nothing is sent */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -426,6 +462,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(skipped_pictures_are_counted, make_server, end_service),
         cmocka_unit_test_setup_teardown(rate_is_limited, make_server, end_service),
         cmocka_unit_test_setup_teardown(still_picture_is_repeated, make_server, end_service),
+        cmocka_unit_test_setup_teardown(who_waits_is_served, make_impatient_server, end_service),
         cmocka_unit_test_setup_teardown(snapshots, make_server, end_service),
         cmocka_unit_test_setup_teardown(kept_events, make_server, end_service),
         cmocka_unit_test_setup_teardown(events_as_they_come, make_server, end_service),
