@@ -63,14 +63,11 @@ static int write_private(const char *path, const char *text)
     return err;
 }
 
-static void write_locked(struct http_sessions *s)
+static char *text_locked(const struct http_sessions *s)
 {
     json_t *list = json_array();
     char *text;
-    int err = -ENOMEM;
 
-    if (!s->path[0])
-        return;
     for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
         const struct http_session *one = &s->session[i];
 
@@ -81,14 +78,37 @@ static void write_locked(struct http_sessions *s)
                                                   "address", one->address, "agent", one->agent));
     }
     text = json_dumps(list, JSON_INDENT(1));
+    json_decref(list);
+    return text;
+}
+
+/* Have all changes up to now in the file. The disk is waited for without the lock, which every request with a cookie
+ * needs; changes that come meanwhile are written together. */
+static void save(struct http_sessions *s)
+{
+    uint64_t changes;
+    char *text = NULL;
+    int err = -ENOMEM;
+
+    if (!s->path[0])
+        return;
+    pthread_mutex_lock(&s->writing);
+    pthread_mutex_lock(&s->lock);
+    changes = s->changes;
+    if (changes != s->written)
+        text = text_locked(s);
+    pthread_mutex_unlock(&s->lock);
     if (text)
         err = write_private(s->path, text);
-    if (err && !s->failed)
-        sst_log_warning("sessions %s cannot be written: %s; a restart of the service logs browsers out", s->path,
-                        strerror(-err));
-    s->failed = err != 0;
+    if (changes != s->written) {
+        if (err && !s->failed)
+            sst_log_warning("sessions %s cannot be written: %s; a restart of the service logs browsers out", s->path,
+                            strerror(-err));
+        s->failed = err != 0;
+        s->written = err ? s->written : changes;
+    }
+    pthread_mutex_unlock(&s->writing);
     free(text);
-    json_decref(list);
 }
 
 static void read_one(struct http_session *out, const json_t *o)
@@ -119,6 +139,7 @@ void http_sessions_init(struct http_sessions *s, const char *path, const char *c
 
     memset(s, 0, sizeof(*s));
     pthread_mutex_init(&s->lock, NULL);
+    pthread_mutex_init(&s->writing, NULL);
     s->tag[0] = tag_of(view);
     s->tag[1] = tag_of(control);
     if (!path || snprintf(s->path, sizeof(s->path), "%s.sessions", path) >= (int)sizeof(s->path))
@@ -137,6 +158,7 @@ void http_sessions_init(struct http_sessions *s, const char *path, const char *c
 void http_sessions_fini(struct http_sessions *s)
 {
     pthread_mutex_destroy(&s->lock);
+    pthread_mutex_destroy(&s->writing);
     explicit_bzero(s, sizeof(*s));
 }
 
@@ -164,27 +186,52 @@ static void copy_plain(char *out, size_t size, const char *text)
     out[n] = 0;
 }
 
+/* Where a new session goes: who logs in often ends sessions of the own address and role. */
+static struct http_session *make_room_locked(struct http_sessions *s, enum sst_role role, const char *address,
+                                             int64_t now_ns)
+{
+    struct http_session *free_one = NULL, *oldest = NULL, *own = NULL;
+    int of_role = 0, of_address = 0;
+
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
+        struct http_session *one = &s->session[i];
+
+        if (!is_valid_locked(s, one, now_ns)) {
+            *one = (struct http_session){ 0 };
+            free_one = one;
+            continue;
+        }
+        if (one->role != role)
+            continue;
+        of_role++;
+        oldest = !oldest || one->seen_ns < oldest->seen_ns ? one : oldest;
+        if (strcmp(one->address, address))
+            continue;
+        of_address++;
+        own = !own || one->seen_ns < own->seen_ns ? one : own;
+    }
+    if (of_address >= HTTP_SESSIONS_ADDRESS || of_role >= HTTP_SESSIONS_ROLE)
+        return of_address >= HTTP_SESSIONS_ADDRESS ? own : oldest;
+    return free_one ? free_one : &s->session[0]; /* there is one, unless the file was made by somebody else */
+}
+
 bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address, const char *agent,
                         char secret[HTTP_SECRET + 1])
 {
     const int64_t now_ns = sst_clock_wall_ns();
-    struct http_session *to = &s->session[0];
+    struct http_session new = { .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns };
 
     if (!make_secret(secret))
         return false;
+    memcpy(new.secret, secret, HTTP_SECRET + 1);
+    copy_plain(new.address, sizeof(new.address), address);
+    copy_plain(new.agent, sizeof(new.agent), agent);
     pthread_mutex_lock(&s->lock);
-    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) { /* a free one, or the one that was not used for longest */
-        if (!is_valid_locked(s, &s->session[i], now_ns))
-            s->session[i] = (struct http_session){ 0 };
-        if (s->session[i].seen_ns < to->seen_ns)
-            to = &s->session[i];
-    }
-    *to = (struct http_session){ .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns };
-    memcpy(to->secret, secret, HTTP_SECRET + 1);
-    copy_plain(to->address, sizeof(to->address), address);
-    copy_plain(to->agent, sizeof(to->agent), agent);
-    write_locked(s);
+    *make_room_locked(s, role, new.address, now_ns) = new;
+    s->changes++;
     pthread_mutex_unlock(&s->lock);
+    explicit_bzero(&new, sizeof(new));
+    save(s);
     return true;
 }
 
@@ -242,9 +289,11 @@ bool http_session_end(struct http_sessions *s, const char *name)
     one = is_hex(name, HTTP_SESSION_NAME) ? find_locked(s, name) : NULL;
     if (one) {
         explicit_bzero(one, sizeof(*one));
-        write_locked(s);
+        s->changes++;
     }
     pthread_mutex_unlock(&s->lock);
+    if (one)
+        save(s);
     return one != NULL;
 }
 

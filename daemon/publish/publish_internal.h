@@ -100,7 +100,9 @@ bool http_number(const char *text, uint64_t max, uint64_t *out);
 
 /* --- sessions of browsers (http_sessions.c) ----------------------------------------------------------------------- */
 
-#define HTTP_SESSIONS_MAX 64 /* then the one that was not used for longest ends */
+#define HTTP_SESSIONS_ROLE    64 /* of one role: then the one of it that was not used for longest ends, ... */
+#define HTTP_SESSIONS_ADDRESS 32 /* ... of one address and role: then one of these */
+#define HTTP_SESSIONS_MAX     (2 * HTTP_SESSIONS_ROLE)
 #define HTTP_SESSION_S    INT64_C(2592000) /* 30 days after the login */
 #define HTTP_SECRET       64 /* hex digits of what a cookie holds: random, 256 bits */
 #define HTTP_SESSION_NAME 12 /* the first of them name it; too few to guess the rest */
@@ -118,7 +120,10 @@ struct http_sessions {
     uint64_t tag[2];         /* likewise; of the view token, of the control token */
     pthread_mutex_t lock;
     struct http_session session[HTTP_SESSIONS_MAX]; /* under lock */
-    bool failed;                                    /* likewise: they could not be written */
+    uint64_t changes;                               /* likewise */
+    pthread_mutex_t writing;                        /* before lock */
+    uint64_t written;                               /* under writing: the changes that the file has */
+    bool failed;                                    /* under writing: they could not be written */
 };
 
 /** @param path  of the control token, beside which they are kept; NULL: nowhere */

@@ -1,6 +1,8 @@
 /* Who may what: every route of the table for everybody who might come, and what a request must bear. */
 #include "tests/http_fake.h"
 
+#include "daemon/publish/publish_internal.h"
+
 #include <grp.h>
 #include <sys/wait.h>
 
@@ -158,7 +160,7 @@ static void restart(void)
 /* Who has logged in is listed, lasts over a restart, and is ended: by itself, by one who controls, by another token. */
 static void sessions_are_listed_and_ended(void **state)
 {
-    char guard[80], boss[80], path[64], name[16];
+    char guard[80], boss[80], first[80], path[64], name[16];
     FILE *f;
 
     (void)state;
@@ -196,10 +198,51 @@ static void sessions_are_listed_and_ended(void **state)
     fclose(f);
     restart();
     assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
-    for (int i = 0; i < 70; i++) /* more than there is room for: the oldest end */
-        log_in(i ? guard : boss, view);
-    assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
+    log_in(boss, control);
+    log_in(first, view);
+    for (int i = 0; i < 140; i++) /* more than there is room for: the oldest of that role end */
+        log_in(guard, view);
+    assert_int_equal(ask("GET", "/api/v1/status", session(first), NULL), 401);
     assert_int_equal(ask("GET", "/api/v1/status", session(guard), NULL), 200);
+    assert_int_equal(ask("POST", "/api/v1/reload", with(session(boss), JSON), "{}"), 200);
+}
+
+/* Of the sessions in a store: how many are valid. */
+static int lasting(struct http_sessions *s, char secret[][HTTP_SECRET + 1], int n)
+{
+    char name[HTTP_SESSION_NAME + 1];
+    int valid = 0;
+
+    for (int i = 0; i < n; i++)
+        valid += http_session_check(s, secret[i], name) != SST_ROLE_ANYONE;
+    return valid;
+}
+
+/* Who logs in often ends sessions of the own role, first those of the own address. */
+static void logins_end_only_their_like(void **state)
+{
+    static char boss[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1], guard[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1];
+    struct http_sessions s;
+    char secret[HTTP_SECRET + 1], address[32];
+
+    (void)state;
+    http_sessions_init(&s, NULL, "control", "view");
+    for (int i = 0; i < HTTP_SESSIONS_ROLE; i++) {
+        snprintf(address, sizeof(address), "192.0.2.%d", i);
+        assert_true(http_session_begin(&s, SST_ROLE_CONTROL, address, "", boss[i]));
+        if (i < 10)
+            assert_true(http_session_begin(&s, SST_ROLE_VIEW, address, "", guard[i]));
+    }
+    for (int i = 0; i < 500; i++)
+        assert_true(http_session_begin(&s, SST_ROLE_VIEW, "198.51.100.1", "", secret));
+    assert_int_equal(lasting(&s, guard, 10), 10);
+    for (int i = 0; i < 500; i++) { /* from everywhere */
+        snprintf(address, sizeof(address), "203.0.113.%d", i % 250);
+        assert_true(http_session_begin(&s, SST_ROLE_VIEW, address, "", secret));
+    }
+    assert_int_equal(lasting(&s, guard, 10), 0);
+    assert_int_equal(lasting(&s, boss, HTTP_SESSIONS_ROLE), HTTP_SESSIONS_ROLE);
+    http_sessions_fini(&s);
 }
 
 /* The token counts wherever it stands; in an address or as a password it only looks. */
@@ -498,6 +541,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(unknown_paths, make_server, end_service),
         cmocka_unit_test_setup_teardown(ways_to_give_a_token, make_server, end_service),
         cmocka_unit_test_setup_teardown(sessions_are_listed_and_ended, make_server, end_service),
+        cmocka_unit_test(logins_end_only_their_like),
         cmocka_unit_test_setup_teardown(login_and_page, make_server, end_service),
         cmocka_unit_test_setup_teardown(hosts_and_origins, make_server, end_service),
         cmocka_unit_test_setup_teardown(bodies, make_server, end_service),
