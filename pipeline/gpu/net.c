@@ -8,7 +8,7 @@
 
 #include "pipeline/gpu/gpu_internal.h"
 
-_Static_assert(sizeof(struct sst_gpu_net_conv) == 104 && sizeof(struct sst_gpu_net_layer) == 72,
+_Static_assert(sizeof(struct sst_gpu_net_conv) == 108 && sizeof(struct sst_gpu_net_layer) == 72,
                "the layout of net_*.comp; every device has 128 bytes of constants");
 
 /* --- layout ------------------------------------------------------------------------------------------------------- */
@@ -170,7 +170,8 @@ static void sum_floats(const struct conv *v, size_t pixel, float *sum, size_t ch
     const size_t outs = padded_channels(c), inputs = c->from.pitch;
     const uint32_t *weight = v->fixed + c->weights_at;
 
-    memset(sum, 0, channels * sizeof(*sum));
+    for (size_t o = 0; o < channels; o++)
+        sum[o] = c->bias_first ? as_float(v->fixed[c->bias_at + o]) : 0;
     for (int i = 0; i < above(c->kernel) * below(c->kernel); i++) {
         const ptrdiff_t at = tap_at(c, pixel, i / below(c->kernel), i % below(c->kernel));
 
@@ -234,7 +235,8 @@ void net_conv_reference(const void *push, void *const *buffer, const uint32_t gr
     for (size_t i = 0; i < (size_t)c->to.width * (size_t)c->to.height; i++) {
         sum_floats(&v, i, sum, channels);
         for (size_t k = 0; k < channels; k++)
-            finish(&v, buffer[SST_GPU_NET_TO], i, k, sum[k] + fixed_float(&v, c->bias_at, k), c->out_scale);
+            finish(&v, buffer[SST_GPU_NET_TO], i, k, c->bias_first ? sum[k] : sum[k] + fixed_float(&v, c->bias_at, k),
+                   c->out_scale);
     }
     free(sum);
 }

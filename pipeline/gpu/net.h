@@ -72,6 +72,7 @@ struct sst_gpu_net_conv {
     float out_scale;
     uint32_t relu;
     uint32_t by_parts; /* net_conv: not 0 unless sst_gpu_fuses() */
+    uint32_t bias_first; /* net_conv: sums begin with the bias, else it is added to them */
 };
 
 /** net_pool, net_resize, net_move, net_unit. What is read is `scale` times what is stored, unless it is 1. */

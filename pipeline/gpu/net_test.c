@@ -151,6 +151,7 @@ static int test_conv(struct sst_gpu *g, struct test *t, const struct kind *k, en
     struct sst_gpu_net_conv c = layer_of(k);
 
     c.by_parts = !g->fuses;
+    c.bias_first = k->relu;
     for (uint32_t i = 0; i < 128; i++) {
         set_float(t->fixed + i, (1 + (float)(next_random(t) % 64) / 64) / 4000);
         set_float(t->fixed + 128 + i, any_float(t) * 1000);

@@ -22,7 +22,7 @@ layout(std430, push_constant) uniform Constants {
     float residual_scale;
     uint residual_mode;
     float out_scale;
-    uint relu, by_parts;
+    uint relu, by_parts, bias_first;
 };
 
 const uint F32 = 0, U8 = 1, NONE = 2;
@@ -84,11 +84,19 @@ vec4 residual_of(uint pixel, uint four)
         uvec4(from_word[at + 4 * four], from_word[at + 4 * four + 1], from_word[at + 4 * four + 2], from_word[at + 4 * four + 3]));
 }
 
+vec4 bias_of(uint four)
+{
+    const uint at = bias_at + 4 * four;
+
+    return uintBitsToFloat(uvec4(fixed_word[at], fixed_word[at + 1], fixed_word[at + 2], fixed_word[at + 3]));
+}
+
 void store(uint pixel, uint four, vec4 sum)
 {
-    const vec4 bias = uintBitsToFloat(uvec4(fixed_word[bias_at + 4 * four], fixed_word[bias_at + 4 * four + 1],
-                                            fixed_word[bias_at + 4 * four + 2], fixed_word[bias_at + 4 * four + 3]));
-    precise vec4 value = sum + bias;
+    precise vec4 value = sum;
+
+    if (bias_first == 0)
+        value = sum + bias_of(four);
 
     if (residual_mode != NONE) {
         precise vec4 r = residual_of(pixel, four) * residual_scale;
@@ -121,7 +129,8 @@ void main()
     ivec2 base[PIXELS]; // of the input pixels under the kernel's first tap
     ivec2 tap = ivec2(0);
     uint channel = word; // of the tap's pixel
-    precise vec4 sum[4] = vec4[4](vec4(0), vec4(0), vec4(0), vec4(0));
+    const vec4 start = bias_first != 0 ? bias_of(first / 4 + quad) : vec4(0);
+    precise vec4 sum[4] = vec4[4](start, start, start, start);
 
     for (uint i = 0; i < PIXELS; i++) {
         const int p = int(min(gl_WorkGroupID.x * TILE + lane / SLAB + i * (128 / SLAB), pixels - 1));

@@ -19,7 +19,7 @@ layout(std430, push_constant) uniform Constants {
     float residual_scale;
     uint residual_mode;
     float out_scale;
-    uint relu, by_parts;
+    uint relu, by_parts, bias_first;
 };
 
 const uint F32 = 0, U8 = 1, S8 = 2, FUSED = 1, NONE = 2;

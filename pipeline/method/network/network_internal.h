@@ -163,6 +163,9 @@ void net_plan_destroy(struct net_plan *plan);
 /** True if this processor multiplies and adds bytes in one instruction (VNNI) and oneDNN may use it. */
 bool net_plan_fast_int8(void);
 
+/** True if oneDNN's sums of floats begin with the bias, as its code for processors without AVX-512 has them. */
+bool net_plan_bias_first(void);
+
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *out);
 

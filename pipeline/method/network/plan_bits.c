@@ -21,6 +21,13 @@ bool net_plan_fast_int8(void)
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
+bool net_plan_bias_first(void)
+{
+    const unsigned avx512 = dnnl_cpu_isa_avx512_core;
+
+    return ((unsigned)dnnl_get_effective_cpu_isa() & avx512) != avx512;
+}
+
 bool net_plan_conv_on_8_bits(const struct net_plan *p, const struct sst_op *op)
 {
     return p->precision == SST_PRECISION_INT8 && op->kind == SST_OP_CONV && p->graph->range[op->in[0]] > 0 &&

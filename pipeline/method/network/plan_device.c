@@ -484,6 +484,7 @@ static int resolve(struct building *b)
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
             s->conv.by_parts = !sst_gpu_fuses(b->p->gpu);
+            s->conv.bias_first = net_plan_bias_first();
             if (s->residual != NONE) {
                 s->conv.residual_at = b->p->tensors[s->residual].at.at;
                 s->conv.residual_pitch = b->p->tensors[s->residual].at.pitch;
