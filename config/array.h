@@ -64,7 +64,7 @@ struct sst_array_config {
     struct sst_config_camera camera[SST_CAMERAS_MAX];
     /* trigger: */
     enum sst_config_source source;
-    char chip[64];
+    char chip[256];
     int lines;
     char line[SST_CONFIG_LINES_MAX][64];
     int delay_us[SST_CONFIG_LINES_MAX];

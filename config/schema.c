@@ -29,10 +29,10 @@ static const char *const still_files[] = { "jpeg", "raw", "raw+jpeg" };
 static const char *const focuses[] = { "leave", "manual", "locked" };
 
 const char *const sst_event_types[] = {
-    "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
-    "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "line",     "snapshot",
-    "export",  "reload",       "calibration", "certificate",  "clock",        "client",        "host-lost", "host-found",
-    "device-lost", "device-found", "start", "stop",
+    "*",         "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
+    "storage",   "record-start", "record-stop", "motion",       "label",        "visit",         "line",
+    "snapshot",  "export",       "reload",      "calibration",  "certificate",  "clock",         "client",
+    "host-lost", "host-found",   "device-lost", "device-found", "start",        "stop",
 };
 const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
 
@@ -58,7 +58,8 @@ static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, x1, DOUBLE, "1", "right edge"), RANGE(0, 1) },
     { FIELD(struct sst_zone, y1, DOUBLE, "1", "lower edge"), RANGE(0, 1) },
     { FIELD(struct sst_zone, points, TEXT, "",
-            "instead of the four edges a polygon of 3 to 16 points \"x,y x,y ...\", fractions as above; of a line its two ends"),
+            "instead of the four edges a polygon of 3 to 16 points \"x,y x,y ...\", fractions as above; of a line its "
+            "two ends"),
       KIND(POINTS) },
     { FIELD(struct sst_zone, near_px, DOUBLE, "none",
             "what is nearer is not in the zone, px per spacing; none: no limit"),
@@ -76,7 +77,8 @@ static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, mask, BOOL, "false",
             "what is in the zone is ignored: no visits, no motion in other zones where they overlap") },
     { FIELD(struct sst_zone, line, BOOL, "false",
-            "the zone is a line between two points; a visit that crosses it is reported, and is in the zone from then on") },
+            "the zone is a line between two points; a visit that crosses it is reported, and is in the zone from then "
+            "on") },
     { FIELD(struct sst_zone, direction, CHOICE, "both",
             "of a line: forward counts crossings to its right-hand side, seen from the first point to the second"),
       CHOICE(line_directions) },
@@ -86,8 +88,9 @@ static const struct sst_key record_keys[] = {
     { FIELD(struct sst_record_trigger, zone, ZONE, "", "zone to watch; default: the whole picture") },
     { FIELD(struct sst_record_trigger, label, TEXT, "",
             "label that must appear, for example Pedestrian; default: any change") },
-    { FIELD(struct sst_record_trigger, visit, BOOL, "false",
-            "while a visit lasts, also of a person behind leaves; with a zone or label, while one is in it or has it") },
+    { FIELD(
+        struct sst_record_trigger, visit, BOOL, "false",
+        "while a visit lasts, also of a person behind leaves; with a zone or label, while one is in it or has it") },
     { FIELD(
           struct sst_record_trigger, share, DOUBLE, "0.01",
           "fraction of the zone that must change or have the label to start an event; half of it continues the event"),
@@ -112,7 +115,8 @@ static const struct sst_key hook_keys[] = {
 
 static const struct sst_key keys[] = {
     { KEY("", "role", CHOICE, array.role, "single", DAEMON,
-          "single: this host has all cameras; node: it has some of them and sends their sets to a head; head: it assembles "
+          "single: this host has all cameras; node: it has some of them and sends their sets to a head; head: it "
+          "assembles "
           "the sets of all nodes, and of its own cameras if cameras: bind lists any"),
       CHOICE(roles) },
 
@@ -147,11 +151,14 @@ static const struct sst_key keys[] = {
       COUNT(array.bound), STRIDE(array.camera), FIELDS(bind_keys) },
 
     { KEY("trigger", "source", CHOICE, array.source, "free-run", CAMERAS,
-          "gpio: pulses on lines; software: timer ticks for cameras that run on their own; free-run: none; external: pulses "
+          "gpio: pulses on lines; software: timer ticks for cameras that run on their own; free-run: none; external: "
+          "pulses "
           "of another host or a generator, whose edges come in on the line loopback"),
       CHOICE(sources) },
     { KEY("trigger", "chip", TEXT, array.chip, "", CAMERAS,
-          "label of the GPIO chip; not needed if the line names are unique") },
+          "GPIO chip: its label, its device in sysfs (path or name, such as 1-2:1.0) or its path in /dev; not needed "
+          "if the "
+          "line names are unique") },
     { KEY("trigger", "lines", TEXTS, array.line, "[]", CAMERAS, "names of the lines to pulse (gpioinfo lists them)"),
       COUNT(array.lines), STRIDE(array.line) },
     { KEY("trigger", "loopback", TEXT, array.loopback, "", CAMERAS,
@@ -213,7 +220,8 @@ static const struct sst_key keys[] = {
           "the camera's own name for the kind and quality of its files (gphoto2 --get-config imageformat or "
           "imagequality), or the number in it") },
     { KEY("still", "files", CHOICE, array.still_files, "jpeg", LIVE,
-          "files of an exposure; jpeg: one is the view; raw: one is developed to the view and kept; raw+jpeg: the JPEG is "
+          "files of an exposure; jpeg: one is the view; raw: one is developed to the view and kept; raw+jpeg: the JPEG "
+          "is "
           "the view, the raw file is kept"),
       CHOICE(still_files) },
     { KEY("still", "focus", CHOICE, array.still_focus, "manual", LIVE,
@@ -221,14 +229,16 @@ static const struct sst_key keys[] = {
           "leave: as the camera is set"),
       CHOICE(focuses) },
     { KEY("still", "mirror_ms", INT, array.still_mirror_ms, "0", LIVE,
-          "pause between the release that lifts the mirror and the one that exposes, for cameras set to mirror lock-up; "
+          "pause between the release that lifts the mirror and the one that exposes, for cameras set to mirror "
+          "lock-up; "
           "0: one release"),
       RANGE(0, 20000) },
     { KEY("still", "card_ms", INT, array.still_card_ms, "20000", LIVE,
           "longest time from a release until the camera has written the files, exposure included"),
       RANGE(100, 600000) },
     { KEY("still", "quiet_ms", INT, array.still_quiet_ms, "0", LIVE,
-          "the first release, and one after a failure or a busy camera, are watched for this time: a file of an earlier "
+          "the first release, and one after a failure or a busy camera, are watched for this time: a file of an "
+          "earlier "
           "release may come first; 0: as card_ms"),
       RANGE(0, 600000) },
     { KEY("still", "response_ms", INT, array.still_response_ms, "10000", LIVE, "time-out of an answer over USB"),
@@ -241,8 +251,8 @@ static const struct sst_key keys[] = {
       RANGE(0, 100) },
     { KEY("still", "keep", BOOL, array.still_keep, "false", LIVE,
           "files stay on the camera's card; false: they are deleted there when they are stored") },
-    { KEY("hosts", "head", TEXT, array.hosts.head, "", DAEMON, "of a node: numeric address of the head"),
-      KIND(ADDRESS), .optional = true },
+    { KEY("hosts", "head", TEXT, array.hosts.head, "", DAEMON, "of a node: numeric address of the head"), KIND(ADDRESS),
+      .optional = true },
     { KEY("hosts", "head_name", TEXT, array.hosts.head_name, "head", DAEMON,
           "of a node: common name (CN) of the head's certificate; another one is refused"),
       KIND(NAME) },
@@ -261,16 +271,20 @@ static const struct sst_key keys[] = {
       KIND(FILE) },
     { KEY("hosts", "key", TEXT, array.hosts.key, "", DAEMON, "PEM file: its private key"), KIND(FILE) },
     { KEY("hosts", "datagrams", BOOL, array.hosts.datagrams, "true", DAEMON,
-          "pictures go from nodes to the head by UDP datagrams (DTLS) with error correction, where both hosts can; false, or "
+          "pictures go from nodes to the head by UDP datagrams (DTLS) with error correction, where both hosts can; "
+          "false, or "
           "if they do not arrive: over TLS") },
     { KEY("hosts", "parity", INT, array.hosts.parity, "10", DAEMON,
-          "of a node: datagrams that are sent more than a set needs, in percent, and two: as many of each 128 may be lost"),
+          "of a node: datagrams that are sent more than a set needs, in percent, and two: as many of each 128 may be "
+          "lost"),
       RANGE(0, 80) },
     { KEY("hosts", "queue", INT, array.hosts.queue, "4", DAEMON,
           "of a node: sets that wait to be sent; when it is full the oldest is dropped, counted"),
       RANGE(1, 256) },
-    { KEY("hosts", "skip_unchanged", BOOL, array.hosts.skip_unchanged, "true", DAEMON,
-          "of a node: pictures in which nothing changed since the last one sent are named to the head, not sent"), },
+    {
+        KEY("hosts", "skip_unchanged", BOOL, array.hosts.skip_unchanged, "true", DAEMON,
+            "of a node: pictures in which nothing changed since the last one sent are named to the head, not sent"),
+    },
 
     { KEY("live", "enabled", BOOL, live.enabled, "true", PICTURE, "false: only capture, show the cameras and record") },
     { KEY("live", "calibration", TEXT, live.calibration, "", PICTURE,
@@ -304,12 +318,14 @@ static const struct sst_key keys[] = {
     { KEY("live", "skip_error_db", DOUBLE, live.skip_error_db, "50", PICTURE,
           "least PSNR of these pictures against the exact ones"),
       RANGE(20, 100) },
-    { KEY("live", "device", TEXT, live.device, "cpu", PICTURE,
-          "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "
-          "likewise, if there is one; or a part of a device's name, which a software device needs. What it fails at is "
-          "done on the CPU") },
+    { KEY(
+        "live", "device", TEXT, live.device, "cpu", PICTURE,
+        "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "
+        "likewise, if there is one; or a part of a device's name, which a software device needs. What it fails at is "
+        "done on the CPU") },
     { KEY("live", "device_memory_mb", INT, live.device_memory_mb, "0", PICTURE,
-          "memory of the device to use at most, MiB, a quarter of it for the network; 0: three quarters of the device's"),
+          "memory of the device to use at most, MiB, a quarter of it for the network; 0: three quarters of the "
+          "device's"),
       RANGE(0, 1 << 24) },
     { KEY("live", "method", CHOICE, live.method, "clear", LIVE,
           "picture of the main view: clear: all in focus, without what stands in front; sst: one plane, seen through "
@@ -400,8 +416,10 @@ static const struct sst_key keys[] = {
     { KEY("storage", "record_view", BOOL, storage.record_view, "true", LIVE,
           "also record the see-through view, so that playing it needs no rendering") },
     { KEY("storage", "reduced", CHOICE, storage.reduced, "off", LIVE,
-          "recorded at all times when no full recording is made; view: the main view and a set a minute; sets: the view "
-          "and every reduced_every-th set; changed: the same where something changed, else a set a minute; tiles: of these only "
+          "recorded at all times when no full recording is made; view: the main view and a set a minute; sets: the "
+          "view "
+          "and every reduced_every-th set; changed: the same where something changed, else a set a minute; tiles: of "
+          "these only "
           "the parts of the pictures that changed (MJPEG)"),
       CHOICE(reduced) },
     { KEY("storage", "reduced_every", INT, storage.reduced_every, "50", LIVE,
@@ -423,7 +441,8 @@ static const struct sst_key keys[] = {
     { KEY("storage", "min_free_gb", DOUBLE, storage.min_free_gb, "2", LIVE, "disk space that is left free"),
       RANGE(0, 1e6) },
     { KEY("storage", "max_age_days", DOUBLE, storage.max_age_days, "0", LIVE,
-          "automatic recordings of all sets older than this are deleted, those made on demand and reduced ones are not; 0: "
+          "automatic recordings of all sets older than this are deleted, those made on demand and reduced ones are "
+          "not; 0: "
           "no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "by_hand_gb", DOUBLE, storage.by_hand_gb, "0", LIVE,

@@ -5,6 +5,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <grp.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -57,10 +58,12 @@ int gpio_list(struct gpio_listed **out)
     return n;
 }
 
-/* @return the offset of a line name, or of digits if no line has that name; -ENODEV or the error of reading a line */
+/* @return the offset of a line name, or of digits if no line has that name; -ENODEV, -ENOTUNIQ (several lines have it)
+ * or the error of reading a line */
 static int offset_of(struct trigger_chip *chip, const char *name)
 {
     const int lines = gpio_chip_lines(chip);
+    int found = -1;
     char *end;
     long number;
 
@@ -70,9 +73,13 @@ static int offset_of(struct trigger_chip *chip, const char *name)
 
         if (err)
             return err;
+        if (!strcmp(line.name, name) && found >= 0)
+            return -ENOTUNIQ;
         if (!strcmp(line.name, name))
-            return i;
+            found = i;
     }
+    if (found >= 0)
+        return found;
     number = strtol(name, &end, 10);
     return isdigit((unsigned char)*name) && !*end && number < lines ? (int)number : -ENODEV;
 }
@@ -138,6 +145,39 @@ void gpio_access_remedy(const char *path, char *text, size_t size)
                  "and add the user to that group");
 }
 
+/* The device of a chip in sysfs; its last part is the chip, with a number that changes. @return false: unknown */
+static bool device_of(const char *path, char device[PATH_MAX])
+{
+    char link[SST_GPIO_NAME_MAX + 32];
+
+    snprintf(link, sizeof(link), "/sys/bus/gpio/devices/%s", strrchr(path, '/') + 1);
+    return realpath(link, device);
+}
+
+/* Is the chip given by its label, its path in /dev, or its device in sysfs: a path, or the name of one of its parts? */
+static bool is_wanted(const struct gpio_listed *listed, const char *wanted)
+{
+    char path[PATH_MAX], device[PATH_MAX], part[SST_GPIO_CHIP_MAX + 2];
+    size_t n;
+
+    if (!wanted[0] || !strcmp(listed->label, wanted))
+        return true;
+    if (wanted[0] != '/') {
+        snprintf(part, sizeof(part), "/%s/", wanted);
+        if (!device_of(listed->path, device))
+            return false;
+        n = strlen(device);
+        return strstr(device, part) || (n >= strlen(wanted) && !strcmp(device + n - strlen(wanted), wanted) &&
+                                        device[n - strlen(wanted) - 1] == '/');
+    }
+    if (!realpath(wanted, path))
+        return false;
+    if (!strcmp(path, listed->path))
+        return true;
+    n = strlen(path);
+    return device_of(listed->path, device) && !strncmp(device, path, n) && (device[n] == '/' || !device[n]);
+}
+
 /* Explain why no chip matches. */
 static int explain(const struct gpio_listed *list, int n, const struct gpio_wanted *wanted, char *why, size_t size)
 {
@@ -157,7 +197,7 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
         return -ENODEV;
     }
     if (wanted->chip[0])
-        snprintf(why, size, "no GPIO chip is labelled \"%s\"; available: ", wanted->chip);
+        snprintf(why, size, "no GPIO chip has the label, path or device \"%s\"; available: ", wanted->chip);
     else
         snprintf(why, size, "no GPIO chip has line \"%s\" and all other configured lines; available: ",
                  wanted->outputs ? wanted->output[0] : wanted->loopback);
@@ -165,40 +205,70 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
     return -ENODEV;
 }
 
-/* Check one chip. @return 1 (it matches), 0 (it does not), or an error with `why` */
-static int consider(struct gpio_listed *listed, struct trigger_chip **chip, struct gpio_request *request,
+/* Explain why a chip that was named does not do. */
+static void refuse(struct trigger_chip *chip, const struct gpio_listed *listed, const char *line, int err, char *why,
+                   size_t size)
+{
+    if (err == -ENOTUNIQ) {
+        sst_text_add(why, size, "%schip %s \"%s\" has several lines \"%s\": give the offset of one, in digits",
+                     why[0] ? "; " : "", listed->path, listed->label, line);
+        return;
+    }
+    sst_text_add(why, size, "%schip %s \"%s\" has no line \"%s\"; its lines are ", why[0] ? "; " : "", listed->path,
+                 listed->label, line);
+    list_lines(chip, why, size);
+}
+
+/* Check one chip. @return 1 (it has the lines), 0 (it does not: if it was named, `why` is added to), or an error with
+ * `why` */
+static int consider(struct gpio_listed *listed, struct trigger_chip **out, struct gpio_request *request,
                     const struct gpio_wanted *wanted, char *why, size_t size)
 {
+    struct trigger_chip *chip = NULL;
     const char *missing = "";
     int err;
 
-    if (listed->error || (wanted->chip[0] && strcmp(listed->label, wanted->chip)))
+    if (listed->error || !is_wanted(listed, wanted->chip))
         return 0;
-    err = gpio_chip_open(chip, listed->path);
+    err = gpio_chip_open(&chip, listed->path);
+    if (!err)
+        err = resolve(chip, request, wanted, &missing);
     if (!err) {
-        err = resolve(*chip, request, wanted, &missing);
-        if (!err)
-            return 1;
-    } else {
-        *chip = NULL;
+        *out = chip;
+        return 1;
     }
-    if (err == -ENODEV && *chip && !wanted->chip[0]) {
+    if (chip && (err == -ENOTUNIQ || (err == -ENODEV && wanted->chip[0])))
+        refuse(chip, listed, missing, err, why, size);
+    if (chip && (err == -ENOTUNIQ || err == -ENODEV))
         err = 0;
-    } else if (err == -ENODEV && *chip) {
-        snprintf(why, size, "chip %s \"%s\" has no line \"%s\"; its lines are ", listed->path, listed->label, missing);
-        list_lines(*chip, why, size);
-    } else {
+    else
         snprintf(why, size, "reading chip %s: %s", listed->path, strerror(-err));
-    }
-    gpio_chip_close(*chip);
+    gpio_chip_close(chip);
     return err;
+}
+
+/* Name both chips, and their devices where these differ. */
+static void say_both(const struct gpio_listed *a, const struct gpio_listed *b, char *why, size_t size)
+{
+    char first[PATH_MAX], second[PATH_MAX];
+    bool known = device_of(a->path, first) && device_of(b->path, second);
+
+    if (known) { /* without the part for the chip, whose number changes */
+        *strrchr(first, '/') = 0;
+        *strrchr(second, '/') = 0;
+        known = strcmp(first, second) != 0;
+    }
+    snprintf(why, size, "both %s and %s have the configured lines: set one of these paths as trigger chip", a->path,
+             b->path);
+    if (known)
+        sst_text_add(why, size, ", or its device, which stays the same after a restart: %s or %s", first, second);
 }
 
 int gpio_find(struct trigger_chip **out, struct gpio_request *request, const struct gpio_wanted *wanted, char *why,
               size_t size)
 {
     struct gpio_request other;
-    struct trigger_chip *found = NULL, *chip;
+    struct trigger_chip *found = NULL, *chip = NULL;
     struct gpio_listed *list = NULL;
     int first = -1, err = 0, n = gpio_list(&list);
 
@@ -209,14 +279,12 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
                               : "out of memory");
         return n;
     }
+    why[0] = 0;
     for (int i = 0; i < n && !err; i++) {
         const int r = consider(&list[i], &chip, found ? &other : request, wanted, why, size);
 
         if (r == 1 && found) {
-            snprintf(
-                why, size,
-                "both %s and %s have the configured lines: set the label of one as trigger chip, or unplug the other",
-                list[first].path, list[i].path);
+            say_both(&list[first], &list[i], why, size);
             gpio_chip_close(chip);
             err = -ENOTUNIQ;
         } else if (r == 1) {
@@ -227,7 +295,7 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
         }
     }
     if (!err && !found)
-        err = explain(list, n, wanted, why, size);
+        err = why[0] ? -ENODEV : explain(list, n, wanted, why, size);
     if (err)
         gpio_chip_close(found);
     else

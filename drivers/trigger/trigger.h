@@ -9,6 +9,7 @@
 
 #define SST_TRIGGER_LINES_MAX 64
 #define SST_TRIGGER_NAME_MAX  64
+#define SST_TRIGGER_CHIP_MAX  256
 
 struct sst_trigger; /* opaque; calls from one thread, edges come from the trigger's own */
 
@@ -21,7 +22,8 @@ enum sst_trigger_source {
 
 struct sst_trigger_config {
     enum sst_trigger_source source;
-    char chip[SST_TRIGGER_NAME_MAX]; /* label, e.g. "sst-trigger"; "" if the line names are unique */
+    char chip[SST_TRIGGER_CHIP_MAX]; /* label, e.g. "sst-trigger", path in /dev, device in sysfs (its path, or the name
+                                        of a part of it); "" if the line names are unique */
     int lines;
     char line[SST_TRIGGER_LINES_MAX][SST_TRIGGER_NAME_MAX]; /* line name, or an offset in digits (needs chip) */
     int delay_us[SST_TRIGGER_LINES_MAX]; /* of the line's pulse after the tick; lines of equal delay change in one

@@ -11,6 +11,7 @@
 
 #define SST_GPIO_LINES_MAX 64
 #define SST_GPIO_NAME_MAX  64
+#define SST_GPIO_CHIP_MAX  256
 
 struct trigger_chip; /* opaque; one thread at a time */
 
@@ -57,7 +58,7 @@ void gpio_chip_close(struct trigger_chip *chip);
 /* --- gpio.c: finds and checks chips ------------------------------------------------------------------------------- */
 
 struct gpio_wanted {
-    const char *chip; /* label; "": the chip that has all the lines */
+    const char *chip; /* label, path in /dev, device in sysfs; "": the chip that has all the lines */
     int outputs;
     const char *output[SST_GPIO_LINES_MAX]; /* line name, or its offset in digits */
     const char *loopback;                   /* "": none */

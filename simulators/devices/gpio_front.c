@@ -19,7 +19,7 @@
 #define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
 #define CHARDEV_MAJOR 254
 #define PULSE_NS      1000 /* of a generator outside */
-#define READERS       8 /* most threads waiting for one file's events */
+#define READERS       8    /* most threads waiting for one file's events */
 
 struct chip {
     struct sim_gpio_front *front;
@@ -291,6 +291,10 @@ static const struct sim_fault faults[SST_SIM_GPIO_FAULTS] = {
     [SST_SIM_GPIO_DENIED] = { "denied", 0, 2, "opening sst-trigger gives 1: EACCES, 2: EPERM" },
     [SST_SIM_GPIO_VANISH] = { "vanish", 0, 1, "1: sst-trigger is gone (ENODEV), 0: it is back" },
     [SST_SIM_GPIO_STUCK] = { "stuck", 0, 1, "1: outputs of sst-trigger take values, their pins do not follow" },
+    [SST_SIM_GPIO_TWIN] = { "twin", 0, 3,
+                            "1: sst-board is labelled sst-trigger, 2: and its lines have the names of the other's, 3: "
+                            "and "
+                            "line 1 has the name of line 0" },
     [SST_SIM_GPIO_LOST_EDGES] = { "lost_edges", 0, 1, "probability that an edge event of an input is lost" },
 };
 

@@ -167,6 +167,47 @@ static void what_is_not_there_is_named(void **state SST_UNUSED)
     assert_int_equal(refusal(&cfg, text), -ENODEV);
 }
 
+/* Equal adapters: the one with the lines is found; where names do not decide, its path or its device does. */
+static void chips_of_one_label(void **state SST_UNUSED)
+{
+    static const char *const ways[] = { "/dev/gpiochip1", "/sys/bus/gpio/devices/gpiochip1", "gpiochip1" };
+    struct sst_trigger_config cfg = config(2, "LOOP0");
+    char text[SST_LOG_MAX];
+    struct sst_trigger *t;
+
+    set_fault("gpio.twin=1");
+    assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+    sst_trigger_close(t);
+    strcpy(cfg.line[1], "TRIG99");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "/dev/gpiochip0"));
+    assert_non_null(strstr(text, "/dev/gpiochip1"));
+    set_fault("gpio.twin=2");
+    for (int by_offset = 0; by_offset < 2; by_offset++) {
+        cfg = config(2, "");
+        for (int i = 0; by_offset && i < 2; i++)
+            snprintf(cfg.line[i], sizeof(cfg.line[i]), "%d", i);
+        assert_int_equal(refusal(&cfg, text), -ENOTUNIQ);
+        assert_non_null(strstr(text, "both /dev/gpiochip0 and /dev/gpiochip1"));
+        for (size_t i = 0; i < ARRAY_LEN(ways); i++) {
+            strcpy(cfg.chip, ways[i]);
+            assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+            assert_int_equal(sst_trigger_fire(t), 0);
+            sst_trigger_close(t);
+        }
+        strcpy(cfg.chip, "0000:00:1f.0"); /* the device of both */
+        assert_int_equal(refusal(&cfg, text), -ENOTUNIQ);
+    }
+    set_fault("gpio.twin=3");
+    cfg = config(1, "");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "has several lines \"TRIG0\""));
+    set_fault("gpio.twin=0");
+    strcpy(cfg.chip, "/dev/gpiochip9");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "label, path or device \"/dev/gpiochip9\""));
+}
+
 static void line_in_use_names_its_holder(void **state SST_UNUSED)
 {
     const struct sst_trigger_config cfg = config(2, "LOOP0");
@@ -327,6 +368,7 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test(groups_fire_one_after_the_other),
         cmocka_unit_test(offsets_and_names_alone_will_do),
         cmocka_unit_test(what_is_not_there_is_named),
+        cmocka_unit_test(chips_of_one_label),
         cmocka_unit_test(line_in_use_names_its_holder),
         cmocka_unit_test(missing_rights_are_named),
         cmocka_unit_test(lost_edges_are_counted),

@@ -205,6 +205,32 @@ static bool line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset
     return gpio->chip[chip].line[offset].owner || held_by_driver(gpio, chip, offset);
 }
 
+/** The chip with fault "twin", which others resemble; NULL: none. */
+static const struct gpio_chip *twin(const struct sst_sim_gpio *gpio)
+{
+    for (int i = 0; i < gpio->chips; i++)
+        if (gpio->chip[i].fault[SST_SIM_GPIO_TWIN] > 0)
+            return &gpio->chip[i];
+    return NULL;
+}
+
+const char *gpio_chip_label(const struct sst_sim_gpio *gpio, int chip)
+{
+    const struct gpio_chip *as = twin(gpio);
+
+    return as ? as->label : gpio->chip[chip].label;
+}
+
+/** With fault "twin" 2 that of the same line of the other chip; 3: line 1 has the name of line 0 as well. */
+static const char *line_name(const struct sst_sim_gpio *gpio, int chip, uint32_t offset)
+{
+    const struct gpio_chip *as = twin(gpio);
+
+    if (!as || as->fault[SST_SIM_GPIO_TWIN] < 2 || offset >= (uint32_t)as->lines)
+        return gpio->chip[chip].line[offset].name;
+    return as->line[as->fault[SST_SIM_GPIO_TWIN] > 2 && offset == 1 ? 0 : offset].name;
+}
+
 void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, struct gpio_v2_line_info *out)
 {
     const struct gpio_line *line = &gpio->chip[chip].line[offset];
@@ -214,7 +240,7 @@ void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, 
     out->flags = line->flags;
     if (!(line->flags & GPIO_V2_LINE_FLAG_OUTPUT))
         out->flags |= GPIO_V2_LINE_FLAG_INPUT;
-    memcpy(out->name, line->name, sizeof(out->name));
+    memcpy(out->name, line_name(gpio, chip, offset), sizeof(out->name));
     if (line_busy(gpio, chip, offset)) {
         out->flags |= GPIO_V2_LINE_FLAG_USED;
         strcpy(out->consumer, line->owner ? line->consumer : DRIVER);
@@ -462,7 +488,7 @@ static void vanish(struct sst_sim_gpio *gpio, int chip, int64_t now_ns)
 
 int sst_sim_gpio_fault(struct sst_sim_gpio *gpio, int chip, enum sst_sim_gpio_fault fault, double value, int64_t now_ns)
 {
-    static const double highest[SST_SIM_GPIO_FAULTS] = { 1, 2, 1, 1, 1 };
+    static const double highest[SST_SIM_GPIO_FAULTS] = { 1, 2, 1, 1, 1, 3 };
 
     if (chip < 0 || chip >= gpio->chips || !(value >= 0 && value <= highest[fault]))
         return -EINVAL;

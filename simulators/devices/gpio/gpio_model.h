@@ -30,7 +30,9 @@ enum sst_sim_gpio_fault {
     SST_SIM_GPIO_VANISH = 2,     /* 1: the chip is gone: ENOENT, open files get ENODEV; 0: it is back */
     SST_SIM_GPIO_STUCK = 3,      /* 1: outputs accept values, but their pins do not follow */
     SST_SIM_GPIO_LOST_EDGES = 4, /* probability 0..1 that an edge event is lost before it is queued */
-    SST_SIM_GPIO_FAULTS = 5,
+    SST_SIM_GPIO_TWIN =
+        5, /* 1: the other chips have its label, 2: and its line names, 3: and two lines have one name */
+    SST_SIM_GPIO_FAULTS = 6,
 };
 
 struct sst_sim_gpio_hooks {

@@ -187,6 +187,14 @@ HOOK char *realpath(const char *restrict path, char *restrict out)
     return result;
 }
 
+/* That of programs built with _FORTIFY_SOURCE. */
+char *__realpath_chk(const char *path, char *out, size_t room);
+
+HOOK char *__realpath_chk(const char *path, char *out, size_t room SST_UNUSED)
+{
+    return realpath(path, out);
+}
+
 /* --- folders ------------------------------------------------------------------------------------------------------ */
 
 HOOK DIR *opendir(const char *path)
