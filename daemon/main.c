@@ -7,6 +7,7 @@
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -80,6 +81,7 @@ static int64_t watchdog_ns(void)
 /* --- signals ------------------------------------------------------------------------------------------------------ */
 
 static int signal_pipe[2];
+static atomic_bool stop_asked; /* overtakes what waits in the pipe, which may be full of reloads */
 
 static void on_alarm(int sig SST_UNUSED)
 {
@@ -109,8 +111,10 @@ static void on_signal(int sig)
     const unsigned char c = (unsigned char)sig;
     const int err = errno;
 
-    if (sig != SIGHUP)
+    if (sig != SIGHUP) {
+        stop_asked = true;
         arm_end();
+    }
     if (write(signal_pipe[1], &c, 1) < 0) {
         /* full: thousands wait already */
     }
@@ -192,18 +196,18 @@ static void serve(struct sst_service *service, int signals)
 {
     const int64_t every_ns = watchdog_ns();
     int64_t status_ns = 0;
-    bool stop = false;
 
-    while (!stop) {
+    while (!stop_asked) {
         struct pollfd fd = { .fd = signals, .events = POLLIN };
-        unsigned char sig;
+        unsigned char waiting[256];
+        bool asked = false;
 
-        if (poll(&fd, 1, TICK_MS) > 0 && read(signals, &sig, 1) == 1) {
-            stop = sig != SIGHUP;
-            if (!stop)
-                reload(service);
-        }
-        if (!stop)
+        poll(&fd, 1, TICK_MS);
+        while (read(signals, waiting, sizeof(waiting)) > 0) /* several reloads are one */
+            asked = true;
+        if (asked && !stop_asked)
+            reload(service);
+        if (!stop_asked)
             tick(service, every_ns, &status_ns);
     }
 }
