@@ -1,6 +1,11 @@
-/* One thread, which waits for an event, the end of a program, or the request to stop. */
+/* One thread, which waits for an event, the end of a program, or the request to stop.
+ *
+ * Programs are killed with their groups. What a program starts in a session of its own becomes a child of this process
+ * when its parent ends (PR_SET_CHILD_SUBREAPER), and is killed when no program runs that may have started it.
+ */
 #include "daemon/publish/hooks.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
@@ -10,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -25,9 +31,10 @@
 
 struct run {
     struct sst_hook hook;
-    int index;   /* of the hook; -1: another one has its place since */
-    char *event; /* line of JSON */
-    pid_t pid;   /* 0: waits */
+    int index;        /* of the hook; -1: another one has its place since */
+    char *event;      /* line of JSON */
+    pid_t pid;        /* 0: waits */
+    uint64_t started; /* as in /proc/PID/stat */
     int64_t end_ns;
     bool killed;
 };
@@ -35,7 +42,8 @@ struct run {
 struct sst_hooks {
     struct sst_events *events; /* fixed after open */
     int limit_ms;
-    int wake; /* eventfd */
+    int wake;        /* eventfd */
+    uint64_t opened; /* as in /proc/PID/stat: children that are older are none of hooks */
     pthread_t thread;
     atomic_bool stop;
     pthread_mutex_t lock;
@@ -50,6 +58,7 @@ struct sst_hooks {
     struct run waiting[SST_HOOKS_WAITING]; /* oldest first */
     int n_waiting;
     uint64_t seen; /* id of the last event */
+    bool orphans;  /* a program has ended and may have left some */
 };
 
 static void wake(void *arg)
@@ -82,11 +91,22 @@ static void log_result(struct sst_hooks *h, const struct run *r, int status, con
         sst_log_warning("hook %s of %s succeeds again", r->hook.argv[0], r->hook.event);
 }
 
+/* Now, as the start of a process in /proc/PID/stat. */
+static uint64_t boot_ticks(void)
+{
+    const uint64_t hz = (uint64_t)sysconf(_SC_CLK_TCK);
+    struct timespec t;
+
+    (void)clock_gettime(CLOCK_BOOTTIME, &t);
+    return (uint64_t)t.tv_sec * hz + (uint64_t)t.tv_nsec * hz / 1000000000;
+}
+
 static void start(struct sst_hooks *h, struct run *r)
 {
     char *argv[SST_HOOK_ARGS + 1] = { 0 }, **env = hook_env(r->event), what[160];
     int err = -ENOMEM;
 
+    r->started = boot_ticks();
     for (int i = 0; i < SST_HOOK_ARGS && r->hook.argv[i][0]; i++)
         argv[i] = r->hook.argv[i];
     if (env)
@@ -118,6 +138,7 @@ static void end(struct sst_hooks *h, struct run *r)
     while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
         ;
     r->pid = 0;
+    h->orphans = true;
     if (r->killed)
         snprintf(what, sizeof(what), "was killed: it had not ended after %g s", h->limit_ms / 1000.0);
     else if (WIFSIGNALED(status))
@@ -143,6 +164,64 @@ static void check_run(struct sst_hooks *h, struct run *r)
         h->n.killed++;
         pthread_mutex_unlock(&h->lock);
     }
+}
+
+/* @return the start of a child of this process, 0: it is none */
+static uint64_t child_start(const char *pid)
+{
+    unsigned long long started = 0;
+    char path[64], text[512];
+    const char *rest;
+    int parent = 0;
+    size_t n;
+    FILE *f;
+
+    snprintf(path, sizeof(path), "/proc/%.20s/stat", pid);
+    f = fopen(path, "re");
+    if (!f)
+        return 0; /* it has ended */
+    n = fread(text, 1, sizeof(text) - 1, f);
+    fclose(f);
+    text[n] = 0;
+    rest = strrchr(text, ')'); /* behind the name, which may have anything in it */
+    if (!rest ||
+        sscanf(rest + 1, " %*c %d %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %llu", &parent,
+               &started) != 2 ||
+        parent != getpid())
+        return 0;
+    return started;
+}
+
+/* Is it the program of a run, or started since one began that goes on? */
+static bool may_live(const struct sst_hooks *h, pid_t pid, uint64_t started)
+{
+    for (int i = 0; i < SST_HOOKS_AT_ONCE; i++)
+        if (h->run[i].pid && (h->run[i].pid == pid || h->run[i].started <= started))
+            return true;
+    return started < h->opened;
+}
+
+/* Kill what programs that ended left behind. What that has started in turn is there the next time. @return some was
+ * there */
+static bool kill_orphans(const struct sst_hooks *h)
+{
+    DIR *dir = opendir("/proc");
+    const struct dirent *e;
+    bool found = false;
+
+    while (dir && (e = readdir(dir))) {
+        const pid_t pid = atoi(e->d_name);
+        const uint64_t started = pid > 0 ? child_start(e->d_name) : 0;
+
+        if (!started || may_live(h, pid, started))
+            continue;
+        kill(pid, SIGKILL);
+        waitpid(pid, NULL, WNOHANG);
+        found = true;
+    }
+    if (dir)
+        closedir(dir);
+    return found;
 }
 
 /* --- events ------------------------------------------------------------------------------------------------------- */
@@ -226,7 +305,7 @@ static void follow_settings(struct sst_hooks *h, unsigned *generation)
     h->n_waiting = 0;
 }
 
-/* @return programs that run */
+/* @return programs that run or must be killed */
 static int handle_runs(struct sst_hooks *h)
 {
     int running = 0;
@@ -247,7 +326,9 @@ static int handle_runs(struct sst_hooks *h)
     h->n.running = running;
     h->n.waiting = h->n_waiting;
     pthread_mutex_unlock(&h->lock);
-    return running;
+    if (h->orphans)
+        h->orphans = kill_orphans(h);
+    return running + h->orphans;
 }
 
 static void kill_all(struct sst_hooks *h)
@@ -308,6 +389,9 @@ int sst_hooks_open(struct sst_hooks **out, const struct sst_hooks_config *cfg)
     pthread_mutex_init(&h->lock, NULL);
     h->events = cfg->events;
     h->limit_ms = cfg->limit_ms ? cfg->limit_ms : LIMIT_MS;
+    h->opened = boot_ticks();
+    if (prctl(PR_SET_CHILD_SUBREAPER, 1))
+        sst_log_warning("hooks: what a program starts in a session of its own may outlive it: %s", strerror(errno));
     set(h, cfg->hook, cfg->hooks);
     h->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (h->wake < 0)

@@ -199,6 +199,40 @@ static void programs_are_killed_with_their_groups(void **state)
     expect_gone("left");
 }
 
+/* As daemons do: a session of its own, and a parent that ends; at the program's end, at its limit and at closing. */
+static void what_left_its_group_is_killed_too(void **state)
+{
+    static const char away[] = "setsid sh -c 'sleep 600 & echo $! >'$0'/%s.part; mv '$0'/%s.part '$0'/%s; wait' & "
+                               "while [ ! -e $0/%s ]; do sleep 0.01; done%s";
+    static const char *const ends[][2] = { { "motion", "" }, { "label", "; sleep 600" }, { "skew", "; sleep 600" } };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(ends); i++) {
+        const bool limit = i == 1;
+        const char *name = ends[i][0];
+        struct sst_hook hook;
+        char text[400];
+        uint64_t runs = 0;
+
+        snprintf(text, sizeof(text), away, name, name, name, name, ends[i][1]);
+        hook = script(name, text, "");
+        open_hooks(&hook, 1, limit ? 2000 : 60000);
+        do { /* a machine that is busy may not come so far within the limit */
+            sst_events_emit(events, SST_EVENT_INFO, name, NULL, "%s", name);
+            if (i < 2)
+                (void)wait_for(++runs);
+            for (int k = 0; i == 2 && k < 6000 && access(test_path(name), F_OK); k++)
+                usleep(10000);
+        } while (access(test_path(name), F_OK) && runs < 10);
+        if (i == 2)
+            sst_hooks_close(hooks);
+        expect_gone(name);
+        if (i < 2)
+            sst_hooks_close(hooks);
+        hooks = NULL;
+    }
+}
+
 static void the_queue_is_bounded_and_closing_quick(void **state)
 {
     const struct sst_hook h = script("*", "sleep 60", "");
@@ -269,6 +303,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_program_is_told_what_happened, setup, teardown),
         cmocka_unit_test_setup_teardown(what_is_no_event_makes_no_environment, setup, teardown),
         cmocka_unit_test_setup_teardown(programs_are_killed_with_their_groups, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_left_its_group_is_killed_too, setup, teardown),
         cmocka_unit_test_setup_teardown(the_queue_is_bounded_and_closing_quick, setup, teardown),
         cmocka_unit_test_setup_teardown(a_status_is_told_once, setup, teardown),
     };
