@@ -60,11 +60,13 @@ static void find_user(char user[USER_MAX], const char *node)
         closedir(proc);
 }
 
-static void state_text(char *text, size_t size, const struct sst_grab_device *d)
+static void state_text(char *text, size_t size, const struct sst_grab_device *d, bool used)
 {
     char user[USER_MAX];
 
-    if (d->error == EACCES || d->error == EPERM) {
+    if (*d->left_out && !used) {
+        snprintf(text, size, "left out: %s", d->left_out);
+    } else if (d->error == EACCES || d->error == EPERM) {
         snprintf(text, size, "no permission: add this user to the group of the node (video)");
     } else if (d->error == ETIMEDOUT) {
         snprintf(text, size, "hangs: it does not respond");
@@ -128,18 +130,38 @@ static void print_stills(const struct stills *stills)
     }
 }
 
-static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count,
+/* Video nodes that are no cameras, and why. */
+static json_t *left_out_json(const struct sst_grab_device *devices, int count)
+{
+    json_t *list = json_array();
+
+    for (int i = 0; list && i < count; i++)
+        if (json_array_append_new(list, json_pack("{s:s, s:s, s:s}", "node", devices[i].node, "port", devices[i].port,
+                                                  "reason", devices[i].left_out))) {
+            json_decref(list);
+            list = NULL;
+        }
+    return list;
+}
+
+static void print_left_out(const struct sst_grab_device *devices, int count)
+{
+    for (int i = 0; i < count; i++)
+        printf("%s%-12s %-14s %s\n", i ? "" : "\nNO CAMERAS\n", devices[i].node, devices[i].port, devices[i].left_out);
+}
+
+static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count, int all,
                       const struct stills *stills)
 {
-    json_t *list = json_array(), *still = still_json(stills);
-    int err = list && still ? 0 : -ENOMEM;
+    json_t *list = json_array(), *still = still_json(stills), *out = left_out_json(devices + count, all - count);
+    int err = list && still && out ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < count; i++) {
         const struct sst_grab_device *d = &devices[i];
         char state[128];
         json_t *one;
 
-        state_text(state, sizeof(state), d);
+        state_text(state, sizeof(state), d, place[i].row >= 0);
         one = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s}", "node", d->node, "name", d->name, "serial", d->serial,
                         "port", d->port, "driver", d->driver, "formats", d->formats, "state", state);
         if (!cli_place_json(one, place[i]) || json_array_append_new(list, one))
@@ -148,7 +170,9 @@ static int print_json(const struct sst_grab_device *devices, const struct cli_pl
     if (err) {
         json_decref(list);
         json_decref(still);
-    } else if (cli_dump_json(json_pack("{s:o, s:o}", "cameras", list, "still", still), JSON_INDENT(2)) != CLI_OK) {
+        json_decref(out);
+    } else if (cli_dump_json(json_pack("{s:o, s:o, s:o}", "cameras", list, "still", still, "left_out", out),
+                             JSON_INDENT(2)) != CLI_OK) {
         err = -ENOMEM;
     }
     if (err)
@@ -168,7 +192,7 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
         const struct sst_grab_device *d = &devices[i];
         char state[128], at[16];
 
-        state_text(state, sizeof(state), d);
+        state_text(state, sizeof(state), d, place[i].row >= 0);
         printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", cli_place_text(at, place[i]), d->node,
                *d->serial ? d->serial : "-", d->port, *d->driver ? d->driver : "-", d->name, state, d->formats);
     }
@@ -213,12 +237,13 @@ static int local(const char *config, bool json)
     struct sst_grab_device *devices = NULL;
     struct cli_place *place = NULL;
     struct stills stills = { .count = 0 };
-    int count = 0, err;
+    int count = 0, all = 0, err;
 
     err = sst_array_config_read(&cfg, config);
-    err = err ? err : sst_grab_list(&devices, &count);
+    err = err ? err : sst_grab_list_all(&devices, &count, &all);
     if (err)
         return err;
+    (void)sst_grab_select(devices, count, cfg.fourcc);
     err = sst_still_list(&stills.device, &stills.count);
     if (err) {
         free(devices);
@@ -235,9 +260,10 @@ static int local(const char *config, bool json)
     warn_missing(&cfg, place, count);
     warn_duplicates(devices, count);
     if (json) {
-        err = print_json(devices, place, count, &stills);
+        err = print_json(devices, place, count, all, &stills);
     } else {
         print_table(devices, place, count);
+        print_left_out(devices + count, all - count);
         print_stills(&stills);
     }
     free(stills.device);

@@ -175,6 +175,8 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
     if (!tracks)
         return -ENOMEM;
     err = sst_grab_list(&devices, &n);
+    if (!err)
+        (void)sst_grab_select(devices, n, c->fourcc);
     for (int i = 0; i < c->bound && !err; i++) {
         const struct sst_config_camera *cam = &c->camera[i];
 
@@ -183,7 +185,7 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
         memcpy(tracks[i].serial, cam->serial, sizeof(tracks[i].serial));
         memcpy(tracks[i].port, cam->port, sizeof(tracks[i].port));
         for (int k = 0; k < n; k++)
-            if (cli_is_bound(cam, devices[k].serial, devices[k].port)) {
+            if (cli_is_node(cam, &devices[k])) {
                 memcpy(tracks[i].serial, devices[k].serial, sizeof(tracks[i].serial));
                 memcpy(tracks[i].port, devices[k].port, sizeof(tracks[i].port));
                 memcpy(tracks[i].name, devices[k].name, sizeof(tracks[i].name));

@@ -298,6 +298,9 @@ json_t *cli_text_json(const char *text);
  *  drivers/grab. */
 bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port);
 
+/** True if that node, of a list after sst_grab_select(), is that camera. */
+bool cli_is_node(const struct sst_config_camera *c, const struct sst_grab_device *device);
+
 /* --- doctor: findings of sst doctor, and the checks that make them. --- */
 
 #define DOCTOR_FINDINGS_MAX 64

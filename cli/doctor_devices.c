@@ -100,17 +100,17 @@ static int devices_of(const struct sst_config_camera *c, const struct sst_grab_d
     int found = 0;
 
     for (int i = 0; i < n; i++)
-        found += cli_is_bound(c, list[i].serial, list[i].port);
+        found += cli_is_node(c, &list[i]);
     return found;
 }
 
-static void check_places(struct doctor *d, const struct sst_grab_device *list, int n)
+static void check_places(struct doctor *d, const struct sst_grab_device *list, int n, int all)
 {
     struct names missing = { .count = 0 }, twice = { .count = 0 };
 
     for (int b = 0; b < d->cfg->bound; b++) {
         const struct sst_config_camera *c = &d->cfg->camera[b];
-        const int found = devices_of(c, list, n);
+        const int found = devices_of(c, list, all);
         char name[96];
 
         snprintf(name, sizeof(name), "r%dc%d (%s %s)", c->row, c->col, c->serial[0] ? "serial" : "port",
@@ -140,16 +140,17 @@ void doctor_check_cameras(struct doctor *d)
 {
     const int places = d->cfg->rows * d->cfg->cols;
     struct sst_grab_device *list = NULL;
-    int n = 0, err = sst_grab_list(&list, &n);
+    int n = 0, all = 0, err = sst_grab_list(&list, &all);
 
     if (err) {
         doctor_add(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
         return;
     }
+    n = sst_grab_select(list, all, d->cfg->fourcc);
     check_answers(d, list, n);
     check_serials(d, list, n);
     if (d->cfg->bound) {
-        check_places(d, list, n);
+        check_places(d, list, n, all);
     } else {
         d->cameras = sst_min_int(n, places);
         if (!n)

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/font.h"
@@ -111,6 +112,7 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
         if (s->shots[i].image.width || s->shots[i].device.error)
             continue;
         memcpy(bindings[cfg->cameras].port, s->shots[i].device.port, sizeof(bindings->port));
+        bindings[cfg->cameras].node = s->shots[i].device.nth;
         s->index[cfg->cameras++] = i;
     }
     return cfg->cameras ? grab_pictures(s, cfg) : 0;
@@ -218,7 +220,10 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
 /* Ports outside of USB contain colons. */
 static void file_name(char *out, size_t size, const struct shot *shot)
 {
-    snprintf(out, size, "%s%s%s.png", shot->device.port, *shot->device.serial ? "_" : "", shot->device.serial);
+    snprintf(out, size, "%s%s%s", shot->device.port, *shot->device.serial ? "_" : "", shot->device.serial);
+    if (shot->device.nth > 1)
+        sst_text_add(out, size, "_%d", shot->device.nth);
+    sst_text_add(out, size, ".png");
     for (char *c = out; *c; c++) {
         if (*c == '/' || *c == ':' || *c == ' ')
             *c = '-';
@@ -228,7 +233,7 @@ static void file_name(char *out, size_t size, const struct shot *shot)
 /* `files` gets the name of each picture, NULL if there is none; to free. @return 0 or -errno */
 static int write_pictures(const struct session *s, const char *dir, char **files)
 {
-    char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 8];
+    char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 24];
     int err = sst_path_make_dir(dir), got = 0;
 
     for (int i = 0; !err && i < s->count; i++) {
@@ -329,15 +334,18 @@ static int write_bindings(const struct session *s, const struct sst_array_config
     for (int i = 0; i < s->count && i < cfg->rows * cfg->cols; i++) {
         const bool serial = serial_is_unique(s, i);
 
-        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\" }\n", i / cfg->cols, i % cfg->cols,
+        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\"", i / cfg->cols, i % cfg->cols,
                 serial ? "serial" : "port", serial ? s->shots[i].device.serial : s->shots[i].device.port);
+        if (s->shots[i].device.nth > 1)
+            fprintf(out.stream, ", node: %d", s->shots[i].device.nth);
+        fprintf(out.stream, " }\n");
     }
     return sst_outfile_commit(&out);
 }
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-/* Select the requested cameras; of several nodes of one device only the first. */
+/* Select the requested cameras; of several nodes of one device those that are in the array. */
 static int choose(struct session *s, const struct sst_array_config *cfg, const char *serial, const char *port)
 {
     struct sst_grab_device *devices;
@@ -349,11 +357,13 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     s->shots = calloc((size_t)count + 1, sizeof(*s->shots));
     place = calloc((size_t)count + 1, sizeof(*place));
     err = s->shots && place ? 0 : -ENOMEM;
-    if (!err)
+    if (!err) {
+        (void)sst_grab_select(devices, count, cfg->fourcc);
         cli_places(place, cfg, devices, count);
+    }
     for (int i = 0; !err && i < count && s->count < SST_CAMERAS_MAX; i++) {
         if ((serial && strcmp(serial, devices[i].serial) != 0) || (port && strcmp(port, devices[i].port) != 0) ||
-            (s->count && !strcmp(s->shots[s->count - 1].device.port, devices[i].port)))
+            (*devices[i].left_out && place[i].row < 0))
             continue;
         s->shots[s->count] = (struct shot){ .device = devices[i], .place = place[i] };
         if (devices[i].error)

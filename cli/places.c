@@ -8,15 +8,20 @@ bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const c
     return *c->serial ? !strcmp(c->serial, serial) : *c->port && !strcmp(c->port, port);
 }
 
+bool cli_is_node(const struct sst_config_camera *c, const struct sst_grab_device *d)
+{
+    return cli_is_bound(c, d->serial, d->port) && (c->node ? c->node == d->nth : !*d->left_out);
+}
+
 void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
                 int count)
 {
     for (int i = 0; i < count; i++) {
         place[i] = (struct cli_place){ -1, -1 };
-        if (!cfg->bound && i < cfg->rows * cfg->cols)
+        if (!cfg->bound && !*devices[i].left_out && i < cfg->rows * cfg->cols)
             place[i] = (struct cli_place){ i / cfg->cols, i % cfg->cols };
         for (int k = 0; k < cfg->bound; k++) {
-            if (cli_is_bound(&cfg->camera[k], devices[i].serial, devices[i].port))
+            if (cli_is_node(&cfg->camera[k], &devices[i]))
                 place[i] = (struct cli_place){ cfg->camera[k].row, cfg->camera[k].col };
         }
     }

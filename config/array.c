@@ -19,7 +19,7 @@ uint32_t sst_array_format(const char *name)
     for (size_t i = 0; i < ARRAY_LEN(sst_format_names); i++)
         if (!strcasecmp(name, sst_format_names[i]) || !strncmp(name, format_codes[i], 4))
             return fourcc_of(format_codes[i]);
-    return 0;
+    return strcasecmp(name, "JPEG") ? 0 : fourcc_of(format_codes[0]); /* drivers name it either way */
 }
 
 const char *sst_array_format_name(uint32_t fourcc)

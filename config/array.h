@@ -42,6 +42,7 @@ enum sst_config_role {
 struct sst_config_camera {
     int row, col;
     char serial[64], port[64]; /* either one */
+    int node;                  /* which of its video nodes, from 1; 0: the first that fits */
     int line;                  /* index of the trigger line that exposes it */
 };
 

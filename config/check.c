@@ -62,6 +62,8 @@ static void check_twice(const struct config_place *p, const struct sst_yaml_node
 
         if (o->row == c->row && o->col == c->col)
             fault(p, at, "assigns a second camera to row %d, col %d", c->row, c->col);
+        if (c->node && o->node && c->node != o->node) /* two nodes of one device */
+            continue;
         if (c->serial[0] && !strcmp(o->serial, c->serial))
             fault(p, at, "lists serial %s twice", c->serial);
         if (c->port[0] && !strcmp(o->port, c->port))

@@ -44,6 +44,10 @@ static const struct sst_key bind_keys[] = {
     { FIELD(struct sst_config_camera, serial, TEXT, "", "serial number of the camera; either this or port") },
     { FIELD(struct sst_config_camera, port, TEXT, "",
             "USB port of the camera; either this or serial (sst cameras lists both)") },
+    { FIELD(struct sst_config_camera, node, INT, "0",
+            "which of the video nodes of that device, from 1, if it has several (colour and infrared; sst cameras "
+            "--local lists them); 0: the first that delivers format and size"),
+      RANGE(0, 64) },
     { FIELD(struct sst_config_camera, line, LINE, "",
             "trigger line that exposes it; default: the line of its row, or the first line where there is not one for "
             "each row") },

@@ -245,14 +245,18 @@ static void process_edges(struct sst_capture *c)
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-/* Without `bind`: all capture devices in the order of their ports fill the grid row by row. */
+/* Without `bind`: all cameras in the order of their ports fill the grid row by row, one of each device. */
 static int bind_all(struct sst_array_config *a, bool again)
 {
     struct sst_grab_device *devices;
-    int n, err = sst_grab_list(&devices, &n);
+    int all, n, err = sst_grab_list(&devices, &all);
 
     if (err)
         return err;
+    n = sst_grab_select(devices, all, a->fourcc);
+    for (int i = n; i < all && !again; i++)
+        sst_log_warning("%s (port %s) is no camera of the array: %s; cameras: bind can choose it by port and node: %d",
+                        devices[i].node, devices[i].port, devices[i].left_out, devices[i].nth);
     if (n > a->rows * a->cols && !again)
         sst_log_warning("%d cameras are connected, the array has %d positions: the first by port are used; choose them "
                         "in cameras: bind",
@@ -261,15 +265,17 @@ static int bind_all(struct sst_array_config *a, bool again)
         sst_log_warning("%d cameras are connected, the array has %d positions: they fill the first ones by port; "
                         "assign them in cameras: bind (sst identify --write proposes it)",
                         n, a->rows * a->cols);
-    n = sst_min_int(n, a->rows * a->cols);
-    for (int i = 0; i < n; i++) {
+    a->bound = sst_min_int(n, a->rows * a->cols);
+    for (int i = 0; i < a->bound; i++) {
         struct sst_config_camera *cam = &a->camera[i];
 
         *cam = (struct sst_config_camera){ .row = i / a->cols, .col = i % a->cols };
         cam->line = a->lines == a->rows ? cam->row : 0;
         memcpy(cam->port, devices[i].port, sizeof(cam->port)); /* serials may be equal or absent, ports never are */
+        for (int k = n; k < all; k++) /* the node that was selected of those of its device */
+            if (!strcmp(devices[k].port, devices[i].port))
+                cam->node = devices[i].nth;
     }
-    a->bound = n;
     free(devices);
     if (!n)
         sst_log_error("no camera is connected: plug one in, or see `sst doctor`");
@@ -330,6 +336,7 @@ static int open_grab(struct sst_capture *c)
     for (int i = 0; i < a->bound; i++) {
         memcpy(bindings[i].serial, a->camera[i].serial, sizeof(bindings[i].serial));
         memcpy(bindings[i].port, a->camera[i].port, sizeof(bindings[i].port));
+        bindings[i].node = a->camera[i].node;
     }
     cfg.cameras = a->bound;
     cfg.bindings = bindings;

@@ -186,7 +186,7 @@ static void release(void *arg, struct sst_frame *frame)
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-static int choose(struct sst_scan_grab *g, const char *which)
+static int choose(struct sst_scan_grab *g, const char *which, uint32_t fourcc)
 {
     struct sst_grab_device *devices;
     char list[512] = "";
@@ -194,6 +194,7 @@ static int choose(struct sst_scan_grab *g, const char *which)
 
     if (err)
         return err;
+    count = sst_grab_select(devices, count, fourcc);
     for (int i = 0; i < count; i++) {
         sst_text_add(list, sizeof(list), "%s%s at %s", i ? ", " : "",
                      devices[i].serial[0] ? devices[i].serial : "no serial", devices[i].port);
@@ -264,7 +265,7 @@ int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config
     g->state = SST_GRAB_READY;
     pthread_mutex_init(&g->lock, NULL);
     sst_cond_init(&g->arrived);
-    err = choose(g, which);
+    err = choose(g, which, array->fourcc);
     if (!err)
         err = open_grab(g, array);
     if (!err && array->source == SST_CONFIG_GPIO) {

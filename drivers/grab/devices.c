@@ -105,8 +105,10 @@ static bool node_from_udev(struct grab_node *node, struct udev_device *d)
     copy(node->device.name, udev_device_get_sysattr_value(d, "name"));
     copy(node->device.serial, serial);
     copy(node->device.port, usb ? udev_device_get_sysname(usb) : "");
-    if (caps)
-        node->capture = strstr(caps, ":capture:") != NULL;
+    if (caps && strstr(caps, ":capture:"))
+        node->capture = 1;
+    else if (caps && usb) /* else it is opened: old versions of udev do not name multi-planar capture */
+        node->capture = 0;
     return true;
 }
 
@@ -317,13 +319,14 @@ struct probe_result {
 
 static void probe_run(struct grab_job *job)
 {
-    struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    struct v4l2_requestbuffers none = { .memory = V4L2_MEMORY_MMAP };
     struct sst_grab_device *d = &((struct probe *)job)->node.device;
     const int fd = probe_node(&((struct probe *)job)->node);
 
     if (fd < 0)
         return;
-    format_summary(fd, d->formats, sizeof(d->formats));
+    format_summary(fd, d);
+    none.type = node_type(fd);
     d->busy = node_ioctl(fd, VIDIOC_REQBUFS, &none) == -EBUSY;
     close(fd);
 }
@@ -381,7 +384,14 @@ static int probe_all(struct grab_node *nodes, int count)
     return err;
 }
 
-int sst_grab_list(struct sst_grab_device **devices, int *count)
+/* Number the capture nodes of each port. */
+static void number_nodes(struct sst_grab_device *list, int n)
+{
+    for (int i = 0; i < n; i++)
+        list[i].nth = i && !strcmp(list[i].port, list[i - 1].port) ? list[i - 1].nth + 1 : 1;
+}
+
+int sst_grab_list_all(struct sst_grab_device **devices, int *count, int *all)
 {
     struct grab_node *nodes = NULL;
     struct sst_grab_device *list;
@@ -397,12 +407,64 @@ int sst_grab_list(struct sst_grab_device **devices, int *count)
         free(list);
         return err;
     }
-    for (int i = 0; i < found; i++) {
+    for (int i = 0; i < found; i++)
         if (nodes[i].capture)
             list[n++] = nodes[i].device;
-    }
+    *count = n;
+    for (int i = 0; i < found; i++)
+        if (!nodes[i].capture) {
+            list[n] = nodes[i].device;
+            if (!*list[n].left_out) /* not opened */
+                snprintf(list[n].left_out, sizeof(list[n].left_out), "it captures no pictures");
+            n++;
+        }
+    *all = n;
+    number_nodes(list, *count);
     free(nodes);
     *devices = list;
-    *count = n;
     return 0;
+}
+
+int sst_grab_list(struct sst_grab_device **devices, int *count)
+{
+    int all;
+
+    return sst_grab_list_all(devices, count, &all);
+}
+
+/* True if the node offers the format, or could not be asked. */
+static bool offers(const struct sst_grab_device *d, uint32_t fourcc)
+{
+    for (int i = 0; i < SST_GRAB_FOURCC_MAX && d->fourcc[i]; i++)
+        if (format_fits(d->fourcc[i], fourcc))
+            return true;
+    return !d->fourcc[0];
+}
+
+int sst_grab_select(struct sst_grab_device *devices, int count, uint32_t fourcc)
+{
+    const struct sst_grab_device *last = NULL;
+    char name[5];
+    bool any = false;
+    int kept = 0;
+
+    fourcc_name(name, fourcc);
+    for (int i = 0; i < count; i++)
+        any = any || offers(&devices[i], fourcc);
+    for (int i = 0; i < count; i++) {
+        struct sst_grab_device d = devices[i];
+
+        if (any && !offers(&d, fourcc))
+            snprintf(d.left_out, sizeof(d.left_out), "it offers no %s", name);
+        else if (last && !strcmp(last->port, d.port))
+            snprintf(d.left_out, sizeof(d.left_out), "%.40s is of the same device", last->node);
+        if (*d.left_out) {
+            devices[i] = d;
+            continue;
+        }
+        memmove(&devices[kept + 1], &devices[kept], (size_t)(i - kept) * sizeof(d));
+        devices[kept] = d;
+        last = &devices[kept++];
+    }
+    return kept;
 }

@@ -19,9 +19,9 @@
 
 /* --- enumeration -------------------------------------------------------------------------------------------------- */
 
-static bool format_at(int fd, uint32_t index, struct v4l2_fmtdesc *f)
+static bool format_at(int fd, uint32_t type, uint32_t index, struct v4l2_fmtdesc *f)
 {
-    *f = (struct v4l2_fmtdesc){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+    *f = (struct v4l2_fmtdesc){ .index = index, .type = type };
     return index < FORMATS_MAX && !node_ioctl(fd, VIDIOC_ENUM_FMT, f);
 }
 
@@ -41,9 +41,10 @@ static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t
 
 static void add_format_names(int fd, char *out, size_t size)
 {
+    const uint32_t type = node_type(fd);
     struct v4l2_fmtdesc f;
 
-    for (uint32_t i = 0; format_at(fd, i, &f); i++) {
+    for (uint32_t i = 0; format_at(fd, type, i, &f); i++) {
         char name[5];
 
         fourcc_name(name, f.pixelformat);
@@ -61,12 +62,13 @@ static int nearest_step(int v, uint32_t lo, uint32_t hi, uint32_t step)
 }
 
 /* The nearest size by sides, -1 if the camera lists none. */
-static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2], char *list, size_t size)
+static void nearest_size(int fd, uint32_t fourcc, const struct sst_grab_config *cfg, int best[2], char *list,
+                         size_t size)
 {
     struct v4l2_frmsizeenum s;
     int64_t best_off = -1;
 
-    for (uint32_t i = 0; size_at(fd, cfg->fourcc, i, &s); i++) {
+    for (uint32_t i = 0; size_at(fd, fourcc, i, &s); i++) {
         const bool discrete = s.type == V4L2_FRMSIZE_TYPE_DISCRETE;
         const int w = discrete
                           ? (int)s.discrete.width
@@ -153,14 +155,60 @@ static int refuse_field(const struct sst_grab_config *cfg, uint32_t field, char 
     return -EINVAL;
 }
 
-static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
+/* A format of either API. */
+struct picture {
+    uint32_t fourcc, width, height, field, planes;
+    size_t stride;
+};
+
+static struct picture read_picture(const struct v4l2_format *f)
 {
-    char want[5], is[5], sizes[384] = "", nearest[32];
+    const struct v4l2_pix_format *one = &f->fmt.pix;
+    const struct v4l2_pix_format_mplane *mp = &f->fmt.pix_mp;
+
+    if (f->type == V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        return (struct picture){ one->pixelformat, one->width, one->height, one->field, 1, one->bytesperline };
+    return (struct picture){ mp->pixelformat, mp->width,      mp->height,
+                             mp->field,       mp->num_planes, mp->plane_fmt[0].bytesperline };
+}
+
+static void write_picture(struct v4l2_format *f, uint32_t fourcc, const struct sst_grab_config *cfg)
+{
+    struct v4l2_pix_format *one = &f->fmt.pix;
+    struct v4l2_pix_format_mplane *mp = &f->fmt.pix_mp;
+
+    if (f->type == V4L2_BUF_TYPE_VIDEO_CAPTURE) {
+        one->width = (uint32_t)cfg->width;
+        one->height = (uint32_t)cfg->height;
+        one->pixelformat = fourcc;
+        one->field = V4L2_FIELD_NONE;
+    } else {
+        mp->width = (uint32_t)cfg->width;
+        mp->height = (uint32_t)cfg->height;
+        mp->pixelformat = fourcc;
+        mp->field = V4L2_FIELD_NONE;
+        mp->num_planes = 1;
+    }
+}
+
+bool format_fits(uint32_t fourcc, uint32_t wanted)
+{
+    return fourcc == wanted || (wanted == V4L2_PIX_FMT_MJPEG && fourcc == V4L2_PIX_FMT_JPEG);
+}
+
+static bool picture_fits(const struct picture *got, const struct sst_grab_config *cfg)
+{
+    return format_fits(got->fourcc, cfg->fourcc) && (int)got->width == cfg->width && (int)got->height == cfg->height &&
+           field_fits(got->field) && got->planes == 1;
+}
+
+static int refuse(int fd, const struct sst_grab_config *cfg, const struct picture *got, char *why, size_t size)
+{
+    char want[5], sizes[384] = "", nearest[32];
     int best[2] = { -1, -1 };
 
     fourcc_name(want, cfg->fourcc);
-    fourcc_name(is, got->pixelformat);
-    if (got->pixelformat != cfg->fourcc) {
+    if (!format_fits(got->fourcc, cfg->fourcc)) {
         sst_text_add(why, size, "it does not support format %s, it offers ", want);
         add_format_names(fd, why, size);
         sst_text_add(why, size, "; set cameras: format");
@@ -168,7 +216,12 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     }
     if (!field_fits(got->field) && (int)got->width == cfg->width && (int)got->height == cfg->height)
         return refuse_field(cfg, got->field, why, size);
-    nearest_size(fd, cfg, best, sizes, sizeof(sizes));
+    if (got->planes != 1) {
+        sst_text_add(why, size, "its %s pictures come in %u planes of memory, and only those in one can be used; set "
+                                "cameras: format", want, got->planes);
+        return -EINVAL;
+    }
+    nearest_size(fd, got->fourcc, cfg, best, sizes, sizeof(sizes));
     snprintf(nearest, sizeof(nearest), "%dx%d", best[0] < 0 ? (int)got->width : best[0],
              best[0] < 0 ? (int)got->height : best[1]);
     sst_text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
@@ -178,35 +231,42 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     return -EINVAL;
 }
 
-static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
+/* Request a format. @return 0: *got is what the driver sets, or would set; else -errno */
+static int try_picture(int fd, uint32_t fourcc, const struct sst_grab_config *cfg, struct picture *got)
 {
-    struct v4l2_format f = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
-    struct v4l2_pix_format *pix = &f.fmt.pix;
+    const uint32_t type = node_type(fd);
+    struct v4l2_format f = { .type = type };
     int err;
 
-    pix->width = (uint32_t)cfg->width;
-    pix->height = (uint32_t)cfg->height;
-    pix->pixelformat = cfg->fourcc;
-    pix->field = V4L2_FIELD_NONE;
+    write_picture(&f, fourcc, cfg);
     err = node_ioctl(fd, VIDIOC_S_FMT, &f);
     /* Some drivers refuse instead of offering the nearest format: query what they would set. */
     if (err == -EINVAL) {
-        f = (struct v4l2_format){ .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
-        if (!node_ioctl(fd, VIDIOC_G_FMT, &f))
-            return refuse(fd, cfg, pix, why, size);
+        f = (struct v4l2_format){ .type = type };
+        err = node_ioctl(fd, VIDIOC_G_FMT, &f) ? err : 0;
     }
+    *got = read_picture(&f);
+    return err;
+}
+
+static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
+{
+    struct picture got;
+    int err = try_picture(fd, cfg->fourcc, cfg, &got);
+
+    if (!err && cfg->fourcc == V4L2_PIX_FMT_MJPEG && got.fourcc != V4L2_PIX_FMT_MJPEG) /* the same by another name */
+        err = try_picture(fd, V4L2_PIX_FMT_JPEG, cfg, &got);
     if (err)
         return err;
-    if (pix->pixelformat != cfg->fourcc || (int)pix->width != cfg->width || (int)pix->height != cfg->height ||
-        !field_fits(pix->field))
-        return refuse(fd, cfg, pix, why, size);
-    *stride = raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? pix->bytesperline : 0;
+    if (!picture_fits(&got, cfg))
+        return refuse(fd, cfg, &got, why, size);
+    *stride = raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? got.stride : 0;
     return 0;
 }
 
 static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t size)
 {
-    struct v4l2_streamparm p = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+    struct v4l2_streamparm p = { .type = node_type(fd) };
     struct v4l2_captureparm *c = &p.parm.capture;
     double got, before;
     int err = node_ioctl(fd, VIDIOC_G_PARM, &p);
@@ -246,15 +306,20 @@ int format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *
     return err || cfg->rate_hz <= 0 ? err : set_rate(fd, cfg, why, size);
 }
 
-void format_summary(int fd, char *out, size_t size)
+void format_summary(int fd, struct sst_grab_device *device)
 {
+    const uint32_t type = node_type(fd);
+    const size_t size = sizeof(device->formats);
+    char *const out = device->formats;
     struct v4l2_fmtdesc f;
 
     *out = 0;
-    for (uint32_t i = 0; format_at(fd, i, &f); i++) {
+    for (uint32_t i = 0; format_at(fd, type, i, &f); i++) {
         struct v4l2_frmsizeenum s;
         char name[5];
 
+        if (i < SST_GRAB_FOURCC_MAX)
+            device->fourcc[i] = f.pixelformat;
         fourcc_name(name, f.pixelformat);
         sst_text_add(out, size, "%s%s", i ? ", " : "", name);
         for (uint32_t j = 0; size_at(fd, f.pixelformat, j, &s); j++) {

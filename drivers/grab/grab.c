@@ -69,7 +69,10 @@ static int check_config(const struct sst_grab_config *cfg)
 
             if (*a->serial ? strcmp(a->serial, b->serial) != 0 : *b->serial || strcmp(a->port, b->port) != 0)
                 continue;
-            sst_log_error("cameras %d and %d are both bound to %s %s; each device is one camera", k, i,
+            if (a->node && b->node && a->node != b->node)
+                continue;
+            sst_log_error("cameras %d and %d are both bound to %s %s; each device is one camera, or each of its video "
+                          "nodes by cameras: bind: node", k, i,
                           *a->serial ? "serial" : "port", *a->serial ? a->serial : a->port);
             return -EINVAL;
         }

@@ -9,6 +9,7 @@
 #define SST_GRAB_NAME_MAX     64
 #define SST_GRAB_CONTROLS_MAX 32
 #define SST_GRAB_FORMATS_MAX  256
+#define SST_GRAB_FOURCC_MAX   16
 
 /* --- discovery ---------------------------------------------------------------------------------------------------- */
 
@@ -23,11 +24,24 @@ struct sst_grab_device {
     int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: no error */
     bool busy;                          /* a program streams from it */
     char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; truncated to fit */
+    uint32_t fourcc[SST_GRAB_FOURCC_MAX]; /* the same, 0 terminated or full; empty: it could not be asked */
+    int nth;                              /* which of the capture nodes of its port, from 1 */
+    char left_out[SST_GRAB_NAME_MAX];     /* why it is no camera of the array; "" if it is one */
 };
 
 /** List capture nodes by port (natural order), within 2 s even if devices hang. *devices to free with free().
  *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
+
+/** The same, with the nodes that are no capture nodes behind the others, from *count to *all; they have `left_out` set. */
+SST_MUST_CHECK int sst_grab_list_all(struct sst_grab_device **devices, int *count, int *all);
+
+/**
+ * Of capture nodes in the order of their ports keep those that are cameras of an array: they offer the format, if any
+ * does, and are the first such node of their port. The others are moved behind these, in order, and get `left_out`.
+ * @return number of nodes kept
+ */
+int sst_grab_select(struct sst_grab_device *devices, int count, uint32_t fourcc);
 
 /* --- grabbing ----------------------------------------------------------------------------------------------------- */
 
@@ -37,6 +51,7 @@ struct sst_grab_binding {
     char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial has priority. Two devices with it: -ENOTUNIQ,
                                        named */
     char port[SST_GRAB_NAME_MAX];
+    int node; /* which of the capture nodes of that device, from 1; 0: the first that fulfils the settings */
 };
 
 struct sst_grab_control {

@@ -17,14 +17,15 @@ struct grab_node {
     struct sst_grab_device device;
     int number;  /* of /dev/videoN */
     int capture; /* 1 yes, 0 no (metadata, output), -1 unknown until it is opened */
+    bool unfit;  /* tried for its camera, which it does not fit; the other nodes of its device follow */
 };
 
 /** Natural order of ports: 1-2.9 before 1-2.10; then the number of the node. For qsort(). */
 int grab_node_order(const void *a, const void *b);
 
 /**
- * Find the node of a camera: by serial if the binding has one, else by port. Of several nodes of one device the first
- * is used; nodes known not to capture are skipped.
+ * Find the node of a camera: by serial if the binding has one, else by port. Of several nodes of one device that which
+ * the binding numbers is used, else the first; nodes known not to capture are skipped.
  *
  * @param nodes  in the order of grab_node_order()
  * @param why    out [SST_WHY_MAX]: a sentence if the result is -ENOTUNIQ (with both ports), or a mismatch (the serial
@@ -380,6 +381,10 @@ int64_t hotplug_due(const struct sst_grab *grab);
 /** Find nodes for all cameras without one. @return 0, or -ENOTUNIQ (two devices of one serial; logged) */
 int hotplug_assign(struct sst_grab *grab);
 
+/** After a camera was refused with this node: the next node of the same device to try. NULL: none is left, or the binding
+ *  chooses the node. @param more  out: the device has other nodes */
+const struct grab_node *hotplug_sibling(struct sst_grab *grab, const struct grab_camera *cam, bool *more);
+
 /** Mark a node as not capturing, or as gone: it is not assigned again. */
 void hotplug_reject(struct sst_grab *grab, int number, bool gone);
 
@@ -415,17 +420,23 @@ bool field_fits(uint32_t field);
 /** "interlaced" */
 const char *field_name(uint32_t field);
 
-/** One line with the formats of a camera: "MJPG 1920x1080 1280x720, YUYV 640x480". */
-void format_summary(int fd, char *out, size_t size);
+/** True if pictures of this format are of the wanted one: JPEG is another name of MJPG. */
+bool format_fits(uint32_t fourcc, uint32_t wanted);
+
+/** Gather the formats of a camera: `formats` and `fourcc`. */
+void format_summary(int fd, struct sst_grab_device *device);
 
 /* --- node: one open video node: system calls that are retried, and the driver's identity --- */
 
 /** ioctl() repeated when interrupted. @return 0 or -errno */
 int node_ioctl(int fd, unsigned long request, void *arg);
 
+/** Buffer type of an open capture node: VIDEO_CAPTURE, or VIDEO_CAPTURE_MPLANE if it has only that API. */
+uint32_t node_type(int fd);
+
 /**
  * Open a node without blocking, check that it captures by streaming, and complete the device's name, driver and port.
- * @return descriptor, or -errno; -ENOTTY: it is no capture node; -ENODEV also if it is a different device now
+ * @return descriptor, or -errno; -ENOTTY: it is no capture node, `left_out` says what it is; -ENODEV also if it is a different device now
  */
 SST_MUST_CHECK int node_open(struct sst_grab_device *device);
 

@@ -69,6 +69,31 @@ static void log_mismatch(struct grab_camera *cam, const char *why, bool fault)
         sst_log_warning("%s: %s", cam->name, why);
 }
 
+const struct grab_node *hotplug_sibling(struct sst_grab *g, const struct grab_camera *cam, bool *more)
+{
+    const int at = node_index(g, cam->number);
+    const struct grab_node *next = NULL;
+
+    *more = false;
+    if (at < 0 || cam->binding.node)
+        return NULL;
+    g->nodes[at].unfit = true;
+    for (int i = 0; i < g->node_count; i++) {
+        const struct grab_node *node = &g->nodes[i];
+
+        if (i == at || !node->capture || strcmp(node->device.port, g->nodes[at].device.port) != 0 ||
+            camera_of(g, node->number))
+            continue;
+        *more = true;
+        if (!node->unfit && !next)
+            next = node;
+    }
+    for (int i = 0; i < g->node_count && !next; i++) /* all were tried: from the first again next time */
+        if (!strcmp(g->nodes[i].device.port, g->nodes[at].device.port))
+            g->nodes[i].unfit = false;
+    return next;
+}
+
 int hotplug_assign(struct sst_grab *g)
 {
     int worst = 0;

@@ -24,11 +24,22 @@ bool grab_is_usb_port(const char *port)
     return isdigit((unsigned char)*port) && strchr(port, '-') && !port[strspn(port, "0123456789-.")];
 }
 
-static int find(const struct grab_node *nodes, int count, int from, const char *serial, const char *port)
+/* Which of the capture nodes of its port it is, from 1; nodes are in the order of ports. */
+static int nth_of(const struct grab_node *nodes, int i)
+{
+    int nth = 1;
+
+    for (int k = i - 1; k >= 0 && !strcmp(nodes[k].device.port, nodes[i].device.port); k--)
+        nth += nodes[k].capture != 0;
+    return nth;
+}
+
+/* @param nth  0: any */
+static int find(const struct grab_node *nodes, int count, int from, const char *serial, const char *port, int nth)
 {
     for (int i = from; i < count; i++) {
         if (nodes[i].capture && (!serial || !strcmp(nodes[i].device.serial, serial)) &&
-            (!port || !strcmp(nodes[i].device.port, port)))
+            (!port || !strcmp(nodes[i].device.port, port)) && (!nth || nth_of(nodes, i) == nth))
             return i;
     }
     return -ENODEV;
@@ -41,14 +52,14 @@ static const char *serial_of(const struct grab_node *node)
 
 int grab_match(const struct sst_grab_binding *b, const struct grab_node *nodes, int count, char *why)
 {
-    const int at_port = *b->port ? find(nodes, count, 0, NULL, b->port) : -ENODEV;
+    const int at_port = *b->port ? find(nodes, count, 0, NULL, b->port, b->node) : -ENODEV;
     int first;
 
     *why = 0;
     if (!*b->serial)
         return at_port;
-    first = find(nodes, count, 0, b->serial, NULL);
-    for (int i = first; i >= 0; i = find(nodes, count, i + 1, b->serial, NULL)) {
+    first = find(nodes, count, 0, b->serial, NULL, b->node);
+    for (int i = first; i >= 0; i = find(nodes, count, i + 1, b->serial, NULL, b->node)) {
         if (!strcmp(nodes[i].device.port, nodes[first].device.port))
             continue;
         snprintf(why, SST_WHY_MAX, "serial %s is claimed by two devices, at port %s and at port %s; bind both by port",

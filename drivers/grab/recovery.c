@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "drivers/grab/grab_internal.h"
 #include "drivers/usb/usb.h"
 
@@ -345,10 +346,31 @@ static bool is_refusal(int err)
     return err == -EINVAL || err == -EBUSY || err == -EACCES || err == -EPERM || err == -ENOSPC || err == -ENOMEM;
 }
 
+/* A device may have several nodes, such as a colour and an infrared picture: try the next one after a refusal. */
+static bool open_sibling(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
+{
+    bool more;
+    const struct grab_node *node = hotplug_sibling(g, cam, &more);
+
+    if (node) {
+        sst_log_info("%s: %s does not fit: %s; trying %s of the same device", cam->name, cam->device.node, j->why,
+                     node->device.node);
+        cam->device = node->device;
+        cam->number = node->number;
+        open_now(g, cam);
+    } else if (more) {
+        sst_text_add(j->why, sizeof(j->why), " [%s; the other video nodes of its device do not fit either]",
+                     cam->device.node);
+    }
+    return node != NULL;
+}
+
 static void failed(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
     const bool opening = j->task == TASK_REOPEN || j->task == TASK_START || j->task == TASK_RESTREAM;
 
+    if (opening && j->err == -EINVAL && !j->stream && open_sibling(g, cam, j))
+        return;
     if (opening && j->err == -ENOTTY) {
         hotplug_reject(g, cam->number, false);
         cam->number = -1;

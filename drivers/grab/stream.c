@@ -30,6 +30,7 @@ struct slot {
 struct grab_stream {
     /* fixed after open */
     int fd, count;
+    uint32_t type; /* of its buffers */
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
     pthread_mutex_t lock;
@@ -54,29 +55,47 @@ static void destroy(struct grab_stream *s)
     free(s);
 }
 
+/* An ioctl about a buffer, of either API. @param planes  [VIDEO_MAX_PLANES], the first is filled in for both */
+static int buffer_ioctl(const struct grab_stream *s, unsigned long request, struct v4l2_buffer *b,
+                        struct v4l2_plane *planes)
+{
+    int err;
+
+    b->type = s->type;
+    b->memory = V4L2_MEMORY_MMAP;
+    memset(planes, 0, VIDEO_MAX_PLANES * sizeof(*planes));
+    if (s->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE) {
+        b->m.planes = planes;
+        b->length = VIDEO_MAX_PLANES;
+    }
+    err = node_ioctl(s->fd, request, b);
+    if (s->type == V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        planes[0] = (struct v4l2_plane){ .length = b->length, .bytesused = b->bytesused, .m.mem_offset = b->m.offset };
+    return err;
+}
+
 static int map_buffer(struct grab_stream *s, int index)
 {
     struct slot *slot = &s->slot[index];
-    struct v4l2_buffer b = { .index = (uint32_t)index,
-                             .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
-                             .memory = V4L2_MEMORY_MMAP };
-    const int err = node_ioctl(s->fd, VIDIOC_QUERYBUF, &b);
+    struct v4l2_buffer b = { .index = (uint32_t)index };
+    struct v4l2_plane planes[VIDEO_MAX_PLANES];
+    const int err = buffer_ioctl(s, VIDIOC_QUERYBUF, &b, planes);
     void *map;
 
     if (err)
         return err;
-    map = mmap(NULL, b.length, PROT_READ | PROT_WRITE, MAP_SHARED, s->fd, b.m.offset);
+    map = mmap(NULL, planes[0].length, PROT_READ | PROT_WRITE, MAP_SHARED, s->fd, planes[0].m.mem_offset);
     if (map == MAP_FAILED)
         return -errno;
     slot->map = map;
-    slot->map_bytes = b.length;
+    slot->map_bytes = planes[0].length;
     return 0;
 }
 
 static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
 {
     struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers,
-                                     .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                     .type = s->type,
                                      .memory = V4L2_MEMORY_MMAP };
     int err = node_ioctl(s->fd, VIDIOC_REQBUFS, &r);
 
@@ -165,6 +184,7 @@ int stream_open(struct grab_stream **out, struct sst_grab_device *device, const 
         destroy(s);
         return err;
     }
+    s->type = node_type(s->fd);
     err = set_up(s, device, cfg, cam, why, note);
     if (err) {
         stream_close(s);
@@ -176,12 +196,13 @@ int stream_open(struct grab_stream **out, struct sst_grab_device *device, const 
 
 void stream_close(struct grab_stream *s)
 {
-    struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    struct v4l2_requestbuffers none = { .memory = V4L2_MEMORY_MMAP };
     bool last;
 
     if (!s)
         return;
     stream_stop(s);
+    none.type = s->type;
     /* A mapped buffer keeps the file and the driver's queue open after close(): release the queue first. */
     (void)node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
     close(s->fd);
@@ -197,8 +218,9 @@ void stream_close(struct grab_stream *s)
 
 static int queue_locked(struct grab_stream *s, struct slot *slot)
 {
-    struct v4l2_buffer b = { .index = slot->index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
-    const int err = node_ioctl(s->fd, VIDIOC_QBUF, &b);
+    struct v4l2_buffer b = { .index = slot->index };
+    struct v4l2_plane planes[VIDEO_MAX_PLANES];
+    const int err = buffer_ioctl(s, VIDIOC_QBUF, &b, planes);
 
     slot->place = err ? SLOT_IDLE : SLOT_QUEUED;
     if (!err && !s->queued++)
@@ -218,7 +240,7 @@ static void queue_idle_locked(struct grab_stream *s)
 
 int stream_start(struct grab_stream *s, char *why)
 {
-    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE, err = 0;
+    int type = (int)s->type, err = 0;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; !err && i < s->count; i++) {
@@ -252,7 +274,7 @@ void stream_detach(struct grab_stream *s)
 
 void stream_stop(struct grab_stream *s)
 {
-    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    int type = (int)s->type;
 
     stream_detach(s);
     /* A disconnected camera fails here; nothing is left to stop then. */
@@ -308,8 +330,10 @@ int stream_lent(struct grab_stream *s)
 
 int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
 {
-    struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
-    const int err = node_ioctl(s->fd, VIDIOC_DQBUF, &b);
+    struct v4l2_buffer b = { 0 };
+    struct v4l2_plane planes[VIDEO_MAX_PLANES];
+    const int err = buffer_ioctl(s, VIDIOC_DQBUF, &b, planes);
+    size_t bytes, begin; /* filled, and of these before the picture */
     struct sst_frame *frame;
     struct slot *slot;
     bool lent;
@@ -332,8 +356,10 @@ int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_
     if (lent)
         return -EAGAIN;
     frame = &slot->frame;
-    frame->data = slot->map;
-    frame->bytes = b.bytesused < slot->map_bytes ? b.bytesused : slot->map_bytes;
+    bytes = planes[0].bytesused < slot->map_bytes ? planes[0].bytesused : slot->map_bytes;
+    begin = planes[0].data_offset < bytes ? planes[0].data_offset : bytes;
+    frame->data = slot->map + begin;
+    frame->bytes = bytes - begin;
     frame->sequence = b.sequence;
     frame->arrival_ns = sst_clock_now_ns();
     frame->faults = b.flags & V4L2_BUF_FLAG_ERROR ? SST_FRAME_FLAGGED : 0;

@@ -350,6 +350,64 @@ static void odd_identities_are_named(void **state SST_UNUSED)
     assert_non_null(strstr(why, "has serial B"));
 }
 
+/* Nodes of one device: the binding chooses by number among those that capture. */
+static void a_node_of_several_is_chosen(void **state SST_UNUSED)
+{
+    const struct grab_node n[] = { node(0, "A", "1-1", 1), node(1, "A", "1-1", 0), node(2, "A", "1-1", 1),
+                                   node(3, "B", "1-2", 1) };
+    struct sst_grab_binding b = { .serial = "A" };
+    char why[SST_WHY_MAX];
+
+    assert_int_equal(grab_match(&b, n, 4, why), 0);
+    b.node = 2;
+    assert_int_equal(grab_match(&b, n, 4, why), 2);
+    b.node = 3;
+    assert_int_equal(grab_match(&b, n, 4, why), -ENODEV);
+    b = (struct sst_grab_binding){ .port = "1-1", .node = 2 };
+    assert_int_equal(grab_match(&b, n, 4, why), 2);
+    b = (struct sst_grab_binding){ .port = "1-2", .node = 1 };
+    assert_int_equal(grab_match(&b, n, 4, why), 3);
+}
+
+static struct sst_grab_device device(const char *name, const char *port, int nth, uint32_t first, uint32_t second)
+{
+    struct sst_grab_device d = { .nth = nth, .fourcc = { first, second } };
+
+    snprintf(d.node, sizeof(d.node), "/dev/%s", name);
+    snprintf(d.port, sizeof(d.port), "%s", port);
+    return d;
+}
+
+/* One camera of each device, which offers the format; the others follow, with the reason. */
+static void cameras_of_an_array_are_selected(void **state SST_UNUSED)
+{
+    struct sst_grab_device d[] = {
+        device("video0", "1-1", 1, V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_YUYV),
+        device("video2", "2-1", 1, V4L2_PIX_FMT_GREY, 0),
+        device("video3", "2-1", 2, V4L2_PIX_FMT_JPEG, 0), /* the same as MJPG */
+        device("video4", "2-1", 3, V4L2_PIX_FMT_MJPEG, 0),
+        device("video5", "3-1", 1, V4L2_PIX_FMT_GREY, 0),
+        device("video6", "4-1", 1, 0, 0), /* it could not be asked */
+    };
+    static const char *const order[] = { "video0", "video3", "video6", "video2", "video4", "video5" };
+
+    assert_int_equal(sst_grab_select(d, 6, V4L2_PIX_FMT_MJPEG), 3);
+    for (int i = 0; i < 6; i++) {
+        assert_string_equal(d[i].node + 5, order[i]);
+        assert_int_equal(*d[i].left_out != 0, i >= 3);
+    }
+    assert_string_equal(d[3].left_out, "it offers no MJPG");
+    assert_string_equal(d[4].left_out, "/dev/video3 is of the same device");
+    /* Where none offers it, a camera of each device is refused by its own name. */
+    struct sst_grab_device none[] = { device("video0", "1-1", 1, V4L2_PIX_FMT_GREY, 0),
+                                      device("video1", "1-1", 2, V4L2_PIX_FMT_GREY, 0),
+                                      device("video2", "1-2", 1, V4L2_PIX_FMT_GREY, 0) };
+
+    assert_int_equal(sst_grab_select(none, 3, V4L2_PIX_FMT_MJPEG), 2);
+    assert_string_equal(none[1].node, "/dev/video2");
+    assert_int_equal(sst_grab_select(none, 0, V4L2_PIX_FMT_MJPEG), 0);
+}
+
 /* --- controls ----------------------------------------------------------------------------------------------------- */
 
 static void control_names_are_those_of_v4l2_ctl(void **state SST_UNUSED)
@@ -389,6 +447,8 @@ int main(void)
         cmocka_unit_test(ports_are_ordered_as_people_read_them),
         cmocka_unit_test(bindings_find_their_devices),
         cmocka_unit_test(odd_identities_are_named),
+        cmocka_unit_test(a_node_of_several_is_chosen),
+        cmocka_unit_test(cameras_of_an_array_are_selected),
         cmocka_unit_test(control_names_are_those_of_v4l2_ctl),
     };
 
