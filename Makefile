@@ -237,7 +237,8 @@ $(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h simulators/devices/preload/*.h) base/base.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
-	@$(CC) -std=gnu11 -I. -O2 -g -fPIC -shared -fvisibility=hidden -pthread $(CWARN) $(PRELOAD_SRC) -ldl -o $@
+	@$(CC) -std=gnu11 -I. -O2 -g $(filter-out -fPIE -D_FORTIFY%,$(HARDEN)) -D_FORTIFY_SOURCE=2 -fPIC -shared -Wl,-z,relro,-z,now -fvisibility=hidden -pthread \
+	      $(CWARN) $(PRELOAD_SRC) -ldl -o $@
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@

@@ -56,6 +56,13 @@ void sim_fault_reset(struct sim_faults *f, int scope, int instance, int fault);
  */
 SST_MUST_CHECK int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t size);
 
+/** A line for each fault of a kind of devices, with range and help. */
+void sim_fault_scope_print(FILE *out, const struct sim_fault_scope *scope);
+
+/** The kinds, without their devices. */
+extern const struct sim_fault_scope sim_camera_faults, sim_gpio_faults, sim_usb_faults, sim_hub_faults, sim_still_faults,
+    sim_world_faults;
+
 /** All faults with range and help, then the values that are not 0, as text. @return bytes written, NUL left out. */
 size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size);
 

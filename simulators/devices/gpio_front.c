@@ -298,6 +298,8 @@ static const struct sim_fault faults[SST_SIM_GPIO_FAULTS] = {
     [SST_SIM_GPIO_LOST_EDGES] = { "lost_edges", 0, 1, "probability that an edge event of an input is lost" },
 };
 
+const struct sim_fault_scope sim_gpio_faults = { .name = "gpio", .faults = faults, .count = SST_SIM_GPIO_FAULTS };
+
 static int fault_changed(void *arg, int instance, int fault, double value)
 {
     struct sim_gpio_front *front = arg;
@@ -369,11 +371,11 @@ int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front
         err = appear(&front->chip[i]);
     }
     if (!err) {
-        err = sim_faults_add(cfg->faults, &(struct sim_fault_scope){ .name = "gpio",
-                                                                     .faults = faults,
-                                                                     .count = SST_SIM_GPIO_FAULTS,
-                                                                     .changed = fault_changed,
-                                                                     .arg = front });
+        struct sim_fault_scope scope = sim_gpio_faults;
+
+        scope.changed = fault_changed;
+        scope.arg = front;
+        err = sim_faults_add(cfg->faults, &scope);
         err = err < 0 ? err : 0;
     }
     if (err) {

@@ -12,7 +12,9 @@
 #include "base/log.h"
 #include "simulators/devices/devices_internal.h"
 
-#define EXIT_USAGE 2
+#define EXIT_USAGE  2
+#define EXIT_INPUT  3
+#define EXIT_OUTPUT 4
 #define FAULTS_MAX 64
 
 static const char help[] =
@@ -128,6 +130,28 @@ static int read_options(int argc, char **argv, struct arguments *a)
     return 0;
 }
 
+/* As sst: 3 for bad input, 4 for what cannot be written, 1 for the rest. */
+static int exit_status(int err)
+{
+    switch (-err) {
+    case 0:
+        return 0;
+    case EEXIST:
+    case ENOSPC:
+    case EROFS:
+    case EDQUOT:
+        return EXIT_OUTPUT;
+    case ENOMEM:
+    case EMFILE:
+    case ENFILE:
+    case EAGAIN:
+    case EIO:
+        return EXIT_FAILURE;
+    default:
+        return EXIT_INPUT;
+    }
+}
+
 /* --- a session ---------------------------------------------------------------------------------------------------- */
 
 struct run {
@@ -173,7 +197,7 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
         raise_limit();
         err = sim_server_run(run.server);
     }
-    status = err && !run.command.status ? EXIT_FAILURE : run.command.status;
+    status = err && !run.command.status ? exit_status(err) : run.command.status;
     sim_command_close(&run.command);
     return status;
 }
@@ -194,12 +218,17 @@ static int run_session(const struct arguments *a, char *const argv[])
 {
     struct sim_simulator *sim = NULL;
     char dir[SST_PATH_MAX];
-    int status = EXIT_FAILURE;
+    int status, err;
 
     /* Only while the world is prepared; later signals are blocked and handled by the event loop. */
-    if (sst_file_clean_on_interrupt() || sim_simulator_open(&sim, &a->options))
+    if (sst_file_clean_on_interrupt())
         return EXIT_FAILURE;
-    if (use_folder(a->serve, dir) == 0) {
+    err = sim_simulator_open(&sim, &a->options);
+    if (err)
+        return exit_status(err);
+    err = use_folder(a->serve, dir);
+    status = exit_status(err);
+    if (!err) {
         status = serve(sim, dir, argv);
         sim_simulator_close(sim);
         sst_path_remove_tree(dir);
@@ -215,7 +244,7 @@ static int join(const char *folder, char *const argv[])
 
     if (!realpath(folder, dir)) {
         sst_log_error("session '%s': %s; start it with 'sst-sim --serve %s'", folder, strerror(errno), folder);
-        return EXIT_FAILURE;
+        return EXIT_INPUT;
     }
     if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sim_session_enter(dir))
         return EXIT_FAILURE;
@@ -238,7 +267,7 @@ static int set_faults(const char *dir, int argc, char **argv)
         if (err < 0) {
             if (*answer)
                 sst_log_error("%s", answer);
-            return EXIT_FAILURE;
+            return exit_status(err);
         }
     }
     return 0;
@@ -251,7 +280,19 @@ static int ask(const char *dir, unsigned op)
 
     if (err >= 0 && *answer)
         printf("%s%s", answer, answer[strlen(answer) - 1] == '\n' ? "" : "\n");
-    return err < 0 ? EXIT_FAILURE : 0;
+    return err < 0 ? exit_status(err) : 0;
+}
+
+/* Without a session: what there is. */
+static int list_faults(void)
+{
+    const struct sim_fault_scope *const kinds[] = { &sim_world_faults, &sim_camera_faults, &sim_gpio_faults,
+                                                    &sim_usb_faults,   &sim_hub_faults,    &sim_still_faults };
+
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
+        sim_fault_scope_print(stdout, kinds[i]);
+    (void)fputs(sim_rig_faults, stdout);
+    return 0;
 }
 
 static int status(const char *dir, bool json)
@@ -289,6 +330,8 @@ static int question(int argc, char **argv)
         return bad - 1;
     if (!a.dir)
         a.dir = getenv(SST_SIM_DIR_ENV);
+    if (!a.dir && a.list && strcmp(verb, "fault") == 0)
+        return list_faults();
     if (!a.dir)
         return usage("not inside a session: give --dir DIR");
     argc -= optind;
@@ -312,8 +355,9 @@ int main(int argc, char **argv)
         return bad - 1;
     if (optind > 1 && strcmp(argv[optind - 1], "--") != 0 && optind < argc)
         return usage("write -- before the command");
-    if (a.parameters && sst_sim_world_parameters(a.options.world, a.parameters))
-        return EXIT_FAILURE;
+    bad = a.parameters ? sst_sim_world_parameters(a.options.world, a.parameters) : 0;
+    if (bad)
+        return exit_status(bad);
     if (a.parameters && !a.serve && !a.join && optind >= argc)
         return 0;
     if (a.serve)

@@ -129,6 +129,10 @@ static const struct sim_fault world_faults[] = {
     { "board_pose", 0, SST_SIM_POSES_MAX, "the board stays in this pose, from 1; 0: by time, on a rig the first" },
 };
 
+const struct sim_fault_scope sim_world_faults = {
+    .name = "world", .faults = world_faults, .count = ARRAY_LEN(world_faults)
+};
+
 static int hold_board(void *arg, int instance SST_UNUSED, int fault SST_UNUSED, double value)
 {
     struct sim_simulator *sim = arg;

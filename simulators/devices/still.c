@@ -37,6 +37,8 @@ static const struct sim_fault faults[FAULTS] = {
     [FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back" },
 };
 
+const struct sim_fault_scope sim_still_faults = { .name = "still", .faults = faults, .count = FAULTS };
+
 struct sim_still {
     struct sim_still_config cfg;
     const struct sst_sim_still *settings;
@@ -295,9 +297,11 @@ int sim_still_open(struct sim_still **out, const struct sim_still_config *cfg)
     if (!err)
         err = create(s);
     if (!err) {
-        s->scope = sim_faults_add(
-            cfg->faults, &(struct sim_fault_scope){
-                             .name = "still", .faults = faults, .count = FAULTS, .changed = fault_changed, .arg = s });
+        struct sim_fault_scope scope = sim_still_faults;
+
+        scope.changed = fault_changed;
+        scope.arg = s;
+        s->scope = sim_faults_add(cfg->faults, &scope);
         err = sst_min_int(s->scope, 0);
     }
     if (err) {

@@ -141,6 +141,11 @@ static const struct sim_fault hub_faults[] = {
     { "unplug", 0, 1, "1: the hub and all below it are away, 0: they are back" },
 };
 
+const struct sim_fault_scope sim_usb_faults = { .name = "usb", .faults = bus_faults, .count = SST_SIM_USB_FAULTS };
+const struct sim_fault_scope sim_hub_faults = {
+    .name = "hub", .faults = hub_faults, .count = (int)ARRAY_LEN(hub_faults), .instances = 1
+};
+
 static int bus_changed(void *arg, int instance, int fault, double value)
 {
     struct sim_usb_front *front = arg;
@@ -173,20 +178,19 @@ static int hub_changed(void *arg, int instance, int fault, double value)
 
 static int add_faults(struct sim_usb_front *front)
 {
-    struct sim_fault_scope scope = {
-        .name = "usb", .faults = bus_faults, .count = SST_SIM_USB_FAULTS, .changed = bus_changed, .arg = front
-    };
-    int err = sim_faults_add(front->cfg.faults, &scope), hubs = 0;
+    struct sim_fault_scope scope = sim_usb_faults;
+    int err, hubs = 0;
 
+    scope.changed = bus_changed;
+    scope.arg = front;
+    err = sim_faults_add(front->cfg.faults, &scope);
     while (hub_device(front->usb, hubs) >= 0)
         hubs++;
     if (err >= 0 && hubs > 0) {
-        scope = (struct sim_fault_scope){ .name = "hub",
-                                          .faults = hub_faults,
-                                          .count = (int)ARRAY_LEN(hub_faults),
-                                          .instances = hubs,
-                                          .changed = hub_changed,
-                                          .arg = front };
+        scope = sim_hub_faults;
+        scope.instances = hubs;
+        scope.changed = hub_changed;
+        scope.arg = front;
         err = sim_faults_add(front->cfg.faults, &scope);
     }
     return err < 0 ? err : 0;

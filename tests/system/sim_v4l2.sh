@@ -141,7 +141,7 @@ XDG_RUNTIME_DIR=$tmp/runtime $sim -- true
 $sim -- sh -c 'exit 5'; [ $? -eq 5 ] || fail "exit status"
 $sim -- sh -c 'kill -TERM $$'; [ $? -eq 143 ] || fail "status of a signal"
 $sim -- ./no-such-program 2>err; [ $? -eq 127 ] || fail "no program"
-$sim --fault camera.9.eio=1 -- true 2>err; [ $? -eq 1 ] && grep -q '0 to 3' err || fail "bad fault: $(cat err)"
+$sim --fault camera.9.eio=1 -- true 2>err; [ $? -eq 3 ] && grep -q '0 to 3' err || fail "bad fault: $(cat err)"
 $sim --stats stats -- "$grab" /dev/video0 2 >out; grep -Eq '"frames": ([2-9]|1[0-9])' stats || fail "figures: $(cat stats)"
 $sim -- "$build/sst-sim" fault --list | grep -q 'camera.N.late_ms' || fail "list of faults"
 $sim --serve served 2>err & server=$!
@@ -158,4 +158,17 @@ holds "installed" '$1 == 0' 1
 mkdir full; touch full/mine
 $sim --serve full 2>err && fail "a folder in use was taken"
 [ -e full/mine ] || fail "a user's file is gone"
+# Bad input ends with 3, as everywhere; the faults that there are need no session.
+"$build/sst-sim" --world nowhere.yaml -- true 2>err
+[ $? -eq 3 ] && grep -q 'unknown world `nowhere.yaml`' err || fail "a world that is not there: $(cat err)"
+echo 'bad: x' >bad.yaml
+"$build/sst-sim" --world bad.yaml -- true 2>err
+[ $? -eq 3 ] && grep -q 'bad.yaml:1:1' err || fail "a world that is wrong: $(cat err)"
+(unset SST_SIM_DIR; "$build/sst-sim" fault --list) >list 2>err && grep -q '^camera.N.unplug ' list && grep -q '^still\.' list &&
+  grep -q '^rig.NAME=WHEN' list || fail "faults without a session: $(cat list err)"
+# What is loaded into other programs is hardened like the programs.
+if command -v readelf >/dev/null; then
+  readelf -Wd "$build/libsst-sim-preload.so" | grep -q 'BIND_NOW' && readelf -Ws "$build/libsst-sim-preload.so" | grep -q '__stack_chk_fail' ||
+    fail "the preloaded library is not hardened"
+fi
 exit $failed

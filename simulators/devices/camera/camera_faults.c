@@ -34,3 +34,7 @@ const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
     [SST_SIM_FAULT_SAME_STAMP] = { "same_stamp", 0, 1, "1: the stamp of the first frame for all" },
     [SST_SIM_FAULT_SLOW_OPEN_MS] = { "slow_open_ms", 0, 60000, "open() takes this long" },
 };
+
+const struct sim_fault_scope sim_camera_faults = {
+    .name = "camera", .faults = sim_cam_faults, .count = SST_SIM_FAULTS_OF_CAMERA, .instances = 1
+};

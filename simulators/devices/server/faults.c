@@ -173,6 +173,16 @@ static void print_value(void *arg, const char *name, double value)
     fprintf(arg, "%s=%g\n", name, value);
 }
 
+void sim_fault_scope_print(FILE *out, const struct sim_fault_scope *s)
+{
+    for (int k = 0; k < s->count; k++) {
+        char name[96];
+
+        (void)snprintf(name, sizeof(name), "%s.%s%s", s->name, s->instances ? "N." : "", s->faults[k].name);
+        fprintf(out, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
+    }
+}
+
 size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
 {
     FILE *text = fmemopen(out, size, "w");
@@ -181,16 +191,8 @@ size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
     out[0] = 0;
     if (!text)
         return 0;
-    for (int i = 0; i < f->count; i++) {
-        const struct sim_fault_scope *s = &f->scopes[i].scope;
-
-        for (int k = 0; k < s->count; k++) {
-            char name[96];
-
-            (void)snprintf(name, sizeof(name), "%s.%s%s", s->name, s->instances ? "N." : "", s->faults[k].name);
-            fprintf(text, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
-        }
-    }
+    for (int i = 0; i < f->count; i++)
+        sim_fault_scope_print(text, &f->scopes[i].scope);
     fprintf(text, "currently set:\n");
     before = ftell(text);
     sim_faults_each(f, print_value, text);
