@@ -1,5 +1,6 @@
 #include "client/client.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -342,6 +343,23 @@ static int add_token(struct sst_client *c, const char *file)
     return add_header(&c->get_headers, header) && add_header(&c->post_headers, header) ? 0 : -ENOMEM;
 }
 
+/* Where the token passes nothing but this machine. */
+static bool is_private(const char *url)
+{
+    const char *host = url + 7 + (url[7] == '[');
+    const size_t n = strcspn(host, url[7] == '[' ? "]" : ":/");
+    struct in_addr v4;
+    char name[64];
+
+    if (!strncmp(url, "https://", 8))
+        return true;
+    if (n >= sizeof(name) || memchr(host, '@', strcspn(host, "/")))
+        return false;
+    snprintf(name, sizeof(name), "%.*s", (int)n, host);
+    return !strcasecmp(name, "localhost") || !strcmp(name, "::1") ||
+           (!strncmp(name, "127.", 4) && inet_pton(AF_INET, name, &v4) == 1);
+}
+
 static int set_place(struct sst_client *c, const struct sst_client_service *where)
 {
     const char *path = where->socket ? where->socket : getenv("SST_SOCKET");
@@ -357,6 +375,9 @@ static int set_place(struct sst_client *c, const struct sst_client_service *wher
         if (c->place[strlen(c->place) - 1] == '/')
             c->place[strlen(c->place) - 1] = 0;
         c->base = c->place;
+        if (where->token_file && !is_private(where->url))
+            sst_log_warning("--url %s: the token goes to another machine unencrypted; use https://, or `ssh -L`",
+                            where->url);
         return where->token_file ? add_token(c, where->token_file) : 0;
     }
     if (strlen(path) >= sizeof(((struct sockaddr_un *)NULL)->sun_path)) {

@@ -372,8 +372,9 @@ static const struct sst_key keys[] = {
           "members of this group may control the service through the socket; \"\": only root and the service's own "
           "user"),
       .optional = true },
-    { KEY("control", "view_group", TEXT, control.view_group, "", DAEMON,
-          "members of this group may view only; \"\": no group") },
+    { KEY("control", "view_group", TEXT, control.view_group, "sst-view", DAEMON,
+          "members of this group may view only, as sst-rtsp does; \"\": no group"),
+      .optional = true },
 
     { KEY("web", "enabled", BOOL, web.enabled, "true", DAEMON, "serve the page and the API over TCP") },
     { KEY("web", "address", TEXT, web.address, "127.0.0.1", DAEMON,

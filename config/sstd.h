@@ -105,7 +105,7 @@ struct sst_config {
     struct {                              /* control: */
         char socket[SST_CONFIG_TEXT_MAX]; /* /run/sst/control.sock */
         char group[64];                   /* its members may control; "": only root and the daemon's user */
-        char view_group[64];              /* its members may view; "": none */
+        char view_group[64];              /* sst-view; its members may view; "": none */
     } control;
     struct { /* web: */
         bool enabled;

@@ -9,6 +9,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
@@ -37,6 +38,8 @@
 #define PLACES    (WIDTH / BAR)
 #define PERIOD_MS 40
 
+#define STRANGER 12345 /* a user that nobody is */
+
 #define PATIENCE_MS 60000 /* with what comes sooner or later */
 
 static struct sst_slot *slot;
@@ -45,6 +48,7 @@ static struct sst_http *service;
 static pid_t program; /* sst-rtsp; 0: does not run */
 static int port;      /* its */
 static char folder[64];
+static gid_t looks; /* group that may only look at the service; with it sst-rtsp runs as a user of its own; 0: as this */
 static pthread_t painter;
 static atomic_bool painting;
 
@@ -97,6 +101,7 @@ static void open_service(void)
     const struct sst_http_config cfg = { .socket = in_folder("c.sock"),
                                          .socket_fd = -1,
                                          .clients = 64,
+                                         .view_group = looks ? "video" : NULL,
                                          .streams = 0, /* the limit is not for sst-rtsp */
                                          .api = &api,
                                          .counters = &counters };
@@ -235,6 +240,8 @@ static void start_program(void)
     snprintf(path, sizeof(path), "%s/sst-rtsp", build ? build : "build");
     program = fork();
     if (!program) {
+        if (looks && (setgroups(1, &looks) || setgid(STRANGER) || setuid(STRANGER)))
+            _exit(126);
         execl(path, path, "--config", in_folder("sstd.yaml"), (char *)NULL);
         _exit(127);
     }

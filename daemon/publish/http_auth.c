@@ -94,7 +94,8 @@ static int load_token(const char *path, char *out)
     return err;
 }
 
-static gid_t group_id(const char *name, const char *key)
+/* @param usual  may be missing without a word: it is made with the programs that are its members */
+static gid_t group_id(const char *name, const char *key, const char *usual)
 {
     char text[16384];
     struct group group, *found = NULL;
@@ -102,7 +103,8 @@ static gid_t group_id(const char *name, const char *key)
     if (!name || !name[0])
         return (gid_t)-1;
     if (getgrnam_r(name, &group, text, sizeof(text), &found) || !found) {
-        sst_log_warning("%s: there is no group %s; make it by `groupadd %s`", key, name, name);
+        if (strcmp(name, usual) != 0)
+            sst_log_warning("%s: there is no group %s; make it by `groupadd %s`", key, name, name);
         return (gid_t)-1;
     }
     return found->gr_gid;
@@ -114,8 +116,8 @@ int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
     int err = 0;
 
     memset(a, 0, sizeof(*a));
-    a->group = group_id(cfg->group, "control.group");
-    a->view_group = group_id(cfg->view_group, "control.view_group");
+    a->group = group_id(cfg->group, "control.group", "");
+    a->view_group = group_id(cfg->view_group, "control.view_group", "sst-view");
     snprintf(a->group_name, sizeof(a->group_name), "%s", cfg->group ? cfg->group : "");
     if (cfg->address) {
         if (!cfg->token_file || !cfg->token_file[0]) {

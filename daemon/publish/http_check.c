@@ -156,10 +156,12 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form shows it */
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
-    return http_reply_error(q, status,
-                            gave_token ? "that is not the token, or the session has ended; `sudo cat %s` on the machine of the service prints it"
-                                       : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
-                            q->http->token_file);
+    return http_reply_error(
+        q, status,
+        gave_token
+            ? "that is not the token, or the session has ended; `sudo cat %s` on the machine of the service prints it"
+            : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
+        q->http->token_file);
 }
 
 /* Authenticate and authorize. @return -1: allowed; else answered */

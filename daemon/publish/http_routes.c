@@ -55,7 +55,7 @@
     X("GET", "/api/v1/zones", VIEW, "Zones of the picture that are watched or ignored", zones)                         \
     X("POST", "/api/v1/zones", CONTROL, "Other zones: the whole list", zones_change)                                   \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
-    X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
+    X("POST", "/api/v1/publishers", VIEW, "Report of a program on this machine that publishes", publishers)            \
     X("POST", "/api/v1/calibration/check", CONTROL, "Check the calibration against the scene", calibration_check)      \
     X("GET", "/metrics", VIEW, "Counters and gauges for Prometheus", metrics)
 
@@ -158,8 +158,19 @@ WITH_BODY(record, record, api_of(q)->arg, "record")
 WITH_BODY(export, export_, api_of(q)->arg, "export")
 WITH_BODY(zones_change, zones_change, api_of(q)->arg, "zones")
 WITH_BODY(delete, delete_, api_of(q)->arg, "delete")
-WITH_BODY(publishers, publisher, api_of(q)->arg, "publisher")
 WITH_BODY(replay_change, replay_change, api_of(q)->replayed, "replay")
+
+/* A program of this machine: a token that may view is meant for others. */
+static int publishers(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    int err;
+
+    if (!q->local && q->role < SST_ROLE_CONTROL)
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "reports come through the socket, or need the control role");
+    err = api_of(q)->publisher(api_of(q)->arg, q->body, &out);
+    return http_reply_answer(q, err, &out, "publisher");
+}
 
 static int change_view(struct http_request *q,
                        int (*change)(void *live, const char *id, const json_t *body, struct sst_api_answer *out))

@@ -166,7 +166,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
     const int unsent = UNSENT_MAX;
     /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
-    const bool limited = !q->local || q->role < SST_ROLE_CONTROL;
+    const bool limited = !q->local;
     struct MHD_Response *response;
     struct sst_slot *slot;
     struct stream *s;

@@ -405,6 +405,27 @@ static void pauses_end(void **state)
     }
 }
 
+/* As the unit runs it: what it needs is to look, and to report. */
+static void a_user_of_its_own(void **state)
+{
+    const struct group *video = getgrnam("video");
+
+    (void)state;
+    if (geteuid() || !video || access(folder, X_OK)) {
+        print_message("not root: another user is not tried\n");
+        skip();
+    }
+    sst_http_close(service);
+    looks = video->gr_gid;
+    open_service();
+    assert_int_equal(chmod(folder, 0755), 0);
+    serve(SST_RTSP_MJPEG);
+    reads_20("/main", "tcp");
+    wait_for(clients, 0); /* which it has reported */
+    close_server();
+    looks = 0;
+}
+
 static void nobody_waits_for_a_slow_one(void **state)
 {
     int fd[3];
@@ -650,6 +671,7 @@ int main(int argc, char **argv)
         cmocka_unit_test_setup_teardown(guesses_are_counted, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(nonces_of_a_restart_are_free, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(pauses_end, make_pictures, end_pictures),
+        cmocka_unit_test_setup_teardown(a_user_of_its_own, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(nobody_waits_for_a_slow_one, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(garbage_and_floods, make_pictures, end_pictures),
         cmocka_unit_test_setup_teardown(a_view_that_ends, make_pictures, end_pictures),

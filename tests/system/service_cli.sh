@@ -147,4 +147,13 @@ want 3 'one line' status --url "$url" --token-file token
 want 3 'missing' status --url "$url" --token-file missing
 want 2 'http' status --url ftp://x
 want 5 'no service runs' status --url http://127.0.0.1:1
+# A token that goes to another machine in the clear is warned of, and only then.
+echo fake-token >token
+"$sst" status --url "$url" --token-file token >out 2>err && ! grep -q unencrypted err || fail "loopback: $(cat err)"
+for other in http://sst.invalid http://127.0.0.1.sst.invalid:1/ http://localhost@sst.invalid http://[::1]@sst.invalid; do
+  "$sst" status --url "$other" --token-file token >out 2>err && fail "$other: there is a service"
+  grep -q 'token goes to another machine unencrypted' err || fail "$other: $(cat err)"
+done
+"$sst" status --url https://sst.invalid --token-file token >out 2>err && fail "https: there is a service"
+grep -q unencrypted err && fail "https: $(cat err)"
 exit $failed

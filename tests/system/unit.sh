@@ -60,6 +60,14 @@ if command -v systemd-sysusers >/dev/null; then
   mkdir -p image/etc
   systemd-sysusers --root="$tmp/image" "$root/systemd/sysusers.conf" >out 2>&1 || fail "sysusers: $(cat out)"
   grep -q '^sst:.*:/var/lib/sst:' image/etc/passwd || fail "no user sst: $(cat image/etc/passwd)"
-  for group in video gpio dialout plugdev sst; do grep -q "^$group:" image/etc/group || fail "no group $group"; done
+  for name in rtsp mqtt; do
+    unit=$root/systemd/sst-$name.service.in
+    grep -q "^sst-$name:" image/etc/passwd && grep -qx "User=sst-$name" "$unit" || fail "no user sst-$name of its own"
+    # Groups of a unit are what it may do.
+    [ "$(sed -n 's/^SupplementaryGroups=//p' "$unit")" = "$([ $name = rtsp ] && echo sst-view || echo sst)" ] ||
+      fail "$name: $(grep Groups "$unit")"
+  done
+  grep -qx 'sst-view:[^:]*:[^:]*:sst-rtsp' image/etc/group || fail "sst-view: $(cat image/etc/group)"
+  for group in video gpio dialout plugdev sst sst-view; do grep -q "^$group:" image/etc/group || fail "no group $group"; done
 fi
 exit $failed
