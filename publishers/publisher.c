@@ -1,5 +1,7 @@
+#define _GNU_SOURCE /* pthread_clockjoin_np */
 #include "publishers/publisher.h"
 
+#include <assert.h>
 #include <getopt.h>
 #include <pthread.h>
 #include <signal.h>
@@ -7,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -91,16 +94,31 @@ int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, cons
     return SST_PUBLISHER_GO_ON;
 }
 
-int sst_publisher_start(const struct sst_publisher *p, void *(*run)(void *), void *arg)
+int sst_publisher_start(struct sst_publisher *p, void *(*run)(void *), void *arg)
 {
-    pthread_t thread;
-    const int err = -pthread_create(&thread, NULL, run, arg);
+    int err;
 
-    if (!err)
-        pthread_detach(thread);
-    else
+    assert(p->threads < SST_PUBLISHER_THREADS);
+    err = -pthread_create(&p->thread[p->threads], NULL, run, arg);
+    if (err)
         sst_log_error("%s: no thread: %s", p->name, strerror(-err));
+    else
+        p->threads++;
     return err;
+}
+
+void sst_publisher_end(struct sst_publisher *p, int64_t until_ns)
+{
+    const struct timespec until = { .tv_sec = until_ns / 1000000000, .tv_nsec = until_ns % 1000000000 };
+
+    while (p->threads) {
+        if (pthread_clockjoin_np(p->thread[p->threads - 1], NULL, CLOCK_MONOTONIC, &until)) {
+            fflush(NULL);
+            _exit(EXIT_SUCCESS);
+        }
+        p->threads--;
+    }
+    exit(EXIT_SUCCESS);
 }
 
 bool sst_publisher_changed(const struct sst_publisher *p, const struct sst_config *before, struct sst_config *out,

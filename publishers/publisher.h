@@ -2,11 +2,15 @@
 #ifndef SST_PUBLISHERS_PUBLISHER_H
 #define SST_PUBLISHERS_PUBLISHER_H
 
+#include <pthread.h>
+
 #include "client/client.h"
 #include "config/sstd.h"
 
 #define SST_PUBLISHER_GO_ON       (-1)
-#define SST_PUBLISHER_EXIT_CONFIG 78 /* systemd does not start it again: RestartPreventExitStatus */
+#define SST_PUBLISHER_THREADS     4
+#define SST_PUBLISHER_STOP_NS     INT64_C(1800000000) /* least time that systemd gives them: TimeoutStopSec */
+#define SST_PUBLISHER_EXIT_CONFIG 78                  /* systemd does not start it again: RestartPreventExitStatus */
 
 /** A program that publishes what the service makes, as a client of its API. */
 struct sst_publisher {
@@ -14,6 +18,8 @@ struct sst_publisher {
     const char *config_path;           /* NULL: the default */
     char socket[SST_CONFIG_TEXT_MAX];  /* of the service */
     struct sst_client_service service; /* the same, for sst_client_open() */
+    pthread_t thread[SST_PUBLISHER_THREADS];
+    int threads; /* of sst_publisher_start() */
 };
 
 /**
@@ -25,8 +31,12 @@ struct sst_publisher {
 int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, const char *name, const char *what,
                         int argc, char **argv);
 
-/** Start a thread that ends with the process. @return 0 or -errno; logged */
-SST_MUST_CHECK int sst_publisher_start(const struct sst_publisher *p, void *(*run)(void *), void *arg);
+/** Start a thread, SST_PUBLISHER_THREADS at most. @return 0 or -errno; logged */
+SST_MUST_CHECK int sst_publisher_start(struct sst_publisher *p, void *(*run)(void *), void *arg);
+
+/** End the program with status 0: in an orderly way if all its threads, which know that they should, have ended by
+ * then, else at once, as libraries must not be cleaned up under them. */
+_Noreturn void sst_publisher_end(struct sst_publisher *p, int64_t until_ns);
 
 /** Read the configuration again. @return true: a key that begins with one of `sections` (ends in NULL) has changed;
  *  false: none, or it cannot be read (logged) */

@@ -9,6 +9,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
 #include "publishers/mqtt/mqtt_internal.h"
@@ -124,6 +125,8 @@ static void get_picture(struct mqtt *m, const char *visit, uint8_t **data, size_
 
     sst_log_hold_errors(held);
     err = sst_client_open(&client, &m->publisher.service);
+    if (!err)
+        sst_client_set_continue(client, go_on, m);
     for (int i = 0; !err && i < (*visit ? 2 : 1); i++) {
         if (*visit)
             snprintf(path, sizeof(path), "/api/v1/visits/%.63s/%s", visit, kinds[i]);
@@ -146,8 +149,10 @@ static void *get_pictures(void *arg)
     sst_thread_name("mqtt-picture");
     for (;;) {
         pthread_mutex_lock(&m->lock);
-        while (!m->picture_asked)
+        while (!m->picture_asked && !m->stop)
             pthread_cond_wait(&m->picture_wanted, &m->lock);
+        if (m->stop)
+            break;
         memcpy(visit, m->picture_of, sizeof(visit));
         pthread_mutex_unlock(&m->lock);
         data = NULL;
@@ -160,6 +165,7 @@ static void *get_pictures(void *arg)
         m->picture_bytes = bytes;
         pthread_mutex_unlock(&m->lock);
     }
+    pthread_mutex_unlock(&m->lock);
     return NULL;
 }
 
@@ -224,6 +230,7 @@ int main(int argc, char **argv)
 {
     const struct sigaction act = { .sa_handler = on_signal };
     struct mqtt *m = &mqtt;
+    int64_t stop_ns;
     int done;
 
     m->config = calloc(1, sizeof(*m->config));
@@ -240,7 +247,10 @@ int main(int argc, char **argv)
     if (sst_publisher_start(&m->publisher, follow, m) || sst_publisher_start(&m->publisher, get_pictures, m))
         return EXIT_FAILURE;
     run(m);
+    stop_ns = sst_clock_now_ns();
     mqtt_fini(m);
-    fflush(NULL);
-    _exit(EXIT_SUCCESS); /* the other threads run on: libraries must not be cleaned up under them */
+    pthread_mutex_lock(&m->lock);
+    pthread_cond_signal(&m->picture_wanted);
+    pthread_mutex_unlock(&m->lock);
+    sst_publisher_end(&m->publisher, stop_ns + SST_PUBLISHER_STOP_NS);
 }

@@ -35,8 +35,8 @@ static int read_password(const char *path, char out[RTSP_PASSWORD])
     int err = sst_file_read_text(path, PASSWORD_FILE_MAX, &data, &size);
 
     if (err == -EACCES)
-        sst_log_error("rtsp.password_file %s cannot be read by this user; chgrp sst-rtsp %s && chmod 640 %s", path, path,
-                      path);
+        sst_log_error("rtsp.password_file %s cannot be read by this user; chgrp sst-rtsp %s && chmod 640 %s", path,
+                      path, path);
     if (err)
         return err;
     n = strcspn((const char *)data, "\r\n");

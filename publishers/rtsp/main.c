@@ -5,9 +5,11 @@
 
 #include <linux/close_range.h>
 #include <malloc.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -24,6 +26,7 @@ static struct {
     struct sst_publisher publisher;
     struct sst_config config;
     char **argv;
+    atomic_bool stop;
     /* under lock */
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -70,9 +73,9 @@ static void *report(void *arg SST_UNUSED)
     json_t *request, *answer;
 
     sst_thread_name("rtsp-report");
-    for (;;) {
+    while (!atomic_load(&state.stop)) {
         pthread_mutex_lock(&state.lock);
-        if (!state.dirty)
+        if (!state.dirty && !atomic_load(&state.stop))
             (void)sst_cond_wait_until(&state.changed, &state.lock, sst_clock_now_ns() + REPORT_NS);
         request = json_pack("{s:s, s:i, s:i, s:s, s:s}", "name", state.publisher.name, "pid", (int)getpid(), "clients",
                             state.clients, "refused", state.refused, "problem", state.problem);
@@ -125,7 +128,7 @@ static void on_event(void *arg SST_UNUSED, const json_t *event, const char *line
 
 static bool go_on(void *arg SST_UNUSED)
 {
-    return true;
+    return !atomic_load(&state.stop);
 }
 
 static void *follow(void *arg SST_UNUSED)
@@ -156,20 +159,24 @@ static int open_server(struct rtsp_server *server)
 }
 
 /* Open the server, or retry until what it lacks is there: logged once, and part of the service's status meanwhile. */
-static void serve(void)
+static void *serve(void *arg SST_UNUSED)
 {
     static struct rtsp_server server;
     char why[256] = "", held[SST_LOG_MAX];
     bool failed;
 
     sst_log_copy_errors(why, sizeof(why));
+    sst_thread_name("rtsp-server");
     failed = open_server(&server);
     sst_log_copy_errors(NULL, 0);
     if (failed)
         sst_log_warning("rtsp: retrying every %d s", RETRY_S);
     while (failed) {
         report_problem(why);
-        sleep(RETRY_S);
+        for (int i = 0; i < RETRY_S * 10 && !atomic_load(&state.stop); i++)
+            nanosleep(&(struct timespec){ .tv_nsec = 100000000 }, NULL);
+        if (atomic_load(&state.stop))
+            return NULL;
         held[0] = 0;
         sst_log_hold_errors(held);
         failed = open_server(&server);
@@ -179,24 +186,46 @@ static void serve(void)
             sst_log_warning("rtsp: listens on %s, port %d now", state.config.rtsp.address, state.config.rtsp.port);
     }
     report_problem("");
-    rtsp_server_run(&server);
+    rtsp_server_run(&server, &state.stop);
+    return NULL;
+}
+
+/* Viewers are hung up on, pipelines and streams end, and then the process: not under threads that still work. */
+static void end(void)
+{
+    const int64_t until_ns = sst_clock_now_ns() + SST_PUBLISHER_STOP_NS;
+
+    pthread_mutex_lock(&state.lock);
+    atomic_store(&state.stop, true);
+    pthread_cond_signal(&state.changed);
+    pthread_mutex_unlock(&state.lock);
+    if (!rtsp_pictures_end(until_ns))
+        _exit(EXIT_SUCCESS); /* the service hangs */
+    sst_publisher_end(&state.publisher, until_ns);
 }
 
 int main(int argc, char **argv)
 {
     const int done = sst_publisher_begin(&state.publisher, &state.config, "rtsp",
                                          "Serves the pictures of sstd to video recorders as RTSP streams.", argc, argv);
+    sigset_t signals;
+    int sig;
 
     if (done != SST_PUBLISHER_GO_ON)
         return done;
     state.argv = argv;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGTERM);
+    sigaddset(&signals, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &signals, NULL); /* of all threads: this one waits for them */
     mallopt(M_ARENA_MAX, ARENAS);
     sst_cond_init(&state.changed);
     rtsp_pictures_init(&state.publisher.service);
     if (sst_publisher_start(&state.publisher, follow, NULL))
         return EXIT_FAILURE;
-    if (state.config.rtsp.enabled && !sst_publisher_start(&state.publisher, report, NULL))
-        serve();
-    for (;;)
-        pause(); /* disabled: until a reload */
+    if (state.config.rtsp.enabled &&
+        (sst_publisher_start(&state.publisher, report, NULL) || sst_publisher_start(&state.publisher, serve, NULL)))
+        return EXIT_FAILURE;
+    sigwait(&signals, &sig); /* disabled: a reload begins again */
+    end();
 }

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -26,11 +27,21 @@ static struct {
     const struct sst_client_service *service; /* fixed after init */
     pthread_mutex_t lock;
     struct source *source[PICTURES_MAX]; /* under lock; NULL: free */
+    atomic_bool stop;
+    atomic_int running; /* threads */
 } pictures = { .lock = PTHREAD_MUTEX_INITIALIZER };
 
 void rtsp_pictures_init(const struct sst_client_service *service)
 {
     pictures.service = service;
+}
+
+bool rtsp_pictures_end(int64_t until_ns)
+{
+    atomic_store(&pictures.stop, true);
+    while (atomic_load(&pictures.running) && sst_clock_now_ns() < until_ns)
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+    return !atomic_load(&pictures.running);
 }
 
 void rtsp_picture_unref(struct rtsp_picture *picture)
@@ -58,7 +69,7 @@ static bool is_used(void *arg)
     pthread_mutex_lock(&pictures.lock);
     if (sst_slot_clients(s->picture.slot) > 0)
         s->used_ns = now_ns;
-    used = now_ns - s->used_ns < LINGER_NS;
+    used = now_ns - s->used_ns < LINGER_NS && !atomic_load(&pictures.stop);
     if (!used)
         remove_locked(s);
     pthread_mutex_unlock(&pictures.lock);
@@ -121,6 +132,7 @@ static void *receive(void *arg)
     atomic_store(&s->picture.err, err ? err : -ENOENT);
     sst_slot_shut(s->picture.slot);
     rtsp_picture_unref(&s->picture);
+    atomic_fetch_sub(&pictures.running, 1);
     return NULL;
 }
 
@@ -137,7 +149,9 @@ static struct source *create(enum rtsp_kind kind, const char *name)
     s->used_ns = sst_clock_now_ns();
     snprintf(s->name, sizeof(s->name), "%s", name);
     atomic_store(&s->picture.refs, 1); /* the thread's */
+    atomic_fetch_add(&pictures.running, 1);
     if (pthread_create(&thread, NULL, receive, s)) {
+        atomic_fetch_sub(&pictures.running, 1);
         rtsp_picture_unref(&s->picture);
         return NULL;
     }

@@ -43,6 +43,8 @@ struct rtsp_picture {
 struct sst_client_service;
 /** @param service  must outlive all pictures */
 void rtsp_pictures_init(const struct sst_client_service *service);
+/** End all streams, at once or at their next sign of life. @return true: they had ended by then */
+bool rtsp_pictures_end(int64_t until_ns);
 /** @return a reference; NULL: too many, or no memory */
 struct rtsp_picture *rtsp_picture_get(enum rtsp_kind kind, const char *name);
 void rtsp_picture_unref(struct rtsp_picture *picture); /* NULL is fine */
@@ -74,7 +76,8 @@ SST_MUST_CHECK int rtsp_load_plugins(enum sst_rtsp_codec codec);
 /** A server on a listening socket, which it owns from then on. @return 0, -EIO; logged */
 SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
                                     const struct rtsp_login *login, int fd);
-_Noreturn void rtsp_server_run(struct rtsp_server *server);
+/** Until *stop; then hang up on all clients, and wait for their end until some time later. */
+void rtsp_server_run(struct rtsp_server *server, const atomic_bool *stop);
 
 /** Reset a connection: one that is merely shut down continues to be read. Its own thread sees the end and cleans up. */
 void rtsp_disconnect(GstRTSPClient *client);

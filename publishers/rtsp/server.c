@@ -22,6 +22,7 @@
 #define BODY_MAX        4096
 #define FAREWELL_MS     1000
 #define LOG_NS          60000000000LL
+#define END_NS          500000000LL /* for the ends of connections when the program ends */
 #define CLIENT_KEY      "sst-client"
 
 /** Of one connection. Sessions are found in its own pool alone: the library would let a connection command another
@@ -335,9 +336,28 @@ int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const 
     return err ? err : listen_on(rtsp, fd);
 }
 
-void rtsp_server_run(struct rtsp_server *rtsp)
+static GstRTSPFilterResult hang_up(GstRTSPServer *server SST_UNUSED, GstRTSPClient *client, gpointer left)
 {
+    rtsp_disconnect(client);
+    *(bool *)left = true;
+    return GST_RTSP_FILTER_KEEP;
+}
+
+void rtsp_server_run(struct rtsp_server *rtsp, const atomic_bool *stop)
+{
+    int64_t until_ns;
+    bool left = true;
+
     g_main_context_push_thread_default(rtsp->context);
-    for (;;)
+    while (!atomic_load(stop)) /* the reaper wakes it */
         g_main_context_iteration(rtsp->context, TRUE);
+    until_ns = sst_clock_now_ns() + END_NS;
+    while (left && sst_clock_now_ns() < until_ns) {
+        left = false;
+        (void)gst_rtsp_server_client_filter(rtsp->server, hang_up, &left);
+        while (g_main_context_iteration(rtsp->context, FALSE))
+            ;
+        g_usleep(10000);
+    }
+    g_main_context_pop_thread_default(rtsp->context);
 }
