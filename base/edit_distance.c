@@ -1,6 +1,7 @@
 #include "base/edit_distance.h"
 
 #include <stdbool.h>
+#include <stdio.h>
 #include <string.h>
 
 #define WORD_MAX 60 /* longer ones are not compared */
@@ -54,4 +55,13 @@ const char *sst_edit_nearest(const char *wrong, const char *const *words)
         }
     }
     return best;
+}
+
+const char *sst_edit_hint(const char *wrong, const char *const *words)
+{
+    static _Thread_local char text[WORD_MAX + 32];
+    const char *near = sst_edit_nearest(wrong, words);
+
+    snprintf(text, sizeof(text), near ? " did you mean `%s`?" : "%s", near ? near : "");
+    return text;
 }

@@ -13,4 +13,7 @@ int sst_edit_distance(const char *wrong, const char *word);
 /** The nearest word of a list that ends in NULL; NULL if all are too different. */
 const char *sst_edit_nearest(const char *wrong, const char *const *words);
 
+/** For the message about an unknown word: " did you mean `X`?" of the nearest one, or "". Valid until the thread's next call. */
+const char *sst_edit_hint(const char *wrong, const char *const *words);
+
 #endif

@@ -319,18 +319,41 @@ static void read_mask(void)
     umask(mask);
 }
 
-int sst_outfile_open(struct sst_outfile *out, const char *path)
+/* The final rename would replace a device such as /dev/null by a file. */
+static int check_regular(const char *path)
 {
     struct stat st;
+
+    if (stat(path, &st) || S_ISREG(st.st_mode))
+        return 0;
+    sst_log_error("%s is %s; name a file to write", path, S_ISDIR(st.st_mode) ? "a folder" : "not a regular file");
+    return -EEXIST;
+}
+
+int sst_path_check_new(const char *path, bool file)
+{
+    char parent[SST_PATH_MAX];
+    size_t n = strlen(path);
+
+    while (n > 1 && path[n - 1] == '/')
+        n--;
+    while (n > 0 && path[n - 1] != '/')
+        n--;
+    snprintf(parent, sizeof(parent), "%.*s", (int)n, path);
+    if (faccessat(AT_FDCWD, n ? parent : ".", W_OK | X_OK, AT_EACCESS))
+        return output_error("create", path, errno);
+    return file ? check_regular(path) : 0;
+}
+
+int sst_outfile_open(struct sst_outfile *out, const char *path)
+{
     int err, fd;
 
     pthread_once(&mask_once, read_mask);
     *out = (struct sst_outfile){ 0 };
-    /* The final rename would replace a device such as /dev/null by a file. */
-    if (!stat(path, &st) && !S_ISREG(st.st_mode)) {
-        sst_log_error("%s is %s; name a file to write", path, S_ISDIR(st.st_mode) ? "a folder" : "not a regular file");
-        return -EEXIST;
-    }
+    err = check_regular(path);
+    if (err)
+        return err;
     err = temporary_name(out->temporary, path);
     if (err)
         return err;
@@ -433,16 +456,23 @@ int sst_file_write_at(int fd, const void *data, size_t size, int64_t offset)
     return 0;
 }
 
+static int check_absent(const char *path, bool replace)
+{
+    if (replace || !sst_path_exists(path))
+        return 0;
+    sst_log_error("%s exists already; remove it, choose another name or add --force", path);
+    return -EEXIST;
+}
+
 int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
 {
     int err;
 
     pthread_once(&mask_once, read_mask);
     *out = (struct sst_outdir){ .replace = replace };
-    if (!replace && sst_path_exists(path)) {
-        sst_log_error("%s exists already; remove it, choose another name or add --force", path);
-        return -EEXIST;
-    }
+    err = check_absent(path, replace);
+    if (err)
+        return err;
     err = temporary_name(out->temporary, path);
     if (err)
         return err;
@@ -686,9 +716,11 @@ static bool is_empty(const char *dir)
 int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
 {
     char path[SST_PATH_MAX];
+    int err = check_absent(out, force);
 
-    if (!force || !sst_path_exists(out))
-        return 0; /* a name that exists is refused when the folder is opened */
+    err = err ? err : sst_path_check_new(out, false);
+    if (err || !sst_path_exists(out))
+        return err;
     for (; *inputs; inputs++) {
         if (is_inside(*inputs, out)) {
             sst_log_error("%s would be replaced, and %s with it; choose another output", out, *inputs);

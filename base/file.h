@@ -85,8 +85,15 @@ void sst_outdir_abort(struct sst_outdir *out);
 /** Commit, or discard it after an error. @return err, else as sst_outdir_commit() */
 SST_MUST_CHECK int sst_outdir_end(struct sst_outdir *out, int err);
 
-/** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
- *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
+/**
+ * Refuse (logged) an output that cannot be made, before the work for it is done: its folder is missing or not writable, or a
+ * file is wanted where there is a folder or a device. Whether it may be replaced is not checked.
+ * @return 0, or as sst_outfile_open()
+ */
+SST_MUST_CHECK int sst_path_check_new(const char *path, bool file);
+
+/** Refuse (logged) an output that cannot be made, exists already (without force), or would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
+ *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL, -EIO */
 SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
 
 /** Remove a folder and all below it; links are not followed. Missing is fine. */

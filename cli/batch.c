@@ -212,7 +212,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_shard shard = CLI_SHARD_DEFAULTS;
     bool json = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &b.out, "DIR", "folder of the results; one of an earlier run is continued" },
+        { "output", 'o', CLI_MADE, &b.out, "DIR", "folder of the results; one of an earlier run is continued" },
         { "preset", 'p', CLI_STRING, &b.preset, "NAME", "of `sst process`: preview, balanced (default) or accurate" },
         { "model", 0, CLI_STRING, &b.model, "NAME", "segmentation network: an installed one or an ONNX file" },
         { "no-labels", 0, CLI_FLAG, &b.no_labels, NULL, "disparity only" },

@@ -16,7 +16,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int err, r;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "picture to write: .svg or .png" },
+        { "output", 'o', CLI_FILE, &out, "FILE", "picture to write: .svg or .png" },
         { "dpi", 0, CLI_DOUBLE, &dpi, "N", "dots per inch of a PNG; 300", 10, 2400 },
     };
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/camera/format.h"
@@ -157,7 +158,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct request q = { 0 };
     int grid[2] = { 0 }, size[2] = { 0 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &q.out, "OUT", "convert: file or folder to write" },
+        { "output", 'o', CLI_MADE, &q.out, "OUT", "convert: file or folder to write" },
         { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)" },
         { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)" },
         { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not have the cameras' positions", 1,
@@ -178,7 +179,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     show = !strcmp(args[0], "show");
     if (!show && strcmp(args[0], "convert") != 0)
-        return cli_usage_error(cmd, "unknown action `%s`; use show or convert", args[0]);
+        return cli_usage_error(cmd, "unknown action `%s`;%s use show or convert", args[0],
+                               sst_edit_hint(args[0], (const char *const[]){ "show", "convert", NULL }));
     if (!show && !q.out)
         return cli_usage_error(cmd, "-o OUT is missing");
     if (show && (q.out || q.to || q.cfg.lossy || q.cfg.force))

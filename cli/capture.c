@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
+
 static const struct cli_command *const kinds[] = { &cli_capture_array, &cli_capture_rig };
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -20,7 +22,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     }
     if (argc > 1 && strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
-        return cli_usage_error(cmd, "unknown kind of capture `%s`", argv[1]);
+        return cli_usage_error(cmd, "unknown kind of capture `%s`;%s use array or rig", argv[1],
+                               sst_edit_hint(argv[1], (const char *const[]){ "array", "rig", NULL }));
     printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cmd->summary);
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
         printf("  %-10s %s\n", kinds[i]->name + strlen("capture "), kinds[i]->summary);

@@ -315,7 +315,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     o.sync_s = rec.sync_s;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted" },
+        { "output", 'o', CLI_MADE, &o.dir, "DIR", "record into this folder; default: frames are only counted" },
         { "sets", 'n', CLI_INT, &o.sets, "N", "number of sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
         { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "duration in seconds", 0.001, 1e9 },
         { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml" },

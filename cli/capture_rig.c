@@ -404,7 +404,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .settle_ms = -1, .backlash_mm = 1, .attempts = 3, .guard_ms = 40 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it is resumed" },
+        { "output", 'o', CLI_MADE, &o.dir, "DIR", "light-field folder; an incomplete capture in it is resumed" },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of views; array: in the configuration", 1, 256 },
         { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance between columns: 40mm, 4cm, 250um; array: spacing_mm" },
         { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance between rows; as --pitch" },

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/edit_distance.h"
 #include "base/file.h"
 #include "base/log.h"
 
@@ -90,7 +91,8 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
 /* Machine-readable description: see CLI_DESCRIBE. */
 static int describe(const struct cli_command *cmd, const struct cli_option *options, size_t n)
 {
-    static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed", "number or auto" };
+    static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed", "number or auto",
+                                       "text", "text" };
     json_t *list = json_array();
     json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", cmd->name, "usage", cmd->usage, "summary",
                              cmd->summary, "detail", cmd->detail, "example", cmd->example, "options", list);
@@ -142,6 +144,8 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
         *(bool *)o->value = true;
         return CLI_GO_ON;
     case CLI_STRING:
+    case CLI_FILE:
+    case CLI_MADE:
         *(const char **)o->value = text;
         return CLI_GO_ON;
     case CLI_SIZE:
@@ -183,6 +187,42 @@ static const struct cli_option *find(const struct cli_option *options, size_t n,
             return &options[i];
     }
     return NULL;
+}
+
+/* What is given of them, before any work is done. */
+static int check_outputs(const struct cli_option *options, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        const bool file = options[i].type == CLI_FILE;
+        const char *path = file || options[i].type == CLI_MADE ? *(const char **)options[i].value : NULL;
+        const int err = path ? sst_path_check_new(path, file) : 0;
+
+        if (err)
+            return cli_exit_code(err);
+    }
+    return CLI_GO_ON;
+}
+
+static int unknown_option(const struct cli_command *cmd, const struct cli_option *options, size_t n, const char *arg)
+{
+    const char *near = NULL;
+    char name[64];
+    int least = SST_EDIT_FAR;
+
+    snprintf(name, sizeof(name), "%.*s", (int)strcspn(arg + 1 + (arg[1] == '-'), "="), arg + 1 + (arg[1] == '-'));
+    for (size_t i = 0; arg[1] == '-' && i < n; i++) {
+        const int distance = sst_edit_distance(name, options[i].name);
+
+        if (distance < least) {
+            near = options[i].name;
+            least = distance;
+        }
+    }
+    if (!near)
+        return cli_usage_error(cmd, "unknown option %s", arg);
+    sst_log_error("%s: unknown option %s; did you mean --%s? `sst %s --help` lists them", cmd->name, arg, near,
+                  cmd->name);
+    return CLI_USAGE;
 }
 
 /* An argument that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
@@ -236,7 +276,7 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
             value = arg[2] ? arg + 2 : NULL;
         }
         if (!o)
-            return cli_usage_error(cmd, "unknown option %s", arg);
+            return unknown_option(cmd, options, n_options, arg);
         if (o->type == CLI_FLAG ? value != NULL : !value && i + 1 == argc)
             return cli_usage_error(cmd, "--%s %s", o->name, value ? "takes no value" : "needs a value");
         if (o->type != CLI_FLAG && !value)
@@ -252,7 +292,7 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     sst_log_set_level(quiet ? SST_LOG_ERROR : verbose ? SST_LOG_INFO : SST_LOG_WARNING);
     if (n < n_min)
         return cli_usage_error(cmd, "an argument is missing: sst %s %s", cmd->name, cmd->usage);
-    return CLI_GO_ON;
+    return check_outputs(options, n_options);
 }
 
 json_t *cli_real_json(double v)

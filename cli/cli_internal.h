@@ -51,6 +51,8 @@ enum cli_type {
     CLI_GRID = 5,   /* int[2]: "RxC" (rows, columns) within min..max each */
     CLI_SEED = 6,   /* uint64_t * */
     CLI_AUTO = 7,   /* double *: as CLI_DOUBLE, or "auto": NaN */
+    CLI_FILE = 8,   /* const char **: a file to write; ... */
+    CLI_MADE = 9,   /* const char **: a folder, or either, to make: refused at once where it cannot be */
 };
 
 struct cli_option {
@@ -582,6 +584,9 @@ bool cli_has_suffix(const char *path, const char *suffix);
 
 /** PNG or JPEG by the name's ending, which the caller has checked. */
 int cli_write_picture(const struct sst_image *img, const char *path);
+
+/** Refuse (logged) a folder that cli_render_explain() could not make, before the picture is computed. @param path  light field */
+int cli_explain_check(const struct render_args *a, const char *dir, const char *path);
 
 /** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);

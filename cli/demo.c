@@ -191,7 +191,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian; once: bush)" },
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
         { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
-        { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)" },
+        { "output", 'o', CLI_MADE, &out, "DIR", "folder for all that is written (sst-demo)" },
         { "device", 0, CLI_STRING, &device, "D",
           "where pictures are rendered and labels computed: cpu, gpu, auto or a part of a device's name (cpu, or as in "
           "a kept configuration)",

@@ -226,14 +226,18 @@ static int write_rays(const struct explanation *e, int x, int y)
     return err;
 }
 
+int cli_explain_check(const struct render_args *a, const char *dir, const char *path)
+{
+    return sst_path_check_output(dir, a->force, "explain.json", (const char *const[]){ path, NULL });
+}
+
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y)
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };
     const bool clear = a->cfg.method == SST_RENDER_CLEAR;
     struct sst_outdir out;
-    int err = sst_path_check_output(dir, a->force, "explain.json", (const char *const[]){ in->path, NULL });
+    int err = sst_outdir_open(&out, dir, a->force);
 
-    err = err ? err : sst_outdir_open(&out, dir, a->force);
     if (err)
         return err;
     e.dir = out.temporary;

@@ -9,7 +9,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     double infinity_px = (double)NAN;
     int err;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "DST", "folder to make" },
+        { "output", 'o', CLI_MADE, &cfg.out, "DST", "folder to make" },
         { "focal-px", 0, CLI_DOUBLE, &cfg.focal_px, "F", "focal length if LF has none", 1e-3, 1e7 },
         { "spacing-mm", 0, CLI_DOUBLE, &cfg.spacing_mm, "B", "camera spacing if LF has none", 1e-6, 1e6 },
         { "focus-mm", 0, CLI_DOUBLE, &cfg.focus_mm, "Z",

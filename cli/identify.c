@@ -387,8 +387,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial" },
         { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port" },
-        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)" },
-        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports" },
+        { "output", 'o', CLI_MADE, &dir, "DIR", "folder for the pictures (identify)" },
+        { "write", 0, CLI_FILE, &write, "FILE", "write a `bind:` section in the order of ports" },
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)" },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };

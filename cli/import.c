@@ -20,7 +20,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int grid[2] = { 0, 0 };
     double infinity_px = (double)NAN;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make" },
+        { "output", 'o', CLI_MADE, &cfg.out, "LF", "light-field folder to make" },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
           256 },
         { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, stored as provenance",

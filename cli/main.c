@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
@@ -51,6 +52,8 @@ static void keep_memory(void)
 
 int main(int argc, char **argv)
 {
+    const char *names[ARRAY_LEN(commands) + 1] = { NULL };
+
     keep_memory();
     if (sst_file_clean_on_interrupt())
         return CLI_MEMORY;
@@ -72,6 +75,8 @@ int main(int argc, char **argv)
         if (!strcmp(argv[1], commands[i]->name))
             return commands[i]->run(commands[i], argc - 1, argv + 1);
     }
-    sst_log_error("unknown command `%s`; `sst --help` lists the commands", argv[1]);
+    for (size_t i = 0; i < ARRAY_LEN(commands); i++)
+        names[i] = commands[i]->name;
+    sst_log_error("unknown command `%s`;%s `sst --help` lists the commands", argv[1], sst_edit_hint(argv[1], names));
     return CLI_USAGE;
 }

@@ -1,9 +1,12 @@
 /* sst process: labels and disparity for all views of a light field. */
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include "base/border.h"
 #include "base/claim.h"
@@ -354,6 +357,35 @@ static int meet(struct job *job, int i, char steps[SST_PATH_MAX])
                : sst_share_open(&job->cfg.share, steps, text, shard->index, shard->count, (int)(shard->lease_s * 1000));
 }
 
+/* Take the folder for this process alone; workers that share it wait. The lock goes with the process, whatever ends it.
+ * Where folders cannot be locked, as on network file systems, nothing is kept apart.
+ * @param fd  out, to be closed by the caller; -1: none @return 0, -EBUSY (logged) */
+static int lock_folder(int *fd, const char *dir, bool shared)
+{
+    *fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (*fd < 0 || !flock(*fd, shared ? LOCK_SH : LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
+        return 0;
+    close(*fd);
+    *fd = -1;
+    sst_log_error("%s: another process works on it; wait for its end, or share the work with --shard", dir);
+    return -EBUSY;
+}
+
+static int process_locked(void *arg, int i, bool again)
+{
+    const struct job *job = arg;
+    int fd, code = cli_exit_code(lock_folder(&fd, job->dir[i], job->shard->count));
+
+    if (code)
+        return code;
+    if (!job->shard->count)
+        sst_path_remove_tree(job->state[i]); /* of shared work, which this replaces */
+    code = process_one(arg, i, again);
+    if (fd >= 0)
+        close(fd);
+    return code;
+}
+
 /* With the other workers, view by view. What they exchanged is removed at the end. */
 static int process_together(struct job *job, int i)
 {
@@ -367,7 +399,7 @@ static int process_together(struct job *job, int i)
         return code;
     sst_log_hold_errors(said);
     said[0] = 0;
-    code = process_one(job, i, false);
+    code = process_locked(job, i, false);
     sst_log_hold_errors(NULL);
     if (code && is_done(job, i)) /* the others have ended, and removed what was to be read */
         code = CLI_OK;
@@ -386,11 +418,8 @@ static int process_all(struct job *job, int count)
     int code = CLI_OK;
 
     for (int i = 0; i < count; i++) {
-        int r;
+        const int r = job->split ? process_together(job, i) : process_locked(job, i, false);
 
-        if (!job->split)
-            sst_path_remove_tree(job->state[i]); /* of shared work, which this replaces */
-        r = job->split ? process_together(job, i) : process_one(job, i, false);
         code = code ? code : r;
     }
     return code;
@@ -419,7 +448,7 @@ static int process_listed(struct job *job, int count)
     }
     job->w.several = count > 1;
     if (!r) {
-        const struct cli_pieces pieces = { count, job->dir, job->state, job->text, process_one, job };
+        const struct cli_pieces pieces = { count, job->dir, job->state, job->text, process_locked, job };
 
         r = shard->status                 ? cli_shard_status(&pieces, job->w.json)
             : shard->count && !job->split ? cli_shard_run(shard, &pieces)

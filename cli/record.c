@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/text.h"
@@ -184,14 +185,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_client_service where = { 0 };
     struct args a = { .ago_s = -1 };
-    const char *words[2], *action;
+    const char *words[2], *names[ARRAY_LEN(actions) + 1] = { NULL }, *action;
     const struct cli_option options[] = {
         { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
         { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z" },
         { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
         { "recording", 0, CLI_STRING, &a.recording, "NAME",
           "export: of this recording; default: the one that has the moment" },
-        { "output", 'o', CLI_STRING, &a.output, "FILE",
+        { "output", 'o', CLI_FILE, &a.output, "FILE",
           "export: also fetch the light field; download: the file to write" },
         { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view" },
         { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)" },
@@ -220,7 +221,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         }
         return cli_exit_code(err);
     }
-    return cli_usage_error(cmd, "unknown action %s: use start, stop, list, export, download or delete", action);
+    for (size_t i = 0; i < ARRAY_LEN(actions); i++)
+        names[i] = actions[i].name;
+    return cli_usage_error(cmd, "unknown action %s;%s use start, stop, list, export, download or delete", action,
+                           sst_edit_hint(action, names));
 }
 
 const struct cli_command cli_record = {

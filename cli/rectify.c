@@ -92,7 +92,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int size[2] = { 0, 0 }, err, r;
     bool json = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "OUT", "light-field folder to write" },
+        { "output", 'o', CLI_MADE, &cfg.out, "OUT", "light-field folder to write" },
         { "calib", 0, CLI_STRING, &calib, "FILE", "the array's calibration; default: the light field's own" },
         { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos" },
         { "focal", 0, CLI_DOUBLE, &focal, "PX", "focal length of the views; default: the cameras' mean", 1, 1e7 },

@@ -207,12 +207,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_option options[RENDER_OPTIONS + 7] = {
         { "focus", 'f', CLI_AUTO, &focus, "D",
           "disparity to focus on, px per spacing, or auto: behind what stands in front (default)" },
-        { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg" },
+        { "output", 'o', CLI_FILE, &out, "FILE", "picture, .png or .jpg" },
         { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
-        { "valid", 0, CLI_STRING, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
+        { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
           0 },
         { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
-        { "explain", 0, CLI_STRING, &explain, "DIR", "write maps and weights that explain the picture" },
+        { "explain", 0, CLI_MADE, &explain, "DIR", "write maps and weights that explain the picture" },
         { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "whose rays are explained (the centre)" },
     };
     int r, err, pixel[2] = { 0, 0 };
@@ -226,6 +226,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         r = cli_usage_error(cmd, "--samples writes PNG; -o %s does not end in .png", out);
     if (r != CLI_GO_ON)
         return r;
+    err = explain ? cli_explain_check(&a, explain, path) : 0;
+    if (err)
+        return cli_exit_code(err);
     a.cfg.focus_px = focus;
     a.views_needed = explain;
     r = cli_render_open(&in, &a, cmd, path);

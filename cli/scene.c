@@ -48,7 +48,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     grid[1] = cfg.cols;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "LF", "light-field folder to make" },
+        { "output", 'o', CLI_MADE, &out, "LF", "light-field folder to make" },
         { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; 1000x750", 1, SST_IMAGE_MAX_SIDE },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns of views; 6x6", 1, 256 },
         { "seed", 0, CLI_SEED, &cfg.seed, "N", "random seed: moves and recolours objects; 1" },

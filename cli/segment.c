@@ -309,11 +309,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct options o = { .eps_h = -1, .device = "cpu" };
     const char **args = calloc((size_t)argc + 1, sizeof(*args));
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
+        { "output", 'o', CLI_MADE, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
         { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file" },
         { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP },
-        { "prob", 0, CLI_STRING, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
-        { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
+        { "prob", 0, CLI_MADE, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
+        { "entropy", 0, CLI_MADE, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold" },
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
         { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size" },

@@ -66,7 +66,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *file = NULL, *of = NULL;
     bool keep_it = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &file, "FILE", "where the JPEG goes; with --keep FILE.tar: the light field" },
+        { "output", 'o', CLI_FILE, &file, "FILE", "where the JPEG goes; with --keep FILE.tar: the light field" },
         { "of", 0, CLI_STRING, &of, "WHAT", "main (default) or another view, a camera (r0c5), labels, disparity" },
         { "keep", 0, CLI_FLAG, &keep_it, NULL, "the service keeps light field and picture; prints their name" },
         CLI_SERVICE_OPTIONS(where),

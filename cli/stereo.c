@@ -40,7 +40,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool raw = false;
     int device_memory = 0;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)" },
+        { "output", 'o', CLI_FILE, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)" },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
         { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },

@@ -1,7 +1,10 @@
+#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include <strings.h>
 
+#include "base/edit_distance.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
@@ -79,9 +82,8 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
 {
     struct sst_outdir dir;
     char path[SST_PATH_MAX], name[32];
-    int err = sst_path_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ s->in.path, NULL });
+    int err = sst_outdir_open(&dir, s->out, s->args.force);
 
-    err = err ? err : sst_outdir_open(&dir, s->out, s->args.force);
     if (err)
         return err;
     for (int i = 0; i < frame_count(s) && !err; i++) {
@@ -168,6 +170,30 @@ static int make_sweep(const struct sweep *s)
     return err;
 }
 
+/* Refuse what cannot be written, and a folder with the name of a video: its ending is that of another format, or a misspelt
+ * one. A slash at the end says that it is a folder. */
+static int check_output(const struct sweep *s, const char *path, const struct cli_command *cmd)
+{
+    static const char *const endings[] = { "mp4",  "mkv", "webm", "avi",  "mov",  "m4v",  "mpg", "mpeg", "gif", "png",
+                                           "apng", "jpg", "jpeg", "webp", "tiff", "h264", "ogv", "wmv",  "y4m", NULL };
+    const char *dot = strrchr(sst_path_base(s->out), '.');
+    char ending[8] = "";
+
+    if (cli_has_suffix(s->out, ".mp4"))
+        return cli_exit_code(sst_path_check_new(s->out, true));
+    for (size_t i = 0; dot && strlen(dot) < sizeof(ending) && dot[i]; i++)
+        ending[i] = (char)tolower((unsigned char)dot[i + 1]);
+    for (int i = 0; strlen(ending) > 2 && endings[i]; i++) {
+        if (sst_edit_distance(ending, endings[i]) <= 1)
+            return cli_usage_error(cmd,
+                                   "-o %s looks like a file; a sweep makes a video that ends in .mp4, or a folder of PNG "
+                                   "files: for one of that name write %s/",
+                                   s->out, s->out);
+    }
+    return cli_exit_code(
+        sst_path_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ path, NULL }));
+}
+
 /* Read what changes; by default the focus, or the cut of clear pictures. */
 static int read_over(struct sweep *s, const char *word, double focus, const struct cli_command *cmd)
 {
@@ -205,7 +231,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)" },
         { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
-        { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
+        { "output", 'o', CLI_MADE, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
         { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
         { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop" },
     };
@@ -221,6 +247,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
     r = read_over(&s, over, focus, cmd);
     if (r != CLI_GO_ON)
+        return r;
+    r = check_output(&s, path, cmd);
+    if (r != CLI_OK)
         return r;
     s.args.pictures = frame_count(&s);
     s.args.disparities_needed = s.over == OVER_FOCUS && isnan(s.from);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/camera/format.h"
@@ -368,7 +369,8 @@ int sst_export(const struct sst_export_config *cfg)
     while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, cfg->format))
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
-        sst_log_error("unknown export format `%s`; use stanford, hci, colmap or nerfstudio", cfg->format);
+        sst_log_error("unknown export format `%s`;%s use stanford, hci, colmap or nerfstudio", cfg->format,
+                      sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "colmap", "nerfstudio", NULL }));
         return -EINVAL;
     }
     if (strcmp(f->name, "nerfstudio") && cfg->lossy) {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/edit_distance.h"
 #include "base/log.h"
 #include "base/text.h"
 #include "base/thread.h"
@@ -424,7 +425,8 @@ int sst_import(const struct sst_import_config *cfg)
     while (i < ARRAY_LEN(formats) && strcmp(cfg->format, formats[i].name))
         i++;
     if (i == ARRAY_LEN(formats)) {
-        sst_log_error("unknown import format `%s`; use stanford, hci or folder", cfg->format);
+        sst_log_error("unknown import format `%s`;%s use stanford, hci, folder or recording", cfg->format,
+                      sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "folder", "recording", NULL }));
         return -EINVAL;
     }
     if (!inputs[1]) /* the list ends at the first NULL */

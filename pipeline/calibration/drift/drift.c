@@ -14,7 +14,8 @@
 #include "pipeline/lightfield/share.h"
 
 #define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
-#define SIGMAS        4   /* significance of an offset */
+#define SIGMAS        4.0 /* significance of an offset */
+#define STATES        4   /* shifts, roll and scale of a camera */
 #define NAMED         4   /* cameras named in the sentence */
 #define ROUGH_PX      0.4 /* matches contradict each other: displaced foliage has up to 0.31, fences mostly 0.45 to 12 */
 #define BLANK_SHARE   0.1 /* of the median contrast of all views */
@@ -189,12 +190,21 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
     return 0;
 }
 
+/* Sigmas that are as significant as SIGMAS where the sigma itself comes of few matches, as those of small pictures do:
+ * the quantile of Student's t (Abramowitz and Stegun 1964, 26.7.5). */
+static double significant_sigmas(int matches)
+{
+    const double z = SIGMAS, free = sst_max_int(matches - STATES, 1);
+
+    return z + z * (z * z + 1) / (4 * free) + z * (5 * z * z * z * z + 16 * z * z + 3) / (96 * free * free);
+}
+
 /* RMS of its pairs, and whether it is off or lost. @return cameras that are */
 static int judge_camera(struct sst_drift *out, const struct drift_work *w, int view)
 {
     struct sst_drift_camera *c = &out->camera[view];
     double squares = 0;
-    int n = 0, lost = 0, all = 0;
+    int n = 0, tied = 0, lost = 0, all = 0;
 
     for (int i = 0; i < w->links; i++) {
         const struct drift_link *l = &w->link[i];
@@ -203,6 +213,7 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
             continue;
         all++;
         lost += l->state == SST_DRIFT_PAIR_LOST;
+        tied += drift_link_useful(l) ? l->matches : 0;
         if (l->state != SST_DRIFT_PAIR_MEASURED)
             continue;
         n += l->matches;
@@ -212,7 +223,8 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
     c->residual_px = n ? sqrt(squares / n) : 0;
     c->lost = all && lost == all;
     c->known = c->known && !c->blank;
-    c->drifted = c->lost || c->blank || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);
+    c->drifted = c->lost || c->blank || (c->known && c->off_px > w->cfg.ok_px &&
+                                               c->off_px > significant_sigmas(tied) * c->off_sigma_px);
     return c->drifted;
 }
 
