@@ -447,7 +447,7 @@ install-built: ## the same without building
 uninstall: ## remove what install put there, changed configuration excepted
 	$(INSTALL) uninstall
 
-man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completion for bash from their tables
+man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completions for bash from their tables
 	scripts/man.py --build $(BUILD)
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5

@@ -213,7 +213,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false;
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &b.out, "DIR", "folder of the results; one of an earlier run is continued" },
-        { "preset", 'p', CLI_STRING, &b.preset, "NAME", "of `sst process`: preview, balanced (default) or accurate" },
+        { "preset", 'p', CLI_STRING, &b.preset, "NAME", "of `sst process`: preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },
         { "model", 0, CLI_STRING, &b.model, "NAME", "segmentation network: an installed one or an ONNX file" },
         { "no-labels", 0, CLI_FLAG, &b.no_labels, NULL, "disparity only" },
         { "steps", 0, CLI_INT, &b.steps, "N", "pictures of the sweep over the focus (20); 0: no sweep", 0, 9999 },

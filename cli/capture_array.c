@@ -322,7 +322,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
         { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG" },
-        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software, free-run or external" },
+        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software, free-run or external", 0, 0, "gpio software free-run external" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
         { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
         { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording" },

@@ -99,9 +99,10 @@ static int describe(const struct cli_command *cmd, const struct cli_option *opti
 
     for (size_t i = 0; i < n; i++)
         (void)json_array_append_new(list,
-                                    json_pack("{s:s, s:s%, s:s, s:s?, s:s}", "name", options[i].name, "letter",
+                                    json_pack("{s:s, s:s%, s:s, s:s?, s:s, s:s?}", "name", options[i].name, "letter",
                                               &options[i].letter, (size_t)(options[i].letter != 0), "type",
-                                              type[options[i].type], "meta", options[i].meta, "help", options[i].help));
+                                              type[options[i].type], "meta", options[i].meta, "help", options[i].help, "words",
+                                              options[i].words));
     return cli_dump_json(root, JSON_COMPACT);
 }
 

@@ -63,6 +63,7 @@ struct cli_option {
     const char *meta; /* name of the value in help, NULL for flags */
     const char *help; /* one line */
     double min, max;  /* of numbers; both 0 (left out): no limit */
+    const char *words; /* of text: the values, between blanks, for the completion; NULL: any */
 };
 
 struct cli_command {
@@ -82,7 +83,7 @@ struct cli_command {
 /**
  * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
  * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line
- * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help}]}, from which the man page
+ * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help, words}]}, from which the man page
  * and the shell completion are generated.
  *
  * @param positional  out, n_min..n_max arguments, the rest NULL
@@ -435,9 +436,11 @@ struct cli_matching {
     }
 
 /* Rows of an option table for a struct cli_matching m. */
+#define CLI_PRESETS "preview balanced accurate"
 #define CLI_MATCHING_OPTIONS(m)                                                                                        \
-    { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate" },                     \
-        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both" },                          \
+    { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },  \
+        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0,                      \
+          "census mccnn both" },                                                                                       \
         { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost" },                    \
         { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP },                                    \
         { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
@@ -544,7 +547,8 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
-            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"   \
+            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off",  \
+            0, 0, "auto on off"                                                                                        \
     }
 
 /** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */

@@ -188,7 +188,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool once = false;
     int port = 0;
     const struct cli_option options[] = {
-        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian; once: bush)" },
+        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian; once: bush)", 0, 0,
+          "pedestrian hedge bush transportation cell humvee cd-cases cat" },
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
         { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
         { "output", 'o', CLI_MADE, &out, "DIR", "folder for all that is written (sst-demo)" },
@@ -196,7 +197,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "where pictures are rendered and labels computed: cpu, gpu, auto or a part of a device's name (cpu, or as in "
           "a kept configuration)",
           0, 0 },
-        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate" },
+        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },
         { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },
     };
     struct demo d;

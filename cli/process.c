@@ -518,7 +518,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "skip", 0, CLI_STRING, &job.w.skip, "LIST",
           "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
         { "align", 0, CLI_STRING, &job.w.align, "WHEN",
-          "auto: pictures that are displaced or have other gains are corrected; off: not" },
+          "auto: pictures that are displaced or have other gains are corrected; off: not", 0, 0, "auto off" },
         { "device", 0, CLI_STRING, &job.w.device, "D",
           "where views are labelled, matched and refined: cpu (default), gpu, auto (gpu if there is one) or a part of "
           "a name" },

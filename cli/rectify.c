@@ -94,7 +94,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &cfg.out, "OUT", "light-field folder to write" },
         { "calib", 0, CLI_STRING, &calib, "FILE", "the array's calibration; default: the light field's own" },
-        { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos" },
+        { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos", 0, 0, "bilinear bicubic lanczos" },
         { "focal", 0, CLI_DOUBLE, &focal, "PX", "focal length of the views; default: the cameras' mean", 1, 1e7 },
         { "plane", 0, CLI_DOUBLE, &plane, "MM",
           "depth at which views off the array's plane are exact; inf; default: "

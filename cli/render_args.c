@@ -27,7 +27,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
         { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default), refocus (all rays alike) or clear",
-          0, 0 },
+          0, 0, "sst refocus clear" },
         { "cut", 0, CLI_DOUBLE, &a->cut, "D", "clear: remove what is nearer than D px per spacing (found by itself)", 0,
           0 },
         { "remove-label", 0, CLI_STRING, &a->remove_label, "NAME", "clear: remove what has this label" },
@@ -43,7 +43,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
           0.5 },
         { "unsupported", 0, CLI_STRING, &a->unsupported, "U",
-          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)" },
+          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)", 0, 0, "refocus invalid" },
         CLI_VERIFY_OPTION(a->verify),
         { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
           INFINITY },
@@ -56,7 +56,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated or corrected views: straight from the files, from resampled views, or auto" },
+          "calibrated or corrected views: straight from the files, from resampled views, or auto", 0, 0, "auto raw rectified" },
         CLI_NO_VERIFY_OPTION(a->no_verify),
         { "device", 0, CLI_STRING, &a->device, "D",
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },

@@ -55,7 +55,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "photos", 0, CLI_STRING, &cfg.layers.photos, "DIR", "layers: folder of pictures; procedural ones" },
         { "masks", 0, CLI_STRING, &cfg.layers.masks, "DIR", "layers: their label images, CamVid's classes" },
         { "kind", 0, CLI_STRING, &cfg.layers.kind, "NAME",
-          "layers: leaves, foliage, branches, slats, mesh, crowd or mixed (default)" },
+          "layers: leaves, foliage, branches, slats, mesh, crowd or mixed (default)", 0, 0, "leaves foliage branches slats mesh crowd mixed" },
         { "cover", 0, CLI_DOUBLE, &cfg.layers.cover_percent, "PCT", "layers: percent of the picture hidden; 30..80", 1,
           95 },
         { "noise", 0, CLI_DOUBLE, &cfg.layers.noise, "SD", "layers: noise of the views, levels; 0..4", 0, 50 },

@@ -228,7 +228,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "from", 0, CLI_DOUBLE, &s.from, "A",
           "first focus (or cut), disparity in px per spacing; default: the whole range" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
-        { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)" },
+        { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)", 0, 0, "focus cut view-x view-y" },
         { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_MADE, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },

@@ -42,7 +42,7 @@ for f in opencv video gphoto; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUI
 for f in config/profiles/*.yaml; do put 644 "$f" "$p/share/sst/profiles/${f##*/}"; done
 for f in models/*.onnx models/manifest.json; do put 644 "$f" "$p/share/sst/$f"; done
 for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; done
-put 644 completions/sst "$p/share/bash-completion/completions/sst"
+for f in sst sst-sim sstd; do put 644 completions/$f "$p/share/bash-completion/completions/$f"; done
 
 filled systemd/sstd.service.in "$p/lib/systemd/system/sstd.service"
 # Enabled: started with the service. They wait while they are disabled in the configuration.

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completion for bash.
+"""Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completion for bash; and
+those of sst-sim and sstd, from their --help.
 
 `make man` runs it. With --check nothing is written: exit 1 if a file is not what it would be."""
 import argparse
@@ -72,11 +73,12 @@ def words(command):
         return re.findall(r"^  ([a-z]+) ", command["detail"], re.M)
     if re.match(r"show .*\| convert", command["usage"]):
         return ["show", "convert"]
-    return []
+    listed = re.search(r"^Scenes: (.*?)\.", command["detail"] or "", re.M)
+    return listed[1].split() if listed and first == "NAME" else []
 
 
 def completion(commands):
-    names, kinds, options, values = [], {}, {}, {}
+    names, kinds, options, values, given = [], {}, {}, {}, {}
     for c in commands:
         name, _, kind = c["name"].partition(" ")
         if name not in names:
@@ -90,7 +92,10 @@ def completion(commands):
         for o in c["options"]:
             if o["type"] != "flag":
                 for form in [f"--{o['name']}"] + ([f"-{o['letter']}"] if o["letter"] else []):
-                    values.setdefault((key, o["type"] == "text"), []).append(form)
+                    if o["name"] in ("model", "mccnn-model") or o.get("words"):
+                        given.setdefault(o.get("words"), []).append(f"{key}:{form}")
+                    else:
+                        values.setdefault((key, o["type"] == "text"), []).append(form)
     lines = ["# Completion of sst for bash. Made from the table of commands by `make man`; do not edit.", "_sst()", "{",
              "    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} cmd=${COMP_WORDS[1]} kinds= opts=",
              "    COMPREPLY=()", "    if ((COMP_CWORD == 1)); then",
@@ -99,7 +104,12 @@ def completion(commands):
     lines += [f"    {name}) kinds='{' '.join(kind)}' ;;" for name, kind in kinds.items()]
     lines += ["    esac", "    # Kinds with options of their own.", "    case $cmd-${COMP_WORDS[2]} in"]
     lines += [f"    {key}) cmd={key} ;;" for key in options if "-" in key]
-    lines += ["    esac", "    # A file follows, or what only the user knows.", "    case $cmd:$prev in"]
+    networks = "$(\"${COMP_WORDS[0]}\" models 2>/dev/null | sed -n 's/^  \\([a-z0-9][^ ]*\\) .*/\\1/p')"
+    lines += ["    esac", "    # Known values, and networks that are installed.", "    case $cmd:$prev in"]
+    lines += [f"    {' | '.join(forms)}) COMPREPLY=($(compgen -W \"{words or networks}\" -- \"$cur\")); return ;;"
+              for words, forms in given.items()]
+    lines += ["    esac", f"    [[ $cmd != models ]] || kinds={networks}"]
+    lines += ["    # A file follows, or what only the user knows.", "    case $cmd:$prev in"]
     for (key, text), forms in values.items():
         pattern = " | ".join(f"{key}:{form}" for form in forms)
         lines.append(f"    {pattern})" + (" return ;;" if text else " compopt +o default +o bashdefault; return ;;"))
@@ -109,6 +119,25 @@ def completion(commands):
               "        COMPREPLY=($(compgen -W \"$kinds\" -- \"$cur\"))", "    fi", "}",
               "complete -o bashdefault -o default -F _sst sst"]
     return "\n".join(lines) + "\n"
+
+
+def small_completion(program, usage):
+    """Of a program with options and words in its --help."""
+    options, files = ["--help"], []
+    for line in usage.splitlines():
+        m = re.match(r"  (?:-\w, |    )?(--[a-z-]+)( [A-Z][A-Z=]*)?\s", line)
+        if m:
+            options.append(m[1])
+            files += [m[1]] if m[2] else []
+    words = re.findall(rf"^\s+{program} ([a-z]+)\b", usage, re.M)
+    name = "_" + program.replace("-", "_")
+    return "\n".join([
+        f"# Completion of {program} for bash. Made from its --help by `make man`; do not edit.", f"{name}()", "{",
+        "    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]}", "    COMPREPLY=()",
+        f"    case $prev in {' | '.join(files)}) return ;; esac", "    if [[ $cur == -* ]]; then",
+        f"        COMPREPLY=($(compgen -W '{' '.join(dict.fromkeys(options))}' -- \"$cur\"))"]
+        + ([f"    elif ((COMP_CWORD == 1)); then", f"        COMPREPLY=($(compgen -W '{' '.join(words)}' -- \"$cur\"))"] if words else [])
+        + ["    fi", "}", f"complete -o bashdefault -o default -F {name} {program}"]) + "\n"
 
 
 def main():
@@ -121,7 +150,13 @@ def main():
     commands = [json.loads(line) for line in run("--describe").splitlines()]
     version = json.loads(run("version", "--json"))["version"]
     stale = 0
-    for name, text in (("docs/man/sst.1", man_page(commands, version)), ("completions/sst", completion(commands))):
+    made = [("docs/man/sst.1", man_page(commands, version)), ("completions/sst", completion(commands))]
+    for program in "sst-sim", "sstd":
+        path = ROOT / args.build / program
+        if path.exists():
+            usage = subprocess.run([str(path), "--help"], capture_output=True, text=True)
+            made.append((f"completions/{program}", small_completion(program, usage.stdout + usage.stderr)))
+    for name, text in made:
         path = ROOT / name
         if path.exists() and path.read_text(encoding="utf8") == text:
             continue

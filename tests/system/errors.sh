@@ -29,6 +29,36 @@ for command in scene import export process render sweep stereo segment eval; do
   want 2 "argument is missing" $command
   case $command in segment | process | import) ;; *) want 2 "too many" $command a b c d;; esac
 done
+want 2 "unknown command .improt.; did you mean .import.?" improt
+want 2 "unknown import format .stanfrod.; did you mean .stanford.? use stanford, hci, folder or recording" import stanfrod . -o bad
+want 2 "did you mean .colmap.?" export colmpa good -o bad
+want 2 "unknown option --ouput; did you mean --output?" render good --ouput bad.png
+want 2 "unknown option --focsu=3; did you mean --focus?" render good --focsu=3
+want 2 "did you mean .convert.?" calibration covert calib.yaml
+want 2 "did you mean .array.?" capture arry
+want 2 "did you mean .start.?" record strat
+
+# --- an output that cannot be made is refused before anything else is done or read ---
+for command in "render good" "sweep good" "stereo absent absent --max-disparity 8" "segment absent.png" "calibrate absent" \
+  "calibration convert absent" "import hci absent" "export colmap absent" "scene bush" "rectify absent" "board absent" "batch absent" \
+  "capture array -n 1" "capture rig --grid 1x2" "snapshot" "record download absent" "identify" "demo"; do
+  # shellcheck disable=SC2086
+  want 4 "cannot create absent/.*No such file" $command -o absent/out.png
+done
+want 4 "cannot create absent/why" render good -o bad.png --explain absent/why
+want 4 "cannot create absent/seen.png" render good -o bad.png --valid absent/seen.png
+want 4 "good exists already" render good -o bad.png --explain good
+want 4 "cannot create absent/report" calibrate absent -o bad.yaml --report absent/report.html
+mkdir -p folder.png
+want 4 "folder.png is a folder; name a file to write" render good -o folder.png
+want 4 "good exists already" sweep good -o good
+for name in bad.mp5 bad.mkv bad.WEBM bad.png bad.v2.gif; do
+  want 2 "$name looks like a file.* $name/;" sweep good -o $name
+done
+for name in v1.2 v1.lf s.mkv/; do
+  "$sst" sweep good --method refocus --from 1 --to 1 --steps 1 -o $name >/dev/null 2>err || fail "sweep -o $name: $(cat err)"
+  [ -f $name/0000.png ] || fail "sweep -o $name is no folder"
+done
 want 2 "unknown scene" scene forest -o bad
 want 2 "LF is missing" scene bush
 mkfifo port

@@ -23,11 +23,12 @@ fi
 completes() {
   local wanted=$1
   shift
-  COMP_WORDS=(sst "$@")
+  COMP_WORDS=("${program:-sst}" "$@")
   COMP_CWORD=$#
   COMPREPLY=()
-  _sst 2>/dev/null
-  [ "${COMPREPLY[*]}" = "$wanted" ] || fail "sst $*: '${COMPREPLY[*]}', not '$wanted'"
+  local name=_${program:-sst}
+  "${name//-/_}" 2>/dev/null
+  [ "${COMPREPLY[*]}" = "$wanted" ] || fail "${program:-sst} $*: '${COMPREPLY[*]}', not '$wanted'"
 }
 . "$root/completions/sst"
 complete -p sst >/dev/null || fail "nothing completes sst"
@@ -41,4 +42,20 @@ completes '--pitch --pitch-y' capture rig --pi
 completes '--duration' capture array --du
 completes '' snapshot -o ''
 completes '' render garden ''
+completes 'sst' render garden --method s
+completes 'clear' sweep garden -m c
+completes 'preview balanced accurate' process garden --preset ''
+completes 'hedge' demo --scene he
+completes 'cell cd-cases cat' scene c
+completes '' scene bush -o ''
+sst() { SST_MODELS=$root/models "$root/${SST_BUILD:-build}/sst" "$@"; }
+completes 'pspnet-large pspnet-small' models p
+completes 'pspnet-large pspnet-small' process garden --model p
+. "$root/completions/sst-sim"
+. "$root/completions/sstd"
+program=sst-sim completes 'fault status stop' ''
+program=sst-sim completes '--triggers --truth' --tr
+program=sst-sim completes '' --world ''
+program=sstd completes '--config --check' --c
+program=sstd completes '' --config ''
 exit $failed

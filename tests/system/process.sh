@@ -20,6 +20,35 @@ ok scene pedestrian -o lf1 --size 96x72 --grid 3x3 --threads 1
 same lf lf1
 rm -r lf1
 
+# --- small pictures have few matches: views that are right are not said to have moved ---
+for size in 160x120 200x150; do
+  for seed in 1 2; do
+    ok scene bush -o tiny --size $size --grid 3x3 --seed $seed --force
+    "$sst" calibrate --check tiny >out 2>err
+    grep -qE '^(OK: no camera is off|.*UNKNOWN: too little texture)' out err || fail "$size, seed $seed: $(cat out err)"
+  done
+done
+rm -r tiny
+
+# --- one process at a time; a lock is left by nobody ---
+cp -r lf shared
+exec 9<shared
+flock -x 9
+"$sst" process shared --no-labels >out 2>err && fail "processed what another process works on"
+[ "$(cat err)" = "sst: error: shared: another process works on it; wait for its end, or share the work with --shard" ] || fail "said: $(cat err)"
+exec 9<&-
+"$sst" process shared --no-labels >out 2>err & # until it has the folder
+killed=$!
+for _ in $(seq 600); do flock -n shared true || break; kill -0 $killed 2>/dev/null || break; sleep 0.01; done
+kill -KILL $killed 2>/dev/null
+wait $killed 2>/dev/null
+ok process shared --no-labels --preset preview
+exec 9<shared
+flock -s 9 # as other workers do
+ok process shared --no-labels --preset preview --shard 1/2
+exec 9<&-
+rm -r shared
+
 # --- every preset: the same bytes for 1 and 2 threads and for every CPU level, and better than chance ---
 runs="1: 2: 2:ref 2:base 2:avx2"
 [ -z "${SST_TEST_SMALL-}" ] || runs="1: 2:" # tests/kernels has every level under sanitizers
