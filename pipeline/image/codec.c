@@ -80,7 +80,7 @@ int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t 
     case KIND_PNG:
         return sst_png_decode(img, data, size, name, samples);
     case KIND_JPEG:
-        return sst_jpeg_decode(img, data, size, name);
+        return sst_jpeg_decode(img, data, size, name, false);
     case KIND_NONE:
         break;
     }

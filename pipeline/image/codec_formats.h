@@ -10,7 +10,9 @@
 /* Same contract as in codec.h: logged, output untouched on failure. */
 SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                   struct sst_samples samples);
-SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
+/** @param strict  the end marker must be there; else it may lack, with a warning, if no sample does */
+SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                                   bool strict);
 SST_MUST_CHECK int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
                                          const char *name);
 SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);

@@ -42,6 +42,7 @@ struct reader {
     struct jpeg_progress_mgr progress;
     jmp_buf escape;
     uint8_t *row;
+    bool strict, ends_early; /* the end marker must be there; it is not */
     char message[JMSG_LENGTH_MAX];
 };
 
@@ -62,12 +63,22 @@ static bool is_stray(const struct reader *r)
     return !r->jpeg.input_scan_number || bytes <= (restart ? STRAY_RESTART : STRAY_END);
 }
 
+/* The file ends before its end marker: libjpeg goes on as if one followed. A sample for which data are missing then is
+ * a warning of its own, but not with arithmetic coding. */
+static bool may_end_early(struct reader *r)
+{
+    r->ends_early = !r->strict && r->jpeg.input_scan_number && !r->jpeg.arith_code;
+    return r->ends_early;
+}
+
 /* A warning means that samples are missing or guessed, which is damage, unless it is about bytes that no sample is made
- * of: a version number, or bytes between segments. */
+ * of: a version number, bytes between segments, or the end marker. */
 static void on_message(j_common_ptr c, int level)
 {
     const int code = c->err->msg_code;
 
+    if (level < 0 && code == JWRN_JPEG_EOF && may_end_early(c->client_data))
+        return;
     if (level < 0 && code != JWRN_JFIF_MAJOR && !(code == JWRN_EXTRANEOUS_DATA && is_stray(c->client_data)))
         on_error(c);
 }
@@ -127,6 +138,35 @@ static void reader_close(struct reader *r)
     sst_mem_free(r->row);
 }
 
+/* Were there scans for everything, with all bits of progressive ones? */
+static bool is_complete(const struct jpeg_decompress_struct *jpeg)
+{
+    bool complete = true;
+
+    for (int c = 0; c < jpeg->num_components; c++) {
+        complete &= jpeg->comp_info[c].quant_table != NULL; /* set by the component's first scan */
+        for (int k = 0; jpeg->progressive_mode && k < DCTSIZE2; k++)
+            complete &= jpeg->coef_bits && jpeg->coef_bits[c][k] == 0;
+    }
+    return complete;
+}
+
+/* All rows are read. May escape. */
+static int finish(struct reader *r, const char *name)
+{
+    const bool complete = is_complete(&r->jpeg); /* its tables are gone afterwards */
+
+    (void)jpeg_finish_decompress(&r->jpeg);
+    if (!r->ends_early)
+        return 0;
+    if (!complete) {
+        snprintf(r->message, sizeof(r->message), "its last scans are missing");
+        return damaged(r, name);
+    }
+    sst_log_warning("%s lacks the end marker of JPEG, but none of its samples; other programs may refuse it", name);
+    return 0;
+}
+
 static int size_of(struct reader *r, const uint8_t *data, size_t size, const char *name)
 {
     return setjmp(r->escape) ? damaged(r, name) : read_header(r, data, size, name);
@@ -149,9 +189,9 @@ int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, con
 
 /* Steps of the luma at quality 50, rows of growing frequency (ISO/IEC 10918-1, table K.1). */
 static const int luma_steps[DCTSIZE2] = {
-    16, 11, 10, 16, 24, 40, 51,  61,  12, 12, 14, 19, 26,  58,  60,  55,  14, 13, 16, 24,  40,  57,
-    69, 56, 14, 17, 22, 29, 51,  87,  80, 62, 18, 22, 37,  56,  68,  109, 103, 77, 24, 35, 55,  64,
-    81, 104, 113, 92, 49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
+    16, 11,  10,  16, 24, 40, 51, 61, 12,  12,  14,  19,  26, 58, 60, 55,  14,  13,  16,  24, 40, 57,
+    69, 56,  14,  17, 22, 29, 51, 87, 80,  62,  18,  22,  37, 56, 68, 109, 103, 77,  24,  35, 55, 64,
+    81, 104, 113, 92, 49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98,  112, 100, 103, 99,
 };
 
 /* libjpeg's scale of qualities, by the step that is typical in comparison. */
@@ -218,17 +258,17 @@ static int decode_open(struct reader *r, struct sst_image *out, const uint8_t *d
             cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
         sst_rgb_unpack_row(out, y, r->row);
     }
-    (void)jpeg_finish_decompress(jpeg);
-    return 0;
+    return finish(r, name);
 }
 
-int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name, bool strict)
 {
     struct sst_image made = { 0 };
     struct reader r;
     int err;
 
     reader_init(&r);
+    r.strict = strict;
     err = decode_open(&r, &made, data, size, name);
     reader_close(&r);
     if (err)
@@ -271,8 +311,7 @@ static int decode_rows(struct reader *r, uint8_t *rgbx, size_t stride, const int
         for (size_t x = 0; x < jpeg->image_width; x++)
             memcpy(line + 4 * x, r->row + 3 * x, 3);
     }
-    (void)jpeg_finish_decompress(jpeg);
-    return 0;
+    return finish(r, name);
 }
 
 int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data, size_t size,
@@ -381,8 +420,7 @@ static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_pl
         }
         (void)jpeg_read_raw_data(jpeg, plane, (JDIMENSION)jpeg->max_v_samp_factor * DCTSIZE);
     }
-    (void)jpeg_finish_decompress(jpeg);
-    return 0;
+    return finish(r, name);
 }
 
 int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data, size_t size,

@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/codec_formats.h"
 
 static size_t row_bytes(const struct sst_raw *raw)
 {
@@ -203,10 +204,10 @@ int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw)
     if (!sst_raw_is_jpeg(raw->fourcc))
         return sst_raw_to_image(img, raw);
     before = sst_log_hold_errors(text);
-    err = sst_image_decode_size(&width, &height, raw->data, raw->bytes, "frame"); /* before memory is taken for it */
+    err = sst_jpeg_size(&width, &height, raw->data, raw->bytes, "frame"); /* before memory is taken for it */
     if (!err && (width != raw->width || height != raw->height))
         err = -EBADMSG;
-    err = err ? err : sst_image_decode(img, raw->data, raw->bytes, "frame");
+    err = err ? err : sst_jpeg_decode(img, raw->data, raw->bytes, "frame", true);
     sst_log_hold_errors(before);
     return err;
 }

@@ -11,12 +11,14 @@
 #include <unistd.h>
 
 #include <jpeglib.h>
+#include <linux/videodev2.h>
 #include <zlib.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
 #include "tests/folder.h"
 #include "tests/random.h"
 #include "tests/test.h"
@@ -175,10 +177,14 @@ static void deep_pictures_keep_levels(void **state SST_UNUSED)
         struct sst_samples samples; /* chosen */
         int plain, scaled;          /* levels without and with them */
     } cases[] = {
-        { 0, 1, 223, { 0, 222 }, 2, 223 },          { 30000, 1, 223, { 30000, 30222 }, 2, 223 },
-        { 65280, 1, 256, { 65280, 65535 }, 2, 256 }, { 0, 257, 256, { 0, 0 }, 256, 256 },
-        { 0, 64, 1000, { 0, 0 }, 250, 250 },         { 1000, 4, 1000, { 1000, 4996 }, 16, 256 },
-        { 65535, 0, 5, { 0, 0 }, 1, 1 },             { 0, 0, 5, { 0, 0 }, 1, 1 },
+        { 0, 1, 223, { 0, 222 }, 2, 223 },
+        { 30000, 1, 223, { 30000, 30222 }, 2, 223 },
+        { 65280, 1, 256, { 65280, 65535 }, 2, 256 },
+        { 0, 257, 256, { 0, 0 }, 256, 256 },
+        { 0, 64, 1000, { 0, 0 }, 250, 250 },
+        { 1000, 4, 1000, { 1000, 4996 }, 16, 256 },
+        { 65535, 0, 5, { 0, 0 }, 1, 1 },
+        { 0, 0, 5, { 0, 0 }, 1, 1 },
         { 777, 0, 5, { 0, 0 }, 1, 1 },
     };
     struct sst_sample_counts *counts = malloc(sizeof(*counts));
@@ -339,8 +345,92 @@ static void jpeg_stays_close(void **state SST_UNUSED)
     sst_image_fini(&b);
 }
 
-/* Every proper prefix of a file, and every file with one byte changed, is refused or decodes: no crash, no leak. A
- * prefix never decodes. */
+enum jpeg_kind {
+    BASELINE = 0,
+    PROGRESSIVE = 1,
+    RESTARTS = 2,
+    SCANS = 3, /* one for each colour */
+    ARITHMETIC = 4,
+    JPEG_KINDS = 5,
+};
+
+static unsigned long put_jpeg(unsigned char **out, const struct sst_image *img, enum jpeg_kind kind)
+{
+    static const jpeg_scan_info scans[] = { { 1, { 0 }, 0, 63, 0, 0 },
+                                            { 1, { 1 }, 0, 63, 0, 0 },
+                                            { 1, { 2 }, 0, 63, 0, 0 } };
+    struct jpeg_compress_struct c;
+    struct jpeg_error_mgr errors;
+    JSAMPLE row[3 * 64];
+    JSAMPROW rows = row;
+    unsigned long bytes = 0;
+
+    *out = NULL;
+    c.err = jpeg_std_error(&errors);
+    jpeg_create_compress(&c);
+    jpeg_mem_dest(&c, out, &bytes);
+    c.image_width = (JDIMENSION)img->width;
+    c.image_height = (JDIMENSION)img->height;
+    c.input_components = 3;
+    c.in_color_space = JCS_RGB;
+    jpeg_set_defaults(&c);
+    jpeg_set_quality(&c, 80, TRUE);
+    if (kind == PROGRESSIVE)
+        jpeg_simple_progression(&c);
+    c.restart_interval = kind == RESTARTS ? 2 : 0;
+    c.arith_code = kind == ARITHMETIC;
+    if (kind == SCANS) {
+        c.scan_info = scans;
+        c.num_scans = 3;
+    }
+    jpeg_start_compress(&c, TRUE);
+    for (int y = 0; y < img->height; y++) {
+        for (int x = 0; x < img->width; x++)
+            for (int k = 0; k < 3; k++)
+                row[3 * x + k] = sst_image_row(img, k, y)[x];
+        jpeg_write_scanlines(&c, &rows, 1);
+    }
+    jpeg_finish_compress(&c);
+    jpeg_destroy_compress(&c);
+    return bytes;
+}
+
+/* A JPEG that is cut anywhere decodes only to the very picture that the whole one has: without its end marker. */
+static void jpegs_may_lack_their_end_marker(void **state SST_UNUSED)
+{
+    struct sst_image drawn = make_image(40, 30), whole, img;
+
+    for (enum jpeg_kind kind = 0; kind < JPEG_KINDS; kind++) {
+        unsigned char *data;
+        const unsigned long bytes = put_jpeg(&data, &drawn, kind);
+        char said[SST_LOG_MAX] = "", *before;
+        unsigned long first = bytes;
+
+        assert_int_equal(sst_image_decode(&whole, data, bytes, "t.jpg"), 0);
+        before = sst_log_hold_errors(said);
+        sst_log_set_level(SST_LOG_ERROR); /* each is warned about */
+        for (unsigned long n = bytes - 1; n > 0; n--) {
+            if (sst_image_decode(&img, data, n, "t.jpg"))
+                continue;
+            first = n;
+            assert_same_image(&img, &whole, 0);
+            sst_image_fini(&img);
+        }
+        sst_log_set_level(SST_LOG_WARNING);
+        sst_log_hold_errors(before);
+        /* A frame of a camera that ends early is damaged, as drivers/grab/check.c judges it. */
+        assert_int_equal(sst_raw_decode(&img, &(struct sst_raw){ V4L2_PIX_FMT_MJPEG, 40, 30, 0, data, bytes }), 0);
+        sst_image_fini(&img);
+        assert_int_equal(sst_raw_decode(&img, &(struct sst_raw){ V4L2_PIX_FMT_MJPEG, 40, 30, 0, data, bytes - 2 }),
+                         -EBADMSG);
+        if (kind == ARITHMETIC ? first != bytes : first != bytes - 2)
+            fail_msg("kind %d: %lu of %lu bytes are enough", (int)kind, first, bytes);
+        sst_image_fini(&whole);
+        free(data);
+    }
+    sst_image_fini(&drawn);
+}
+
 /* A TIFF structure of two tags, the second one the orientation. */
 static size_t put_orientation(uint8_t *to, int orientation, bool little)
 {
@@ -401,6 +491,8 @@ static void orientations_are_those_of_exif(void **state SST_UNUSED)
     sst_image_fini(&stored);
 }
 
+/* Every proper prefix of a file, and every file with one byte changed, is refused or decodes: no crash, no leak. A
+ * prefix never decodes, unless it lacks the end marker of a JPEG alone. */
 static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
 {
     static const char *const names[] = { "cut.png", "cut.jpg", "cut.pfm" };
@@ -415,7 +507,7 @@ static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
     assert_int_equal(sst_map_f32_write_pfm(&m, test_path("cut.pfm")), 0);
     for (size_t i = 0; i < 2; i++) {
         assert_int_equal(sst_file_read(test_path("%s", names[i]), 1 << 20, &data, &size), 0);
-        for (size_t n = 0; n < size; n++)
+        for (size_t n = 0; n < size - 2 * i; n++) /* a JPEG may lack its end marker */
             assert_int_equal(sst_image_decode(&img, data, n, names[i]), -EBADMSG);
         for (size_t n = 0; n < size; n++) {
             data[n] ^= 0x40;
@@ -867,6 +959,7 @@ int main(void)
         cmocka_unit_test(compared_pictures_are_scaled_alike),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(orientations_are_those_of_exif),
+        cmocka_unit_test(jpegs_may_lack_their_end_marker),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
         cmocka_unit_test(a_png_without_its_header_is_refused),
         cmocka_unit_test(absurd_sizes_are_refused),
