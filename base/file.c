@@ -202,24 +202,42 @@ bool sst_path_is_dir(const char *path)
     return !stat(path, &st) && S_ISDIR(st.st_mode);
 }
 
-int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size)
+int sst_file_open(const char *path)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK); /* a pipe without a writer must not hang */
+    struct stat st;
+    int err;
+
+    if (fd < 0)
+        return -errno;
+    err = fstat(fd, &st) ? -errno : S_ISDIR(st.st_mode) ? -EISDIR : S_ISREG(st.st_mode) ? 0 : -EBADMSG;
+    if (err)
+        close(fd);
+    return err ? err : fd;
+}
+
+int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size)
+{
+    const int fd = sst_file_open(path);
     FILE *f = fd < 0 ? NULL : fdopen(fd, "rb");
     struct stat st;
     uint8_t *buf = NULL;
     int err;
 
+    if (fd == -EISDIR || fd == -EBADMSG) {
+        sst_log_error("%s is not a regular file; name a file", path);
+        return fd;
+    }
     if (!f) {
-        err = -errno;
+        err = fd < 0 ? fd : -errno;
         sst_log_error("cannot open %s: %s", path, strerror(-err));
         if (fd >= 0)
             close(fd);
         return err;
     }
-    if (fstat(fd, &st) || !S_ISREG(st.st_mode)) {
-        err = S_ISDIR(st.st_mode) ? -EISDIR : -EBADMSG;
-        sst_log_error("%s is not a regular file; name a file", path);
+    if (fstat(fd, &st)) {
+        err = -EIO;
+        sst_log_error("cannot read %s: %s", path, strerror(errno));
         goto fail;
     }
     if ((uint64_t)st.st_size > limit_bytes) {
@@ -640,46 +658,86 @@ static int copy_bytes(int to, int from)
     return n < 0 ? -errno : 0;
 }
 
-static int copy_file(const char *from, const char *to)
+/* An entry of the folder `dir` that is a file or a folder itself, not what a link points to.
+ * @return descriptor; -EBADMSG: it is something else, which is not opened; or a negative errno */
+static int open_entry(int dir, const char *name, struct stat *st)
 {
-    const int in = open(from, O_RDONLY | O_CLOEXEC),
-              out = in < 0 ? -1 : open(to, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    int fd, err;
+
+    if (fstatat(dir, name, st, AT_SYMLINK_NOFOLLOW))
+        return -errno;
+    if (!S_ISREG(st->st_mode) && !S_ISDIR(st->st_mode))
+        return -EBADMSG;
+    fd = openat(dir, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY);
+    if (fd < 0)
+        return errno == ELOOP ? -EBADMSG : -errno;
+    err = fstat(fd, st)                                  ? -errno
+          : S_ISREG(st->st_mode) || S_ISDIR(st->st_mode) ? 0
+                                                         : -EBADMSG; /* it may have changed */
+    if (err)
+        close(fd);
+    return err ? err : fd;
+}
+
+/* Readable by whom the original is. */
+static int copy_file(int in, const struct stat *st, const char *to)
+{
+    const int out = open(to, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, (st->st_mode & 0666) | 0200);
     int err = out < 0 ? -errno : copy_bytes(out, in);
 
     if (out >= 0 && close(out) && !err)
         err = -errno;
-    if (in >= 0)
-        close(in);
     return err;
 }
 
-int sst_path_copy_tree(const char *from, const char *to)
+/* @param fd  of the folder `from`; closed here */
+static int copy_folder(int fd, const char *from, const char *to)
 {
     char source[SST_PATH_MAX], target[SST_PATH_MAX];
-    DIR *d = mkdir(to, 0777) ? NULL : opendir(from);
-    int err = d ? 0 : -errno;
+    DIR *d = fdopendir(fd);
+    int err = d && !mkdir(to, 0777) ? 0 : -errno;
 
+    if (!d)
+        close(fd);
+    if (err)
+        sst_log_error("cannot copy the folder %s to %s: %s", from, to, strerror(-err));
     for (const struct dirent *e; !err && (e = readdir(d));) {
+        struct stat st;
+        int in;
+
         if (e->d_name[0] == '.')
             continue;
         err = sst_path_join(source, from, e->d_name);
         err = err ? err : sst_path_join(target, to, e->d_name);
         if (err)
             break;
-        if (sst_path_is_dir(source)) {
-            err = sst_path_copy_tree(source, target);
-            if (err)
-                break; /* logged */
-        } else {
-            err = copy_file(source, target);
+        in = open_entry(dirfd(d), e->d_name, &st);
+        if (in == -EBADMSG) {
+            sst_log_warning("%s is a link or no file, and is not copied; put the file itself there", source);
+            continue;
         }
+        if (in >= 0 && S_ISDIR(st.st_mode)) {
+            err = copy_folder(in, source, target); /* logged */
+            continue;
+        }
+        err = in < 0 ? in : copy_file(in, &st, target);
+        if (in >= 0)
+            close(in);
         if (err)
             sst_log_error("cannot copy %s to %s: %s", source, target, strerror(-err));
     }
     if (d)
         closedir(d);
-    else
-        sst_log_error("cannot copy the folder %s to %s: %s", from, to, strerror(-err));
+    return err;
+}
+
+int sst_path_copy_tree(const char *from, const char *to)
+{
+    const int fd = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC), err = fd < 0 ? -errno : 0;
+
+    if (!err)
+        return copy_folder(fd, from, to);
+    sst_log_error("cannot copy the folder %s to %s: %s", from, to, strerror(-err));
     return err;
 }
 

@@ -24,6 +24,10 @@ bool sst_path_is_dir(const char *path);
 /** Create a folder; an existing one is fine. @return 0 or an error as of sst_outfile_open(), logged. */
 SST_MUST_CHECK int sst_path_make_dir(const char *path);
 
+/** Open a regular file for reading; pipes and devices are not waited for. @return descriptor, -EISDIR, -EBADMSG (not a
+ *  regular file) or -errno; not logged */
+SST_MUST_CHECK int sst_file_open(const char *path);
+
 /**
  * Read a regular file into one buffer, with a NUL after its end.
  *
@@ -104,8 +108,9 @@ void sst_path_remove_tree(const char *path);
 void sst_path_remove_temporaries(const char *dir);
 void sst_path_remove_temporaries_of(const char *path);
 
-/** Copy a folder and all below it, without entries whose names begin with a dot; links are followed. On failure a part
- *  may be there. @param to  does not exist @return 0 or -errno, logged */
+/** Copy a folder and all below it, without entries whose names begin with a dot. Only files and folders are copied, a
+ *  file readable by whom the original is; links, pipes and devices are named in a warning. `from` itself may be a link.
+ *  On failure a part may be there. @param to  does not exist @return 0 or -errno, logged */
 SST_MUST_CHECK int sst_path_copy_tree(const char *from, const char *to);
 
 /**

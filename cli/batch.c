@@ -108,13 +108,16 @@ static int visible(const struct dirent *entry)
 static int list_source(struct list *l, const struct cli_batch *b, char *source)
 {
     struct dirent **entry = NULL;
-    char path[SST_PATH_MAX];
+    char path[SST_PATH_MAX], *whole = NULL;
     bool known = false;
     int n, err;
 
     for (size_t end = strlen(source); end > 1 && source[end - 1] == '/'; end--)
         source[end - 1] = 0;
-    err = add_source(l, b, source, sst_path_base(source), &known);
+    if (!strcmp(sst_path_base(source), ".") || !strcmp(sst_path_base(source), "..")) /* by its own name */
+        whole = realpath(source, NULL);
+    err = add_source(l, b, source, whole ? sst_path_base(whole) : sst_path_base(source), &known);
+    free(whole);
     if (err || known)
         return err;
     n = scandir(source, &entry, visible, alphasort);
@@ -136,10 +139,19 @@ static int list_source(struct list *l, const struct cli_batch *b, char *source)
     return err;
 }
 
-/* Two sources of one name would have one output. */
+/* Two sources of one name would have one output, and some names are taken. */
 static int check_names(const struct list *l)
 {
+    static const char *const taken[] = { LOGS, STATES, CLI_BATCH_TABLE };
+
     for (int i = 0; i < l->count; i++) {
+        for (size_t k = 0; k < ARRAY_LEN(taken); k++) {
+            if (!strcmp(l->name[i], taken[k])) {
+                sst_log_error("%s would have the output %s, which is the campaign's own; rename it", l->piece[i].source,
+                              l->name[i]);
+                return -EEXIST;
+            }
+        }
         for (int k = 0; k < i; k++) {
             if (!strcmp(l->name[i], l->name[k])) {
                 sst_log_error("%s and %s would have the same output %s; rename one of them", l->piece[k].source,

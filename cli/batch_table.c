@@ -29,12 +29,14 @@ static const struct column {
     { "clear_occluded_db", "eval.json", "clear.psnr_occluded" },
 };
 
-/* A name as CSV has it. */
+/* A name as CSV has it. Spreadsheets compute what begins like a formula: an apostrophe makes it a text. */
 static void print_name(FILE *f, const char *name)
 {
-    const bool quoted = strpbrk(name, ",\"\n") != NULL;
+    const bool formula = *name && strchr("=+-@\t\r", *name);
+    const bool quoted = formula || strpbrk(name, ",;\"\r\n\t") != NULL;
 
     fputs(quoted ? "\"" : "", f);
+    fputs(formula ? "'" : "", f);
     for (; *name; name++) {
         if (*name == '"')
             fputc('"', f);
@@ -74,7 +76,7 @@ int cli_batch_write_table(const char *out, char *const *name, int count)
 {
     struct sst_outfile file;
     char path[SST_PATH_MAX];
-    int err = sst_path_join(path, out, "figures.csv");
+    int err = sst_path_join(path, out, CLI_BATCH_TABLE);
 
     err = err ? err : sst_outfile_open(&file, path);
     if (err)

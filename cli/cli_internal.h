@@ -137,6 +137,8 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
 
 /* --- batch: the pieces of a campaign, and its table. --- */
 
+#define CLI_BATCH_TABLE "figures.csv" /* of the output folder */
+
 /** What is done to each piece. */
 struct cli_batch {
     const char *out, *preset, *model, *calib;

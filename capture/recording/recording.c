@@ -108,8 +108,8 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
         err = sst_path_join(path, dir, "sets.jsonl");
     if (err)
         goto fail;
-    r->fd = open(path, O_RDONLY | O_CLOEXEC);
-    err = r->fd < 0 ? -errno : index_lines(r);
+    r->fd = sst_file_open(path);
+    err = r->fd < 0 ? r->fd : index_lines(r);
     if (err) {
         sst_log_error("cannot read %s: %s", path, strerror(-err));
         goto fail;
@@ -310,9 +310,9 @@ int sst_recording_frame(const struct sst_recording *r, const struct sst_recordin
     err = segment_path(path, r->dir, set->segment);
     if (err)
         return err;
-    fd = open(path, O_RDONLY | O_CLOEXEC);
+    fd = sst_file_open(path);
     if (fd < 0)
-        return errno == ENOENT ? -EBADMSG : -EIO;
+        return fd == -ENOENT || fd == -EBADMSG || fd == -EISDIR ? -EBADMSG : -EIO;
     err = read_frame(fd, f, data);
     close(fd);
     return err;

@@ -78,8 +78,16 @@ ended $worker "a worker after SIGTERM"
 mkdir captures
 cp -r alone/b1 alone/b2 captures
 rm -rf captures/*/disparity captures/*/confidence
+echo secret >secret
+ln -s "$PWD/secret" captures/b1/notes.txt # what is no file itself is not copied, and nothing waits for it
+ln -s . captures/b1/again
+mkfifo captures/b1/pipe
 "$sst" batch captures -o results --preset preview --no-labels --steps 2 >line 2>err || fail "batch: $(cat err)"
 [ "$(cat line)" = "results: 2 pieces; figures in results/figures.csv" ] || fail "printed: $(cat line)"
+for f in notes.txt again pipe; do
+  grep -q "captures/b1/$f is a link or no file" err || fail "no word of $f: $(cat err)"
+  [ ! -e results/b1/lightfield/$f ] || fail "$f was copied"
+done
 for f in lightfield/disparity/00_00.pfm clear.png see-through.png process.json eval.json; do
   [ -s results/b1/$f ] || [ -s "results/b1/${f%pfm}png" ] || fail "no results/b1/$f: $(ls results/b1 results/b1/lightfield/disparity)"
 done
@@ -98,4 +106,13 @@ grep -q 'b2: `sst process`: .*00_00.png' err || fail "no cause: $(cat err)"
 want 3 "neither light fields" batch results/logs -o bad --status
 want 2 "-o DIR is missing" batch captures
 want 4 "would have the same output" batch captures captures/b1 -o results
+for n in logs figures.csv; do
+  mkdir -p taken/$n; echo {} >taken/$n/lightfield.json
+  want 4 "would have the output $n, which is the campaign's own" batch taken -o results
+  rm -r taken
+done
+[ -s results/logs/b1.log ] && [ -f results/figures.csv ] || fail "logs or figures are gone"
+mkdir -p odd/=1+1 oddly/=1+1; echo {} >odd/=1+1/lightfield.json
+"$sst" batch odd -o oddly >/dev/null 2>&1 && fail "an empty light field is fine"
+grep -q "^\"'=1+1\"," oddly/figures.csv || fail "a formula: $(cat oddly/figures.csv)"
 exit $failed

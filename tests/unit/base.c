@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -17,6 +18,7 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include "base/thread.h"
+#include "tests/folder.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -298,6 +300,73 @@ static void attempts_of_a_blocked_client_come_in_turn(void **state)
     sst_brake_fini(&b);
 }
 
+static void put(const char *path, const char *text)
+{
+    assert_int_equal(sst_file_write(path, text, strlen(text)), 0);
+}
+
+/* Files and folders alone: not what links point to, and nothing that would have to be waited for. */
+static void copies_follow_no_links(void **state SST_UNUSED)
+{
+    static const char *const gone[] = { "to/link", "to/loop", "to/pipe", "to/in/file", "to/.hidden" };
+    const mode_t before = umask(022);
+    struct stat st;
+
+    assert_int_equal(sst_path_make_dir(test_path("from")), 0);
+    assert_int_equal(sst_path_make_dir(test_path("from/in")), 0);
+    put(test_path("secret"), "secret");
+    put(test_path("from/open"), "a");
+    put(test_path("from/.hidden"), "h");
+    put(test_path("from/in/mine"), "b");
+    assert_int_equal(chmod(test_path("from/in/mine"), 0600), 0);
+    assert_int_equal(symlink("../secret", test_path("from/link")), 0);
+    assert_int_equal(symlink(".", test_path("from/loop")), 0);
+    assert_int_equal(symlink("/dev/zero", test_path("from/in/file")), 0);
+    assert_int_equal(mkfifo(test_path("from/pipe"), 0666), 0);
+    assert_int_equal(symlink("from", test_path("named")), 0);
+    assert_int_equal(sst_path_copy_tree(test_path("named"), test_path("to")), 0);
+    for (size_t i = 0; i < ARRAY_LEN(gone); i++)
+        assert_false(sst_path_exists(test_path("%s", gone[i])));
+    assert_int_equal(stat(test_path("to/open"), &st), 0);
+    assert_int_equal(st.st_mode & 0777, 0644);
+    assert_int_equal(stat(test_path("to/in/mine"), &st), 0);
+    assert_int_equal(st.st_mode & 0777, 0600);
+    assert_int_equal(st.st_size, 1);
+    umask(before);
+}
+
+/* Texts of any editor; pipes and folders are none. */
+static void texts_may_have_a_mark(void **state SST_UNUSED)
+{
+    static const char *const other[] = { "\xff\xfek\0", "\xfe\xff\0k", "\0k", "k\0" };
+    char said[SST_LOG_MAX] = "", *before;
+    uint8_t *text;
+    size_t size;
+
+    put(test_path("text"), "\xef\xbb\xbfk: 1");
+    assert_int_equal(sst_file_read_text(test_path("text"), 100, &text, &size), 0);
+    assert_int_equal(size, 4);
+    assert_string_equal((const char *)text, "k: 1");
+    free(text);
+    put(test_path("text"), "");
+    assert_int_equal(sst_file_read_text(test_path("text"), 100, &text, &size), 0);
+    assert_int_equal(size, 0);
+    free(text);
+    before = sst_log_hold_errors(said);
+    for (size_t i = 0; i < ARRAY_LEN(other); i++) {
+        assert_int_equal(sst_file_write(test_path("text"), other[i], i < 2 ? 4 : 2), 0);
+        assert_int_equal(sst_file_read_text(test_path("text"), 100, &text, &size), -EBADMSG);
+        assert_non_null(strstr(said, "UTF-16"));
+    }
+    assert_int_equal(mkfifo(test_path("fifo"), 0666), 0);
+    assert_int_equal(sst_file_read(test_path("fifo"), 100, &text, &size), -EBADMSG);
+    assert_int_equal(sst_file_open(test_path("fifo")), -EBADMSG);
+    assert_int_equal(sst_file_open("/dev/null"), -EBADMSG);
+    assert_int_equal(sst_file_open(test_path("none")), -ENOENT);
+    assert_int_equal(sst_file_open(test_path(".")), -EISDIR);
+    sst_log_hold_errors(before);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -312,6 +381,8 @@ int main(void)
         cmocka_unit_test(interrupt_leaves_whole_folders),
         cmocka_unit_test(attempts_of_a_blocked_client_come_in_turn),
         cmocka_unit_test(values_that_cross_a_border_are_counted),
+        cmocka_unit_test_setup_teardown(copies_follow_no_links, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(texts_may_have_a_mark, test_folder_create, test_folder_remove),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
