@@ -755,6 +755,51 @@ static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
     link_credentials_destroy(right);
 }
 
+#if WITH_ISAL
+
+/* Handshakes for datagrams from strangers who pass the cookie: finished ones, and ones that stop in the middle. */
+static void handshakes_of_strangers_keep_nobody_out(void **state_ SST_UNUSED)
+{
+    struct link_credentials *stranger = credentials_of("stranger");
+    struct link_dtls *half[CROWD], *d;
+    FILE *said = tmpfile();
+    const int shown = dup(STDERR_FILENO);
+    struct node left;
+    int finished = 0, lines = 0;
+    char why[256];
+
+    assert_true(said && shown >= 0);
+    open_head();
+    assert_true(dup2(fileno(said), STDERR_FILENO) >= 0);
+    for (int i = 0; i < 20; i++) {
+        finished += shake_hands(&d, stranger);
+        link_dtls_close(d);
+    }
+    for (int i = 0; i < CROWD; i++) {
+        assert_int_equal(link_dtls_open(&half[i], "127.0.0.1", PORT, stranger), 0);
+        for (int k = 0; k < 3 && !link_dtls_work(half[i], why); k++) /* a hello, and one with the cookie */
+            usleep(1000);
+    }
+    open_by_datagrams(&left, "left", 0);
+    both_capture(&left, NULL, 3);
+    UNTIL(all_sent(&left) && of_head(&head.sets) == 3);
+    for (int i = 0; i < CROWD; i++)
+        link_dtls_close(half[i]);
+    close_node(&left);
+    close_head(NULL);
+    assert_true(dup2(shown, STDERR_FILENO) >= 0);
+    close(shown);
+    rewind(said);
+    for (int c; (c = fgetc(said)) != EOF;)
+        lines += c == '\n';
+    fclose(said);
+    if (lines > 12)
+        fail_msg("%d lines, %d handshakes", lines, finished);
+    link_credentials_destroy(stranger);
+}
+
+#endif
+
 static void a_node_refuses_who_is_not_the_head(void **state_ SST_UNUSED)
 {
     struct node left;
@@ -828,6 +873,9 @@ int main(void)
         cmocka_unit_test(silence_of_the_trigger_ends_nothing),
         cmocka_unit_test(who_is_not_of_the_array_is_refused),
         cmocka_unit_test(strangers_keep_nobody_out),
+#if WITH_ISAL
+        cmocka_unit_test(handshakes_of_strangers_keep_nobody_out),
+#endif
         cmocka_unit_test(a_node_refuses_who_is_not_the_head),
         cmocka_unit_test(certificates_that_are_not_there_are_named),
     };
