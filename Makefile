@@ -279,12 +279,16 @@ SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
 # Optimised kernels are other code than sanitized ones, and plain_test() (tests/small.h) marks what sanitized builds leave out.
 PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) \
                $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
+# What depends on the processor is tested once more as on one with AVX2 alone, unless this is one, and kernels by their references.
+AVX2_TESTS := $(if $(shell grep -swE 'avx512f|avx_vnni' /proc/cpuinfo | head -n 1),$(shell awk '/^[^\#]/ && $$2 == "processor" { print $$1 }' tests/special.txt))
+LEVEL_TESTS := $(foreach t,$(AVX2_TESTS),avx2@$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t))) \
+               $(patsubst %,ref@%,$(filter $(BUILD)/tests/kernels/%,$(TESTS)))
 TIMING_TESTS := $(shell awk '/^[^\#]/ && $$2 == "timing" { print $$1 }' tests/special.txt)
 ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%)
+	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(LEVEL_TESTS) $(SYSTEM_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%)
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
@@ -295,7 +299,7 @@ check-timing: deps ## tests that measure time, one by one, with their limits; on
 	JOBS=1 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
-built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(TOOLS) $(BUILD)/config_man
+built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/config_man
 built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built fuzzers

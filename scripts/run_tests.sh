@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Run test programs: JOBS at a time (one more than there are processors). Those that tests/special.txt marks `waits` run one
 # after the other in one of these places, so that processors are busy beside them; those marked `first` before the others. A
-# program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. Each test's output is shown whole, in that
+# program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. avx2@TEST runs it as on a processor with
+# AVX2 alone, ref@TEST with the references of all kernels. Each test's output is shown whole, in that
 # order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the reason. A test that takes
 # longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its processes are shown. What a
 # sanitizer reports in any process of a test fails it, even if the test did not notice. RETRIES=N: a test that fails is run up to N
@@ -58,18 +59,28 @@ use_build() {
   fi
 }
 
+# use_level TEST: the processor that it asks for. $test: the same without it
+use_level() {
+  test=$1
+  case $1 in
+    avx2@*) export SST_CPU=avx2 ONEDNN_MAX_CPU_ISA=AVX2; test=${1#avx2@};;
+    ref@*) export SST_CPU=ref; test=${1#ref@};;
+  esac
+}
+
 # run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
 run() {
-  local start pid rc watch tries=0
-  use_build "${tests[$1]}"
+  local start pid rc watch test tries=0
+  use_level "${tests[$1]}"
+  use_build "$test"
   start=$(date +%s%N)
   # A script may look for other things in what a program says, or at nothing.
-  if [[ ${tests[$1]} = *.sh ]]; then
+  if [[ $test = *.sh ]]; then
     export ASAN_OPTIONS="${ASAN_OPTIONS:-}:log_path=$dir/$1.report" UBSAN_OPTIONS="${UBSAN_OPTIONS:-}:log_path=$dir/$1.report"
   fi
   # A session, by which all is found that it leaves behind.
   while true; do
-    setsid timeout -k 10 "$limit" ${SST_RUNNER-} "${tests[$1]}" >>"$dir/$1.out" 2>&1 </dev/null & pid=$!
+    setsid timeout -k 10 "$limit" ${SST_RUNNER-} "$test" >>"$dir/$1.out" 2>&1 </dev/null & pid=$!
     # Waits without a child, which could outlive it and keep our output open.
     (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; for p in $(tree $pid); do scripts/stacks.sh "$p"; done >"$dir/$1.stuck" 2>&1) & watch=$!
     trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM

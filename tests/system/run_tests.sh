@@ -37,4 +37,9 @@ RETRIES=2 runs 1 '0 passed, 1 failed, 0 skipped' bad
 runs 1 '0 passed, 1 failed, 0 skipped' reported
 runs 1 '0 passed, 1 failed, 0 skipped' unseen.sh
 grep -q 'AddressSanitizer: of a child' out || fail "the report is not shown: $(cat out)"
+# Levels of the processor: the test is the file behind the @.
+make_test level '[ "$SST_CPU $ONEDNN_MAX_CPU_ISA" = "avx2 AVX2" ]'
+make_test reference '[ "$SST_CPU ${ONEDNN_MAX_CPU_ISA-none}" = "ref none" ]'
+"$root/scripts/run_tests.sh" "avx2@$tmp/level" "ref@$tmp/reference" "$tmp/level" >out 2>err && fail "a level is taken without its word: $(cat out)"
+[ "$(tail -n 1 out)" = '2 passed, 1 failed, 0 skipped' ] && grep -q "^pass  avx2@$tmp/level" out || fail "levels: $(cat out err)"
 exit $failed
