@@ -75,7 +75,7 @@ static int serve(struct http_listener *listener, int fd, bool tls)
     /* The first option, so that errors of the others reach our log. */
     listener->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, http_on_request, listener, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_NOTIFY_CONNECTION,
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_URI_LOG_CALLBACK, http_on_uri, NULL, MHD_OPTION_NOTIFY_CONNECTION,
         http_on_connection, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
         clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, listener->local ? 0 : (clients + 3) / 4 * 3,
         MHD_OPTION_CONNECTION_TIMEOUT, idle_s, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
@@ -234,7 +234,6 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     http->local = (struct http_listener){ .http = http, .local = true };
     copy(http->host, sizeof(http->host), cfg->host);
     copy(http->address, sizeof(http->address), cfg->address);
-    copy(http->token_file, sizeof(http->token_file), cfg->token_file);
     err = http_auth_init(&http->auth, cfg);
     if (err) {
         free(http);

@@ -156,12 +156,11 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form shows it */
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
-    return http_reply_error(
-        q, status,
-        gave_token
-            ? "that is not the token, or the session has ended; `sudo cat %s` on the machine of the service prints it"
-            : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
-        q->http->token_file);
+    return http_reply_error(q, status,
+                            gave_token ? "that is not the token, or the session has ended; the token is in the file that "
+                                         "web.token_file names"
+                                       : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from the file "
+                                         "that web.token_file names");
 }
 
 /* Authenticate and authorize. @return -1: allowed; else answered */
@@ -192,8 +191,56 @@ static int check_role(struct http_request *q)
     q->role = q->role < most ? q->role : most;
     if (q->role >= needed)
         return -1;
-    return http_reply_error(q, MHD_HTTP_FORBIDDEN, "this token only looks; `sudo cat %s` prints the one that controls",
-                            q->http->token_file);
+    return http_reply_error(q, MHD_HTTP_FORBIDDEN,
+                            "this token only looks; the one that controls is in the file that web.token_file names");
+}
+
+/* What a request says about its own form. */
+struct form {
+    int count[6]; /* of `single` */
+    bool plain;   /* names and values have only characters that they may have */
+};
+
+static const char *const single[] = { "Host",          "Content-Length", "Transfer-Encoding",
+                                      "Authorization", "Content-Type",   "Origin" };
+
+static enum MHD_Result look_at_header(void *arg, enum MHD_ValueKind kind SST_UNUSED, const char *name, const char *value)
+{
+    struct form *f = arg;
+
+    for (size_t i = 0; i < ARRAY_LEN(single); i++)
+        f->count[i] += !strcasecmp(name, single[i]);
+    for (const char *c = name; *c; c++)
+        f->plain &= *c > ' ' && *c < 127 && !strchr("()<>@,;:\\\"/[]?={}", *c);
+    for (const char *c = value ? value : ""; *c; c++)
+        f->plain &= ((unsigned char)*c >= ' ' && *c != 127) || *c == '\t';
+    return MHD_YES;
+}
+
+/* A request that a proxy before us may delimit otherwise than the library does. @return NULL: none; else what it has */
+static const char *ambiguity(struct http_request *q, const char *method, const char *version)
+{
+    const char *length = http_header(q, "Content-Length"), *coding = http_header(q, "Transfer-Encoding");
+    const uintptr_t uri_at = q->link->uri_at, method_at = (uintptr_t)method, version_at = (uintptr_t)version;
+    struct form f = { .plain = true };
+    uint64_t bytes;
+
+    (void)MHD_get_connection_values(q->connection, MHD_HEADER_KIND, look_at_header, &f);
+    for (size_t i = 0; i < ARRAY_LEN(single); i++)
+        if (f.count[i] > 1)
+            return single[i];
+    if (!f.plain)
+        return "a header with characters that are none of a header";
+    if (coding && (length || strcasecmp(coding, "chunked")))
+        return length ? "Content-Length beside Transfer-Encoding" : "a Transfer-Encoding other than chunked";
+    if (length && !http_number(length, UINT64_MAX, &bytes))
+        return "a Content-Length that is no number";
+    /* Versions 0.9 leave the line where it was read, and end its words at a NUL that it has. */
+    if (!strncmp(MHD_get_version(), "0.9.", 4) && uri_at > method_at && uri_at - method_at <= HTTP_HEADER_MAX &&
+        (uri_at != method_at + strlen(method) + 1 ||
+         (version_at > uri_at && version_at - uri_at <= HTTP_HEADER_MAX && version_at != uri_at + q->link->uri_bytes + 1)))
+        return "a first line that is more than method, path and version";
+    return NULL;
 }
 
 /* The first route that fits, or one of another method. @return false: with none of this method */
@@ -265,17 +312,22 @@ static int refuse_method(struct http_request *q, const char *path)
     return http_reply_error(q, MHD_HTTP_METHOD_NOT_ALLOWED, "the methods of this path are %s", q->allow);
 }
 
-int http_check(struct http_request *q, const char *path, const char *method)
+int http_check(struct http_request *q, const char *path, const char *method, const char *version)
 {
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(q->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
-    const char *host = http_header(q, "Host");
+    const char *host = http_header(q, "Host"), *unclear;
     bool found;
     int done;
 
     if (!info || info->header_size > HTTP_HEADER_MAX)
         return http_reply_error(q, MHD_HTTP_REQUEST_HEADER_FIELDS_TOO_LARGE,
                                 "a request has at most %d bytes before its body", HTTP_HEADER_MAX);
+    unclear = ambiguity(q, method, version);
+    q->hang_up = unclear != NULL;
+    if (unclear)
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the request has %s%s", unclear,
+                                strchr(unclear, ' ') ? "" : " more than once");
     if (http_crowded(q))
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
                                 "%d connections are open already; try again, or raise web.clients",

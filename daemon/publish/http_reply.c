@@ -64,6 +64,8 @@ int http_reply(struct http_request *q, int status, struct MHD_Response *response
                  "frame-ancestors 'none'");
     if (is_tls(q->connection)) /* browsers heed it where they trust the certificate */
         http_set(response, "Strict-Transport-Security", "max-age=31536000");
+    if (q->hang_up)
+        http_set(response, "Connection", "close");
     if (q->allow[0])
         http_set(response, "Allow", "%s", q->allow);
     if (q->retry_s || status == MHD_HTTP_SERVICE_UNAVAILABLE)

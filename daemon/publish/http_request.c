@@ -84,10 +84,25 @@ void http_on_connection(void *cls, struct MHD_Connection *connection, void **sta
     }
 }
 
+static struct http_connection *link_of(struct MHD_Connection *connection)
+{
+    return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+}
+
+void *http_on_uri(void *cls SST_UNUSED, const char *uri, struct MHD_Connection *connection)
+{
+    struct http_connection *link = link_of(connection);
+
+    if (link) {
+        link->uri_at = (uintptr_t)uri;
+        link->uri_bytes = strlen(uri);
+    }
+    return NULL; /* the request begins with its headers */
+}
+
 static struct http_request *new_request(struct http_listener *listener, struct MHD_Connection *connection)
 {
-    struct http_connection *link =
-        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    struct http_connection *link = link_of(connection);
     struct http_request *q = link ? calloc(1, sizeof(*q)) : NULL;
 
     if (!q)
@@ -174,7 +189,7 @@ static int answer(struct http_request *q)
 }
 
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
-                                const char *version SST_UNUSED, const char *data, size_t *size, void **state)
+                                const char *version, const char *data, size_t *size, void **state)
 {
     struct http_request *q = *state;
     int done;
@@ -183,7 +198,7 @@ enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, co
         *state = q = new_request(cls, connection);
         if (!q)
             return MHD_NO;
-        done = http_check(q, path, method);
+        done = http_check(q, path, method, version);
         return done ? MHD_YES : MHD_NO;
     }
     if (*size) {

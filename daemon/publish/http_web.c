@@ -118,32 +118,16 @@ static const char form[] =
     "<body><main><h1>sst</h1>%s%s%s\n<form method=\"post\" action=\"/login\">"
     "<label for=\"token\">Token</label><input id=\"token\" name=\"token\" type=\"password\" "
     "autocomplete=\"current-password\" required autofocus>\n<button>Log in</button></form>\n"
-    "<p>On the machine that runs the service, this prints it:<br><code>sudo cat %s</code><br>"
-    "The one in <code>%s.view</code> can only look.</p></main></body></html>\n";
-
-/* For text between tags. */
-static void escape(char *out, size_t size, const char *text)
-{
-    size_t n = 0;
-
-    for (; *text && n + 7 < size; text++) {
-        if (strchr("<>&\"'", *text))
-            n += (size_t)snprintf(out + n, size - n, "&#%d;", *text);
-        else
-            out[n++] = *text;
-    }
-    out[n] = 0;
-}
+    "<p>It is in the file that <code>web.token_file</code> of the service's configuration names.</p>"
+    "</main></body></html>\n";
 
 static int reply_login(struct http_request *q, int status, const char *sentence)
 {
     struct MHD_Response *response;
-    char file[1024], *text;
-    int n;
+    char *text;
+    const int n = asprintf(&text, form, sentence ? "<p class=\"error\" role=\"alert\">" : "", sentence ? sentence : "",
+                           sentence ? "</p>" : "");
 
-    escape(file, sizeof(file), q->http->token_file);
-    n = asprintf(&text, form, sentence ? "<p class=\"error\" role=\"alert\">" : "", sentence ? sentence : "",
-                 sentence ? "</p>" : "", file, file);
     if (n < 0)
         return MHD_NO;
     response = MHD_create_response_from_buffer((size_t)n, text, MHD_RESPMEM_MUST_FREE);

@@ -218,13 +218,16 @@ struct http_connection { /* one connection; under sst_http.lock, deadline_ns by 
     int fd;
     struct http_pair *pair;          /* of TLS, or NULL */
     SST_ATOMIC(int64_t) deadline_ns; /* the request must be complete by then; INT64_MAX: it is complete */
+    /* its own thread: where the path of the request was read, and its length there */
+    uintptr_t uri_at;
+    size_t uri_bytes;
 };
 
 struct sst_http {
     /* fixed after open */
     struct sst_http_config cfg; /* numbers and api; its strings are valid during open only */
     struct sst_counters *count;
-    char host[256], address[64], token_file[512];
+    char host[256], address[64];
     bool tls;
     struct http_unix unix_socket;
     struct http_listener tcp, local;
@@ -261,6 +264,7 @@ struct http_request {
     bool replay; /* below /replay: about the recording that is played */
     void *live;  /* argument of the verbs about pictures, while the request is handled */
     bool head;  /* method HEAD: the answer is sent without its body */
+    bool hang_up; /* the connection ends after the answer */
     enum sst_role role;
     char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
     char who[96];                 /* the client, for messages */
@@ -280,7 +284,7 @@ typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YE
 bool http_is_live(const struct sst_route *route);
 
 /** Check route, role and form of a request. @return -1: accepted; else an answer is queued */
-int http_check(struct http_request *q, const char *path, const char *method);
+int http_check(struct http_request *q, const char *path, const char *method, const char *version);
 
 /** True for pictures: their token may also be in the query or a password, which allow reading only. */
 bool http_is_picture(const struct sst_route *route);
@@ -295,6 +299,7 @@ bool http_crowded(struct http_request *q);
 /* What microhttpd calls (http_request.c); cls is a struct http_listener. */
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
                                 const char *version, const char *data, size_t *size, void **state);
+void *http_on_uri(void *cls, const char *uri, struct MHD_Connection *connection);
 void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how);
 void http_on_connection(void *cls, struct MHD_Connection *connection, void **state,
                         enum MHD_ConnectionNotificationCode how);

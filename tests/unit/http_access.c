@@ -298,6 +298,13 @@ static void login_and_page(void **state)
     assert_non_null(strstr(answer, "is not right"));
     assert_int_equal(ask("GET", "/login", "", NULL), 200);
     assert_null(strstr(answer, "is not right"));
+    assert_null(strstr(answer, folder)); /* nobody learns from here where the token lies */
+    assert_int_equal(ask("GET", "/api/v1/status", "", NULL), 401);
+    assert_null(strstr(answer, folder));
+    assert_int_equal(ask("GET", "/api/v1/status", bearer("wrong"), NULL), 401);
+    assert_null(strstr(answer, folder));
+    assert_int_equal(ask("POST", "/api/v1/reload", with(bearer(view), JSON), "{}"), 403);
+    assert_null(strstr(answer, folder));
     assert_int_equal(ask("POST", "/login", form, "token=wrong"), 401);
     assert_non_null(strstr(answer, "That is not the token."));
     assert_int_equal(ask("POST", "/login", form, "nothing"), 401);
