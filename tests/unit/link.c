@@ -710,19 +710,44 @@ static int nodes_served(struct link_credentials *credentials)
     return served;
 }
 
+/* --- what is logged --- */
+
+static FILE *said;
+static int shown;
+
+static void hear(void)
+{
+    said = tmpfile();
+    shown = dup(STDERR_FILENO);
+    assert_true(said && shown >= 0 && dup2(fileno(said), STDERR_FILENO) >= 0);
+    sst_log_set_level(SST_LOG_WARNING);
+}
+
+/* @return lines since hear() */
+static int heard_lines(void)
+{
+    int lines = 0;
+
+    sst_log_set_level(SST_LOG_ERROR);
+    assert_true(dup2(shown, STDERR_FILENO) >= 0);
+    close(shown);
+    rewind(said);
+    for (int c; (c = fgetc(said)) != EOF;)
+        lines += c == '\n';
+    fclose(said);
+    return lines;
+}
+
 /* Whatever strangers do at the head's port, nodes are served, and the log stays readable. */
 static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
 {
     struct link_credentials *right = credentials_of("left");
     struct node left;
-    FILE *said = tmpfile();
-    const int shown = dup(STDERR_FILENO);
-    int served[MANNERS] = { 0 }, lines = 0;
+    int served[MANNERS] = { 0 }, lines;
 
-    assert_true(said && shown >= 0);
     crowd.credentials = credentials_of("stranger");
+    hear();
     open_head();
-    assert_true(dup2(fileno(said), STDERR_FILENO) >= 0);
     for (int manner = SILENT; manner < MANNERS; manner++) {
         pthread_t thread;
 
@@ -740,12 +765,7 @@ static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
         pthread_join(thread, NULL);
     }
     close_head(NULL);
-    assert_true(dup2(shown, STDERR_FILENO) >= 0);
-    close(shown);
-    rewind(said);
-    for (int c; (c = fgetc(said)) != EOF;)
-        lines += c == '\n';
-    fclose(said);
+    lines = heard_lines();
     for (int manner = SILENT; manner < MANNERS; manner++)
         if (served[manner] < 2 * (LINK_NODES - 1))
             fail_msg("manner %d: %d of %d were served", manner, served[manner], 3 * (LINK_NODES - 1));
@@ -762,15 +782,12 @@ static void handshakes_of_strangers_keep_nobody_out(void **state_ SST_UNUSED)
 {
     struct link_credentials *stranger = credentials_of("stranger");
     struct link_dtls *half[CROWD], *d;
-    FILE *said = tmpfile();
-    const int shown = dup(STDERR_FILENO);
     struct node left;
-    int finished = 0, lines = 0;
+    int finished = 0, lines;
     char why[256];
 
-    assert_true(said && shown >= 0);
+    hear();
     open_head();
-    assert_true(dup2(fileno(said), STDERR_FILENO) >= 0);
     for (int i = 0; i < 20; i++) {
         finished += shake_hands(&d, stranger);
         link_dtls_close(d);
@@ -787,12 +804,7 @@ static void handshakes_of_strangers_keep_nobody_out(void **state_ SST_UNUSED)
         link_dtls_close(half[i]);
     close_node(&left);
     close_head(NULL);
-    assert_true(dup2(shown, STDERR_FILENO) >= 0);
-    close(shown);
-    rewind(said);
-    for (int c; (c = fgetc(said)) != EOF;)
-        lines += c == '\n';
-    fclose(said);
+    lines = heard_lines();
     if (lines > 12)
         fail_msg("%d lines, %d handshakes", lines, finished);
     link_credentials_destroy(stranger);
