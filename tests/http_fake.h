@@ -81,7 +81,6 @@ FAKE_PLAIN(views)
 FAKE_PLAIN(recordings)
 FAKE_PLAIN(zones)
 FAKE_PLAIN(calibration_check)
-FAKE_BODY(view_create)
 FAKE_BODY(record)
 FAKE_BODY(zones_change)
 FAKE_BODY(snapshot)
@@ -103,9 +102,18 @@ static void fake_replay_release(void *arg)
     (void)arg;
 }
 
-static int fake_view_change(void *arg, const char *id, const json_t *body, struct sst_api_answer *out)
+static char fake_client[96]; /* of the last request about a view */
+
+static int fake_view_create(void *arg, const char *client, const json_t *body, struct sst_api_answer *out)
+{
+    snprintf(fake_client, sizeof(fake_client), "%s", client);
+    return fake_record(arg, body, out);
+}
+
+static int fake_view_change(void *arg, const char *client, const char *id, const json_t *body, struct sst_api_answer *out)
 {
     (void)arg;
+    snprintf(fake_client, sizeof(fake_client), "%s", client);
     return strcmp(id, "main") && strcmp(id, "v1") ? -ENOENT : fake_record(NULL, body, out);
 }
 

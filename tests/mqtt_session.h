@@ -82,11 +82,12 @@ static inline int record(void *arg, const json_t *request, struct sst_api_answer
     return 0;
 }
 
-static inline int view_change(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out)
+static inline int view_change(void *arg, const char *client, const char *id, const json_t *settings, struct sst_api_answer *out)
 {
     const json_t *px = json_object_get(settings, "focus_px");
 
     (void)arg;
+    assert_string_equal(client, "");
     assert_string_equal(id, "main");
     pthread_mutex_lock(&lock);
     if (json_is_null(px))

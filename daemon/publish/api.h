@@ -43,11 +43,14 @@ struct sst_api {
     int (*visit_picture)(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size);
     int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */
     int (*views)(void *live, struct sst_api_answer *out);
-    int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
-    int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);
+    /** @param client  whose view it is or may be, so that nobody changes those of others or has all; "": one that controls,
+     *  which may. The same for the verbs below */
+    int (*view_create)(void *live, const char *client, const json_t *settings, struct sst_api_answer *out);
+    /** -EPERM: it is another client's */
+    int (*view_change)(void *live, const char *client, const char *id, const json_t *settings, struct sst_api_answer *out);
     int (*pick)(void *live, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
     /** Remove the thing at {x, y} of the reference view from a view's clear picture, or bring it back. */
-    int (*view_remove)(void *live, const char *id, const json_t *request, struct sst_api_answer *out);
+    int (*view_remove)(void *live, const char *client, const char *id, const json_t *request, struct sst_api_answer *out);
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*zones)(void *arg, struct sst_api_answer *out);
     /** Other zones as a whole; the configuration file of the page is written and applied, or nothing happens. */

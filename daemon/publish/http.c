@@ -240,6 +240,7 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
         return err;
     }
     pthread_mutex_init(&http->lock, NULL);
+    pthread_mutex_init(&http->health.lock, NULL);
     http_tls_init(&http->pairs, http->count);
     sst_cond_init(&http->wake);
     err = start(http);
@@ -286,6 +287,7 @@ void sst_http_close(struct sst_http *http)
     http_auth_fini(&http->auth);
     http_tls_fini(&http->pairs);
     pthread_cond_destroy(&http->wake);
+    pthread_mutex_destroy(&http->health.lock);
     pthread_mutex_destroy(&http->lock);
     free(http);
 }

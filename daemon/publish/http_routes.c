@@ -6,7 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "daemon/publish/publish_internal.h"
+
+#define HEALTH_NS INT64_C(250000000) /* for which an answer of /healthz is good */
 
 /* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
 #define ROUTES(X)                                                                                                      \
@@ -75,17 +78,28 @@ static const struct sst_api *api_of(struct http_request *q)
     return q->http->cfg.api;
 }
 
+/* Anyone may ask, as often as they like: the status is composed for one of them, a few times a second. */
 static int healthz(struct http_request *q)
 {
+    struct http_health *h = &q->http->health;
     struct sst_api_answer out = { 0 };
-    const int err = api_of(q)->status(api_of(q)->arg, &out);
-    const char *state = err ? "failed" : json_string_value(json_object_get(out.body, "state"));
-    const bool ok = state && (!strcmp(state, "capturing") || !strcmp(state, "degraded"));
-    char *text = malloc(80);
+    const int64_t now_ns = sst_clock_now_ns();
+    const char *state;
+    char *text;
+    bool ok;
 
-    if (text)
-        snprintf(text, 80, "%.70s\n", ok ? "ok" : state ? state : "unknown");
-    json_decref(out.body);
+    pthread_mutex_lock(&h->lock);
+    if (now_ns >= h->until_ns) {
+        state = api_of(q)->status(api_of(q)->arg, &out) ? "failed"
+                                                         : json_string_value(json_object_get(out.body, "state"));
+        h->ok = state && (!strcmp(state, "capturing") || !strcmp(state, "degraded"));
+        snprintf(h->text, sizeof(h->text), "%.70s\n", h->ok ? "ok" : state ? state : "unknown");
+        h->until_ns = sst_clock_now_ns() + HEALTH_NS;
+        json_decref(out.body);
+    }
+    ok = h->ok;
+    text = strdup(h->text);
+    pthread_mutex_unlock(&h->lock);
     return http_reply_text(q, ok ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, "text/plain; charset=utf-8", text);
 }
 
@@ -152,7 +166,6 @@ static int calibration_check(struct http_request *q)
                                                                                                                        \
         return http_reply_answer(q, err, &out, what);                                                                  \
     }
-WITH_BODY(view_create, view_create, q->live, "view")
 WITH_BODY(snapshot, snapshot, api_of(q)->arg, "snapshot")
 WITH_BODY(record, record, api_of(q)->arg, "record")
 WITH_BODY(export, export_, api_of(q)->arg, "export")
@@ -172,8 +185,22 @@ static int publishers(struct http_request *q)
     return http_reply_answer(q, err, &out, "publisher");
 }
 
-static int change_view(struct http_request *q,
-                       int (*change)(void *live, const char *id, const json_t *body, struct sst_api_answer *out))
+/* Whose views a request may change: those of its session, else of its address. */
+static const char *client_of(const struct http_request *q)
+{
+    return q->role == SST_ROLE_CONTROL ? "" : q->session[0] ? q->session : q->who;
+}
+
+static int view_create(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    const int err = api_of(q)->view_create(q->live, client_of(q), q->body, &out);
+
+    return http_reply_answer(q, err, &out, "view");
+}
+
+static int change_view(struct http_request *q, int (*change)(void *live, const char *client, const char *id,
+                                                             const json_t *body, struct sst_api_answer *out))
 {
     struct sst_api_answer out = { 0 };
     int err;
@@ -182,7 +209,9 @@ static int change_view(struct http_request *q,
         return http_reply_error(q, MHD_HTTP_FORBIDDEN,
                                 "the main view is shared by all: changing it needs the control role; "
                                 "POST /api/v1/views makes a view of your own");
-    err = change(q->live, q->name, q->body, &out);
+    err = change(q->live, client_of(q), q->name, q->body, &out);
+    if (err == -EPERM)
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "%s", out.error);
     return http_reply_answer(q, err, &out, "view");
 }
 

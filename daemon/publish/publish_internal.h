@@ -223,6 +223,14 @@ struct http_connection { /* one connection; under sst_http.lock, deadline_ns by 
     size_t uri_bytes;
 };
 
+struct http_health { /* the last answer of /healthz */
+    pthread_mutex_t lock;
+    /* under lock */
+    int64_t until_ns; /* it is asked for again */
+    bool ok;
+    char text[80];
+};
+
 struct sst_http {
     /* fixed after open */
     struct sst_http_config cfg; /* numbers and api; its strings are valid during open only */
@@ -233,6 +241,7 @@ struct sst_http {
     struct http_listener tcp, local;
     struct http_auth auth;
     struct http_tls pairs;
+    struct http_health health;
     pthread_t reaper;
     bool reaping;
     /* under lock */

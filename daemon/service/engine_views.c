@@ -114,7 +114,29 @@ static int check_label_locked(struct live_engine *v, const struct view_settings 
     return 0;
 }
 
-int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out)
+/* A client that does not control leaves some to others. */
+static int check_share_locked(const struct live_engine *v, const char *client, char error[512])
+{
+    const int most = sst_max_int(v->config.web.views * 3 / 4, 1);
+    int own = 0;
+
+    for (int i = 0; i < VIEWS_MAX && client[0]; i++)
+        own += v->view[i].used && !strcmp(v->view[i].client, client);
+    if (own < most)
+        return 0;
+    return sst_api_refuse(error, -EOVERFLOW, "this client has %d views already, the rest of web: views is for others; close one",
+                          own);
+}
+
+/* @return 0, -EPERM */
+static int check_client(const struct view *e, const char *client, char error[512])
+{
+    if (!client[0] || !strcmp(e->client, client))
+        return 0;
+    return sst_api_refuse(error, -EPERM, "the view %s is another client's; create one, or use the control token", e->id);
+}
+
+int engine_view_create(void *engine, const char *client, const json_t *settings, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
     struct view_settings s;
@@ -133,8 +155,12 @@ int engine_view_create(void *engine, const json_t *settings, struct sst_api_answ
     if (!err)
         err = check_label_locked(v, &s, out->error);
     if (!err)
+        err = check_share_locked(v, client, out->error);
+    if (!err)
         err = add_locked(v, id, &s, &e);
-    if (err == -EOVERFLOW)
+    if (!err)
+        snprintf(e->client, sizeof(e->client), "%s", client);
+    if (err == -EOVERFLOW && !out->error[0])
         snprintf(out->error, sizeof(out->error),
                  "there are %d views already, more cost too much; close one, or raise web: views", v->config.web.views);
     out->body = err ? NULL : view_json_locked(v, e);
@@ -142,7 +168,8 @@ int engine_view_create(void *engine, const json_t *settings, struct sst_api_answ
     return err ? err : out->body ? 0 : -ENOMEM;
 }
 
-int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out)
+int engine_view_change(void *engine, const char *client, const char *id, const json_t *settings,
+                       struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
     struct view_settings s;
@@ -153,7 +180,9 @@ int engine_view_change(void *engine, const char *id, const json_t *settings, str
     e = find_locked(v, id);
     if (e) {
         s = e->settings;
-        err = view_settings_take(&s, settings, out->error);
+        err = check_client(e, client, out->error);
+        if (!err)
+            err = view_settings_take(&s, settings, out->error);
         if (!err)
             err = check_label_locked(v, &s, out->error);
     } else {
@@ -659,14 +688,23 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
     return request(engine, id, REQUEST_PICK, x, y, out);
 }
 
-int engine_remove(void *engine, const char *id, const json_t *body, struct sst_api_answer *out)
+int engine_remove(void *engine, const char *client, const char *id, const json_t *body, struct sst_api_answer *out)
 {
     static const char *const known[] = { "x", "y", "clear", NULL };
     const json_t *x = json_object_get(body, "x"), *y = json_object_get(body, "y"),
                  *clear = json_object_get(body, "clear");
+    struct live_engine *v = engine;
+    const struct view *e;
+    int err;
 
     if (sst_api_members(body, known, out->error))
         return -EINVAL;
+    pthread_mutex_lock(&v->lock);
+    e = find_locked(v, id);
+    err = e ? check_client(e, client, out->error) : 0; /* a view that has gone is reported below */
+    pthread_mutex_unlock(&v->lock);
+    if (err)
+        return err;
     if (clear && !json_is_boolean(clear))
         return sst_api_refuse(out->error, -EINVAL, "clear must be true or false");
     if (json_is_true(clear))

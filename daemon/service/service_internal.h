@@ -233,10 +233,11 @@ bool engine_has_shown(struct live_engine *v, int64_t t_ns, bool *watched);
 int engine_labels(void *engine, struct sst_api_answer *out);
 int engine_tracks(void *engine, struct sst_api_answer *out);
 int engine_views(void *engine, struct sst_api_answer *out);
-int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out);
-int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out);
+int engine_view_create(void *engine, const char *client, const json_t *settings, struct sst_api_answer *out);
+int engine_view_change(void *engine, const char *client, const char *id, const json_t *settings,
+                       struct sst_api_answer *out);
 int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out);
-int engine_remove(void *engine, const char *id, const json_t *request, struct sst_api_answer *out);
+int engine_remove(void *engine, const char *client, const char *id, const json_t *request, struct sst_api_answer *out);
 int engine_calibration_check(void *engine, struct sst_api_answer *out);
 int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_slot **out);
 
@@ -389,6 +390,7 @@ json_t *view_settings_json(const struct view_settings *s);
 struct view {
     bool used;
     char id[16];
+    char client[96]; /* that may change it; "": only those that control */
     struct view_settings settings;
     unsigned version;       /* of the settings */
     unsigned shown_version; /* version that its picture shows */

@@ -133,7 +133,7 @@ export class View {
       try {
         await post(`${source.base}/api/v1/views/${encodeURIComponent(this.id)}`, settings);
       } catch (error) {
-        if (error.status === 404) this.renew(this.settings);
+        if (error.status === 404 || (error.status === 403 && !this.shared)) this.renew(this.settings); // gone, or of a session before
         else if (error.status !== 0) this.notify("refused", error);
       }
     }

@@ -40,8 +40,9 @@ static int take_nothing(void *arg, bool dry_run, struct sst_api_answer *out)
     return give_nothing(arg, out);
 }
 
-static int make_nothing(void *arg, const json_t *settings, struct sst_api_answer *out)
+static int make_nothing(void *arg, const char *client, const json_t *settings, struct sst_api_answer *out)
 {
+    (void)client;
     (void)settings;
     return give_nothing(arg, out);
 }

@@ -75,14 +75,6 @@ static void every_route_for_everybody(void **state)
     }
 }
 
-static void main_view_takes_control(void **state)
-{
-    (void)state;
-    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(view), JSON), "{}"), 403);
-    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(control), JSON), "{}"), 200);
-    assert_int_equal(ask("POST", "/api/v1/views/nobody", with(bearer(control), JSON), "{}"), 404);
-}
-
 static void unknown_paths(void **state)
 {
     static const char *const paths[] = { "/nothing",
@@ -148,6 +140,25 @@ static void log_in(char secret[80], const char *token)
     snprintf(text, sizeof(text), "/?token=%s", token);
     assert_int_equal(ask("GET", text, "User-Agent: Browser/1 <b>\r\n", NULL), 303);
     cookie(secret);
+}
+
+static void main_view_takes_control(void **state)
+{
+    char guard[80];
+
+    (void)state;
+    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(view), JSON), "{}"), 403);
+    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(control), JSON), "{}"), 200);
+    assert_string_equal(fake_client, "");
+    assert_int_equal(ask("POST", "/api/v1/views/nobody", with(bearer(control), JSON), "{}"), 404);
+    /* Others have views of their session or address. */
+    assert_int_equal(ask("POST", "/api/v1/views", with(bearer(view), JSON), "{}"), 200);
+    assert_string_equal(fake_client, "127.0.0.1");
+    log_in(guard, view);
+    assert_int_equal(ask("POST", "/api/v1/views/v1", with(session(guard), JSON), "{}"), 200);
+    assert_int_equal(strlen(fake_client), 12);
+    assert_memory_equal(fake_client, guard, 12);
+    assert_int_equal(ask("POST", "/api/v1/views/v1", with(session(guard), JSON), "{\"fail\":-1}"), 403); /* -EPERM */
 }
 
 static void restart(void)
@@ -433,10 +444,16 @@ static void errors_of_the_service(void **state)
     assert_non_null(strstr(answer, "no camera r9c9"));
     assert_int_equal(ask("GET", "/api/v1/views/main/pick?x=nan&y=1", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/views/main/pick?x=1", bearer(view), NULL), 400);
+    api_calls = 0;
+    for (int i = 0; i < 100; i++)
+        (void)ask("GET", "/healthz", "", NULL);
+    assert_true(api_calls < 100); /* an answer is good for a while, unless each takes as long */
     fake_state = "armed";
+    sleep_ms(300);
     assert_int_equal(ask("GET", "/healthz", "", NULL), 503);
     assert_non_null(strstr(answer, "\r\n\r\narmed\n"));
     fake_state = "degraded";
+    sleep_ms(300);
     assert_int_equal(ask("GET", "/healthz", "", NULL), 200);
     assert_non_null(strstr(answer, "\r\n\r\nok\n"));
 }

@@ -35,6 +35,7 @@ static void be_still(struct player *p)
     assert_non_null(defaults);
     sst_config_defaults(defaults);
     b->config->live = defaults->live;
+    b->config->web.views = 4;
     free(defaults);
 }
 
@@ -220,6 +221,31 @@ static int64_t picture_ns(struct sst_slot *slot)
     return wall_ns;
 }
 
+/* Who only looks changes no view of others, and leaves some to them. */
+static void check_views_of(struct live_engine *engine)
+{
+    struct sst_api_answer out = { 0 };
+    json_t *none = json_object();
+    char id[16] = "";
+
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(engine_view_create(engine, "guard", NULL, &out), 0);
+        snprintf(id, sizeof(id), "%s", json_string_value(json_object_get(out.body, "id")));
+        json_decref(out.body);
+    }
+    assert_int_equal(engine_view_create(engine, "guard", NULL, &out), -EOVERFLOW);
+    assert_int_equal(engine_view_create(engine, "other", NULL, &out), 0);
+    json_decref(out.body);
+    assert_int_equal(engine_view_change(engine, "other", id, NULL, &out), -EPERM);
+    assert_int_equal(engine_remove(engine, "other", id, NULL, &out), -EPERM);
+    assert_int_equal(engine_view_change(engine, "other", "main", NULL, &out), -EPERM);
+    assert_int_equal(engine_view_change(engine, "guard", id, none, &out), 0);
+    json_decref(out.body);
+    assert_int_equal(engine_view_change(engine, "", id, none, &out), 0);
+    json_decref(out.body);
+    json_decref(none);
+}
+
 /* The clock of what plays waits for the first picture, and each picture has the time of its set, also where nothing moves. */
 static void the_clock_waits_for_pictures(void **state SST_UNUSED)
 {
@@ -270,6 +296,8 @@ static void the_clock_waits_for_pictures(void **state SST_UNUSED)
     }
     assert_true(picture_ns(slot) - from_ns >= (to_ns - from_ns) / 2 - 100 * MS);
     json_decref(s);
+    check_views_of(replay_take(p.replay));
+    replay_release(p.replay);
     sst_slot_leave(slot);
     sst_slot_unref(slot);
     replay_release(p.replay);
