@@ -437,11 +437,11 @@ static const struct sst_key keys[] = {
           "reduced recordings older than this are deleted; 0: no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "visits_days", INT, storage.visits_days, "30", LIVE,
-          "how long visits (what came into view, with two pictures) are kept; 0: they are not; about 100 kB each, not "
-          "counted in quota_gb"),
+          "how long visits (what came into view, with two pictures) are kept; 0: they are not; about 100 kB each, in "
+          "quota_gb, of which a tenth is theirs"),
       RANGE(0, 36500) },
     { KEY("storage", "quota_gb", DOUBLE, storage.quota_gb, "0", LIVE,
-          "maximum disk space of recordings, snapshots and exports; beyond it the oldest are deleted; 0: no limit"),
+          "maximum disk space of recordings, snapshots, exports and visits; beyond it the oldest are deleted; 0: no limit"),
       RANGE(0, 1e6) },
     { KEY("storage", "min_free_gb", DOUBLE, storage.min_free_gb, "2", LIVE, "disk space that is left free"),
       RANGE(0, 1e6) },

@@ -103,12 +103,26 @@ void service_record_view(struct sst_service *s)
     sst_slot_unref(slot);
 }
 
+static void count_visits(void *storage, int64_t bytes)
+{
+    sst_storage_aside(storage, bytes);
+}
+
+void service_limit_visits(struct sst_service *s)
+{
+    sst_visits_limit(s->visits, (int64_t)(s->config.storage.quota_gb * 1e9), count_visits, s->storage);
+}
+
 static int open_visits(struct sst_service *s)
 {
     char dir[SST_PATH_MAX];
-    const int err = sst_path_join(dir, s->config.storage.dir, "visits");
+    int err = sst_path_join(dir, s->config.storage.dir, "visits");
 
-    return err ? err : sst_visits_open(&s->visits, dir, s->config.storage.visits_days);
+    if (!err)
+        err = sst_visits_open(&s->visits, dir, s->config.storage.visits_days);
+    if (!err)
+        service_limit_visits(s);
+    return err;
 }
 
 static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)

@@ -349,6 +349,8 @@ void service_process(uint64_t *rss_bytes, int *descriptors);
 
 /** Pass the JPEG slot of the main view to storage, once there is one. */
 void service_record_view(struct sst_service *s);
+/** The share of visits, by the present configuration. */
+void service_limit_visits(struct sst_service *s);
 
 /* --- settings: settings of one view as JSON (docs/integrate/api.md). --- */
 

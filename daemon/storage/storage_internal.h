@@ -412,6 +412,7 @@ struct sst_storage {
     bool limit_quota;          /* it is the quota's, not that of the free space */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
+    int64_t aside_bytes;                        /* of others, in the quota */
     int64_t manual_bytes;                       /* up to this what was made by hand is removed last */
     uint64_t removed[SST_STORE_KINDS], deleted; /* because of the limits; by hand */
     uint64_t trimmed;                           /* segments removed from recordings because of the limits */

@@ -152,6 +152,13 @@ void *store_view_run(void *storage)
     return NULL;
 }
 
+void sst_storage_aside(struct sst_storage *s, int64_t bytes)
+{
+    pthread_mutex_lock(&s->lock);
+    s->aside_bytes = bytes;
+    pthread_mutex_unlock(&s->lock);
+}
+
 void sst_storage_view(struct sst_storage *s, struct sst_slot *slot)
 {
     pthread_mutex_lock(&s->lock);

@@ -3,10 +3,13 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -23,6 +26,8 @@
 #define PICTURE_MOST ((size_t)64 << 20)
 #define KEEP         "-keep" /* an empty file of this ending: the visit stays when its day is removed */
 #define BUSY_MS      3000
+#define SHARE        10 /* one part in this of the room is that of visits */
+#define SLACK        20 /* one part in this of the share is free after a removal */
 
 struct job {
     char name[NAME_LENGTH + 1];
@@ -36,6 +41,8 @@ struct sst_visits {
     char start[SST_CLOCK_TEXT];
     pthread_t thread;
     bool failed;           /* writer's: the last file could not be written */
+    int64_t bytes;         /* under files: of all visits; and whether those kept for good fill the share: */
+    bool full;
     char swept[DAY + 1];   /* writer's: day of the last removal of old ones */
     pthread_mutex_t files; /* held while files are written or removed */
     pthread_mutex_t lock;
@@ -43,6 +50,10 @@ struct sst_visits {
     /* under lock */
     struct job job[WAITING];
     int jobs, days;
+    int64_t room_bytes; /* 0: that of the disk */
+    void (*report)(void *arg, int64_t bytes);
+    void *report_arg;
+    bool limited, relimited; /* there is a share; it is another one, or visits were deleted */
     bool stop, ended;
 };
 
@@ -98,9 +109,17 @@ static int append(const char *path, const void *data, size_t bytes, bool first)
     return err;
 }
 
-static int write_job(const struct sst_visits *v, const struct job *job)
+static int64_t size_of(const char *path)
+{
+    struct stat st;
+
+    return stat(path, &st) ? 0 : (int64_t)st.st_size;
+}
+
+static int write_job(struct sst_visits *v, const struct job *job)
 {
     char path[SST_PATH_MAX];
+    int64_t before;
     int err = day_path(path, v, job->name, NULL);
 
     err = err ? err : sst_path_make_dir(v->dir);
@@ -110,8 +129,11 @@ static int write_job(const struct sst_visits *v, const struct job *job)
                                : file_path(path, v, job->name, picture_files[job->picture]);
     if (err)
         return err;
-    return job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
-                            : sst_file_write(path, job->data, job->bytes);
+    before = size_of(path);
+    err = job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
+                           : sst_file_write(path, job->data, job->bytes);
+    v->bytes += size_of(path) - before;
+    return err;
 }
 
 static int by_name_backwards(const void *a, const void *b)
@@ -159,20 +181,30 @@ static bool is_kept(const struct sst_visits *v, const char *visit)
     return !file_path(path, v, visit, KEEP) && !access(path, F_OK);
 }
 
-static void remove_files(const struct sst_visits *v, const char *visit)
+/* @return bytes that are free now */
+static int64_t remove_files(struct sst_visits *v, const char *visit)
 {
     static const char *const endings[] = { "-camera.jpg", "-seen.jpg", KEEP };
     char path[SST_PATH_MAX];
+    int64_t freed = 0;
 
-    for (size_t i = 0; i < ARRAY_LEN(endings); i++)
-        if (!file_path(path, v, visit, endings[i]))
-            (void)unlink(path);
+    for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
+        if (file_path(path, v, visit, endings[i]))
+            continue;
+        freed += size_of(path);
+        (void)unlink(path);
+    }
+    v->bytes -= freed;
+    return freed;
 }
 
 /* Write a day's lines again without those of one visit, or (visit NULL) with those of kept ones only, and remove the
- * others' files. @param kept  out, lines that stay @return 0, or of reading or writing; not logged */
-static int thin(const struct sst_visits *v, const char *day, const char *visit, int *kept)
+ * others' files. @param least  remove the oldest others only, until this number of bytes is free @param kept  out, lines
+ * that stay @return 0, or of reading or writing; not logged */
+static int thin(struct sst_visits *v, const char *day, const char *visit, int64_t least, int *kept)
 {
+    json_t *gone = json_object();
+    int64_t freed = 0;
     char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held, *next = NULL;
     uint8_t *data = NULL;
     char *left;
@@ -187,36 +219,60 @@ static int thin(const struct sst_visits *v, const char *day, const char *visit, 
     for (char *line = err ? NULL : strtok_r((char *)data, "\n", &next); line; line = strtok_r(NULL, "\n", &next)) {
         json_t *o = json_loads(line, 0, NULL);
         const char *name = text_of(o, "visit");
-        const bool stays = is_name(name) && (visit ? strcmp(name, visit) != 0 : is_kept(v, name));
+        const bool stays = is_name(name) && (visit ? strcmp(name, visit) != 0
+                                                   : is_kept(v, name) || (freed >= least && !json_object_get(gone, name)));
 
         if (stays) {
             n += (size_t)snprintf(left + n, size + 1 - n, "%s\n", line);
             ++*kept;
         } else if (is_name(name)) {
-            remove_files(v, name);
+            freed += remove_files(v, name) + (int64_t)strlen(line) + 1;
+            json_object_set_new(gone, name, json_true());
         }
         json_decref(o);
     }
     err = err ? err : sst_file_write(path, left, n);
+    v->bytes -= err ? 0 : (int64_t)size - (int64_t)n;
     sst_log_hold_errors(held);
+    json_decref(gone);
     free(left);
     free(data);
     return err;
 }
 
-static bool has_kept(const char *day)
+static int count_kept(const char *day)
 {
     DIR *dir = opendir(day);
-    bool found = false;
+    int found = 0;
 
-    for (const struct dirent *e; dir && !found && (e = readdir(dir));) {
+    for (const struct dirent *e; dir && (e = readdir(dir));) {
         const size_t n = strlen(e->d_name), m = strlen(KEEP);
 
-        found = n > m && !strcmp(e->d_name + n - m, KEEP);
+        found += n > m && !strcmp(e->d_name + n - m, KEEP);
     }
     if (dir)
         closedir(dir);
     return found;
+}
+
+static int64_t bytes_in(const char *day)
+{
+    DIR *dir = opendir(day);
+    char path[SST_PATH_MAX];
+    int64_t bytes = 0;
+
+    for (const struct dirent *e; dir && (e = readdir(dir));)
+        if (e->d_name[0] != '.' && !sst_path_join(path, day, e->d_name))
+            bytes += size_of(path);
+    if (dir)
+        closedir(dir);
+    return bytes;
+}
+
+static void remove_day(struct sst_visits *v, const char *day)
+{
+    v->bytes -= bytes_in(day);
+    sst_path_remove_tree(day);
 }
 
 /* Once for each day that something is stored in. */
@@ -235,11 +291,79 @@ static void remove_old(struct sst_visits *v, const char *name, int days)
 
         /* A day that cannot be read has nothing that can be shown. */
         if (strncmp(day[i], oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]) &&
-            (!has_kept(path) || (!thin(v, day[i], NULL, &kept) && !kept)))
-            sst_path_remove_tree(path);
+            (!count_kept(path) || (!thin(v, day[i], NULL, INT64_MAX, &kept) && !kept)))
+            remove_day(v, path);
         free(day[i]);
     }
     free(day);
+}
+
+/* The share of visits; 0: no limit is known. */
+static int64_t share_of(struct sst_visits *v)
+{
+    struct statvfs disk;
+    int64_t room;
+    bool limited;
+
+    pthread_mutex_lock(&v->lock);
+    room = v->room_bytes;
+    limited = v->limited;
+    pthread_mutex_unlock(&v->lock);
+    if (limited && !room && !statvfs(v->dir, &disk))
+        room = (int64_t)fmin((double)disk.f_blocks * (double)disk.f_frsize, 9e18);
+    return limited ? room / SHARE : 0;
+}
+
+/* Beyond the share the oldest go. Under files. */
+static void apply_share(struct sst_visits *v)
+{
+    const int64_t share = share_of(v), goal = share - share / SLACK;
+    char **day = NULL, path[SST_PATH_MAX];
+    int n, marked = 0, kept;
+    bool full;
+
+    if (!share || v->bytes <= share)
+        return;
+    n = list_days(v, &day);
+    for (int i = n; i-- > 0;) { /* the oldest first */
+        kept = 0;
+        if (sst_path_join(path, v->dir, day[i]))
+            path[0] = 0;
+        if (v->bytes > goal && !(v->full && i) && !thin(v, day[i], NULL, v->bytes - goal, &kept) && !kept)
+            remove_day(v, path);
+        marked += count_kept(path);
+        free(day[i]);
+    }
+    free(day);
+    full = v->bytes > share;
+    if (full && !v->full)
+        sst_log_warning("%d visits that are kept for good in %s take %.3g GB, more than the tenth of the room that "
+                        "visits have: others are not stored; delete some, or raise storage.quota_gb",
+                        marked, v->dir, (double)v->bytes * 1e-9);
+    v->full = full;
+}
+
+/* Under files. */
+static void count_all(struct sst_visits *v)
+{
+    char **day = NULL, path[SST_PATH_MAX];
+    const int n = list_days(v, &day);
+
+    v->bytes = 0;
+    for (int i = 0; i < n; i++) {
+        if (!sst_path_join(path, v->dir, day[i]))
+            v->bytes += bytes_in(path);
+        free(day[i]);
+    }
+    free(day);
+}
+
+static void report(struct sst_visits *v, int64_t bytes)
+{
+    pthread_mutex_lock(&v->lock); /* held: nobody is called after sst_visits_close() */
+    if (v->report && !v->stop)
+        v->report(v->report_arg, bytes);
+    pthread_mutex_unlock(&v->lock);
 }
 
 static void *run(void *arg)
@@ -248,13 +372,28 @@ static void *run(void *arg)
     char why[SST_LOG_MAX];
 
     sst_thread_name("sst-visits");
+    pthread_mutex_lock(&v->files);
+    count_all(v);
+    pthread_mutex_unlock(&v->files);
     pthread_mutex_lock(&v->lock);
     while (!v->stop || v->jobs) {
         struct job job;
         int days = v->days, err;
+        int64_t bytes;
 
+        if (v->relimited) {
+            v->relimited = false;
+            pthread_mutex_unlock(&v->lock);
+            pthread_mutex_lock(&v->files);
+            apply_share(v);
+            bytes = v->bytes;
+            pthread_mutex_unlock(&v->files);
+            report(v, bytes);
+            pthread_mutex_lock(&v->lock);
+        }
         if (!v->jobs) {
-            pthread_cond_wait(&v->changed, &v->lock);
+            if (!v->stop && !v->relimited)
+                pthread_cond_wait(&v->changed, &v->lock);
             continue;
         }
         job = v->job[0];
@@ -269,7 +408,10 @@ static void *run(void *arg)
                             v->dir, strerror(-err));
         v->failed = err;
         remove_old(v, job.name, days);
+        apply_share(v);
+        bytes = v->bytes;
         pthread_mutex_unlock(&v->files);
+        report(v, bytes);
         free(job.data);
         pthread_mutex_lock(&v->lock);
     }
@@ -308,6 +450,17 @@ void sst_visits_configure(struct sst_visits *v, int days)
 {
     pthread_mutex_lock(&v->lock);
     v->days = days;
+    pthread_mutex_unlock(&v->lock);
+}
+
+void sst_visits_limit(struct sst_visits *v, int64_t room_bytes, void (*changed)(void *arg, int64_t bytes), void *arg)
+{
+    pthread_mutex_lock(&v->lock);
+    v->room_bytes = room_bytes;
+    v->report = changed;
+    v->report_arg = arg;
+    v->limited = v->relimited = true;
+    pthread_cond_broadcast(&v->changed);
     pthread_mutex_unlock(&v->lock);
 }
 
@@ -523,6 +676,7 @@ int sst_visits_keep(struct sst_visits *v, const char *visit, bool keep)
         if (fd >= 0)
             close(fd);
     }
+    v->full = v->full && keep; /* else there is something to remove again */
     pthread_mutex_unlock(&v->files);
     return err;
 }
@@ -539,9 +693,14 @@ int sst_visits_delete(struct sst_visits *v, const char *visit)
     err = !err && active ? -EINPROGRESS : err;
     if (!err) {
         snprintf(day, sizeof(day), "%.*s", DAY, visit);
-        err = thin(v, day, visit, &left);
+        err = thin(v, day, visit, INT64_MAX, &left);
+        v->full = false;
     }
     pthread_mutex_unlock(&v->files);
+    pthread_mutex_lock(&v->lock);
+    v->relimited |= v->limited; /* the bytes are reported */
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
     return err;
 }
 
@@ -554,6 +713,7 @@ void sst_visits_close(struct sst_visits *v, int wait_ms)
         return;
     pthread_mutex_lock(&v->lock);
     v->stop = true;
+    v->report = NULL;
     pthread_cond_broadcast(&v->changed);
     while (!v->ended && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;

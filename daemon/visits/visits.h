@@ -25,6 +25,15 @@ enum sst_visit_picture {
 SST_MUST_CHECK int sst_visits_open(struct sst_visits **out, const char *dir, int days);
 void sst_visits_configure(struct sst_visits *v, int days);
 
+/**
+ * Keep all visits within a share of the disk: beyond it the oldest that are not marked by sst_visits_keep() are removed. If
+ * the marked ones alone exceed it, that is logged with their number once, and others are not stored.
+ *
+ * @param room_bytes  of which a tenth is theirs; 0: the disk
+ * @param changed     called with the bytes that they take, from the thread that writes, until sst_visits_close(); NULL: not
+ */
+void sst_visits_limit(struct sst_visits *v, int64_t room_bytes, void (*changed)(void *arg, int64_t bytes), void *arg);
+
 /** Store a visit: the data of its event. Returns at once; while the disk hangs the oldest that wait are dropped.
  *  @param data  borrowed; its `visit` is the name, which begins with the day */
 void sst_visits_put(struct sst_visits *v, const json_t *data);

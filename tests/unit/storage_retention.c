@@ -258,6 +258,35 @@ static void snapshots_never_fill_the_room(void **state)
     catalog_fini(&found);
 }
 
+/* What visits take is no room for recordings and snapshots. */
+static void what_others_take_counts(void **state)
+{
+    char name[SST_STORE_NAME];
+    struct bench b;
+    int err;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->storage.quota_gb = 1e6 / 1e9;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    bench_put_pictures(&b, 2, sst_clock_now_ns());
+    for (int i = 0; i < 2; i++) {
+        err = sst_storage_snapshot(b.storage, NULL, 0, name);
+        for (int wait = 0; (err == -ENOSPC || err == -EBUSY) && wait < 60000; wait++) {
+            usleep(1000);
+            err = sst_storage_snapshot(b.storage, NULL, 0, name);
+        }
+        assert_int_equal(err, 0);
+    }
+    bench_wait(&b, NULL, "snapshots", 2);
+    assert_int_equal(bench_number(&b, NULL, "removed"), 0);
+    sst_storage_aside(b.storage, 995000);
+    bench_wait(&b, NULL, "removed", 1);
+    bench_wait(&b, NULL, "used_bytes", 995000);
+    bench_fini(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -267,6 +296,7 @@ int main(void)
         TEST(what_an_unset_clock_stamped_goes_with_what_came_next),
         TEST(videos_for_downloads_have_their_part_of_the_room),
         TEST(snapshots_never_fill_the_room),
+        TEST(what_others_take_counts),
     };
     const int rc = begin_tests(WITH_AVFORMAT);
 

@@ -1,5 +1,6 @@
 /* daemon/visits: what came and went, kept on disk, listed, and removed in time. */
 #include <errno.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -292,9 +293,83 @@ static void nothing_is_kept_without_days_or_room(void **state)
     sst_visits_close(v, 5000);
 }
 
+static SST_ATOMIC(int64_t) taken; /* bytes, as reported */
+
+static void note_bytes(void *arg, int64_t bytes)
+{
+    (void)arg;
+    atomic_store(&taken, bytes);
+}
+
+static bool is_listed(struct sst_visits *v, const char *name)
+{
+    json_t *o = list(v, &(struct sst_visits_query){ .limit = 1000 });
+    bool found = false;
+
+    for (size_t i = 0; i < json_array_size(o); i++)
+        found |= !strcmp(text(o, i, "visit"), name);
+    json_decref(o);
+    return found;
+}
+
+static void store_with_picture(struct sst_visits *v, char out[64], int64_t ago_s, unsigned id)
+{
+    uint8_t *jpeg = calloc(1, 10000);
+
+    assert_non_null(jpeg);
+    store(v, out, ago_s, id, true, "Car", "street");
+    sst_visits_put_picture(v, out, SST_VISIT_SEEN, jpeg, 10000);
+    store(v, out, ago_s, id, false, "Car", "street");
+}
+
+/* A tenth of the room is that of visits: the oldest go, those that are kept for good do not. */
+static void visits_stay_within_their_share(void **state)
+{
+    char name[12][64], more[64];
+    struct sst_visits *v;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, test_path("share"), 30), 0);
+    for (int i = 0; i < 8; i++) /* of two days */
+        store_with_picture(v, name[i], (8 - i) * 11000, (unsigned)i + 1);
+    wait_for(v, 8);
+    assert_int_equal(sst_visits_keep(v, name[1], true), 0);
+    sst_visits_limit(v, 450000, note_bytes, NULL);
+    wait_for(v, 4);
+    assert_true(is_listed(v, name[1]) && is_listed(v, name[7]) && is_listed(v, name[5]) && !is_listed(v, name[0]));
+    for (int i = 0; i < 1000 && (atomic_load(&taken) > 45000 || !atomic_load(&taken)); i++)
+        usleep(5000);
+    assert_in_range(atomic_load(&taken), 40000, 45000);
+    sst_visits_close(v, 60000);
+
+    /* What is there is counted at the next start. */
+    assert_int_equal(sst_visits_open(&v, test_path("share"), 30), 0);
+    sst_visits_limit(v, 450000, note_bytes, NULL);
+    for (int i = 8; i < 12; i++)
+        store_with_picture(v, name[i], 100 - i, (unsigned)i + 1);
+    for (int i = 0; i < 12000 && (!is_listed(v, name[11]) || is_listed(v, name[8])); i++)
+        usleep(5000);
+    assert_true(is_listed(v, name[1]) && is_listed(v, name[11]) && !is_listed(v, name[7]) && !is_listed(v, name[8]));
+
+    /* Those that are kept fill it: that is reported, and room is made again by deleting one. */
+    for (int i = 9; i < 12; i++)
+        assert_int_equal(sst_visits_keep(v, name[i], true), 0);
+    store_with_picture(v, more, 10, 20);
+    for (int i = 0; i < 12000 && is_listed(v, more); i++)
+        usleep(5000);
+    assert_true(is_listed(v, name[1]) && is_listed(v, name[9]) && is_listed(v, name[11]));
+    assert_int_equal(sst_visits_delete(v, name[1]), 0);
+    store_with_picture(v, more, 5, 21);
+    for (int i = 0; i < 12000 && !is_listed(v, more); i++)
+        usleep(5000);
+    assert_true(is_listed(v, more) && is_listed(v, name[11]));
+    sst_visits_close(v, 60000);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(visits_stay_within_their_share),
         cmocka_unit_test(visits_are_kept_and_listed),    cmocka_unit_test(a_killed_service_leaves_no_visitors),
         cmocka_unit_test(old_ones_are_removed),          cmocka_unit_test(nothing_is_kept_without_days_or_room),
         cmocka_unit_test(a_kept_visit_outlives_its_day), cmocka_unit_test(a_visit_is_deleted_for_good),
