@@ -424,6 +424,40 @@ static void test_timeout(void **state)
     free(data);
 }
 
+/* A convolution of n inputs over 5x5 pixels, on floats, against the CPU; the report afterwards. */
+static struct sst_network_device_report run_long(int n)
+{
+    const struct conv c1 = { 3, n, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
+    const struct conv c2 = { n, 4, { 5, 5 }, { 1, 1 }, { 1, 1 }, { 2, 2, 2, 2 }, 1 };
+    struct image in = random_image(3, 4, 4), got, want;
+    struct sst_network_device_report r;
+    struct sst_network_device *d;
+    struct ow_buf graph = { 0 }, model;
+
+    nets_add_conv(&graph, "c1", &c1, "x", "a");
+    nets_add_conv(&graph, "c2", &c2, "a", "y");
+    model = nets_finish(&graph, 3, 4, NULL);
+    assert_int_equal(sst_network_device_open(&d, "lavapipe", 0), 0);
+    got = nets_run(&model, &in, SST_PRECISION_F32, d);
+    want = nets_run(&model, &in, SST_PRECISION_F32, NULL);
+    expect_image(&got, &want, 1e-5);
+    sst_network_device_get_report(d, &r);
+    sst_network_device_close(d);
+    free(model.p), free(in.d), free(got.d), free(want.d);
+    return r;
+}
+
+/* Lavapipe leaves loops after 65,535 passes: the longest that are allowed have the CPU's results, longer ones are the CPU's. */
+static void test_longest(void **state SST_UNUSED)
+{
+    struct sst_network_device_report r = run_long(1308);
+
+    assert_int_equal(r.runs, 1);
+    r = run_long(2048);
+    assert_int_equal(r.runs, 0);
+    assert_contains(r.why, "more than 32768 numbers");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -431,7 +465,7 @@ int main(void)
         cmocka_unit_test(test_pictures),        cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
         cmocka_unit_test(test_second),          cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
         cmocka_unit_test(test_labels),          cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),
-        cmocka_unit_test(test_frames_in_bands),
+        cmocka_unit_test(test_frames_in_bands), cmocka_unit_test(test_longest),
     };
     glob_t drivers;
 

@@ -194,7 +194,13 @@ const char *disparity_device_refuses(const struct disparity_run *run)
     if (!cfg->raw && cfg->support_arm && cfg->support_after)
         return "costs are aggregated after the optimisation";
     /* As all_steps() has it. */
-    return run->shape.steps + 64 > SST_GPU_MATCH_STEPS ? "too many disparities" : NULL;
+    if (run->shape.steps + 64 > SST_GPU_MATCH_STEPS)
+        return "too many disparities";
+    /* A path makes a pass for each pixel, and one for each 128 of its disparities: docs/design/gpu.md, Rules. */
+    return (int64_t)sst_max_int(run->shape.width, run->shape.height) * (1 + (run->shape.steps + 64 + 127) / 128) >
+                   SST_GPU_MATCH_PASSES
+               ? "sides that are too long for so many disparities"
+               : NULL;
 }
 
 void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why)

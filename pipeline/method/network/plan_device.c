@@ -15,6 +15,11 @@
 
 #define NONE       (-1)
 #define MAX_GROUPS 65535 /* that every device has along an axis */
+/* Lavapipe of Mesa 22.3 leaves all loops of an invocation after 65,535 passes in sum, without an error: no layer comes near it. A slab of
+ * 8 words is at most 12 passes of net_conv; on 8 bits MAX_PRODUCTS (plan_bits.c) is less than this allows. */
+#define MAX_PASSES       49152
+#define MAX_WORDS_FLOATS (MAX_PASSES / 12 * SST_GPU_NET_SLAB) /* inputs of a result */
+#define MAX_POOLED       (MAX_PASSES * 64)                    /* pixels of a mean: 64 invocations share them */
 
 /** A value in one layout. */
 struct tensor {
@@ -309,6 +314,8 @@ static int add_conv(struct building *b, const struct sst_op *op)
     if (op->group != 1 || !fits_pair(op->kernel) || !fits_pair(op->stride) || !fits_pair(op->pad_before) ||
         !fits_pair(op->dilation))
         return unsupported(b, "a convolution in groups, or of absurd sizes");
+    if (!on8 && (int64_t)((op->group_in + 3) / 4 * 4) * op->kernel[0] * op->kernel[1] > MAX_WORDS_FLOATS)
+        return unsupported(b, "a convolution of more than 32768 numbers for a result");
     from = on8 ? in_8_bits(b, op->in[0]) : in_f32(b, op->in[0]);
     if (from < 0)
         return from;
@@ -412,6 +419,12 @@ static int add_unit(struct building *b, const struct sst_op *op)
     return 0;
 }
 
+/* Pixels of the largest mean. */
+static int64_t most_pooled(struct sst_shape in, struct sst_shape out)
+{
+    return (int64_t)(in.h / out.h + 2) * (in.w / out.w + 2);
+}
+
 static int add_op(struct building *b, const struct sst_op *op)
 {
     switch (op->kind) {
@@ -420,6 +433,8 @@ static int add_op(struct building *b, const struct sst_op *op)
     case SST_OP_CONCAT:
         return add_concat(b, op);
     case SST_OP_ADAPTIVE_POOL:
+        if (most_pooled(b->shapes[op->in[0]], b->shapes[op->out]) > MAX_POOLED)
+            return unsupported(b, "a mean of more than 3 million pixels");
         return add_to_floats(b, op, SST_GPU_NET_POOL);
     case SST_OP_RESIZE:
         return add_to_floats(b, op, SST_GPU_NET_RESIZE);
