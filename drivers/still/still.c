@@ -12,6 +12,7 @@
 #include "drivers/still/still_internal.h"
 
 #define BUSY_MS     100 /* between two tries */
+#define SILENT_MS   50  /* what the camera has to announce comes within this time */
 #define MS          1000000LL
 #define DOWNLOADS   2
 #define LOW_PERCENT 20 /* of the battery: worth a warning */
@@ -74,7 +75,8 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
 static int expose(struct sst_still *s, int64_t *release_ns)
 {
     const int64_t left_ns = s->unsure_ns - sst_clock_now_ns();
-    int err = still_drain(s, 1, left_ns <= s->cfg.quiet_ms * MS / 2 ? s->unsure_ns : 0); /* shorter than to watch */
+    int err =
+        still_drain(s, SILENT_MS, left_ns <= s->cfg.quiet_ms * MS / 2 ? s->unsure_ns : 0); /* shorter than to watch */
 
     if (!err && s->cfg.mirror_ms > 0) {
         err = release(s, "lifting the mirror", release_ns);

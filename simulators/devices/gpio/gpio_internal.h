@@ -78,7 +78,7 @@ SST_MUST_CHECK int gpio_file_create(struct sst_sim_gpio_file **out, struct sst_s
 /** Update the levels of all wires after a change of outputs, and generate the resulting edges. */
 void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns);
 /** As programs see it. */
-const char *gpio_chip_label(const struct sst_sim_gpio *gpio, int chip);
+const char *gpio_shown_label(const struct sst_sim_gpio *gpio, int chip);
 void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, struct gpio_v2_line_info *out);
 bool gpio_line_value(const struct sst_sim_gpio *gpio, const struct gpio_line *line); /* logical */
 

@@ -214,7 +214,7 @@ static const struct gpio_chip *twin(const struct sst_sim_gpio *gpio)
     return NULL;
 }
 
-const char *gpio_chip_label(const struct sst_sim_gpio *gpio, int chip)
+const char *gpio_shown_label(const struct sst_sim_gpio *gpio, int chip)
 {
     const struct gpio_chip *as = twin(gpio);
 

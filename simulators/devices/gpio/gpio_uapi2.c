@@ -198,7 +198,7 @@ static int chip_info(const struct sst_sim_gpio_file *file, struct gpiochip_info 
 
     memset(info, 0, sizeof(*info));
     memcpy(info->name, chip->name, sizeof(info->name));
-    memcpy(info->label, gpio_chip_label(file->gpio, file->chip), sizeof(info->label));
+    memcpy(info->label, gpio_shown_label(file->gpio, file->chip), sizeof(info->label));
     info->lines = (uint32_t)chip->lines;
     return 0;
 }
