@@ -31,7 +31,7 @@ static bool is_known(const struct sst_still *s, const struct still_path *path)
     return false;
 }
 
-static int know(struct sst_still *s, const struct still_path *path)
+int still_know(struct sst_still *s, const struct still_path *path)
 {
     if (is_known(s, path))
         return 0;
@@ -106,7 +106,7 @@ static int pass_over(struct sst_still *s, const struct still_path *path)
         return still_failed(s, err, path->name);
     if (err) {
         again = is_known(s, path);
-        err = know(s, path);
+        err = still_know(s, path);
     } else {
         again = still_seen(s, data, bytes);
         if (!again)
@@ -153,7 +153,7 @@ static int add_file(struct sst_still *s, const struct still_path *path, int want
             return 0;
     if (s->paths == wanted) {
         const struct still_path first = s->path[0];
-        const int err = know(s, &first);
+        const int err = still_know(s, &first);
 
         if (err)
             return err;

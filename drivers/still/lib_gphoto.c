@@ -328,6 +328,8 @@ int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *pa
         event = STILL_FILE;
     } else if (type == GP_EVENT_CAPTURE_COMPLETE) {
         event = STILL_COMPLETE;
+    } else if (type != GP_EVENT_TIMEOUT) {
+        event = STILL_OTHER;
     }
     free(data);
     return event;

@@ -292,15 +292,20 @@ int sst_still_capture(struct sst_still *s, struct sst_still_shot *shot)
 void sst_still_release_files(struct sst_still *s, struct sst_still_shot *shot)
 {
     free_files(shot);
-    for (int i = 0; i < s->paths && s->lib && !s->cfg.keep; i++) {
-        const int err = still_lib_delete(s->lib, &s->path[i]);
+    s->done_count = 0;
+    for (int i = 0; i < s->paths && s->lib; i++) {
+        const int err = s->cfg.keep ? -EEXIST : still_lib_delete(s->lib, &s->path[i]);
 
-        if (err)
+        if (!err) {
+            s->done[s->done_count++] = s->path[i];
+            continue;
+        }
+        if (!s->cfg.keep)
             sst_log_warning("still camera %s: %s stays on its card: %s", s->serial, s->path[i].name,
                             still_lib_said(s->lib));
+        if (still_know(s, &s->path[i]))
+            s->unsure_ns = INT64_MAX;
     }
-    memcpy(s->done, s->path, sizeof(s->done));
-    s->done_count = s->paths;
     s->paths = 0;
 }
 

@@ -31,6 +31,7 @@ enum still_event {
     STILL_NOTHING = 0,
     STILL_FILE = 1,
     STILL_COMPLETE = 2,
+    STILL_OTHER = 3, /* more may follow at once */
 };
 
 /*
@@ -81,7 +82,7 @@ struct sst_still {
     int64_t unsure_ns;        /* until then files of an earlier release may be announced */
     struct still_path *known; /* [known_count]: on the card when it was opened, or passed over */
     int known_count, known_room;
-    struct still_path done[SST_STILL_FILES_MAX]; /* of the exposure before; a camera may use their names again */
+    struct still_path done[SST_STILL_FILES_MAX]; /* deleted after the last exposure; their names may come again */
     int done_count;
     struct {
         size_t bytes; /* 0: none */
@@ -97,6 +98,8 @@ void still_sleep_ms(int ms);
 /* announced.c */
 /** After opening: what is on the card belongs to no exposure of this session. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_card_read(struct sst_still *s);
+/** A file that stays on the card belongs to no later exposure. @return 0 or -ENOMEM, logged */
+SST_MUST_CHECK int still_know(struct sst_still *s, const struct still_path *path);
 /** What the camera still announces, until then and until it announces nothing for timeout_ms, is no part of the next
  *  exposure. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_drain(struct sst_still *s, int timeout_ms, int64_t until_ns);
