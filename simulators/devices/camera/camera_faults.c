@@ -31,6 +31,7 @@ const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
     [SST_SIM_FAULT_LEAD] = { "lead", 0, 64, "bytes of something else before each frame" },
     [SST_SIM_FAULT_FIELD] = { "field", 0, 19, "enum v4l2_field that buffers have, and plus 10 formats too; 0: progressive" },
     [SST_SIM_FAULT_PARM_ERRNO] = { "parm_errno", 0, 133, "S_PARM fails with this errno" },
+    [SST_SIM_FAULT_MPLANE] = { "mplane", 0, 1, "1: the node has the multi-planar API alone, with one plane" },
     [SST_SIM_FAULT_SAME_STAMP] = { "same_stamp", 0, 1, "1: the stamp of the first frame for all" },
     [SST_SIM_FAULT_SLOW_OPEN_MS] = { "slow_open_ms", 0, 60000, "open() takes this long" },
 };

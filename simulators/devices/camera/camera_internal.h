@@ -99,6 +99,9 @@ struct sim_queue {
     struct sim_request *waiter; /* a blocking DQBUF */
 };
 
+/** Type of its buffers. Arguments of the multi-planar API arrive in the layout of the other one, with their type. */
+uint32_t sim_cam_type(const struct sim_cam *cam);
+
 /** Handle a buffer or streaming ioctl. @return -ENOTTY: none of them */
 int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
 int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r);
@@ -140,6 +143,7 @@ enum sim_cam_fault {
     SST_SIM_FAULT_LEAD,
     SST_SIM_FAULT_FIELD,
     SST_SIM_FAULT_PARM_ERRNO,
+    SST_SIM_FAULT_MPLANE,
     SST_SIM_FAULT_SAME_STAMP,
     SST_SIM_FAULT_SLOW_OPEN_MS,
     SST_SIM_FAULTS_OF_CAMERA,

@@ -96,14 +96,14 @@ void sim_cam_formats_reset(struct sim_cam *cam)
     cam->interval = (struct v4l2_fract){ 1, 30 };
 }
 
-static int enum_format(struct v4l2_fmtdesc *d)
+static int enum_format(const struct sim_cam *cam, struct v4l2_fmtdesc *d)
 {
     const uint32_t index = d->index;
 
-    if (d->type != V4L2_BUF_TYPE_VIDEO_CAPTURE || index >= ARRAY_LEN(formats))
+    if (d->type != sim_cam_type(cam) || index >= ARRAY_LEN(formats))
         return -EINVAL;
     *d = (struct v4l2_fmtdesc){ .index = index,
-                                .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                .type = d->type,
                                 .pixelformat = formats[index].fourcc,
                                 .flags = formats[index].bits ? 0 : V4L2_FMT_FLAG_COMPRESSED };
     (void)snprintf((char *)d->description, sizeof(d->description), "%s", formats[index].name);
@@ -139,7 +139,7 @@ static int enum_interval(const struct sim_cam *cam, struct v4l2_frmivalenum *e)
 
 static int set_format(struct sim_cam *cam, struct v4l2_format *f, bool keep)
 {
-    if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+    if (f->type != sim_cam_type(cam))
         return -EINVAL;
     adjust(cam, &f->fmt.pix);
     if (!keep)
@@ -152,17 +152,17 @@ static int set_format(struct sim_cam *cam, struct v4l2_format *f, bool keep)
 
 static int get_format(const struct sim_cam *cam, struct v4l2_format *f)
 {
-    if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+    if (f->type != sim_cam_type(cam))
         return -EINVAL;
     memset(f, 0, sizeof(*f));
-    f->type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    f->type = sim_cam_type(cam);
     f->fmt.pix = cam->format;
     return 0;
 }
 
 static int get_rate(const struct sim_cam *cam, struct v4l2_streamparm *p)
 {
-    if (p->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+    if (p->type != sim_cam_type(cam))
         return -EINVAL;
     memset(&p->parm, 0, sizeof(p->parm));
     p->parm.capture.capability = V4L2_CAP_TIMEPERFRAME;
@@ -175,7 +175,7 @@ static int set_rate(struct sim_cam *cam, struct v4l2_streamparm *p)
     const struct v4l2_fract want = p->parm.capture.timeperframe;
     double best = 1e300;
 
-    if (p->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+    if (p->type != sim_cam_type(cam))
         return -EINVAL;
     if (cam->queue.streaming)
         return -EBUSY;
@@ -201,7 +201,7 @@ int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r)
 
     switch (r->call.cmd) {
     case VIDIOC_ENUM_FMT:
-        return enum_format(a);
+        return enum_format(cam, a);
     case VIDIOC_ENUM_FRAMESIZES:
         return enum_size(cam, a);
     case VIDIOC_ENUM_FRAMEINTERVALS:

@@ -84,13 +84,20 @@ static uint32_t shift(uint32_t *list, int *count)
 
 /* --- buffer state ------------------------------------------------------------------------------------------------- */
 
+uint32_t sim_cam_type(const struct sim_cam *cam)
+{
+    return sim_cam_fault(cam, SST_SIM_FAULT_MPLANE) > 0 ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE
+                                                        : V4L2_BUF_TYPE_VIDEO_CAPTURE;
+}
+
+/* Its type is the caller's. */
 static void describe(const struct sim_queue *q, uint32_t index, struct v4l2_buffer *out)
 {
     const struct sim_buffer *b = &q->buffer[index];
     int64_t us = b->stamp_ns / 1000;
 
     *out = (struct v4l2_buffer){ .index = index,
-                                 .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                 .type = out->type,
                                  .memory = q->memory,
                                  .field = b->field,
                                  .length = b->length,
@@ -203,9 +210,9 @@ static bool taken(const struct sim_queue *q, const struct sim_open *o)
     return q->owner && q->owner != o && !sim_handle_settle(q->owner->handle);
 }
 
-static bool wrong_type(uint32_t type)
+static bool wrong_type(const struct sim_cam *cam, uint32_t type)
 {
-    return type != V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    return type != sim_cam_type(cam);
 }
 
 static bool wrong_memory(uint32_t memory)
@@ -219,7 +226,7 @@ static int request_buffers(struct sim_cam *cam, struct sim_open *o, struct sim_r
     struct sim_queue *q = &cam->queue;
     int made = 0;
 
-    if (wrong_type(a->type) || wrong_memory(a->memory))
+    if (wrong_type(cam, a->type) || wrong_memory(a->memory))
         return -EINVAL;
     a->capabilities = CAPABILITIES;
     a->flags = 0;
@@ -247,7 +254,7 @@ static int create_buffers(struct sim_cam *cam, struct sim_open *o, struct sim_re
     const uint32_t bytes = a->format.fmt.pix.sizeimage;
     int made;
 
-    if (wrong_type(a->format.type) || wrong_memory(a->memory))
+    if (wrong_type(cam, a->format.type) || wrong_memory(a->memory))
         return -EINVAL;
     a->index = q->count;
     a->capabilities = CAPABILITIES;
@@ -270,9 +277,11 @@ static int create_buffers(struct sim_cam *cam, struct sim_open *o, struct sim_re
     return 0;
 }
 
-static int query_buffer(struct sim_queue *q, struct v4l2_buffer *a)
+static int query_buffer(struct sim_cam *cam, struct v4l2_buffer *a)
 {
-    if (wrong_type(a->type) || a->index >= q->count)
+    struct sim_queue *q = &cam->queue;
+
+    if (wrong_type(cam, a->type) || a->index >= q->count)
         return -EINVAL;
     describe(q, a->index, a);
     return 0;
@@ -312,7 +321,7 @@ static int queue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_requ
 
     if (taken(q, o))
         return -EBUSY;
-    if (wrong_type(a->type) || a->index >= q->count || a->memory != q->memory)
+    if (wrong_type(cam, a->type) || a->index >= q->count || a->memory != q->memory)
         return -EINVAL;
     b = &q->buffer[a->index];
     if (a->flags & V4L2_BUF_FLAG_REQUEST_FD)
@@ -340,7 +349,7 @@ static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_re
 
     if (taken(q, o))
         return -EBUSY;
-    if (wrong_type(a->type) || !q->streaming || (q->count && a->memory != q->memory))
+    if (wrong_type(cam, a->type) || !q->streaming || (q->count && a->memory != q->memory))
         return -EINVAL;
     if (q->waiter)
         return -EBUSY; /* another thread waits for a frame */
@@ -357,13 +366,14 @@ static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_re
     return SST_SIM_LATER;
 }
 
-static int export_buffer(struct sim_queue *q, struct sim_open *o, struct sim_request *r)
+static int export_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
+    struct sim_queue *q = &cam->queue;
     const struct v4l2_exportbuffer *a = (const struct v4l2_exportbuffer *)r->data;
 
     if (taken(q, o))
         return -EBUSY;
-    if (wrong_type(a->type) || q->memory != V4L2_MEMORY_MMAP || a->index >= q->count || a->plane ||
+    if (wrong_type(cam, a->type) || q->memory != V4L2_MEMORY_MMAP || a->index >= q->count || a->plane ||
         (a->flags & ~(uint32_t)(O_CLOEXEC | O_ACCMODE)))
         return -EINVAL;
     r->out_fd = q->buffer[a->index].memory;
@@ -377,7 +387,7 @@ static int stream_on(struct sim_cam *cam, struct sim_open *o, int type)
 
     if (taken(q, o))
         return -EBUSY;
-    if (wrong_type((uint32_t)type) || !q->count)
+    if (wrong_type(cam, (uint32_t)type) || !q->count)
         return -EINVAL;
     if (q->streaming)
         return 0;
@@ -392,7 +402,7 @@ static int stream_off(struct sim_cam *cam, struct sim_open *o, struct sim_reques
 {
     if (taken(&cam->queue, o))
         return -EBUSY;
-    if (wrong_type((uint32_t)type))
+    if (wrong_type(cam, (uint32_t)type))
         return -EINVAL;
     sim_cam_queue_stop(cam, r);
     sim_array_rung(cam->array, cam->index, SST_SIM_RESTREAM);
@@ -408,7 +418,7 @@ int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_requ
     case VIDIOC_DQBUF:
         return dequeue_buffer(cam, o, r);
     case VIDIOC_EXPBUF:
-        return export_buffer(&cam->queue, o, r);
+        return export_buffer(cam, o, r);
     case VIDIOC_STREAMON:
         return stream_on(cam, o, type);
     case VIDIOC_STREAMOFF:
@@ -418,7 +428,7 @@ int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_requ
     case VIDIOC_CREATE_BUFS:
         return create_buffers(cam, o, r);
     case VIDIOC_QUERYBUF:
-        return query_buffer(&cam->queue, (struct v4l2_buffer *)r->data);
+        return query_buffer(cam, (struct v4l2_buffer *)r->data);
     case VIDIOC_QBUF:
         return queue_buffer(cam, o, r, false);
     case VIDIOC_PREPARE_BUF:

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <linux/videodev2.h>
 #include <stddef.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "simulators/devices/preload/preload_internal.h"
@@ -95,8 +96,81 @@ static int controls(int fd, const struct sim_id *id, unsigned long request, void
                            c.count ? 1 : 0, NULL);
 }
 
+/* --- the multi-planar API: translated to the layout of the other one, with its own type --- */
+
+static int planar_buffer(int fd, const struct sim_id *id, unsigned long request, struct v4l2_buffer *b)
+{
+    struct v4l2_buffer one = *b;
+    struct v4l2_plane plane;
+    int result;
+
+    if (b->memory != V4L2_MEMORY_MMAP || !b->length)
+        return -EINVAL;
+    if (sim_peek(&plane, b->m.planes, sizeof(plane)))
+        return -EFAULT;
+    one.m.userptr = 0;
+    one.length = 0;
+    result = sim_ioctl_areas(fd, id, request, &one, NULL, 0, NULL);
+    if (result < 0)
+        return result;
+    plane = (struct v4l2_plane){ .bytesused = one.bytesused, .length = one.length, .m.mem_offset = one.m.offset };
+    memcpy(b->m.planes, &plane, sizeof(plane));
+    one.m.planes = b->m.planes;
+    one.length = 1;
+    one.bytesused = 0;
+    *b = one;
+    return result;
+}
+
+static int planar_format(int fd, const struct sim_id *id, unsigned long request, struct v4l2_format *f)
+{
+    const struct v4l2_pix_format_mplane in = f->fmt.pix_mp;
+    struct v4l2_format one = { .type = f->type };
+    struct v4l2_pix_format *p = &one.fmt.pix;
+    int result;
+
+    *p = (struct v4l2_pix_format){ in.width, in.height, in.pixelformat, in.field };
+    result = sim_ioctl_areas(fd, id, request, &one, NULL, 0, NULL);
+    if (result < 0)
+        return result;
+    memset(&f->fmt, 0, sizeof(f->fmt));
+    f->fmt.pix_mp = (struct v4l2_pix_format_mplane){ .width = p->width,
+                                                     .height = p->height,
+                                                     .pixelformat = p->pixelformat,
+                                                     .field = p->field,
+                                                     .colorspace = p->colorspace,
+                                                     .num_planes = 1,
+                                                     .plane_fmt[0] = { p->sizeimage, p->bytesperline, { 0 } } };
+    return result;
+}
+
+/* Buffers and formats of the multi-planar API; those begin with other members. */
+static bool is_planar(unsigned long request, const void *arg)
+{
+    struct v4l2_buffer b;
+    uint32_t type;
+
+    switch (request) {
+    case VIDIOC_QUERYBUF:
+    case VIDIOC_QBUF:
+    case VIDIOC_PREPARE_BUF:
+    case VIDIOC_DQBUF:
+        return !sim_peek(&b, arg, sizeof(b)) && b.type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+    case VIDIOC_G_FMT:
+    case VIDIOC_S_FMT:
+    case VIDIOC_TRY_FMT:
+        return !sim_peek(&type, arg, sizeof(type)) && type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+    default:
+        return false;
+    }
+}
+
 static int v4l2_ioctl(int fd, const struct sim_id *id, unsigned long request, void *arg)
 {
+    if (is_planar(request, arg))
+        return request == VIDIOC_G_FMT || request == VIDIOC_S_FMT || request == VIDIOC_TRY_FMT
+                   ? planar_format(fd, id, request, arg)
+                   : planar_buffer(fd, id, request, arg);
     switch (request) {
     case VIDIOC_QBUF:
     case VIDIOC_PREPARE_BUF:
