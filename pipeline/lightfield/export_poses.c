@@ -326,7 +326,7 @@ static void put_commands(FILE *f, const struct colmap_model *m, const char *vers
             "colmap exhaustive_matcher --database_path points.db --%s.use_gpu 0\n"
             "mkdir points\n"
             "colmap point_triangulator --database_path points.db --image_path images --input_path sparse/0 "
-            "--output_path points\n",
+            "--output_path points --clear_points 1\n",
             versions, camera_model(m), m->calib->rig ? " --ImageReader.single_camera 1" : "", extraction, extraction,
             between, matching);
 }
