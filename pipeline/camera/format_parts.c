@@ -148,7 +148,8 @@ bool sst_loose_other_lens(const char *key, const char *value, bool listed, char 
 
     squeeze(k, key);
     squeeze(v, value);
-    if (is_among(k, parameter) || strstr(k, "fisheye") || strstr(k, "omnidir")) {
+    if (is_among(k, parameter) || strstr(k, "fisheye") || strstr(k, "omnidir") || strstr(k, "thinprism") ||
+        strstr(k, "tilted")) {
         snprintf(why, SST_LENS_WHY,
                  "is set (%.40s), which belongs to another lens model; cameras here are pinholes with OpenCV's "
                  "distortion, so calibrate again with it",

@@ -324,6 +324,7 @@ static void refusals_say_why(void **state SST_UNUSED)
           "camera_model is eucm" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "use_fisheye: true\n", "use_fisheye is set" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "tauX: 0.01\n", "tauX is set" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "use_thin_prism: 1\n", "use_thin_prism is set" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "lens:\n  model: Kannala-Brandt\n",
           "model is Kannala-Brandt" },
         { sst_opencv_parse, 0, 0, -EBADMSG,
