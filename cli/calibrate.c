@@ -341,13 +341,14 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
     if (!o->live && (o->keep || o->config || o->limits.accepted || o->limits.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
-    if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
-        return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
-    if (is_corners_file(o->source) &&
-        (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
+    if (o->live && (o->pick.plain_names || o->pick.rig || o->pick.every || o->pick.max))
+        return cli_usage_error(cmd,
+                               "--plain-names, --rig, --every and --max-frames belong to pictures that exist already");
+    if (is_corners_file(o->source) && (o->board || o->pick.grid[0] || o->pick.plain_names || o->pick.rig ||
+                                       o->pick.every || o->pick.max || o->max_blur_px > 0))
         return cli_usage_error(cmd,
                                "%s has the corners, board and grid: it does not combine with --board, --grid, "
-                               "--rig, --every, --max-frames and --max-blur",
+                               "--plain-names, --rig, --every, --max-frames and --max-blur",
                                o->source);
     if (same_outputs(o))
         return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep must have different names");
@@ -364,8 +365,8 @@ static bool not_for_check(const struct options *o)
 {
     return o->out || o->board || o->live || o->report || o->coverage || o->corners || o->config || o->keep ||
            o->lenses || o->lens || o->flat || o->force || o->no_light || o->no_cross || o->pick.grid[0] ||
-           o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 || o->outliers_percent > 0 ||
-           o->limits.accepted || o->limits.seconds > 0;
+           o->pick.plain_names || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 ||
+           o->outliers_percent > 0 || o->limits.accepted || o->limits.seconds > 0;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -376,11 +377,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "board", 'b', CLI_STRING, &o.board, "BOARD",
           "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file" },
         { "report", 0, CLI_FILE, &o.report, "FILE", "also write an acceptance report (one HTML file)" },
-        { "coverage", 0, CLI_FILE, &o.coverage, "FILE",
-          "picture of each camera's coverage and what is missing (PNG)" },
+        { "coverage", 0, CLI_FILE, &o.coverage, "FILE", "picture of each camera's coverage and what is missing (PNG)" },
         { "corners", 0, CLI_FILE, &o.corners, "FILE", "write the corners (JSON); a later run can start from them" },
         { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns, where names do not give them", 1,
           SST_CAMERAS_MAX },
+        { "plain-names", 0, CLI_FLAG, &o.pick.plain_names, NULL, "names of cameras such as 04_12 are no places" },
         { "rig", 0, CLI_FLAG, &o.pick.rig, NULL, "the views are poses of one camera: one lens for all" },
         { "lens", 0, CLI_INT, &o.lens, "N", "5 or 8 coefficients (default: by held-out frames)", 5, 8 },
         { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "use the lenses of this calibration, solve the poses alone" },

@@ -28,16 +28,18 @@ struct sst_gather_source {
 
 /** The pictures to use. */
 struct sst_gather_selection {
-    int grid[2];    /* rows, columns; 0: from names */
-    bool rig;       /* views are poses of one camera, even if the source does not say so */
-    int every, max; /* of a recording's framesets each n-th, and at most this many; 0: all */
+    int grid[2];      /* rows, columns; 0: from names */
+    bool plain_names; /* names such as 04_12 are no places */
+    bool rig;         /* views are poses of one camera, even if the source does not say so */
+    int every, max;   /* of a recording's framesets each n-th, and at most this many; 0: all */
 };
 
 /**
  * Find the pictures in a folder:
  *   a recording; a light field, or a folder of them (a frame each); a folder with one folder of pictures per camera,
  *   files of the same name being one moment; a folder of pictures named CAMERA + number (left01.jpg, right01.jpg).
- * Cameras named rr_cc have that position in the grid; others fill it in the order of their names.
+ * Cameras named rr_cc have that position in the grid, unless names are plain; others fill it in the order of their
+ * names.
  *
  * @param path  must outlive the source
  * @return 0, -ENOENT, -EBADMSG (no pictures, names that do not fit the grid), -ENOMEM ...; logged.

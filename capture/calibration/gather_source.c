@@ -224,10 +224,11 @@ static bool parse_position(const char *name, int *row, int *col)
 }
 
 /* The view of each camera name. */
-static int assign_views(struct sst_gather_source *s, char (*name)[64], int n, const int grid[2], int *view)
+static int assign_views(struct sst_gather_source *s, char (*name)[64], int n,
+                        const struct sst_gather_selection *selection, int *view)
 {
-    int rows = grid[0], cols = grid[1], row, col;
-    bool positioned = true;
+    int rows = selection->grid[0], cols = selection->grid[1], row, col;
+    bool positioned = !selection->plain_names;
 
     if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* the drives' positions are indexed by its views */
         sst_log_error("%s is a light field of %dx%d views, not %dx%d; leave --grid out", s->path, s->rows, s->cols,
@@ -240,7 +241,7 @@ static int assign_views(struct sst_gather_source *s, char (*name)[64], int n, co
         rows = s->rows;
         cols = s->cols;
     }
-    for (int i = 0; i < n && positioned && !grid[0] && !s->rows; i++) {
+    for (int i = 0; i < n && positioned && !selection->grid[0] && !s->rows; i++) {
         if (parse_position(name[i], &row, &col)) {
             rows = row + 1 > rows ? row + 1 : rows;
             cols = col + 1 > cols ? col + 1 : cols;
@@ -264,8 +265,9 @@ static int assign_views(struct sst_gather_source *s, char (*name)[64], int n, co
         if (positioned && parse_position(name[i], &row, &col))
             view[i] = row * cols + col;
         if (positioned && (row >= rows || col >= cols)) {
-            sst_log_error("camera %s of %s lies outside of a grid of %dx%d; correct --grid", name[i], s->path, rows,
-                          cols);
+            sst_log_error("camera %s of %s lies outside of a grid of %dx%d; correct --grid, or add --plain-names if "
+                          "names are no places",
+                          name[i], s->path, rows, cols);
             return -EBADMSG;
         }
     }
@@ -282,7 +284,7 @@ static int arrange(struct sst_gather_source *s, struct list *l, const struct sst
     err = all < 0 ? all : 0;
     if (!err) {
         view = calloc((size_t)cameras, sizeof(*view));
-        err = view ? assign_views(s, camera, cameras, selection->grid, view) : -ENOMEM;
+        err = view ? assign_views(s, camera, cameras, selection, view) : -ENOMEM;
     }
     if (!err) {
         s->frames = gather_selection_count(selection, all);

@@ -9,6 +9,9 @@ want 3 "leave --grid out" calibrate rig --grid 3x3 --board chessboard:10x7:25mm 
 want 3 "is not a folder" calibrate out --board chessboard:10x7:25mm -o bad.yaml
 mkdir unnamed && cp "$(find rig/views -type f | sort | head -n 1)" unnamed/left01.png
 want 3 "do not fill a grid of 2x2" calibrate unnamed --grid 2x2 --board chessboard:10x7:25mm -o bad.yaml
+for name in 0_3 0_12; do mkdir -p serial/$name && cp unnamed/left01.png serial/$name; done
+want 3 "outside of a grid of 1x2; correct --grid, or add --plain-names" calibrate serial --grid 1x2 --board chessboard:10x7:25mm -o bad.yaml
+want 3 "do not fill a grid of 1x3" calibrate serial --grid 1x3 --plain-names --board chessboard:10x7:25mm -o bad.yaml
 printf 'array: { rows: 2, cols: 2 }\ncameras: { bind: [ { row: 1, col: 1, port: "1-1" } ] }\n' >array.yaml
 want 2 "does not fit the configuration" calibrate --live --config array.yaml --grid 1x2 --board chessboard:10x7:25mm -o bad.yaml
 echo "array: { rows: 2 }" >empty.yaml
