@@ -18,6 +18,8 @@ unpack() {
   for p in debs/*.deb; do dpkg-deb -x "$p" "$root"; done
   printf 'with %s\n' debs/*.deb | sed 's,debs/,,'
 }
+# needed_by PACKAGE: what this machine lacks of its dependencies
+needed_by() { apt-get -s --no-install-recommends install "$1" | awk -v p="$1" '/^Inst/ && $2 != p { print $2 }'; }
 # compile SOURCE FLAGS...: builds SOURCE.c against what was unpacked
 compile() { gcc -O1 -w -I"$root/usr/include" -I"$root/usr/include/$(gcc -print-multiarch)" "$1.c" -o "$1" -L"$lib" "${@:2}"; }
 # holds "BEHAVIOUR" CONDITION...: ends the finding: 0 where the condition is true, 1 where the behaviour has changed
