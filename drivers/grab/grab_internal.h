@@ -168,6 +168,7 @@ struct stamp_clock {
     /* the state */
     bool any;
     int64_t last_ns;            /* believed stamp */
+    int64_t raw_ns;             /* last stamp, valid with arrival_ns */
     int64_t arrival_ns, gap_ns; /* last arrival, and the time before it; 0: none */
     int row;                    /* consecutive stamps that contradict the verdict ... */
     int64_t since_ns;           /* ... since this arrival */

@@ -25,6 +25,8 @@ static enum stamp_fault fault_of(const struct stamp_clock *c, int64_t stamp_ns, 
     const int64_t gap_ns = c->arrival_ns ? arrival_ns - c->arrival_ns : 0;
     const int64_t late_ns = SLACK_NS + 3 * (gap_ns > c->gap_ns ? gap_ns : c->gap_ns);
 
+    if (c->arrival_ns && stamp_ns == c->raw_ns)
+        return STAMP_REPEATED;
     if (stamp_ns > arrival_ns + AHEAD_NS)
         return STAMP_AHEAD;
     if (c->empty_ns && stamp_ns < c->empty_ns - late_ns)
@@ -38,6 +40,7 @@ enum stamp_fault stamp_judge(struct stamp_clock *c, int64_t stamp_ns, int64_t ar
 
     c->gap_ns = c->arrival_ns ? arrival_ns - c->arrival_ns : 0;
     c->arrival_ns = arrival_ns;
+    c->raw_ns = stamp_ns;
     if (fault == STAMP_RIGHT || c->foreign) {
         c->any = true;
         c->last_ns = stamp_ns;
