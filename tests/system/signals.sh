@@ -13,7 +13,7 @@ mkdir conf.d # a configuration that takes its time to be read
 for i in $(seq 20 79); do
   { yes "# a comment of a line that the reader has to pass over" | head -n 400; echo "storage: {min_free_gb: 0}"; } >conf.d/$i.yaml
 done
-for _ in 1 2 3; do # a machine that is held up for a second is no fault
+for n in 1 2 3; do # a machine that is held up for a second is no fault
   "$build/sstd" --config sstd.yaml >log 2>&1 & daemon=$!
   for _ in $(seq 1200); do [ -S c.sock ] && break; sleep 0.05; done
   /usr/bin/python3 - $daemon <<'END'
@@ -25,6 +25,7 @@ os.kill(int(sys.argv[1]), signal.SIGTERM)
 END
   wait $daemon || fail "it ended with status $?: $(cat log)"
   grep -q "something hangs" log || exit $failed
+  repeats $n "the service ended by its alarm"
 done
 fail "it ends by its alarm, behind its reloads: $(cat log)"
 exit $failed
