@@ -288,15 +288,17 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(LEVEL_TESTS) $(SYSTEM_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%)
+	@rc=0; echo "readers of files and messages, 20 s of mutations each:"; JOBS=8 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
+	  $(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(LEVEL_TESTS) $(SYSTEM_TESTS) || rc=1; \
+	  [ $$rc -eq 0 ] || echo "make check: failed (what failed is above)"; exit $$rc
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
 	$(MAKE) WERROR=1 SAN=thread check-unit
 
-check-timing: deps ## tests that measure time, one by one, with their limits; one that a busy machine fails runs again, twice at most
+check-timing: deps ## tests that measure time, with their limits; one that a busy machine fails runs again, twice at most
 	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(TIMING_TESTS)))
-	JOBS=1 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
+	JOBS=3 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
 built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/config_man
