@@ -1,4 +1,4 @@
-#define _GNU_SOURCE /* pthread_clockjoin_np */
+#define _GNU_SOURCE /* pthread_tryjoin_np */
 #include "publishers/publisher.h"
 
 #include <assert.h>
@@ -17,6 +17,7 @@
 
 #define EXIT_USAGE    2
 #define WAIT_MAX_S    30
+#define JOIN_US       5000
 #define SAME_START_NS INT64_C(2000000000) /* two readings of the start of one service differ by less */
 #define EVENTS_PATH   "/api/v1/events/stream"
 
@@ -109,14 +110,15 @@ int sst_publisher_start(struct sst_publisher *p, void *(*run)(void *), void *arg
 
 void sst_publisher_end(struct sst_publisher *p, int64_t until_ns)
 {
-    const struct timespec until = { .tv_sec = until_ns / 1000000000, .tv_nsec = until_ns % 1000000000 };
-
     while (p->threads) {
-        if (pthread_clockjoin_np(p->thread[p->threads - 1], NULL, CLOCK_MONOTONIC, &until)) {
+        if (!pthread_tryjoin_np(p->thread[p->threads - 1], NULL)) {
+            p->threads--;
+        } else if (sst_clock_now_ns() < until_ns) {
+            usleep(JOIN_US);
+        } else {
             fflush(NULL);
             _exit(EXIT_SUCCESS);
         }
-        p->threads--;
     }
     exit(EXIT_SUCCESS);
 }

@@ -6,6 +6,7 @@
 #include "base/log.h"
 #include "drivers/still/still.h"
 #include "tests/sim_session.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #if defined(__SANITIZE_ADDRESS__)
@@ -24,6 +25,9 @@ const char *__lsan_default_suppressions(void)
     return "leak:libgphoto2_port.so\n";
 }
 #endif
+
+/* More than a picture takes on a machine that is busy. */
+#define QUIET_MS (3000 << small_level())
 
 #define WORLD "simulators/scene/world/worlds/still-rig.yaml"
 
@@ -246,7 +250,7 @@ static void files_of_other_releases_are_no_views(void **state SST_UNUSED)
 
     cfg.format = "1";
     cfg.card_ms = 1500;
-    cfg.quiet_ms = 3000; /* more than a picture takes on a machine that is busy */
+    cfg.quiet_ms = QUIET_MS;
     press();             /* announced to nobody: it is on the card */
     assert_int_equal(session_fault("still.late_event=1000"), 0);
     press(); /* announced when the camera is open, perhaps after a release */
@@ -272,7 +276,7 @@ static void files_that_are_announced_until_they_are_downloaded(void **state SST_
 
     cfg.format = "1";
     cfg.keep = true;
-    cfg.quiet_ms = 3000;
+    cfg.quiet_ms = QUIET_MS;
     assert_int_equal(session_fault("still.repeat=1"), 0);
     press();
     s = open_camera(&cfg);
