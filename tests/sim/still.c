@@ -272,6 +272,7 @@ static void files_of_other_releases_are_no_views(void **state SST_UNUSED)
 static void files_that_are_announced_until_they_are_downloaded(void **state SST_UNUSED)
 {
     struct sst_still_config cfg = config();
+    struct sst_still_counters count;
     struct sst_still *s;
 
     cfg.format = "1";
@@ -283,6 +284,13 @@ static void files_that_are_announced_until_they_are_downloaded(void **state SST_
     press();
     for (int i = 0; i < 3; i++)
         captures_the_last_exposure(s);
+    sst_still_close(s);
+    cfg.keep = false; /* some announcements come when their file is no longer on the card */
+    s = open_camera(&cfg);
+    for (int i = 0; i < 3; i++)
+        captures_the_last_exposure(s);
+    sst_still_counters(s, &count);
+    assert_int_equal(count.lost, 0);
     sst_still_close(s);
     assert_int_equal(session_fault("still.repeat=0"), 0);
 }
