@@ -381,6 +381,12 @@ static int settle_output(struct reader *r)
                       outputs[r->output]);
         return -EBADMSG;
     }
+    if (r->output < 0 && r->net && sst_network_ends_scaled(r->net)) {
+        sst_log_error("model %s ends in %s with a constant behind a softmax or sigmoid: export it without, or describe "
+                      "its values by output: logits or probabilities",
+                      r->path, sst_network_ends_scaled(r->net));
+        return -EBADMSG;
+    }
     r->info->probabilities = r->output == 1 || (op && !logarithm);
     if (op && !logarithm) {
         snprintf(r->info->last_op, sizeof(r->info->last_op), "%s", op);

@@ -39,6 +39,8 @@ static int check_shape(struct sst_segmenter *seg)
 {
     struct sst_model_info *info = &seg->info;
     const int in = sst_network_in_channels(seg->net), listed = info->channels - info->background;
+    const char *op;
+    bool logarithm;
     int c, w, h, err;
 
     if (in != 3 && in != 1) {
@@ -55,6 +57,13 @@ static int check_shape(struct sst_segmenter *seg)
     } else if (c != listed) {
         sst_log_error("model %s gives %d channel%s for the %d class%s that its description lists; correct the list",
                       seg->path, c, c == 1 ? "" : "s", listed, listed == 1 ? "" : "es");
+        return -EBADMSG;
+    }
+    op = c == 1 ? sst_network_ends_in_probabilities(seg->net, &logarithm) : NULL;
+    if (op && !strstr(op, "Sigmoid")) {
+        sst_log_error("model %s ends in %s over its only channel, which is the same everywhere; export it up to its"
+                      " logits, or with a sigmoid",
+                      seg->path, op);
         return -EBADMSG;
     }
     if (!covers(info->width, info->height, w, h)) {

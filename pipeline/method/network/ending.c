@@ -11,6 +11,10 @@ struct axis {
 
 #define UNKNOWN INT64_MIN
 
+/* Nodes that only move, cut or enlarge values. */
+static const char *const moves[] = { "Identity",  "Dropout", "Cast",      "Resize", "Upsample", "ResizeLike", "Clip",
+                                     "Slice",     "Reshape", "Flatten",   "Squeeze", "Unsqueeze", "Transpose" };
+
 static bool is_one_of(const struct sst_onnx_node *node, const char *const *names, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
@@ -72,10 +76,42 @@ static bool is_softmax_in_steps(const struct sst_onnx *model, const struct sst_o
            sst_onnx_str_is(sum->op, "ReduceSum") && sst_onnx_str_same(sum->in[0], node->in[0]);
 }
 
+/* x * 255, 1 - x and the like. @return the input that is no constant, or an empty name: it is another node */
+static struct sst_onnx_str scaled(const struct sst_onnx *model, const struct sst_onnx_node *node)
+{
+    static const char *const steps[] = { "Mul", "Div", "Add", "Sub" };
+
+    for (int i = 0; i < 2 && node->n_in == 2 && is_one_of(node, steps, ARRAY_LEN(steps)); i++) {
+        const struct sst_onnx_node *other = producer(model, node->in[i]);
+
+        if (sst_onnx_is_constant(model, &(struct sst_onnx_value){ .name = node->in[i] }) ||
+            (other && sst_onnx_str_is(other->op, "Constant")))
+            return node->in[1 - i];
+    }
+    return (struct sst_onnx_str){ 0 };
+}
+
+/* Whether arithmetic with constants leads back to a softmax or a sigmoid. */
+static bool is_scaled_share(const struct sst_onnx *model, const struct sst_onnx_node *node)
+{
+    static const char *const shares[] = { "Softmax", "Sigmoid", "HardSigmoid" };
+    bool changed = false;
+
+    for (int steps = 0; node && steps < model->n_nodes; steps++) {
+        const struct sst_onnx_str from = scaled(model, node);
+
+        if (is_one_of(node, shares, ARRAY_LEN(shares)))
+            return changed;
+        if (!from.n && !is_one_of(node, moves, ARRAY_LEN(moves)))
+            return false;
+        changed |= from.n > 0;
+        node = producer(model, from.n ? from : node->in[0]);
+    }
+    return false;
+}
+
 enum sst_network_values sst_onnx_ending(const struct sst_onnx *model, struct sst_onnx_str *op)
 {
-    static const char *const moves[] = { "Identity",  "Dropout", "Cast",      "Resize", "Upsample", "ResizeLike", "Clip",
-                                         "Slice",     "Reshape", "Flatten",   "Squeeze", "Unsqueeze", "Transpose" };
     static const char *const classes[] = { "ArgMax", "ArgMin", "TopK", "Hardmax" };
     static const char *const shares[] = { "Softmax", "LogSoftmax" }, *const sigmoids[] = { "Sigmoid", "HardSigmoid" };
     const struct sst_onnx_node *node = model->n_outs ? producer(model, model->outs[0].name) : NULL;
@@ -94,6 +130,8 @@ enum sst_network_values sst_onnx_ending(const struct sst_onnx *model, struct sst
             return SST_NETWORK_PROBABILITIES;
         if (is_softmax_in_steps(model, node))
             return SST_NETWORK_PROBABILITIES;
+        if (is_scaled_share(model, node))
+            return SST_NETWORK_SCALED;
         if (!is_one_of(node, shares, ARRAY_LEN(shares)))
             break;
         if (!over_channels(model, node, a))

@@ -338,6 +338,11 @@ const char *sst_network_ends_in_probabilities(const struct sst_network *net, boo
     return net->values == SST_NETWORK_PROBABILITIES || *logarithm ? net->last_op : NULL;
 }
 
+const char *sst_network_ends_scaled(const struct sst_network *net)
+{
+    return net->values == SST_NETWORK_SCALED ? net->last_op : NULL;
+}
+
 int sst_network_in_channels(const struct sst_network *net)
 {
     return net->in_channels;

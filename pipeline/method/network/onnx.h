@@ -129,6 +129,7 @@ enum sst_network_values {
     SST_NETWORK_LOGARITHMS = 2,    /* their logarithms, which are logits */
     SST_NETWORK_OTHER_AXIS = 3,    /* a softmax, but not over the channels */
     SST_NETWORK_CLASSES = 4,       /* numbers of classes, as of an ArgMax */
+    SST_NETWORK_SCALED = 5,        /* a softmax or sigmoid, and arithmetic with constants */
 };
 
 /**
