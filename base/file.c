@@ -771,6 +771,21 @@ static bool is_empty(const char *dir)
     return d && n < 3; /* . and .. */
 }
 
+int sst_path_check_keeps(const char *path, const char *input)
+{
+    char views[SST_PATH_MAX];
+    struct stat st;
+
+    if (stat(path, &st) || !S_ISREG(st.st_mode))
+        return 0;
+    if (sst_path_is_dir(input) && sst_path_join(views, input, "views"))
+        return 0;
+    if (!is_inside(path, sst_path_is_dir(input) ? views : input))
+        return 0;
+    sst_log_error("%s would be replaced, which is read from; choose another output", path);
+    return -EINVAL;
+}
+
 int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
 {
     char path[SST_PATH_MAX];

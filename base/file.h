@@ -96,6 +96,9 @@ SST_MUST_CHECK int sst_outdir_end(struct sst_outdir *out, int err);
  */
 SST_MUST_CHECK int sst_path_check_new(const char *path, bool file);
 
+/** Refuse a file to write that is this input, or one of the images of a light field that is. @return 0, -EINVAL, logged */
+SST_MUST_CHECK int sst_path_check_keeps(const char *path, const char *input);
+
 /** Refuse (logged) an output that cannot be made, exists already (without force), or would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL, -EIO */
 SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs);

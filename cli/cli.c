@@ -135,6 +135,21 @@ bad:
                            o->type == CLI_SIZE ? "1000x750" : "6x6");
 }
 
+/* Refuse a value that is nearly one of the option's words; what else may be wrong with it the command itself reports. */
+static int check_word(const struct cli_command *cmd, const struct cli_option *o, const char *text)
+{
+    char words[256] = "", *word[33] = { NULL }, *rest = NULL;
+    const char *near;
+
+    snprintf(words, sizeof(words), "%s", o->words ? o->words : "");
+    for (int n = 0; n < 32 && (word[n] = strtok_r(n ? NULL : words, " ", &rest)); n++)
+        ;
+    near = sst_edit_nearest(text, (const char *const *)word);
+    if (!near || !strcmp(near, text))
+        return CLI_GO_ON;
+    return cli_usage_error(cmd, "unknown --%s `%s`; did you mean `%s`? choose from %s", o->name, text, near, o->words);
+}
+
 static int set_value(const struct cli_command *cmd, const struct cli_option *o, const char *text)
 {
     char *end = NULL;
@@ -145,6 +160,8 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
         *(bool *)o->value = true;
         return CLI_GO_ON;
     case CLI_STRING:
+        *(const char **)o->value = text;
+        return check_word(cmd, o, text);
     case CLI_FILE:
     case CLI_MADE:
         *(const char **)o->value = text;
@@ -190,16 +207,27 @@ static const struct cli_option *find(const struct cli_option *options, size_t n,
     return NULL;
 }
 
-/* What is given of them, before any work is done. */
-static int check_outputs(const struct cli_option *options, size_t n)
+static const char *output_of(const struct cli_option *o)
+{
+    return o->type == CLI_FILE || o->type == CLI_MADE ? *(const char **)o->value : NULL;
+}
+
+/* What is given of them, before any work is done: none can fail, is an input, or is another one, too. */
+static int check_outputs(const struct cli_command *cmd, const struct cli_option *options, size_t n,
+                         const char *const *inputs, int n_inputs)
 {
     for (size_t i = 0; i < n; i++) {
-        const bool file = options[i].type == CLI_FILE;
-        const char *path = file || options[i].type == CLI_MADE ? *(const char **)options[i].value : NULL;
-        const int err = path ? sst_path_check_new(path, file) : 0;
+        const char *path = output_of(&options[i]);
+        int err = path ? sst_path_check_new(path, options[i].type == CLI_FILE) : 0;
 
+        for (int k = 0; path && !err && k < n_inputs; k++)
+            err = sst_path_check_keeps(path, inputs[k]);
         if (err)
             return cli_exit_code(err);
+        for (size_t k = 0; path && options[i].type == CLI_FILE && k < i; k++) {
+            if (options[k].type == CLI_FILE && output_of(&options[k]) && !strcmp(path, output_of(&options[k])))
+                return cli_usage_error(cmd, "--%s and --%s are both %s", options[k].name, options[i].name, path);
+        }
     }
     return CLI_GO_ON;
 }
@@ -293,7 +321,7 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     sst_log_set_level(quiet ? SST_LOG_ERROR : verbose ? SST_LOG_INFO : SST_LOG_WARNING);
     if (n < n_min)
         return cli_usage_error(cmd, "an argument is missing: sst %s %s", cmd->name, cmd->usage);
-    return check_outputs(options, n_options);
+    return check_outputs(cmd, options, n_options, positional, n);
 }
 
 json_t *cli_real_json(double v)

@@ -20,6 +20,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "config/sstd.h"
 #include "simulators/scene/scene.h"
 #include "simulators/scene/world/settings.h"
@@ -421,12 +422,27 @@ static int watch(struct site *s)
     return CLI_OK;
 }
 
+/* Before anything is written. */
+static int check_scene(const char *scene)
+{
+    bool known = !strcmp(scene, SCENE_HEDGE) || !strcmp(scene, "board");
+    char names[256] = SCENE_HEDGE;
+
+    for (const char *const *name = sst_scene_names(); *name; name++) {
+        known |= !strcmp(scene, *name);
+        sst_text_add(names, sizeof(names), ", %s", *name);
+    }
+    if (!known)
+        sst_log_error("there is no scene %s; choose from %s", scene, names);
+    return known ? 0 : -EINVAL;
+}
+
 int cli_demo_live(const char *scene, const char *out, int port, const char *device)
 {
     const struct sigaction act = { .sa_handler = on_signal };
     struct site *s = calloc(1, sizeof(*s));
     char dir[PATH_MAX];
-    int err = s ? 0 : -ENOMEM, code;
+    int err = s ? check_scene(scene) : -ENOMEM, code;
 
     if (!err) {
         s->scene = scene;

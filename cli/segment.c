@@ -87,7 +87,7 @@ static int result_path(char out[SST_PATH_MAX], const char *dir, const char *imag
     return -ENAMETOOLONG;
 }
 
-/* Two images of one name would overwrite each other's result. */
+/* Two images of one name would overwrite each other's result; one in that folder would be overwritten itself. */
 static int check_names(const struct inputs *in, const char *dir)
 {
     char **names = calloc((size_t)in->count, sizeof(*names)), path[SST_PATH_MAX];
@@ -95,6 +95,7 @@ static int check_names(const struct inputs *in, const char *dir)
 
     for (int i = 0; !err && i < in->count; i++) {
         err = result_path(path, dir, in->paths[i], ".png");
+        err = err ? err : sst_path_check_keeps(path, in->paths[i]);
         names[i] = err ? NULL : strdup(path);
         err = err || names[i] ? err : -ENOMEM;
     }

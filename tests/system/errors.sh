@@ -37,6 +37,25 @@ want 2 "unknown option --focsu=3; did you mean --focus?" render good --focsu=3
 want 2 "did you mean .convert.?" calibration covert calib.yaml
 want 2 "did you mean .array.?" capture arry
 want 2 "did you mean .start.?" record strat
+want 2 "unknown --preset .acurate.; did you mean .accurate.? choose from preview balanced accurate" process good --preset acurate
+want 2 "unknown --scene .hegde.; did you mean .hedge.?" demo --scene hegde -o bad
+want 2 "there is no scene forest" demo --scene forest -o bad
+
+# --- an input is no output, and one output is not two ---
+fresh
+cp "$left" photo.png
+cp "$right" other.png
+state . >before
+for output in "segment photo.png -o photo.png" "segment photo.png -o lf/../photo.png" "segment photo.png other.png -o ." \
+  "segment lf/views -o lf/views" "segment photo.png -o bad.png --prob photo.png" "stereo photo.png other.png --max-disparity 8 -o other.png" \
+  "render lf --method refocus --focus 1 -o lf/views/01_01.png"; do
+  # shellcheck disable=SC2086
+  want 2 "would be replaced, which is read from; choose another output" $output
+done
+want 2 "--output and --valid are both bad.png" render lf --method refocus --focus 1 -o bad.png --valid bad.png
+state . | grep -v ' ./\(out\|err\|before\)$' | diff - <(grep -v ' ./\(out\|err\|before\)$' before) || fail "an input was changed"
+"$sst" render lf --method refocus --focus 1 -o lf/seen.png -q >out || fail "a picture in a light field"
+"$sst" render lf --method refocus --focus 1 -o lf/seen.png -q >out || fail "a picture in a light field again"
 
 # --- an output that cannot be made is refused before anything else is done or read ---
 for command in "render good" "sweep good" "stereo absent absent --max-disparity 8" "segment absent.png" "calibrate absent" \
