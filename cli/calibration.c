@@ -159,8 +159,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int grid[2] = { 0 }, size[2] = { 0 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &q.out, "OUT", "convert: file or folder to write" },
-        { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)" },
-        { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)" },
+        { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)", 0, 0,
+          "sst opencv opencv-stereo kalibr multical" },
+        { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)", 0, 0,
+          "sst opencv opencv-stereo kalibr multical mrcal" },
         { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not have the cameras' positions", 1,
           256 },
         { "plain-names", 0, CLI_FLAG, &q.cfg.plain_names, NULL, "names such as 04_12 in IN are no places; add --grid" },

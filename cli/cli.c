@@ -320,7 +320,8 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     }
     sst_log_set_level(quiet ? SST_LOG_ERROR : verbose ? SST_LOG_INFO : SST_LOG_WARNING);
     if (n < n_min)
-        return cli_usage_error(cmd, "an argument is missing: sst %s %s", cmd->name, cmd->usage);
+        return cli_usage_error(cmd, "an argument is missing: sst %s %.*s%s", cmd->name, (int)strcspn(cmd->usage, "\n"),
+                               cmd->usage, strchr(cmd->usage, '\n') ? " ..." : "");
     return check_outputs(cmd, options, n_options, positional, n);
 }
 

@@ -444,7 +444,7 @@ struct cli_matching {
         { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0,                      \
           "census mccnn both" },                                                                                       \
         { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost" },                    \
-        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP },                                    \
+        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0, "f32 int8" },                  \
         { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
         { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },       \
         { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                  \

@@ -63,6 +63,10 @@ int main(int argc, char **argv)
         usage();
         return CLI_USAGE;
     }
+    if (argc == 3 && !strcmp(argv[1], "help")) {
+        argv[1] = argv[2];
+        argv[2] = (char *)"--help";
+    }
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help")) {
         usage();
         return CLI_OK;

@@ -312,7 +312,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
         { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file" },
-        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP },
+        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0, "f32 int8" },
         { "prob", 0, CLI_MADE, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
         { "entropy", 0, CLI_MADE, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold" },

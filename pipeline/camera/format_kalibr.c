@@ -104,9 +104,10 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
                          *intrinsics = sst_yaml_need(doc, map, "intrinsics");
     double v[4], size[2];
 
-    if (model && strcmp(model->text, "pinhole") != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only pinhole cameras are supported", model->text);
-    if (intrinsics && (intrinsics->type != SST_YAML_LIST || intrinsics->count != 4)) {
+    if (model && strcmp(model->text, "pinhole") != 0) {
+        sst_yaml_fault(doc, model, "is %.40s; only pinhole is supported, so calibrate again with it or with sst",
+                       model->text); /* its intrinsics mean something else */
+    } else if (intrinsics && (intrinsics->type != SST_YAML_LIST || intrinsics->count != 4)) {
         sst_yaml_fault(doc, intrinsics, "must be the list fu, fv, pu, pv");
     } else if (sst_yaml_doubles(doc, intrinsics, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, v, 4)) {
         c->cam.fx = v[0];

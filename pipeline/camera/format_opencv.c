@@ -81,10 +81,10 @@ static bool read_matrix(struct sst_yaml *doc, struct sst_yaml_node *node, struct
 {
     double v[MOST_NUMBERS];
     const int n = numbers(doc, node, v);
-    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "is not a 3 x 3 matrix";
+    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "it is not a 3 x 3 matrix";
 
     if (n >= 0 && fault)
-        sst_yaml_fault(doc, node, "%s", fault);
+        sst_yaml_fault(doc, node, "cannot be used: %s", fault);
     return n == 9 && !fault;
 }
 

@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -154,6 +155,7 @@ static bool is_complete(const struct jpeg_decompress_struct *jpeg)
 /* All rows are read. May escape. */
 static int finish(struct reader *r, const char *name)
 {
+    static atomic_bool warned;
     const bool complete = is_complete(&r->jpeg); /* its tables are gone afterwards */
 
     (void)jpeg_finish_decompress(&r->jpeg);
@@ -163,7 +165,10 @@ static int finish(struct reader *r, const char *name)
         snprintf(r->message, sizeof(r->message), "its last scans are missing");
         return damaged(r, name);
     }
-    sst_log_warning("%s lacks the end marker of JPEG, but none of its samples; other programs may refuse it", name);
+    if (!atomic_exchange(&warned, true)) /* an array's pictures are all alike, and read by several stages */
+        sst_log_warning("%s lacks the end marker of JPEG, but none of its samples; other programs may refuse it, and "
+                        "others of this kind",
+                        name);
     return 0;
 }
 

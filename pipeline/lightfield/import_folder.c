@@ -74,8 +74,9 @@ static int look(struct found *f, const struct import_plan *plan)
     }
     if (f->files[PICTURE] || f->files[RAW])
         return 0;
-    sst_log_error("%s has no image named like 00_00.png (row, column)%s%s; is it another format?", cfg->source,
-                  f->files[BESIDE] ? ", only " : "", f->beside);
+    sst_log_error("%s has no image named like 00_00.png (row, column)%s%s; %s", cfg->source,
+                  f->files[BESIDE] ? ", only " : "", f->beside,
+                  f->files[BESIDE] ? "convert images to PNG or JPEG" : "is it another format?");
     return -EBADMSG;
 }
 

@@ -74,6 +74,10 @@ static int read_params(struct import_plan *plan, struct grid *g)
         plan->centre[0] = (cols - 1) / 2;
         plan->centre[1] = (rows - 1) / 2;
     }
+    if (focus_m < 0) {
+        sst_log_error("%s: focus_distance_m is %g, behind the cameras; correct it", g->params_path, focus_m);
+        return -EBADMSG;
+    }
     if (!(rows >= 1 && rows <= SST_MAX_VIEWS && cols >= 1 && cols <= SST_MAX_VIEWS)) {
         sst_log_error("%s: num_cams_y %g and num_cams_x %g are outside 1..%d", g->params_path, rows, cols,
                       SST_MAX_VIEWS);

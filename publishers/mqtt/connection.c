@@ -300,6 +300,8 @@ static int read_secret(char out[SST_CONFIG_TEXT_MAX], const char *path)
         err = ferror(f) ? -EIO : -ENODATA;
     if (!err)
         out[strcspn(out, "\r\n")] = 0;
+    if (!err && !strncmp(out, "\xef\xbb\xbf", 3)) /* Windows' editors begin UTF-8 with it */
+        memmove(out, out + 3, strlen(out + 3) + 1);
     if (f)
         fclose(f);
     return err;

@@ -367,7 +367,7 @@ static void a_broker_may_want_tls_and_a_password(void **state)
     }
     shell("cd $0 && openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=broker "
           "-addext subjectAltName=IP:127.0.0.1 -keyout key.pem -out cert.pem && mosquitto_passwd -c -b users me secret "
-          "&& echo secret >good && echo wrong >bad");
+          "&& printf '\\357\\273\\277secret\\r\\n' >good && echo wrong >bad"); /* as Windows' editor writes it */
     snprintf(more, sizeof(more),
              "allow_anonymous false\npassword_file %s/users\ncertfile %s/cert.pem\nkeyfile %s/key.pem", test_folder,
              test_folder, test_folder);

@@ -207,6 +207,10 @@ want 3 "light field without a calibration" calibration show plain.lf
 want 2 'unknown action `dance`' calibration dance calib.yaml
 want 2 "-o OUT is missing" calibration convert calib.yaml
 want 2 "show writes nothing" calibration show calib.yaml -o bad
+printf 'cam0:\n  camera_model: omni\n  distortion_coeffs: []\n  distortion_model: none\n  intrinsics: [1, 9, 9, 9, 9]\n  resolution: [9, 9]\n' >omni.yaml
+want 3 "omni.yaml:2:17: camera_model is omni; only pinhole is supported" calibration show omni.yaml
+[ "$(wc -l <err)" = 1 ] || fail "said of another camera model: $(cat err)"
+want 2 "unknown --to .kalbr.; did you mean .kalibr.?" calibration convert calib.yaml -o bad --to kalbr
 want 2 "unknown calibration format" calibration convert calib.yaml -o bad --to colmap
 want 2 "does not imply a calibration format" calibration convert calib.yaml -o bad.txt
 want 3 "No such file" calibration show none.yaml

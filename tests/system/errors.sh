@@ -41,6 +41,19 @@ want 2 "unknown --preset .acurate.; did you mean .accurate.? choose from preview
 want 2 "unknown --scene .hegde.; did you mean .hedge.?" demo --scene hegde -o bad
 want 2 "there is no scene forest" demo --scene forest -o bad
 
+for command in scene render; do
+  "$sst" help $command | cmp -s - <("$sst" $command --help) || fail "help $command"
+done
+"$sst" scene 2>err && fail "a scene without a name"
+grep -q '\[--kind NAME\].* [.][.][.]; see' err || fail "a usage of several lines: $(cat err)"
+mkdir -p tiffs cut
+touch tiffs/00_00.tif tiffs/00_01.TIFF
+want 3 "only 00_00.tif, 00_01.TIFF; convert images to PNG or JPEG" import folder tiffs --grid 1x2 -o bad
+"$sst" render good --method refocus --focus 1 -o cut.jpg -q >out || fail "a JPEG"
+for i in 0 1; do head -c -2 cut.jpg >cut/00_0$i.jpg; done
+"$sst" import folder cut --grid 1x2 -o cut.lf 2>err >out || fail "pictures without an end marker: $(cat err)"
+[ "$(grep -c 'lacks the end marker' err)" = 1 ] && ! grep -q tmp- err || fail "said of end markers: $(cat err)"
+
 # --- an input is no output, and one output is not two ---
 fresh
 cp "$left" photo.png

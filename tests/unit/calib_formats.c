@@ -305,7 +305,7 @@ static void refusals_say_why(void **state SST_UNUSED)
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML D_YML, "t:3:1: camera_matrix is missing" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML, "t:3:1: distortion_coefficients are missing" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML D_YML MATRIX("K", "3", "3", "1, 2, 0, 0, 1, 0, 0, 0, 1"),
-          "skew" },
+          "K cannot be used: the camera matrix has a skew" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML D_YML MATRIX("K", "3", "3", "1, 0, 0, 0, .Nan, 0, 0, 0, 1"),
           "data must be a number" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML MATRIX("D", "2", "3", "1, 2, 3, 4"),

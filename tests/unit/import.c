@@ -229,6 +229,8 @@ static void hci_parameters_are_converted(void **state SST_UNUSED)
     put_text("src/parameters.cfg", "num_cams_x = 3\nnum_cams_y = 3\n");
     cfg.force = true;
     assert_int_equal(sst_import(&cfg), -EBADMSG); /* view 10 of 9 */
+    put_text("src/parameters.cfg", "num_cams_x = 4\nnum_cams_y = 4\nfocus_distance_m = -2\n");
+    assert_int_equal(sst_import(&cfg), -EBADMSG); /* behind the cameras */
     put_text("src/parameters.cfg", "num_cams_x = 4\nnum_cams_y = 4\ndisp_min = 3\ndisp_max = -3\n");
     assert_int_equal(sst_import(&cfg), -EBADMSG);
 }
