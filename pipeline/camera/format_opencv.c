@@ -131,7 +131,7 @@ static void read_pose(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
 
 static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c)
 {
-    static const char *const names[NAMES] = { "image_size", "imageSize", "size" };
+    static const char *const names[NAMES] = { "image_size", "imageSize", "size", "cameraResolution" };
     struct sst_yaml_node *size = get_any(root, names), *w = sst_yaml_get(root, "image_width");
     struct sst_yaml_node *h = sst_yaml_get(root, "image_height");
     double v[2];

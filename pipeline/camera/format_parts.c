@@ -144,11 +144,13 @@ bool sst_loose_other_lens(const char *key, const char *value, bool listed, char 
     static const char *const parameter[] = { "xi",        "alpha", "beta", "tau", "taux", "tauy",  "tilt",
                                              "skew",      "s1",    "s2",   "s3",  "s4",   "omega", "mirrorparameters",
                                              "thinprism", NULL };
-    char k[40], v[40];
+    char k[40], v[40], one[40]; /* of a pair: xi_1, xi2 */
 
     squeeze(k, key);
     squeeze(v, value);
-    if (is_among(k, parameter) || strstr(k, "fisheye") || strstr(k, "omnidir") || strstr(k, "thinprism") ||
+    squeeze(one, key);
+    one[strcspn(one, "0123456789")] = 0;
+    if (is_among(k, parameter) || is_among(one, parameter) || strstr(k, "fisheye") || strstr(k, "omnidir") || strstr(k, "thinprism") ||
         strstr(k, "tilted")) {
         snprintf(why, SST_LENS_WHY,
                  "is set (%.40s), which belongs to another lens model; cameras here are pinholes with OpenCV's "

@@ -324,6 +324,8 @@ static void refusals_say_why(void **state SST_UNUSED)
           "camera_model is eucm" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "use_fisheye: true\n", "use_fisheye is set" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "tauX: 0.01\n", "tauX is set" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "xi_1: 1.2\n", "xi_1 is set (1.2)" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, HEAD "cameraResolution: [ 0, 480 ]\n" K_YML D_YML, "cameraResolution" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "use_thin_prism: 1\n", "use_thin_prism is set" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "lens:\n  model: Kannala-Brandt\n",
           "model is Kannala-Brandt" },
