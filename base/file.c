@@ -680,6 +680,8 @@ static int open_entry(int dir, const char *name, struct stat *st)
 }
 
 /* Readable by whom the original is. */
+#define COPY_DEPTH 16 /* folders in one another; a light field has two or three */
+
 static int copy_file(int in, const struct stat *st, const char *to)
 {
     const int out = open(to, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, (st->st_mode & 0666) | 0200);
@@ -690,8 +692,8 @@ static int copy_file(int in, const struct stat *st, const char *to)
     return err;
 }
 
-/* @param fd  of the folder `from`; closed here */
-static int copy_folder(int fd, const char *from, const char *to)
+/* @param fd  of the folder `from`; closed here. @param depth  that may lie below it */
+static int copy_folder(int fd, const char *from, const char *to, int depth)
 {
     char source[SST_PATH_MAX], target[SST_PATH_MAX];
     DIR *d = fdopendir(fd);
@@ -717,8 +719,12 @@ static int copy_folder(int fd, const char *from, const char *to)
             continue;
         }
         if (in >= 0 && S_ISDIR(st.st_mode)) {
-            err = copy_folder(in, source, target); /* logged */
-            continue;
+            err = depth ? copy_folder(in, source, target, depth - 1) : -ELOOP; /* logged */
+            if (depth)
+                continue;
+            close(in);
+            sst_log_error("%s lies deeper than %d folders, and is not copied; move it elsewhere", source, COPY_DEPTH);
+            break;
         }
         err = in < 0 ? in : copy_file(in, &st, target);
         if (in >= 0)
@@ -736,7 +742,7 @@ int sst_path_copy_tree(const char *from, const char *to)
     const int fd = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC), err = fd < 0 ? -errno : 0;
 
     if (!err)
-        return copy_folder(fd, from, to);
+        return copy_folder(fd, from, to, COPY_DEPTH);
     sst_log_error("cannot copy the folder %s to %s: %s", from, to, strerror(-err));
     return err;
 }
@@ -747,7 +753,7 @@ void sst_path_remove_tree(const char *path)
 }
 
 /* True if the folder `inner` is `outer` or below it. Both must exist. */
-static bool is_inside(const char *inner, const char *outer)
+bool sst_path_is_inside(const char *inner, const char *outer)
 {
     char *a = realpath(inner, NULL), *b = realpath(outer, NULL);
     const size_t n = b ? strlen(b) : 0;
@@ -780,7 +786,7 @@ int sst_path_check_keeps(const char *path, const char *input)
         return 0;
     if (sst_path_is_dir(input) && sst_path_join(views, input, "views"))
         return 0;
-    if (!is_inside(path, sst_path_is_dir(input) ? views : input))
+    if (!sst_path_is_inside(path, sst_path_is_dir(input) ? views : input))
         return 0;
     sst_log_error("%s would be replaced, which is read from; choose another output", path);
     return -EINVAL;
@@ -795,7 +801,7 @@ int sst_path_check_output(const char *out, bool force, const char *marker, const
     if (err || !sst_path_exists(out))
         return err;
     for (; *inputs; inputs++) {
-        if (is_inside(*inputs, out)) {
+        if (sst_path_is_inside(*inputs, out)) {
             sst_log_error("%s would be replaced, and %s with it; choose another output", out, *inputs);
             return -EINVAL;
         }

@@ -139,12 +139,35 @@ static int list_source(struct list *l, const struct cli_batch *b, char *source)
     return err;
 }
 
-/* Two sources of one name would have one output, and some names are taken. */
-static int check_names(const struct list *l)
+/* A folder, or the one that it will be made in. */
+static void find_there(char there[SST_PATH_MAX], const char *out)
+{
+    size_t n = strlen(out);
+
+    snprintf(there, SST_PATH_MAX, "%s", out);
+    if (sst_path_exists(out))
+        return;
+    while (n > 1 && out[n - 1] == '/')
+        n--;
+    while (n > 0 && out[n - 1] != '/')
+        n--;
+    snprintf(there, SST_PATH_MAX, "%.*s", n ? (int)n : 1, n ? out : ".");
+}
+
+/* Two sources of one name would have one output, some names are taken, and only an earlier output is replaced: not a
+ * light field in the folder that the sources are in. */
+static int check_names(const struct list *l, const char *out)
 {
     static const char *const taken[] = { LOGS, STATES, CLI_BATCH_TABLE };
+    char path[SST_PATH_MAX], there[SST_PATH_MAX];
+    int err;
 
+    find_there(there, out);
     for (int i = 0; i < l->count; i++) {
+        if (l->piece[i].set < 0 && sst_path_is_inside(there, l->piece[i].source)) {
+            sst_log_error("%s lies in %s, which it would hold a copy of; choose another -o", out, l->piece[i].source);
+            return -EEXIST;
+        }
         for (size_t k = 0; k < ARRAY_LEN(taken); k++) {
             if (!strcmp(l->name[i], taken[k])) {
                 sst_log_error("%s would have the output %s, which is the campaign's own; rename it", l->piece[i].source,
@@ -152,6 +175,13 @@ static int check_names(const struct list *l)
                 return -EEXIST;
             }
         }
+        if (sst_path_join(path, out, l->name[i]))
+            return -ENAMETOOLONG;
+        err = sst_path_exists(path)
+                  ? sst_path_check_output(path, true, CLI_BATCH_LIGHTFIELD, (const char *[]){ l->piece[i].source, NULL })
+                  : 0;
+        if (err)
+            return err;
         for (int k = 0; k < i; k++) {
             if (!strcmp(l->name[i], l->name[k])) {
                 sst_log_error("%s and %s would have the same output %s; rename one of them", l->piece[k].source,
@@ -177,14 +207,17 @@ static int run_piece(void *arg, int i, bool again)
     return cli_batch_run_piece(run->b, &run->list->piece[i], run->list->name[i], again);
 }
 
-static int make_folders(struct cli_batch *b, const char *out)
+static int name_folders(struct cli_batch *b)
 {
-    int err = sst_path_join(b->states, out, STATES);
+    const int err = sst_path_join(b->states, b->out, STATES);
 
-    err = err ? err : sst_path_join(b->logs, out, LOGS);
-    if (b->reads_only)
-        return err;
-    err = err ? err : sst_path_make_dir(out);
+    return err ? err : sst_path_join(b->logs, b->out, LOGS);
+}
+
+static int make_folders(const struct cli_batch *b)
+{
+    int err = sst_path_make_dir(b->out);
+
     err = err ? err : sst_path_make_dir(b->states);
     return err ? err : sst_path_make_dir(b->logs);
 }
@@ -193,7 +226,7 @@ static int run_all(struct cli_batch *b, const struct cli_shard *shard, const cha
 {
     struct list list = { 0 };
     struct run run = { b, &list };
-    int err = make_folders(b, b->out), r = cli_exit_code(err);
+    int err = name_folders(b), r;
 
     for (int i = 0; !err && sources[i]; i++) {
         char source[SST_PATH_MAX];
@@ -201,7 +234,10 @@ static int run_all(struct cli_batch *b, const struct cli_shard *shard, const cha
         err = sst_path_join(source, sources[i], NULL);
         err = err ? err : list_source(&list, b, source);
     }
-    err = err ? err : check_names(&list);
+    if (!err && !b->reads_only) {
+        err = check_names(&list, b->out);
+        err = err ? err : make_folders(b);
+    }
     r = cli_exit_code(err);
     if (!r) {
         const struct cli_pieces pieces = { list.count, list.name, list.state, job, run_piece, &run };

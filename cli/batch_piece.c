@@ -199,7 +199,7 @@ int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece 
     if (again)
         sst_path_remove_temporaries_of(out);
     err = sst_outdir_open(&p.out, out, true);
-    err = err ? err : sst_path_join(p.lf, p.out.temporary, "lightfield");
+    err = err ? err : sst_path_join(p.lf, p.out.temporary, CLI_BATCH_LIGHTFIELD);
     if (err)
         return cli_exit_code(err);
     code = run_steps(&p, piece);

@@ -137,6 +137,7 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
 
 /* --- batch: the pieces of a campaign, and its table. --- */
 
+#define CLI_BATCH_LIGHTFIELD "lightfield" /* of a piece's folder: the copy */
 #define CLI_BATCH_TABLE "figures.csv" /* of the output folder */
 
 /** What is done to each piece. */

@@ -111,6 +111,20 @@ for n in logs figures.csv; do
   want 4 "would have the output $n, which is the campaign's own" batch taken -o results
   rm -r taken
 done
+# nothing but an earlier output is replaced, and no source holds what copies it
+cp -r captures kept
+want 2 "captures/b1 would be replaced, and captures/b1 with it" batch captures -o captures
+mkdir -p full/b1 && echo mine >full/b1/mine
+want 4 "full/b1 holds no lightfield, .* remove it yourself" batch captures -o full
+want 4 "captures/b1/out/ lies in captures/b1, which it would hold a copy of" batch captures/b1 -o captures/b1/out/
+want 4 "captures/b1 lies in captures/b1" batch captures/b1 -o captures/b1
+[ "$(cd captures && find . -type f -exec md5sum {} + | sort)" = "$(cd kept && find . -type f -exec md5sum {} + | sort)" ] ||
+  fail "a source was changed"
+want 3 "cannot read the folder absent" batch absent -o absent.out
+[ ! -e absent.out ] || fail "a folder for nothing"
+mkdir -p "deep/b1/$(printf 'd/%.0s' $(seq 900))" && cp captures/b1/lightfield.json deep/b1
+"$sst" batch deep -o deeper >/dev/null 2>err
+[ $? -lt 128 ] && grep -q "lies deeper than 16 folders" err || fail "deep folders: $(cat err)"
 [ -s results/logs/b1.log ] && [ -f results/figures.csv ] || fail "logs or figures are gone"
 mkdir -p odd/=1+1 oddly/=1+1; echo {} >odd/=1+1/lightfield.json
 "$sst" batch odd -o oddly >/dev/null 2>&1 && fail "an empty light field is fine"
