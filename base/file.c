@@ -779,14 +779,18 @@ static bool is_empty(const char *dir)
 
 int sst_path_check_keeps(const char *path, const char *input)
 {
-    char views[SST_PATH_MAX];
+    static const char *const parts[] = { "lightfield.json", "calibration.yaml", "views",       "disparity", "confidence",
+                                         "labels",          "labels_initial",   "labels_hcsm", "entropy",   "truth" };
+    const bool folder = sst_path_is_dir(input);
+    char part[SST_PATH_MAX];
     struct stat st;
+    bool read = false;
 
     if (stat(path, &st) || !S_ISREG(st.st_mode))
         return 0;
-    if (sst_path_is_dir(input) && sst_path_join(views, input, "views"))
-        return 0;
-    if (!sst_path_is_inside(path, sst_path_is_dir(input) ? views : input))
+    for (size_t i = 0; folder && i < ARRAY_LEN(parts); i++)
+        read |= snprintf(part, sizeof(part), "%s/%s", input, parts[i]) < SST_PATH_MAX && sst_path_is_inside(path, part);
+    if (!read && (folder || !sst_path_is_inside(path, input)))
         return 0;
     sst_log_error("%s would be replaced, which is read from; choose another output", path);
     return -EINVAL;

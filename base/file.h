@@ -99,7 +99,7 @@ SST_MUST_CHECK int sst_path_check_new(const char *path, bool file);
 /** Whether the first lies in the second, or is it; links are followed. False where one does not exist. */
 bool sst_path_is_inside(const char *inner, const char *outer);
 
-/** Refuse a file to write that is this input, or one of the images of a light field that is. @return 0, -EINVAL, logged */
+/** Refuse a file to write that is this input, or a view or map of a light field that is. @return 0, -EINVAL, logged */
 SST_MUST_CHECK int sst_path_check_keeps(const char *path, const char *input);
 
 /** Refuse (logged) an output that cannot be made, exists already (without force), or would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:

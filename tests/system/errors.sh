@@ -61,7 +61,7 @@ cp "$right" other.png
 state . >before
 for output in "segment photo.png -o photo.png" "segment photo.png -o lf/../photo.png" "segment photo.png other.png -o ." \
   "segment lf/views -o lf/views" "segment photo.png -o bad.png --prob photo.png" "stereo photo.png other.png --max-disparity 8 -o other.png" \
-  "render lf --method refocus --focus 1 -o lf/views/01_01.png"; do
+  "render lf --method refocus --focus 1 -o lf/views/01_01.png" "render lf -o q.png --valid lf/disparity/00_00.png"; do
   # shellcheck disable=SC2086
   want 2 "would be replaced, which is read from; choose another output" $output
 done
