@@ -84,7 +84,15 @@ static int offset_of(struct trigger_chip *chip, const char *name)
     return isdigit((unsigned char)*name) && !*end && number < lines ? (int)number : -ENODEV;
 }
 
-/* @return 0, or an error with the name of the line that caused it */
+static bool is_taken(const struct gpio_request *request, int outputs, int offset)
+{
+    for (int i = 0; i < outputs; i++)
+        if ((int)request->output[i] == offset)
+            return true;
+    return false;
+}
+
+/* @return 0, or an error with the name of the line that caused it; -EEXIST: another name has its offset */
 static int resolve(struct trigger_chip *chip, struct gpio_request *request, const struct gpio_wanted *wanted,
                    const char **missing)
 {
@@ -96,6 +104,8 @@ static int resolve(struct trigger_chip *chip, struct gpio_request *request, cons
 
         if (offset < 0)
             return offset;
+        if (is_taken(request, i, offset))
+            return -EEXIST;
         request->output[i] = (unsigned)offset;
     }
     if (wanted->loopback[0]) {
@@ -103,7 +113,7 @@ static int resolve(struct trigger_chip *chip, struct gpio_request *request, cons
         if (request->loopback < 0)
             return request->loopback;
     }
-    return 0;
+    return is_taken(request, request->outputs, request->loopback) ? -EEXIST : 0;
 }
 
 static void list_lines(struct trigger_chip *chip, char *text, size_t size)
@@ -214,6 +224,11 @@ static void refuse(struct trigger_chip *chip, const struct gpio_listed *listed, 
                      why[0] ? "; " : "", listed->path, listed->label, line);
         return;
     }
+    if (err == -EEXIST) {
+        sst_text_add(why, size, "%sline \"%s\" of chip %s \"%s\" is given twice, by its name and its offset",
+                     why[0] ? "; " : "", line, listed->path, listed->label);
+        return;
+    }
     sst_text_add(why, size, "%schip %s \"%s\" has no line \"%s\"; its lines are ", why[0] ? "; " : "", listed->path,
                  listed->label, line);
     list_lines(chip, why, size);
@@ -237,9 +252,9 @@ static int consider(struct gpio_listed *listed, struct trigger_chip **out, struc
         *out = chip;
         return 1;
     }
-    if (chip && (err == -ENOTUNIQ || (err == -ENODEV && wanted->chip[0])))
+    if (chip && (err == -ENOTUNIQ || err == -EEXIST || (err == -ENODEV && wanted->chip[0])))
         refuse(chip, listed, missing, err, why, size);
-    if (chip && (err == -ENOTUNIQ || err == -ENODEV))
+    if (chip && (err == -ENOTUNIQ || err == -EEXIST || err == -ENODEV))
         err = 0;
     else
         snprintf(why, size, "reading chip %s: %s", listed->path, strerror(-err));

@@ -163,6 +163,14 @@ static void what_is_not_there_is_named(void **state SST_UNUSED)
     strcpy(cfg.chip, "sst-trigger");
     strcpy(cfg.line[1], "999");
     assert_int_equal(refusal(&cfg, text), -ENODEV);
+    strcpy(cfg.line[1], "0"); /* the offset of TRIG0 */
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "line \"0\" of chip /dev/gpiochip1 \"sst-trigger\" is given twice"));
+    strcpy(cfg.line[1], "6"); /* that of LOOP0 */
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "line \"LOOP0\""));
+    cfg = config(2, "LOOP0");
+    strcpy(cfg.line[1], "TRIG99");
     cfg.chip[0] = 0;
     assert_int_equal(refusal(&cfg, text), -ENODEV);
 }
