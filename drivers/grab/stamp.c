@@ -66,12 +66,12 @@ enum stamp_fault stamp_judge(struct stamp_clock *c, int64_t stamp_ns, int64_t ar
 void stamp_describe(char *out, size_t size, enum stamp_fault fault, int64_t stamp_ns, int64_t arrival_ns,
                     int64_t wall_ns)
 {
-    const double off_s = ((double)stamp_ns - (double)arrival_ns) * 1e-9;
+    const double diff_s = ((double)stamp_ns - (double)arrival_ns) * 1e-9, off_s = diff_s < 0 ? -diff_s : diff_s;
 
     if (llabs(stamp_ns - wall_ns) < WALL_NS)
         snprintf(out, size, "its time stamps are of the wall clock");
     else if (fault == STAMP_REPEATED)
         snprintf(out, size, "its time stamps do not advance");
     else
-        snprintf(out, size, "its time stamps are %.1f s %s", off_s < 0 ? -off_s : off_s, off_s < 0 ? "behind" : "ahead");
+        snprintf(out, size, "its time stamps are %.*f s %s", off_s < 1 ? 3 : 1, off_s, diff_s < 0 ? "behind" : "ahead");
 }

@@ -276,6 +276,8 @@ static void clocks_are_described(void **state SST_UNUSED)
 
     stamp_describe(out, sizeof(out), STAMP_AHEAD, 190 * SECOND, 0, 1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are 190.0 s ahead");
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, SECOND / 50, 0, 1790000000 * SECOND);
+    assert_string_equal(out, "its time stamps are 0.020 s ahead");
     stamp_describe(out, sizeof(out), STAMP_BEHIND, -2 * SECOND, 0, 1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are 2.0 s behind");
     stamp_describe(out, sizeof(out), STAMP_REPEATED, -2 * SECOND, 0, 1790000000 * SECOND);
