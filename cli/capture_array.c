@@ -147,8 +147,8 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
             printf("%s %" PRIu64 " %s", i ? "," : "", r->sets.bucket[i], sst_bucket_name((enum sst_bucket)i));
     printf("\n");
     if (r->sets.dropped || r->ticks_skipped)
-        printf("triggers without a set: %" PRIu64 " without a free set because the writer was behind, %" PRIu64
-               " too late to fire\n",
+        printf("triggers without a set: %" PRIu64 " without a free set, since the writer was behind or sets waited for "
+               "a camera (raise cameras: buffers), %" PRIu64 " too late to fire\n",
                r->sets.dropped, r->ticks_skipped);
     if (r->unexplained)
         printf("%" PRIu64 " frames are unaccounted for: please report this as a bug\n", r->unexplained);

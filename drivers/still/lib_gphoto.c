@@ -318,7 +318,7 @@ int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *pa
     const int rc = gp_camera_wait_for_event(fresh(lib)->camera, timeout_ms, &type, &data, lib->context);
     int event = STILL_NOTHING;
 
-    if (rc == GP_ERROR) /* the camera answers, but has no such file any more: an announcement that waited behind others */
+    if (rc == GP_ERROR) /* an announcement that waited behind others: the camera has no such file any more */
         return STILL_OTHER;
     if (rc < 0)
         return translate(lib, rc);
