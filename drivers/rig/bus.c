@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <netdb.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,7 +32,8 @@ struct rig_bus {
     int unit;        /* of the last request */
     unsigned echo;   /* data of the last echo */
     int64_t last_ns; /* end of the last request */
-    char name[SST_RIG_TEXT_MAX], device[SST_RIG_TEXT_MAX], why[128];
+    char name[SST_RIG_TEXT_MAX], why[128];
+    char device[SST_RIG_TEXT_MAX]; /* or host */
     struct sst_rig_counters *count;
 };
 
@@ -53,14 +55,13 @@ static int bad_name(const char *bus)
 
 static int make_tcp(struct rig_bus *b)
 {
-    char host[SST_RIG_TEXT_MAX];
     const char *port = strrchr(b->name, ':');
     char *end;
 
-    snprintf(host, sizeof(host), "%.*s", (int)(port - (b->name + 4)), b->name + 4);
-    if (!host[0] || strtol(port + 1, &end, 10) < 1 || strtol(port + 1, &end, 10) > 65535 || *end)
+    snprintf(b->device, sizeof(b->device), "%.*s", (int)(port - (b->name + 4)), b->name + 4);
+    if (!b->device[0] || strtol(port + 1, &end, 10) < 1 || strtol(port + 1, &end, 10) > 65535 || *end)
         return bad_name(b->name);
-    b->ctx = modbus_new_tcp_pi(host, port + 1);
+    b->ctx = modbus_new_tcp_pi(b->device, port + 1);
     return b->ctx ? 0 : -ENOMEM;
 }
 
@@ -114,6 +115,18 @@ static int connect_errno(int e)
     }
 }
 
+/* libmodbus reports a host that is not found as a refused connection. */
+static void explain_host(struct rig_bus *b)
+{
+    struct addrinfo *list = NULL;
+    const int rc = getaddrinfo(b->device, NULL, NULL, &list);
+
+    if (rc)
+        snprintf(b->why, sizeof(b->why), "host %.60s: %.50s", b->device, gai_strerror(rc));
+    else
+        freeaddrinfo(list);
+}
+
 static int connect_once(struct rig_bus *b)
 {
     int err = check_descriptors(b), fd;
@@ -124,6 +137,8 @@ static int connect_once(struct rig_bus *b)
     if (modbus_connect(b->ctx)) {
         err = connect_errno(errno);
         snprintf(b->why, sizeof(b->why), "%s", errno ? modbus_strerror(errno) : "no connection");
+        if (err == -ECONNREFUSED && !b->serial)
+            explain_host(b);
         return err;
     }
     fd = modbus_get_socket(b->ctx);
