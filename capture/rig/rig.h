@@ -101,7 +101,8 @@ struct sst_scan_shot {
 
 /**
  * Open or create the folder, lock it, read its manifest and verify the hash of every view. Missing and damaged views
- * have to be captured; temporary files of a killed process are removed.
+ * have to be captured; temporary files of a killed process are removed. As long as there is no view, other settings
+ * replace those of the folder, unless must_exist.
  *
  * @return 0, -EINVAL (other settings: the difference is logged), -EEXIST (a folder with other contents), -ENOENT
  * (must_exist), -EBUSY (another capture is running in it), -EBADMSG (manifest), -EIO/-ENOSPC/-EROFS/-EACCES; logged.

@@ -46,7 +46,7 @@ struct sst_scan_store {
     int rows, cols;
     int32_t pitch_um[2];
     uint32_t fourcc;
-    bool put_any;
+    bool must_exist, put_any;
     json_t *settings;
     struct stored_view *view; /* [rows * cols] */
 };
@@ -129,6 +129,45 @@ static int compare_settings(const struct sst_scan_store *s, json_t *there)
     return -EINVAL;
 }
 
+/* --- beginning ---------------------------------------------------------------------------------------------------- */
+
+/* True for a temporary file of base/file.h with this final name. */
+static bool is_left_over(const char *name)
+{
+    return strstr(name, ".tmp-") &&
+           (!strncmp(name, MANIFEST, strlen(MANIFEST)) || !strncmp(name, "lightfield.json", 15) ||
+            (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
+}
+
+/* Remove temporary files of a killed process; false: there are files that do not belong to a capture. */
+static bool tidy(const char *dir)
+{
+    DIR *d = opendir(dir);
+    bool ours = true;
+
+    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
+        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..") || !strcmp(e->d_name, "views"))
+            continue;
+        if (is_left_over(e->d_name))
+            (void)unlinkat(dirfd(d), e->d_name, 0);
+        else
+            ours = false;
+    }
+    if (d)
+        closedir(d);
+    return ours;
+}
+
+static int write_header(const struct sst_scan_store *s)
+{
+    char *line = line_of(
+        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings));
+    const int err = line ? sst_file_write(s->manifest, line, strlen(line)) : no_memory(s);
+
+    free(line);
+    return err;
+}
+
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
 static bool read_pos(json_t *list, struct sst_rig_pos *out)
@@ -175,7 +214,8 @@ static bool read_view(struct sst_scan_store *s, json_t *line)
     return true;
 }
 
-static int read_header(struct sst_scan_store *s, json_t *line)
+/* A start that failed before its first view leaves a header alone: other settings spoil nothing then. */
+static int read_header(struct sst_scan_store *s, json_t *line, bool alone)
 {
     const char *format = json_string_value(json_object_get(line, "format"));
 
@@ -185,6 +225,9 @@ static int read_header(struct sst_scan_store *s, json_t *line)
                       s->manifest);
         return -EBADMSG;
     }
+    if (alone && !s->must_exist && !json_equal(json_object_get(line, "settings"), s->settings) && tidy(s->views_dir) &&
+        tidy(s->raw_dir))
+        return write_header(s);
     return compare_settings(s, json_object_get(line, "settings"));
 }
 
@@ -204,7 +247,7 @@ static int read_lines(struct sst_scan_store *s, const char *text, size_t size, s
         line = json_loadb(text + at, (size_t)(end - text) - at, JSON_REJECT_DUPLICATES, NULL);
         at = (size_t)(end - text) + 1;
         if (n == 1)
-            err = read_header(s, line);
+            err = read_header(s, line, at == size);
         else if (!line || !read_view(s, line))
             sst_log_warning("%s:%d is damaged; its view is captured again", s->manifest, n);
         json_decref(line);
@@ -271,38 +314,8 @@ static int fault(const char *what, const char *path)
     return e == ENOSPC || e == EROFS || e == EDQUOT || e == EACCES ? -e : -EIO;
 }
 
-/* True for a temporary file of base/file.h with this final name. */
-static bool is_left_over(const char *name)
-{
-    return strstr(name, ".tmp-") &&
-           (!strncmp(name, MANIFEST, strlen(MANIFEST)) || !strncmp(name, "lightfield.json", 15) ||
-            (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
-}
-
-/* Remove temporary files of a killed process; false: there are files that do not belong to a capture. */
-static bool tidy(const char *dir)
-{
-    DIR *d = opendir(dir);
-    bool ours = true;
-
-    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
-        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..") || !strcmp(e->d_name, "views"))
-            continue;
-        if (is_left_over(e->d_name))
-            (void)unlinkat(dirfd(d), e->d_name, 0);
-        else
-            ours = false;
-    }
-    if (d)
-        closedir(d);
-    return ours;
-}
-
 static int begin_new(struct sst_scan_store *s, bool must_exist)
 {
-    char *line;
-    int err;
-
     if (must_exist) {
         sst_log_error("%s contains no capture to resume; omit --resume to start one", s->dir);
         return -ENOENT;
@@ -311,11 +324,7 @@ static int begin_new(struct sst_scan_store *s, bool must_exist)
         sst_log_error("%s is a folder with other contents; choose another one", s->dir);
         return -EEXIST;
     }
-    line = line_of(
-        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings));
-    err = line ? sst_file_write(s->manifest, line, strlen(line)) : no_memory(s);
-    free(line);
-    return err;
+    return write_header(s);
 }
 
 static int lock_folder(struct sst_scan_store *s)
@@ -388,6 +397,7 @@ int sst_scan_store_open(struct sst_scan_store **out, const struct sst_scan_confi
     s->dir_fd = s->fd = -1;
     s->rows = cfg->rows;
     s->cols = cfg->cols;
+    s->must_exist = cfg->must_exist;
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
     if (s->fourcc != V4L2_PIX_FMT_MJPEG && s->fourcc != V4L2_PIX_FMT_GREY && s->fourcc != V4L2_PIX_FMT_Y16 &&

@@ -26,6 +26,9 @@ rig=("$@")
 fail() { echo "FAIL: $*"; bad=1; }
 bad=0
 bus=rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1
+"$sst" capture rig "${rig[@]}" --pitch 5mm --bus tcp:no..host:502 -o lf 2>err && fail "a rig that is nowhere"
+grep -q "cannot connect: host no..host:" err || fail "the host is not named: $(cat err)"
+# which leaves nothing that other settings could spoil
 timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json >report 2>err || fail "capture over RTU: $(cat err)"
 grep -q '"taken":3' report || fail "not three views: $(cat report)"
 [ -f lf/lightfield.json ] && [ "$(ls lf/views | wc -l)" -eq 3 ] || fail "no light field: $(ls lf lf/views)"
