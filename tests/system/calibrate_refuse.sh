@@ -36,7 +36,7 @@ want 2 "does not combine with" calibrate corners.json --grid 1x2 -o bad.yaml
 want 2 "does not combine with" calibrate corners.json --rig -o bad.yaml
 want 2 "picture belongs" calibrate corners.json --picture bad.png -o bad.yaml
 want 2 "exist already" calibrate --live --rig --board charuco:9x7:25mm:0.7 -o bad.yaml
-want 2 "must have different names" calibrate corners.json -o bad.yaml --report bad.yaml
+want 2 "are both" calibrate corners.json -o bad.yaml --report bad.yaml
 want 2 "it combines with" calibrate --check missing --force
 want 2 "it combines with" calibrate --check missing -o bad.yaml
 want 3 "missing does not exist" calibrate missing --board charuco:9x7:25mm:0.7 -o bad.yaml
