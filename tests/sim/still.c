@@ -6,7 +6,6 @@
 #include "base/log.h"
 #include "drivers/still/still.h"
 #include "tests/sim_session.h"
-#include "tests/small.h"
 #include "tests/test.h"
 
 #if defined(__SANITIZE_ADDRESS__)
@@ -27,7 +26,7 @@ const char *__lsan_default_suppressions(void)
 #endif
 
 /* More than a picture takes on a machine that is busy. */
-#define QUIET_MS (3000 << small_level())
+#define QUIET_MS 3000
 
 #define WORLD "simulators/scene/world/worlds/still-rig.yaml"
 
