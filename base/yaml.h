@@ -53,7 +53,7 @@ SST_MUST_CHECK int sst_yaml_parse(struct sst_yaml **out, const char *text, size_
 
 /**
  * The same for a file of another program, which may hold much that is not read: up to SST_YAML_FOREIGN_BYTES; of a list
- * only the first SST_YAML_FOREIGN_LIST elements become nodes, `count` is that of all; an alias is a copy of the value
+ * only the first SST_YAML_FOREIGN_LIST elements become nodes, `count` is the number of all; an alias is a copy of the value
  * with its anchor, as PyYAML writes values that occur twice. Merge keys (<<) are refused.
  */
 SST_MUST_CHECK int sst_yaml_parse_foreign(struct sst_yaml **out, const char *text, size_t size, const char *name);

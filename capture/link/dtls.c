@@ -337,7 +337,7 @@ static struct peer *find_peer(struct link_dtls_server *s, const struct sockaddr_
     return NULL;
 }
 
-/* Handshakes of an address, beyond those that a whole array behind one address needs. */
+/* Handshakes of one address in excess of LINK_NODES, the most nodes that an array has behind one address. */
 static int count_spare(const struct link_dtls_server *s, const struct peer *of)
 {
     int n = 0;

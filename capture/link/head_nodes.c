@@ -17,7 +17,7 @@
 #include "capture/link/link_internal.h"
 
 #define CONNECTIONS (2 * LINK_NODES + 64)
-#define ACCEPTS     8                   /* at a time: then those that are connected have their turn */
+#define ACCEPTS     8                   /* connections accepted at a time, before the connected ones are read */
 #define HELLO_NS    INT64_C(5000000000) /* from the connection to the node's name */
 #define GREET_NS    INT64_C(250000000)  /* ... to the first message, when others want its place */
 #define SILENCE_NS  INT64_C(2000000000)
@@ -585,7 +585,7 @@ static int serve_one(struct sst_link_head *h, struct link_connection *c, char wh
     return err;
 }
 
-/* Connections of an address that are no nodes yet, beyond those that a whole array behind one address needs. */
+/* Connections of one address without a node in excess of LINK_NODES, the most that an array has behind one address. */
 static int count_spare(const struct sst_link_head *h, const struct link_connection *of)
 {
     int n = 0;
@@ -598,8 +598,8 @@ static int count_spare(const struct sst_link_head *h, const struct link_connecti
     return sst_max_int(n - LINK_NODES, 0);
 }
 
-/* Which of two connections that are no nodes yet makes room for another one? Those with a certificate stay longest. Of
- * the others those that say nothing go first, then those of the address that has most of them, then the oldest. */
+/* Order of eviction of connections without a node: silent ones, then those of the address with the most connections, then
+ * the oldest; connections with a certificate last. @return a is evicted before b */
 static bool goes_first(const struct sst_link_head *h, const struct link_connection *a, const struct link_connection *b,
                        int64_t now_ns)
 {
