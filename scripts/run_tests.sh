@@ -38,6 +38,12 @@ tests+=("${rest[@]}")
 busy=${#tests[@]} # those from here on wait
 tests+=("${waiting[@]}")
 
+# chosen WORD TEST: the names in brackets behind the word: the tests of this program that are asked for
+chosen() {
+  local name=${2##*tests/}
+  sed -nE "s,^${name%.sh} +$1 +\[([^]]*)\].*,\1,p" tests/special.txt
+}
+
 # tree PID: it and all below it
 tree() {
   local p
@@ -53,6 +59,10 @@ use_build() {
     *address*) export SST_TEST_SMALL=1;;
   esac
   marked unsound "$1" || export SST_TRAP_ALL=1
+  local names=
+  case $SST_BUILD in *thread*) names=$(chosen threads "$1");; esac
+  [ -z "${SST_TIMING-}" ] || names=$(chosen timing "$1")
+  [ -z "$names" ] || export SST_TESTS=$names # tests/test.h
   # The address sanitizer wants to be loaded first; nothing in this library is its concern. An emulator starts threads itself.
   if [ -z "${SST_RUNNER-}" ] && [ -e "$plain/one_thread.so" ] && marked one-thread "$1"; then
     export LD_PRELOAD=$plain/one_thread.so ASAN_OPTIONS="verify_asan_link_order=0:${ASAN_OPTIONS:-}"

@@ -42,4 +42,13 @@ make_test level '[ "$SST_CPU $ONEDNN_MAX_CPU_ISA" = "avx2 AVX2" ]'
 make_test reference '[ "$SST_CPU ${ONEDNN_MAX_CPU_ISA-none}" = "ref none" ]'
 "$root/scripts/run_tests.sh" "avx2@$tmp/level" "ref@$tmp/reference" "$tmp/level" >out 2>err && fail "a level is taken without its word: $(cat out)"
 [ "$(tail -n 1 out)" = '2 passed, 1 failed, 0 skipped' ] && grep -q "^pass  avx2@$tmp/level" out || fail "levels: $(cat out err)"
+# Tests that the table chooses by name are there, and alone run.
+sed -nE 's,^([^# ]+) +(timing|threads) +\[([^]]*)\].*,\1 \3,p' "$root/tests/special.txt" >chosen
+while read -r name tests; do
+  for t in $tests; do
+    grep -q "^static void $t(" "$root/tests/$name.c" || fail "tests/special.txt chooses $t, which $name has not"
+  done
+done <chosen
+SST_TESTS=none "${sst%/sst}/tests/kernels/sha256" >out 2>&1 || fail "none of its tests: $(cat out)"
+! grep -q RUN out || fail "a test runs that was not chosen: $(cat out)"
 exit $failed
