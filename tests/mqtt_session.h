@@ -21,6 +21,7 @@
 #include "config/sstd.h"
 #include "daemon/publish/http.h"
 #include "tests/folder.h"
+#include "tests/free_port.h"
 #include "tests/quick.h"
 
 #define BROKER   "/usr/sbin/mosquitto"
@@ -169,25 +170,6 @@ static inline struct sockaddr_in here(int on)
     return (struct sockaddr_in){ .sin_family = AF_INET,
                                  .sin_port = htons((uint16_t)on),
                                  .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
-}
-
-/* Of those that the kernel gives nobody who connects: free while the broker is away, too. */
-static inline int free_port(void)
-{
-    static unsigned at;
-    int err = -1, number = 0;
-
-    for (int i = 0; i < 1000 && err; i++) {
-        const int s = socket(AF_INET, SOCK_STREAM, 0);
-        struct sockaddr_in a;
-
-        number = 10000 + (int)((unsigned)getpid() * 7 + ++at) % 20000;
-        a = here(number);
-        err = bind(s, (struct sockaddr *)&a, sizeof(a));
-        close(s);
-    }
-    assert_int_equal(err, 0);
-    return number;
 }
 
 static inline void start_broker(const char *more)

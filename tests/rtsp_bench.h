@@ -29,6 +29,7 @@
 #include "config/sstd.h"
 #include "daemon/publish/http.h"
 #include "pipeline/image/codec.h"
+#include "tests/free_port.h"
 #include "tests/quick.h"
 #include "tests/test.h"
 
@@ -175,25 +176,6 @@ static void stop_painting(void)
 static const char *err_file(void)
 {
     return in_folder("ffmpeg.err");
-}
-
-/* Below those that the kernel assigns: nobody listens there for a while. */
-static int free_port(void)
-{
-    static int at;
-    struct sockaddr_in a = { .sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
-    int err = -1, number = 0;
-
-    for (int i = 0; i < 1000 && err; i++) {
-        const int fd = socket(AF_INET, SOCK_STREAM, 0);
-
-        number = 10000 + (getpid() * 7 + ++at) % 20000;
-        a.sin_port = htons((uint16_t)number);
-        err = bind(fd, (struct sockaddr *)&a, sizeof(a));
-        close(fd);
-    }
-    assert_int_equal(err, 0);
-    return number;
 }
 
 static void configure(enum sst_rtsp_codec codec, const char *more)
