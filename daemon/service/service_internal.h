@@ -543,10 +543,16 @@ struct live_engine {
     int64_t tracks_t_ns;
 };
 
-/* engine.c */
+/* engine_state.c */
 /** Note what the devices of pictures and labels have done since the last call, and the events of a loss or return. Live
  *  thread. */
 void engine_follow_device(struct live_engine *v);
+/** Count sets that were processed, 0 or 1, and what they cost, to the second that they fall into. */
+void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets);
+/** Note what a set brought. @param wait_ns  from its trigger until it was processed */
+void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
+/** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
+void engine_note_scene(struct live_engine *v, bool changed);
 
 /* engine_views.c */
 int engine_views_open(struct live_engine *v);

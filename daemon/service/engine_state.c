@@ -1,0 +1,206 @@
+/* State of the live engine as status, metrics and the page show it: what a set brought, ranges, devices, rates, labels. */
+#include "daemon/service/service_internal.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+
+/* How long the range of disparities and the cut have to stay until the picture counts as settled. */
+#define SETTLE_NS INT64_C(3000000000)
+
+const char *engine_stage_name(enum engine_stage stage)
+{
+    static const char *const names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
+                                                      "labels", "refine", "render", "encode" };
+
+    return names[stage];
+}
+
+const char *engine_demand_name(enum engine_demand demand)
+{
+    static const char *const names[] = { "none", "events", "pictures" };
+
+    return names[demand];
+}
+
+/* @param work, done  "pictures" "rendered" @param failure  NULL: the device works again */
+static void emit_device(struct live_engine *v, const char *work, const char *done, const char *name,
+                        const char *failure)
+{
+    if (!v->events)
+        return;
+    if (failure)
+        sst_events_emit(v->events, SST_EVENT_WARNING, "device-lost",
+                        json_pack("{s:s, s:s, s:s}", "device", name, "work", work, "reason", failure),
+                        "live %s are %s on the CPU, not on %s: %s", work, done, name, failure);
+    else
+        sst_events_emit(v->events, SST_EVENT_INFO, "device-found",
+                        json_pack("{s:s, s:s}", "device", name, "work", work), "live %s are %s on %s again", work, done,
+                        name);
+}
+
+void engine_follow_device(struct live_engine *v)
+{
+    struct sst_render_device_report now = { 0 };
+    struct sst_network_device_report labels = { 0 };
+    const bool on_device = sst_live_device(v->live, &now), labels_on_device = sst_live_label_device(v->live, &labels);
+    bool turned, labels_turned;
+
+    pthread_mutex_lock(&v->lock);
+    turned = now.failing != v->state.device.failing;
+    labels_turned = labels.failing != v->state.label_device.failing;
+    v->state.on_device = on_device;
+    v->state.device = now;
+    v->state.labels_on_device = labels_on_device;
+    v->state.label_device = labels;
+    pthread_mutex_unlock(&v->lock);
+    if (turned)
+        emit_device(v, "pictures", "rendered", now.name, now.failing ? now.failure : NULL);
+    if (labels_turned)
+        emit_device(v, "labels", "computed", labels.name, labels.failing ? labels.failure : NULL);
+}
+
+void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets)
+{
+    const int64_t s = sst_clock_now_ns() / 1000000000;
+    struct second *at = &v->second[s % RATE_SLOTS];
+
+    if (at->s != s)
+        *at = (struct second){ .s = s };
+    at->sets += (uint64_t)sets;
+    at->tiles += (uint64_t)r->tiles;
+    at->changed += (uint64_t)r->tiles_changed;
+    at->cpu_ns += r->cpu_ns;
+}
+
+void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns)
+{
+    struct engine_state *s = &v->state;
+    const int64_t now_ns = sst_clock_now_ns();
+
+    engine_note_second_locked(v, r, 1);
+    s->sets++;
+    s->idle += r->tiles_changed == 0;
+    s->relit += r->relit > 0;
+    s->ready = r->ready;
+    snprintf(s->reason, sizeof(s->reason), "%s",
+             r->alone ? "no two neighbouring cameras give pictures, so there is plain refocusing only" : "");
+    s->views = v->layout.config.bound;
+    s->present = r->views;
+    s->tiles += (uint64_t)r->tiles;
+    s->tiles_changed += (uint64_t)r->tiles_changed;
+    s->label_runs += (uint64_t)r->label_runs;
+    s->label_runs_skipped += (uint64_t)r->label_runs_skipped;
+    if (!isnan(r->error_change))
+        s->error_change = r->error_change;
+    if (!isnan(r->error_labels))
+        s->error_labels = r->error_labels;
+    s->disps += (uint64_t)r->disps;
+    s->disps_skipped += (uint64_t)r->disps_skipped;
+    if (!isnan(r->error_ranges))
+        s->error_ranges = r->error_ranges;
+    if (!r->tiles_changed)
+        return;
+    v->update++;
+    window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6, now_ns);
+    for (int i = 0; i < SST_LIVE_STAGES; i++)
+        window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6, now_ns);
+    for (int i = 0; i < 256; i++)
+        v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
+}
+
+bool engine_settling(const struct engine_state *v)
+{
+    return v->ready && sst_clock_now_ns() - v->settles_ns < SETTLE_NS;
+}
+
+static bool same_px(double a, double b)
+{
+    return isnan(a) || isnan(b) ? isnan(a) && isnan(b) : fabs(a - b) < 1e-9;
+}
+
+void engine_note_scene(struct live_engine *v, bool changed)
+{
+    const struct sst_lightfield *lf = sst_live_lightfield(v->live);
+    double min_px = NAN, max_px = NAN;
+    const bool known = sst_live_range(v->live, &min_px, &max_px);
+    const double focus_px = sst_live_default_focus(v->live), cut_px = sst_live_cut(v->live);
+    float share[SST_LIVE_HISTOGRAM];
+    double share_min_px = NAN, share_max_px = NAN;
+    const bool count = changed || !v->state.counted;
+    struct sst_render_skip_report skips = { .error_levels = NAN };
+    const bool skipped = sst_live_skips(v->live, &skips);
+    const bool counted = count && sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
+
+    pthread_mutex_lock(&v->lock);
+    v->state.range_min_px = known ? min_px : NAN;
+    v->state.range_max_px = known ? max_px : NAN;
+    v->state.focus_px = focus_px;
+    if (!same_px(v->state.cut_px, cut_px) || !same_px(v->state.searched_min_px, lf->range_min_px) ||
+        !same_px(v->state.searched_max_px, lf->range_max_px))
+        v->state.settles_ns = sst_clock_now_ns();
+    v->state.cut_px = cut_px;
+    v->state.searched_min_px = lf->range_min_px;
+    v->state.searched_max_px = lf->range_max_px;
+    if (skipped)
+        v->state.rays = skips;
+    if (count) {
+        v->state.counted = counted;
+        v->state.share_min_px = share_min_px;
+        v->state.share_max_px = share_max_px;
+    }
+    if (counted)
+        memcpy(v->state.share, share, sizeof(share));
+    v->state.width = lf->width;
+    v->state.height = lf->height;
+    v->state.focal_px = lf->focal_px;
+    v->state.spacing_mm = lf->spacing_mm > 0 ? lf->spacing_mm : v->layout.config.spacing_mm;
+    v->classes = lf->classes;
+    pthread_mutex_unlock(&v->lock);
+}
+
+void engine_state(struct live_engine *v, struct engine_state *out)
+{
+    const int64_t now_s = sst_clock_now_ns() / 1000000000;
+    uint64_t sets = 0, tiles = 0, changed = 0;
+    int64_t cpu_ns = 0;
+
+    pthread_mutex_lock(&v->lock);
+    *out = v->state;
+    for (int i = 0; i < RATE_SLOTS; i++) {
+        const struct second *s = &v->second[i];
+
+        if (s->s < now_s - 10 || s->s >= now_s)
+            continue;
+        sets += s->sets;
+        tiles += s->tiles;
+        changed += s->changed;
+        cpu_ns += s->cpu_ns;
+    }
+    pthread_mutex_unlock(&v->lock);
+    out->rate_hz = (double)sets / 10;
+    out->changed_percent = tiles ? 100.0 * (double)changed / (double)tiles : 0;
+    out->cpu_percent = (double)cpu_ns / 1e8;
+}
+
+int engine_labels(void *engine, struct sst_api_answer *out)
+{
+    struct live_engine *v = engine;
+    const uint8_t(*palette)[3] = sst_classes_palette();
+    json_t *list = json_array();
+
+    pthread_mutex_lock(&v->lock);
+    for (int i = 1; i <= v->classes.count; i++) {
+        char colour[8];
+
+        snprintf(colour, sizeof(colour), "#%02x%02x%02x", palette[i][0], palette[i][1], palette[i][2]);
+        json_array_append_new(list, json_pack("{s:i, s:s, s:s, s:f}", "label", i, "name", v->classes.names[i - 1],
+                                              "colour", colour, "share", (double)v->share[i]));
+    }
+    pthread_mutex_unlock(&v->lock);
+    out->body = json_pack("{s:o}", "labels", list);
+    return out->body ? 0 : -ENOMEM;
+}
