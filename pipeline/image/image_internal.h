@@ -1,8 +1,10 @@
-/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng. */
+/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng; segments of a JPEG. */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 #define SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 
 #include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 #include "base/base.h"
 
@@ -44,5 +46,24 @@ struct png_map {
  * @return false: there is no memory, or this build has no ISA-L; nothing is to be freed then. Not logged
  */
 bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
+
+#define JPEG_MARK_DHT 0xC4
+#define JPEG_MARK_SOS 0xDA
+
+/** A segment of a JPEG before its first scan's data (ITU-T T.81, B.1.1.4). */
+struct jpeg_segment {
+    size_t at; /* of its marker in the file */
+    uint8_t mark;
+    const uint8_t *data; /* after its length */
+    size_t bytes;
+};
+
+/**
+ * Go to the next segment; the header of the first scan is the last one.
+ *
+ * @param s  in: zeroed for the first one, else as it was left
+ * @return false: there is no whole one, or the file is no JPEG
+ */
+bool jpeg_next_segment(struct jpeg_segment *s, const uint8_t *data, size_t size);
 
 #endif

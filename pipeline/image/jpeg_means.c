@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "pipeline/image/image_internal.h"
 
 #define LOOK_BITS 13
 #define PEEK_BITS 57
@@ -512,21 +513,21 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
  * header has no size */
 static bool set_size(uint8_t *header, size_t bytes, int width, int height)
 {
+    struct jpeg_segment s = { 0 };
     bool found = false;
 
-    for (size_t at = 2; at + 6 <= bytes && header[at] == 0xFF;) {
-        const size_t length = (size_t)header[at + 2] << 8 | header[at + 3];
+    while (jpeg_next_segment(&s, header, bytes)) {
+        uint8_t *to = header + s.at + 4;
 
-        if ((header[at + 1] == 0xC0 || header[at + 1] == 0xC1) && at + 9 <= bytes) {
-            header[at + 5] = (uint8_t)(height >> 8);
-            header[at + 6] = (uint8_t)height;
-            header[at + 7] = (uint8_t)(width >> 8);
-            header[at + 8] = (uint8_t)width;
+        if ((s.mark == 0xC0 || s.mark == 0xC1) && s.bytes >= 5) {
+            to[1] = (uint8_t)(height >> 8);
+            to[2] = (uint8_t)height;
+            to[3] = (uint8_t)(width >> 8);
+            to[4] = (uint8_t)width;
             found = true;
         }
-        if (header[at + 1] == 0xDD)
-            header[at + 4] = header[at + 5] = 0;
-        at += 2 + length;
+        if (s.mark == 0xDD && s.bytes >= 2)
+            to[0] = to[1] = 0;
     }
     return found;
 }

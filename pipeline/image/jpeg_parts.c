@@ -10,6 +10,7 @@
 #include <jpeglib.h>
 
 #include "pipeline/image/codec_formats.h"
+#include "pipeline/image/image_internal.h"
 
 #define LEVELS                                                                                                         \
     4.0           /* by which the means or the slopes of two blocks differ, in addition to half a step of their table */
@@ -296,16 +297,13 @@ int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_j
 /* Its comment with the mask: segments of a JPEG before its picture. @return bytes of it; 0: there is none */
 static size_t find_mask(struct sst_jpeg_bytes j, const uint8_t **mask)
 {
-    for (size_t at = 2; at + 4 <= j.bytes && j.data[at] == 0xFF && j.data[at + 1] != 0xDA;) {
-        const size_t n = (size_t)j.data[at + 2] << 8 | j.data[at + 3];
+    struct jpeg_segment s = { 0 };
 
-        if (n < 2 || n > j.bytes - at - 2)
-            return 0;
-        if (j.data[at + 1] == JPEG_COM && n - 2 > HEAD && !memcmp(j.data + at + 4, COMMENT, sizeof(COMMENT) - 1)) {
-            *mask = j.data + at + 4;
-            return n - 2;
+    while (jpeg_next_segment(&s, j.data, j.bytes)) {
+        if (s.mark == JPEG_COM && s.bytes > HEAD && !memcmp(s.data, COMMENT, sizeof(COMMENT) - 1)) {
+            *mask = s.data;
+            return s.bytes;
         }
-        at += 2 + n;
     }
     return 0;
 }

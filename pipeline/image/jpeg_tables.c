@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/file.h"
+#include "pipeline/image/image_internal.h"
 
 /* One DHT segment with the four tables of K.3: luma and chroma, DC and AC. */
 static const uint8_t tables[] = {
@@ -48,29 +49,29 @@ static unsigned table_bit(unsigned class, unsigned id)
     return class < 2 && id < 2 ? 1u << (2 * class + id) : 0;
 }
 
-/* Tables that a DHT segment of `length` bytes at p defines. */
-static unsigned defined_by(const uint8_t *p, size_t length)
+/* Tables that a DHT segment defines. */
+static unsigned defined_by(const struct jpeg_segment *s)
 {
     unsigned bits = 0;
 
-    for (size_t at = 2; at + 17 <= length;) {
+    for (size_t at = 0; at + 17 <= s->bytes;) {
         size_t values = 0;
 
-        bits |= table_bit(p[at] >> 4, p[at] & 15);
+        bits |= table_bit(s->data[at] >> 4, s->data[at] & 15);
         for (int i = 1; i <= 16; i++)
-            values += p[at + (size_t)i];
+            values += s->data[at + (size_t)i];
         at += 17 + values;
     }
     return bits;
 }
 
-/* Tables that a scan whose header is at p uses. */
-static unsigned used_by(const uint8_t *p, size_t length)
+/* Tables that a scan uses. */
+static unsigned used_by(const struct jpeg_segment *s)
 {
     unsigned bits = 0;
 
-    for (size_t k = 0; length >= 6 && k < p[2] && 4 + 2 * k < length; k++)
-        bits |= table_bit(0, p[4 + 2 * k] >> 4) | table_bit(1, p[4 + 2 * k] & 15);
+    for (size_t k = 0; s->bytes >= 4 && k < s->data[0] && 2 + 2 * k < s->bytes; k++)
+        bits |= table_bit(0, s->data[2 + 2 * k] >> 4) | table_bit(1, s->data[2 + 2 * k] & 15);
     return bits;
 }
 
@@ -78,31 +79,20 @@ static unsigned used_by(const uint8_t *p, size_t length)
  * @return 0: the file has what its first scan uses, or is not sequential */
 static size_t place_of_tables(const uint8_t *data, size_t size)
 {
+    struct jpeg_segment s = { 0 };
     bool sequential = false;
     unsigned defined = 0;
     size_t first = 0;
 
-    if (size < 2 || data[0] != 0xff || data[1] != 0xd8)
-        return 0;
-    for (size_t at = 2; at + 4 <= size && data[at] == 0xff;) {
-        const uint8_t mark = data[at + 1], *segment = data + at + 2;
-        const size_t length = (size_t)segment[0] << 8 | segment[1];
-
-        if (mark == 0xff) { /* fill byte */
-            at++;
-            continue;
-        }
-        if (length < 2 || at + 2 + length > size)
-            return 0;
-        if (mark == 0xc0 || mark == 0xc1) /* SOF0, SOF1 */
+    while (jpeg_next_segment(&s, data, size)) {
+        if (s.mark == 0xc0 || s.mark == 0xc1) /* SOF0, SOF1 */
             sequential = true;
-        if (mark == 0xc4) { /* DHT */
-            first = first ? first : at;
-            defined |= defined_by(segment, length);
+        if (s.mark == JPEG_MARK_DHT) {
+            first = first ? first : s.at;
+            defined |= defined_by(&s);
         }
-        if (mark == 0xda) /* SOS */
-            return sequential && used_by(segment, length) & ~defined ? (first ? first : at) : 0;
-        at += 2 + length;
+        if (s.mark == JPEG_MARK_SOS)
+            return sequential && used_by(&s) & ~defined ? (first ? first : s.at) : 0;
     }
     return 0;
 }

@@ -6,6 +6,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/image_internal.h"
 
 #define HEAD_BYTES (256 * 1024) /* of a file: tags stand before the pixels */
 #define TAG        0x0112
@@ -45,18 +46,11 @@ static int in_tiff(const uint8_t *p, size_t size)
 
 static int in_jpeg(const uint8_t *p, size_t size)
 {
-    for (size_t at = 2; at + 4 <= size && p[at] == 0xFF;) {
-        const size_t length = number(p + at + 2, 2, false);
+    struct jpeg_segment s = { 0 };
 
-        if (p[at + 1] == 0xFF) { /* a byte that fills */
-            at++;
-            continue;
-        }
-        if (p[at + 1] == 0xDA || length < 2 || at + 2 + length > size)
-            break;
-        if (p[at + 1] == 0xE1 && length >= 8 && !memcmp(p + at + 4, "Exif\0\0", 6))
-            return in_tiff(p + at + 10, length - 8);
-        at += 2 + length;
+    while (jpeg_next_segment(&s, p, size)) {
+        if (s.mark == 0xE1 && s.bytes >= 6 && !memcmp(s.data, "Exif\0\0", 6))
+            return in_tiff(s.data + 6, s.bytes - 6);
     }
     return 1;
 }
