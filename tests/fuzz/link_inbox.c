@@ -1,5 +1,5 @@
-/* Fuzz target: what a node sends of its sets, by datagram and over TLS. Each message is its kind and length, two bytes,
- * then itself; datagrams get the session's number, so that they are read at all. */
+/* Fuzz target: what a node sends of its sets, by datagram and over TLS, in messages; datagrams get the session's number, so
+ * that they are read at all. */
 #include <string.h>
 
 #include "capture/link/link_internal.h"
@@ -11,7 +11,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 #define MOST    (1 << 20)
 #define STEP_NS INT64_C(30000000)
 
-enum { DATAGRAM = 0, OFFER = 1, REPAIR = 2, WHOLE = 3, KINDS = 4 };
+enum { DATAGRAM = 0, OFFER = 1, REPAIR = 2, WHOLE = 3 };
 
 struct seed {
     uint8_t data[16384];
@@ -20,10 +20,7 @@ struct seed {
 
 static void add(struct seed *s, int kind, const uint8_t *data, size_t bytes)
 {
-    s->data[s->size] = (uint8_t)(kind | (int)(bytes >> 8) << 2);
-    s->data[s->size + 1] = (uint8_t)bytes;
-    memcpy(s->data + s->size + 2, data, bytes);
-    s->size += bytes + 2;
+    s->size += input_put_message(s->data + s->size, kind, data, bytes);
 }
 
 static void add_offer(struct seed *s, uint64_t seq, const struct sst_pieces_shape *shape)
@@ -70,19 +67,19 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
     return 0;
 }
 
-static int deliver(struct link_inbox *in, int kind, uint8_t *message, size_t bytes, int64_t now_ns)
+static int deliver(struct link_inbox *in, const struct input_message *m, int64_t now_ns)
 {
-    switch (kind) {
+    switch (m->kind) {
     case DATAGRAM:
-        if (bytes >= 8)
-            wire_put_u64(message, SESSION);
-        return link_inbox_datagram(in, message, bytes, now_ns);
+        if (m->bytes >= 8)
+            wire_put_u64(m->data, SESSION);
+        return link_inbox_datagram(in, m->data, m->bytes, now_ns);
     case OFFER:
-        return link_inbox_offer(in, message, bytes, now_ns);
+        return link_inbox_offer(in, m->data, m->bytes, now_ns);
     case REPAIR:
-        return link_inbox_repair(in, message, bytes, now_ns);
+        return link_inbox_repair(in, m->data, m->bytes, now_ns);
     default:
-        return link_inbox_whole(in, message, bytes, now_ns);
+        return link_inbox_whole(in, m->data, m->bytes, now_ns);
     }
 }
 
@@ -105,31 +102,18 @@ static void settle(struct link_inbox *in, int64_t now_ns)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+    struct input_message message = { 0 };
     int64_t now_ns = 1;
     struct link_inbox *in;
 
     if (link_inbox_create(&in, SESSION, 1, MOST, 10 * STEP_NS))
         abort();
-    while (size >= 2) {
-        const int kind = data[0] % KINDS;
-        size_t bytes = (size_t)(data[0] >> 2) << 8 | data[1];
-        uint8_t *message;
-
-        data += 2;
-        size -= 2;
-        bytes = bytes < size ? bytes : size;
-        message = malloc(bytes + 1);
-        if (!message)
-            abort();
-        memcpy(message, data, bytes);
-        if (deliver(in, kind, message, bytes, now_ns)) {
+    while (input_next_message(&message, &data, &size)) {
+        if (deliver(in, &message, now_ns)) {
             /* refused */
         }
         settle(in, now_ns);
-        free(message);
         now_ns += STEP_NS;
-        data += bytes;
-        size -= bytes;
     }
     settle(in, now_ns + 100 * STEP_NS);
     link_inbox_destroy(in);

@@ -1,4 +1,4 @@
-/* Fuzz target: the simulated still camera's side of PTP. Each transfer is its kind and length, then its bytes. */
+/* Fuzz target: the simulated still camera's side of PTP. The first byte chooses a fault; transfers follow. */
 #include <errno.h>
 #include <string.h>
 
@@ -46,12 +46,9 @@ static size_t add(uint8_t *out, int type, uint16_t code, const void *payload, si
     ptp_put(&b, code, 2);
     ptp_put(&b, 1, 4);
     ptp_put_bytes(&b, payload, bytes);
-    n = b.size;
-    out[0] = 0;
-    out[1] = (uint8_t)n;
-    memcpy(out + 2, b.data, n);
+    n = input_put_message(out, 0, b.data, b.size);
     ptp_free(&b);
-    return n + 2;
+    return n;
 }
 
 int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
@@ -109,6 +106,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                                             .fault = fault,
                                             .spend = spend,
                                             .unplug = unplug };
+    struct input_message transfer = { 0 };
     struct sst_sim_ptp *p;
     int64_t now_ns = 0;
 
@@ -116,34 +114,20 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return 0;
     data++;
     size--;
-    while (size >= 2) {
-        const int kind = data[0] % 4;
-        size_t bytes = data[1];
-        uint8_t *transfer;
-
-        data += 2;
-        size -= 2;
-        bytes = bytes < size ? bytes : size;
-        transfer = malloc(bytes + 1);
-        if (!transfer)
-            abort();
-        memcpy(transfer, data, bytes);
-        if (kind < 3 && sst_sim_ptp_out(p, transfer, bytes, now_ns)) {
+    while (input_next_message(&transfer, &data, &size)) {
+        if (transfer.kind < 3 && sst_sim_ptp_out(p, transfer.data, transfer.bytes, now_ns)) {
             uint8_t answer[65536];
 
-            if (bytes >= 8 && sst_sim_ptp_request(p, transfer, answer) > (int)sizeof(answer))
+            if (transfer.bytes >= 8 && sst_sim_ptp_request(p, transfer.data, answer) > (int)sizeof(answer))
                 abort();
-        } else if (kind == 3) {
+        } else if (transfer.kind == 3) {
             sst_sim_ptp_released(p);
         }
-        free(transfer);
-        if (kind != 2)
+        if (transfer.kind != 2)
             drain(p);
         now_ns += 40 * MS;
         if (sst_sim_ptp_due_ns(p) <= now_ns)
             sst_sim_ptp_tick(p, now_ns);
-        data += bytes;
-        size -= bytes;
     }
     sst_sim_ptp_destroy(p);
     return 0;
