@@ -3,41 +3,35 @@
 # variants of shaders. Without lavapipe it fails.
 set -u
 . "$(dirname "$0")/../lib.sh"
-
-"$sst" version --json | grep -q '"vulkan": true' || { echo "built without Vulkan"; exit 77; }
+. "$root/tests/lavapipe.sh"
 "$sst" version --json | grep -q '"onednn": true' || { echo "built without oneDNN"; exit 77; }
-driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
-[ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }
-export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver XDG_CACHE_HOME=$tmp/cache
-mkdir cache
-[ ! -e /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json ] || export SST_GPU_VALIDATE=1
+validate
 
 "$sst" scene bush --size 160x120 -o world || exit 1
-# device FILE CONDITION: of its `device` d
-device() { python3 -c 'import json, sys; d = json.load(open(sys.argv[1]))["device"]; assert eval(sys.argv[2]), d' "$1" "$2" || fail "$1: not $2"; }
+
+# alike WHAT LABELS LABELS1 [PROBABILITIES PROBABILITIES1]: one label in a thousand may differ
+cat >alike.py <<'END'
+import sys
+import numpy
+from PIL import Image
+a, b = (numpy.asarray(Image.open(f)) for f in sys.argv[2:4])
+p, q = (numpy.load(f) for f in sys.argv[4:6]) if sys.argv[4:] else (numpy.zeros(1), numpy.zeros(1))
+print(f"{sys.argv[1]}: {(a != b).sum()} labels differ, probabilities by {abs(p - q).max():.2g} at most")
+sys.exit(int((a != b).mean() > 1e-3 or abs(p - q).max() > 0.005))
+END
+alike() { /usr/bin/python3 alike.py "$@" || fail "$1: the labels of lavapipe differ"; }
 
 # --- labels: the network on a device ---
 view=world/views/$(ls world/views | head -n 1)
 int8="--precision int8" # processors without VNNI have floats by default
 "$sst" segment "$view" --precision f32 --scale 0.2 -o labels.png || fail "segment on floats"
 "$sst" segment "$view" --precision f32 --scale 0.2 -o labels1.png --device lavapipe || fail "segment on floats on lavapipe"
-/usr/bin/python3 -c '
-import sys, numpy
-from PIL import Image
-a, b = (numpy.asarray(Image.open(f)) for f in sys.argv[1:])
-print(f"labels on floats: {(a != b).sum()} differ")
-sys.exit(int((a != b).mean() > 1e-3))' labels.png labels1.png || fail "on floats the labels of lavapipe differ"
+alike "on floats" labels.png labels1.png
 "$sst" segment "$view" $int8 --scale 0.3 -o labels.png --prob prob.npy || fail "segment"
 "$sst" segment "$view" $int8 --scale 0.3 -o labels1.png --prob prob1.npy --device lavapipe --json >labels.json 2>err || fail "segment on lavapipe: $(cat err)"
 [ ! -s err ] || fail "segment on lavapipe: $(cat err)"
 device labels.json 'd["runs"] == 1 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and d["plans"] == 1 and d["memory_bytes"] > 0'
-/usr/bin/python3 -c '
-import sys, numpy
-from PIL import Image
-a, b = (numpy.asarray(Image.open(f)) for f in sys.argv[1:3])
-p, q = (numpy.load(f) for f in sys.argv[3:5])
-print(f"labels: {(a != b).sum()} differ, probabilities by {abs(p - q).max():.2g} at most")
-sys.exit(int((a != b).mean() > 1e-3 or abs(p - q).max() > 0.005))' labels.png labels1.png prob.npy prob1.npy || fail "the labels of lavapipe differ"
+alike "on 8 bits" labels.png labels1.png prob.npy prob1.npy
 "$sst" segment "$view" $int8 "$view.copy" --scale 0.3 -o labels2 --device dummy 2>/dev/null && fail "segment of a missing file"
 cmp -s labels1.png labels2/$(basename "$view") || fail "the labels of two devices differ"
 "$sst" segment "$view" $int8 --scale 0.3 -o labels3.png --device dummy:lost=60 --json >lost.json 2>err || fail "segment, lost: $(cat err)"

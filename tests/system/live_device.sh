@@ -5,13 +5,10 @@
 # sets per second, SIZE its views; FIGURES gets its figures, a line for each loss.
 . "$(dirname "$0")/../lib.sh"
 "$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-"$sst" version --json | grep -q '"vulkan": true' || { echo "built without Vulkan"; exit 77; }
-driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
-[ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }
+. "$root/tests/lavapipe.sh"
 networks=$("$sst" version --json | grep -q '"onednn": true' && echo yes)
 long=${SECONDS_LONG:-24} times=${LOSSES:-3} hz=${HZ:-2}
 IFS=x read -r width height <<<"${SIZE:-96x72}"
-export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver XDG_CACHE_HOME=$tmp/cache
 . "$root/tests/service_lib.sh"
 log=sstd.log
 sim=
