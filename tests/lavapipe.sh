@@ -1,6 +1,6 @@
 # Sourced after tests/lib.sh by scripts that run on Mesa's software device, and on no other: without Vulkan they are skipped, without
 # the device they fail, for shaders that nobody runs are not tested.
-"$sst" version --json | grep -q '"vulkan": true' || { echo "built without Vulkan"; exit 77; }
+need vulkan
 driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
 [ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }
 export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver XDG_CACHE_HOME=$tmp/cache

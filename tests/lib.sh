@@ -14,6 +14,12 @@ failed=0
 
 fail() { echo "FAIL: $*"; failed=1; }
 
+# skip WHY: what follows cannot be tried here; what has failed before stays failed
+skip() { echo "$*"; [ "$failed" -eq 0 ] || exit 1; exit 77; }
+
+# need PART: skips in a build without it, by its name in `sst version --json`
+need() { "$sst" version --json | grep -q "\"$1\": true" || skip "built without $1"; }
+
 # ended PID WHAT: the end of a child, for a minute at most. Its exit status
 ended() {
   for _ in $(seq 600); do kill -0 "$1" 2>/dev/null || break; sleep 0.1; done

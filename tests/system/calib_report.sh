@@ -2,5 +2,5 @@
 # The calibration report of several made-up solutions, drawn by a browser: tests/page/test_report.py.
 . "$(dirname "$0")/../lib.sh"
 tool=$root/${SST_BUILD:-build}/tests/tools/calib_report
-[ -x "$tool" ] || { echo "skipped: $tool is not built"; exit 77; }
+[ -x "$tool" ] || skip "$tool is not built"
 timeout 600 /usr/bin/python3 "$root/tests/page/test_report.py" "$tool" && echo "calibration report: ok"

@@ -5,9 +5,9 @@
 build=$root/${SST_BUILD:-build}
 sim=$build/sst-sim
 tool=$build/tests/tools/rect_truth
-[ -x "$sim" ] && [ -x "$tool" ] || { echo "sst-sim or tests/tools/rect_truth is not built"; exit 77; }
+[ -x "$sim" ] && [ -x "$tool" ] || skip "sst-sim or tests/tools/rect_truth is not built"
 for part in opencv libgpiod libavformat; do
-  "$sst" version --json | grep -q "\"$part\": true" || { echo "built without $part"; exit 77; }
+  need $part
 done
 
 # The same array twice: before a board, and before a scene.
@@ -68,7 +68,7 @@ sys.exit(any(a[k] != b[k] for k in ("cameras", "ideal", "spacing_mm")))' || fail
 
 timeout 600 "$sst" calibrate boards.rec --board $board -o calib.yaml --report report.html --json >calib.json 2>err
 rc=$?
-grep -q "no calibration solver" err && { echo "built without libdogleg"; exit 77; }
+grep -q "no calibration solver" err && skip "built without libdogleg"
 [ $rc -eq 0 ] || fail "calibrate: exit $rc: $(cat err)"
 [ -s calib.yaml ] && [ -s report.html ] || fail "calibration or report is missing"
 less "$(number calib.json rms_px)" 0.15 "RMS of the corners, px"

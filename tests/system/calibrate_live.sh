@@ -3,9 +3,9 @@
 # of the coverage beside them, an end by Ctrl-C, and cameras that see no board.
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
-[ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
+[ -x "$sim" ] || skip "sst-sim is not built"
 for part in opencv libgpiod libavformat; do
-  "$sst" version --json | grep -q "\"$part\": true" || { echo "built without $part"; exit 77; }
+  need $part
 done
 
 cat >board.yaml <<'Y'
@@ -39,7 +39,7 @@ live() {
 
 live board.yaml --rate 10 -n 12 --keep boards.rec --coverage coverage.png --corners corners.json -o calib.yaml --json
 rc=$?
-grep -q "no calibration solver" err && { echo "built without libdogleg"; exit 77; }
+grep -q "no calibration solver" err && skip "built without libdogleg"
 [ $rc -eq 0 ] || fail "live: exit $rc: $(cat err)"
 grep -q 'of [0-9]* sets accepted, coverage [0-9]* %; camera 0,\([01]\) (SIM000\1) lacks most: ' err || fail "status: $(cat err)"
 [ -s coverage.png ] || fail "there is no picture of the coverage"

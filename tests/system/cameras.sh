@@ -2,7 +2,7 @@
 # sst cameras and sst identify on simulated cameras: who is there, where it belongs, who is missing, and the pictures.
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
-[ -x "$sim" ] || { echo "$sim is not built: no simulated cameras"; exit 77; }
+[ -x "$sim" ] || skip "$sim is not built: no simulated cameras"
 export sst sim tmp
 
 # One session for all: it takes a moment to start.
@@ -11,7 +11,7 @@ if [ "${1-}" != inside ]; then
   exit
 fi
 
-"$sst" version | grep -q 'libudev *no' && { echo "built without libudev: cameras have no serials"; exit 77; }
+need libudev
 
 "$sst" cameras --json >list.json || fail "cameras --json"
 python3 - <<'PY' || fail "list of cameras"

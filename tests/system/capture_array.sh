@@ -3,9 +3,9 @@
 # accounted for, a recording that light fields are made of, and refusals.
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
-[ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
-"$sst" version --json | grep -q '"libgpiod": true' || { echo "built without libgpiod"; exit 77; }
-"$sst" version --json | grep -q '"libavformat": true' || { echo "built without libavformat"; exit 77; }
+[ -x "$sim" ] || skip "sst-sim is not built"
+need libgpiod
+need libavformat
 
 cat >world.yaml <<'Y'
 scene: cat

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # sst demo: a service on one simulated array, calibrated; what the user edited in its folder stays.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+need libcurl
 build=$root/${SST_BUILD:-build}
 export XDG_CACHE_HOME=$tmp/cache
 demo=

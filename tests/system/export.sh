@@ -4,7 +4,7 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}
-"$python" -c 'import numpy' 2>/dev/null || { echo "python3-numpy is absent"; exit 77; }
+"$python" -c 'import numpy' 2>/dev/null || skip "python3-numpy is absent"
 
 ok() { "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }
 

@@ -3,7 +3,6 @@
 # build/gpiod2 (kept there), nothing is installed. Compiles without a warning, and its tests pass with the newer library.
 set -u
 . "$(dirname "$0")/../lib.sh"
-skip() { echo "$*"; exit 77; }
 
 pkg-config --atleast-version=2 libgpiod && skip "libgpiod here is 2.x: the build itself uses it"
 [ "$(dpkg --print-architecture 2>/dev/null)" ] || skip "no dpkg: Debian's packages of libgpiod 2.x cannot be unpacked"

@@ -4,7 +4,7 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/lavapipe.sh"
-"$sst" version --json | grep -q '"onednn": true' || { echo "built without oneDNN"; exit 77; }
+need onednn
 validate
 
 "$sst" scene bush --size 160x120 -o world || exit 1

@@ -3,13 +3,13 @@
 . "$(dirname "$0")/../lib.sh"
 tool=$root/${SST_BUILD:-build}/tests/tools/http_pictures
 /usr/bin/python3 -c "import sys; sys.path.insert(0, '$root/tests/page'); import cdp; sys.exit(cdp.program() is None)" ||
-  { echo "chromium is not installed"; exit 77; }
+  skip "chromium is not installed"
 
 mkfifo said
 timeout 600 "$tool" . 1000 1 10 1000 >said 2>err &
 server=$!
 exec 3<said
-read -r -t 60 port <&3 || { echo "no server: $(cat err)"; grep -q "no HTTP" err && exit 77; exit 1; }
+read -r -t 60 port <&3 || { grep -q "no HTTP" err && skip "$(cat err)"; fail "no server: $(cat err)"; exit 1; }
 cat >login.py <<'PYTHON'
 import sys
 sys.path.insert(0, sys.argv[1])

@@ -2,7 +2,7 @@
 # `sst import` and `sst export` on real light fields, and on input that must be refused.
 set -u
 . "$(dirname "$0")/../lib.sh"
-data=$(cd "$root/../shared/data" 2>/dev/null && pwd) || { echo "../shared/data is absent"; exit 77; }
+data=$(cd "$root/../shared/data" 2>/dev/null && pwd) || skip "../shared/data is absent"
 
 # same FILE FILE: the same bytes
 same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }

@@ -4,7 +4,7 @@
 # journal say so. Without lavapipe it fails. PARTS are those to run; SECONDS_LONG is the time of `losses`, LOSSES their number, HZ its
 # sets per second, SIZE its views; FIGURES gets its figures, a line for each loss.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+need libcurl
 . "$root/tests/lavapipe.sh"
 networks=$("$sst" version --json | grep -q '"onednn": true' && echo yes)
 long=${SECONDS_LONG:-24} times=${LOSSES:-3} hz=${HZ:-2}

@@ -3,8 +3,8 @@
 # slips is put right; datagrams that are lost are restored, and where none arrive pictures go over TLS; each frame is in one place
 # over all hosts; recordings of the nodes are joined.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-"$sst" version | grep -q 'libgpiod *no' && { echo "built without libgpiod: no edges are counted"; exit 77; }
+need libcurl
+need libgpiod
 . "$root/tests/hosts_lib.sh"
 trap 'kill $relay 2>/dev/null; end_hosts; rm -rf "$tmp"' EXIT
 clock[left]="1.5 0" clock[right]="-2.5 60"

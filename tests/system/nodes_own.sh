@@ -2,8 +2,8 @@
 # A head that has cameras of its own, and a node: sets have the frames of both, a slip of the head's own count is put right,
 # and a camera of its own that is unplugged is missing.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-"$sst" version | grep -q 'libgpiod *no' && { echo "built without libgpiod: no edges are counted"; exit 77; }
+need libcurl
+need libgpiod
 . "$root/tests/hosts_lib.sh"
 trap 'end_hosts; rm -rf "$tmp"' EXIT
 clock[right]="2 50"

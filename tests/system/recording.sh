@@ -3,8 +3,8 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer
-[ -x "$writer" ] || { echo "$writer is not built; make tests"; exit 77; }
-"$sst" version --json | grep -q '"libavformat": true' || { echo "built without libavformat: nothing can be recorded"; exit 77; }
+[ -x "$writer" ] || skip "$writer is not built; make tests"
+need libavformat
 record() { timeout 600 "$writer" write "$@" >/dev/null 2>err || fail "record $*: $(cat err)"; }
 json() { python3 -c "import json, sys; o = json.load(open('$1')) if '$1' != '-' else json.load(sys.stdin); print($2)"; }
 

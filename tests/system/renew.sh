@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # A certificate that is renewed while the service runs: by sst reload, by SIGHUP; a stream that is open stays.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-command -v openssl >/dev/null || { echo "no openssl to make certificates with"; exit 77; }
-command -v ss >/dev/null || { echo "no ss to tell the port"; exit 77; }
+need libcurl
+command -v openssl >/dev/null || skip "no openssl to make certificates with"
+command -v ss >/dev/null || skip "no ss to tell the port"
 build=$root/${SST_BUILD:-build}
 export SST_SOCKET=$tmp/c.sock
 curl() { command curl -m 60 "$@"; }

@@ -2,8 +2,8 @@
 # The simulated drives as somebody else's Modbus client sees them, over TCP and RTU: homed and moved by mbpoll alone.
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
-command -v mbpoll >/dev/null || { echo "mbpoll is not installed"; exit 77; }
-[ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
+command -v mbpoll >/dev/null || skip "mbpoll is not installed"
+[ -x "$sim" ] || skip "sst-sim is not built"
 
 cat >inside.sh <<'INSIDE'
 set -u

@@ -3,9 +3,9 @@
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/service_lib.sh"
 log=sstd.log
-[ -x "$build/sst-rtsp" ] || { echo "built without RTSP"; exit 77; }
-[ -x "$build/sst-sim" ] || { echo "sst-sim is not built: no simulated cameras"; exit 77; }
-command -v ffmpeg >/dev/null || { echo "ffmpeg is not installed"; exit 77; }
+[ -x "$build/sst-rtsp" ] || skip "built without RTSP"
+[ -x "$build/sst-sim" ] || skip "sst-sim is not built: no simulated cameras"
+command -v ffmpeg >/dev/null || skip "ffmpeg is not installed"
 
 # configure PORT CODEC
 configure() {

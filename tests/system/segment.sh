@@ -21,7 +21,6 @@ want() { # want CODE WORDS ARGS...
 }
 
 "$sst" segment --help >help || fail "help"
-[ -e "$SST_MODELS/pspnet-small.onnx" ] || { echo "no pspnet-small.onnx in $SST_MODELS"; exit 77; }
 "$sst" version --json | grep -q '"onednn": *false' && { echo "this build has no oneDNN"; exit 77; }
 ok scene bush -o lf --size 200x150 --grid 2x2
 a=lf/views/00_00.png

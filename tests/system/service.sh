@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The service on simulated devices: it comes up, survives what happens to it, says so, and ends in time.
 . "$(dirname "$0")/../lib.sh"
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+need libcurl
 . "$root/tests/service_lib.sh"
 log=sstd.log
 

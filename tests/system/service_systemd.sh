@@ -3,10 +3,10 @@
 # faulty configuration, a socket that is there before it. This script is the systemd.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-[ -x "$build/sst-sim" ] || { echo "sst-sim is not built: no simulated cameras"; exit 77; }
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-ldd "$build/sstd" | grep -q libsystemd || { echo "built without libsystemd: nobody is notified"; exit 77; }
-ldd "$build/sstd" | grep -q libmicrohttpd || { echo "built without libmicrohttpd: the service cannot be asked"; exit 77; }
+[ -x "$build/sst-sim" ] || skip "sst-sim is not built: no simulated cameras"
+need libcurl
+ldd "$build/sstd" | grep -q libsystemd || skip "built without libsystemd: nobody is notified"
+ldd "$build/sstd" | grep -q libmicrohttpd || skip "built without libmicrohttpd: the service cannot be asked"
 
 cat >sstd.yaml <<Y
 array: { rows: 6, cols: 6 }

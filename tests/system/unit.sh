@@ -3,7 +3,7 @@
 # left of it afterwards.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-[ -x "$build/sstd" ] || { echo "sstd is not built"; exit 77; }
+[ -x "$build/sstd" ] || skip "sstd is not built"
 run() { make -s -C "$root" BUILD="$build" PREFIX=/usr DESTDIR="$tmp/dest" "$@" >out 2>&1 || fail "make $*: $(cat out)"; }
 
 run install-built
@@ -51,9 +51,6 @@ if command -v systemd-analyze >/dev/null; then
       fail "verify with ${example##*/}"
     rm -r $units/sstd.service.d
   done
-else
-  echo "systemd-analyze is not installed: the units were not judged"
-  [ $failed -eq 0 ] && exit 77
 fi
 
 if command -v systemd-sysusers >/dev/null; then
@@ -70,4 +67,7 @@ if command -v systemd-sysusers >/dev/null; then
   grep -qx 'sst-view:[^:]*:[^:]*:sst-rtsp' image/etc/group || fail "sst-view: $(cat image/etc/group)"
   for group in video gpio dialout plugdev sst sst-view; do grep -q "^$group:" image/etc/group || fail "no group $group"; done
 fi
+for p in systemd-analyze systemd-sysusers; do
+  command -v $p >/dev/null || skip "$p is not installed: units or users were not judged"
+done
 exit $failed
