@@ -411,8 +411,8 @@ static void a_user_of_its_own(void **state)
     const struct group *video = getgrnam("video");
 
     (void)state;
-    if (geteuid() || !video || access(folder, X_OK)) {
-        print_message("not root: another user is not tried\n");
+    if (geteuid() || !video) {
+        print_message("%s: another user is not tried\n", video ? "not root" : "there is no group `video`");
         skip();
     }
     sst_http_close(service);

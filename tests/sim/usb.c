@@ -51,17 +51,15 @@ static void need_usbfs(const struct sst_usb_device *d)
 {
     char node[64];
     int fd;
-    bool good;
 
-    snprintf(node, sizeof(node), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
-    fd = open(node, O_RDWR | O_CLOEXEC);
-    good = fd >= 0 && lseek(fd, 0, SEEK_SET) == 0;
-    if (fd >= 0)
-        close(fd);
-    if (!good || !WITH_USB) {
-        print_message("%s cannot be used by libusb here: %s\n", node, strerror(errno));
+    if (!WITH_USB) {
+        print_message("built without libusb\n");
         skip();
     }
+    snprintf(node, sizeof(node), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
+    fd = open(node, O_RDWR | O_CLOEXEC);
+    assert_true(fd >= 0 && lseek(fd, 0, SEEK_SET) == 0);
+    close(fd);
 }
 
 static void cameras_are_listed_with_serials_and_nodes(void **state SST_UNUSED)

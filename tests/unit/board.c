@@ -213,8 +213,10 @@ static void prints_show_the_tags_of_kalibr(void **state SST_UNUSED)
     const struct sst_board b = parsed("aprilgrid:2x2:100mm:0.3:bottom-up");
     struct sst_print p;
 
-    if (!WITH_OPENCV)
+    if (!WITH_OPENCV) {
+        print_message("built without OpenCV: boards of tags are not drawn\n");
         skip();
+    }
     assert_int_equal(sst_print_board(&p, &b), 0);
     near(p.width_mm, 2 * 130 + 30 + 2 * 30, 1e-9);
     for (int i = 0; i < 36; i++) {

@@ -229,10 +229,11 @@ static void tls(void **state)
              "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=localhost "
              "-addext subjectAltName=DNS:localhost -keyout %s/key.pem -out %s/cert.pem 2>/dev/null",
              folder, folder);
-    if (system(command)) {
-        print_message("openssl makes no certificate: TLS is not tried\n");
-        return;
+    if (system("openssl version >/dev/null 2>&1")) {
+        print_message("openssl is not installed: TLS is not tried\n");
+        skip();
     }
+    assert_int_equal(system(command), 0);
     cfg.address = "0.0.0.0";
     serve(&cfg);
     snprintf(command, sizeof(command),

@@ -7,8 +7,16 @@ static char said[SST_LOG_MAX];
 
 /* --- certificates ------------------------------------------------------------------------------------------------- */
 
-/* A certificate for localhost, named by its organisation. @return false: there is no openssl */
-static bool make_pair(const char *name, const char *organisation, int days)
+static void need_openssl(void)
+{
+    if (system("openssl version >/dev/null 2>&1")) {
+        print_message("openssl is not installed: TLS is not tried\n");
+        skip();
+    }
+}
+
+/* A certificate for localhost, named by its organisation. */
+static void make_pair(const char *name, const char *organisation, int days)
 {
     char command[800];
 
@@ -16,7 +24,7 @@ static bool make_pair(const char *name, const char *organisation, int days)
              "cd %s && openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days %d "
              "-subj /O=%s/CN=localhost -keyout %s.key -out %s.pem 2>/dev/null",
              folder, days, organisation, name, name);
-    return !system(command);
+    assert_int_equal(system(command), 0);
 }
 
 /* As renewals do: a new file beside, renamed. */
@@ -125,10 +133,9 @@ static void certificate_is_renewed(void **state)
     FILE *f;
 
     (void)state;
-    if (!make_pair("one", "First", 2) || !make_pair("two", "Second", 300)) {
-        print_message("openssl makes no certificate: TLS is not tried\n");
-        return;
-    }
+    need_openssl();
+    make_pair("one", "First", 2);
+    make_pair("two", "Second", 300);
     install("one");
     snprintf(key, sizeof(key), "%s/key.pem", folder);
     cfg.tls_certificate = cert;
@@ -164,7 +171,7 @@ static void certificate_is_renewed(void **state)
     expect_line(f, "afterwards");
 
     /* One that is to hold for ever: to the end of what nanoseconds count. */
-    assert_true(make_pair("long", "Long", 2900000));
+    make_pair("long", "Long", 2900000);
     install("long");
     assert_int_equal(sst_http_renew(server, cert, key, false, &then), 1);
     assert_int_equal(then.until_s, INT64_MAX / 1000000000);
@@ -185,10 +192,10 @@ static void certificate_is_noticed(void **state)
     uint64_t events;
 
     (void)state;
-    if (!make_pair("one", "First", 20) || !make_pair("two", "Second", 300) || !make_pair("soon", "Soon", 5)) {
-        print_message("openssl makes no certificate: TLS is not tried\n");
-        return;
-    }
+    need_openssl();
+    make_pair("one", "First", 20);
+    make_pair("two", "Second", 300);
+    make_pair("soon", "Soon", 5);
     install("one");
     snprintf(key, sizeof(key), "%s/key.pem", folder);
     cfg.tls_certificate = cert;

@@ -16,12 +16,6 @@
 #include "simulators/scene/world/sim_world.h"
 #include "tests/test.h"
 
-#ifdef __SANITIZE_THREAD__
-#define WATCH_THREADS true
-#else
-#define WATCH_THREADS false
-#endif
-
 #define VIEWS_MAX  16
 #define FRAME_ROOM ((size_t)1 << 18)
 #define STEP_NS    200000000
@@ -217,10 +211,6 @@ int main(void)
         cmocka_unit_test(text_in_frames_is_read_now_and_then),
     };
 
-    if (WATCH_THREADS) {
-        printf("the thread sanitizer takes a minute to prepare the world; live_frames shows it the same\n");
-        return 77;
-    }
     if (!mkdtemp(dir))
         return 1;
     return cmocka_run_group_tests(tests, NULL, remove_all);

@@ -375,9 +375,11 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
     assert_false(sst_livescene_settle(f.scene, &f.changes));
     while (!sst_livescene_unsettled(f.scene)) {
         if (sst_clock_now_ns() > end_ns) {
-            print_message("the machine has no idle time for the background\n");
             close_field(&f);
-            skip();
+            if (quick_is_measured())
+                fail_msg("no idle time for the background within a minute");
+            print_message("not judged: no idle time for the background within a minute\n");
+            return;
         }
         nanosleep(&(struct timespec){ .tv_nsec = small_level() >= 2 ? 200000000 : 20000000 }, NULL);
         update(&f);

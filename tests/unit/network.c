@@ -277,8 +277,8 @@ static void shipped_networks_keep_their_results(void **state SST_UNUSED)
     static const char *const files[] = { "models/mccnn-fast.onnx", "models/pspnet-small.onnx" };
     struct sst_image picture;
 
-    if (access(picture_file, R_OK) || access(files[0], R_OK) || access(files[1], R_OK)) {
-        print_message("%s or the networks in models/ are not here\n", picture_file);
+    if (access(picture_file, R_OK)) {
+        print_message("%s is not here\n", picture_file);
         skip();
     }
     assert_int_equal(sst_image_read(&picture, picture_file), 0);
