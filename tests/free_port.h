@@ -9,7 +9,7 @@
 
 #include "tests/test.h"
 
-/** @return free for TCP and UDP, and below those that the kernel gives to clients: it stays free while no server has it */
+/** @return a port that is free for TCP and UDP, below those that the kernel gives to clients: it stays free */
 static inline int free_port(void)
 {
     static unsigned at;

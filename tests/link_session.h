@@ -1,4 +1,4 @@
-/* tests/link_session.h - a head in the process of a test, over TLS on the loopback, and nodes whose sets the test makes. */
+/* tests/link_session.h - head and nodes in one process, over TLS on the loopback; the test makes the sets. */
 #ifndef SST_TESTS_LINK_SESSION_H
 #define SST_TESTS_LINK_SESSION_H
 

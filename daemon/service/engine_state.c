@@ -1,4 +1,4 @@
-/* State of the live engine as status, metrics and the page show it: what a set brought, ranges, devices, rates, labels. */
+/* State of the live engine as status, metrics and the page show it: sets, ranges, devices, rates, labels. */
 #include "daemon/service/service_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,5 @@
-/* Fuzz target: what a node sends of its sets, by datagram and over TLS, in messages; datagrams get the session's number, so
- * that they are read at all. */
+/* Fuzz target: what a node sends of its sets, by datagram and over TLS, in messages; datagrams get the session's
+ * number, so that they are read at all. */
 #include <string.h>
 
 #include "capture/link/link_internal.h"

@@ -1,5 +1,5 @@
-/* tests/fuzz/seeds.h - valid seed inputs, without which a fuzzer rarely gets past the first check; inputs as files, or split
- * into messages. */
+/* tests/fuzz/seeds.h - valid seed inputs, without which a fuzzer rarely gets past the first check; inputs as files, or
+ * split into messages. */
 #ifndef SST_TESTS_FUZZ_SEEDS_H
 #define SST_TESTS_FUZZ_SEEDS_H
 

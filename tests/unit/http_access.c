@@ -538,7 +538,8 @@ static void peers_of_the_socket(void **state)
     assert_int_equal(stat(in_folder("control.sock"), &st), 0);
     assert_int_equal(st.st_mode & 0777, 0660);
     if (geteuid() || !daemon || !video) {
-        print_message("%s: strangers are not tried\n", geteuid() ? "not root" : "there is no group `daemon` or `video`");
+        print_message("%s: strangers are not tried\n",
+                      geteuid() ? "not root" : "there is no group `daemon` or `video`");
         skip();
     }
     sst_http_close(server);
