@@ -28,6 +28,7 @@ import gpu_stages  # noqa: E402
 ROUNDS = 3
 LONG = ("matching", "refinement", "times")  # one round with --quick
 ONCE = ("limits", "sgm", "whole")
+SPEED = ("live", "sgm", "times")  # without a meaning for software devices
 
 
 def bench_limits(bench):
@@ -162,7 +163,8 @@ def measure_all(args, folder):
     if not version["parts"]["onednn"]:
         parts = [p for p in parts if p not in ("networks", "whole")]
     devices = choose(version["devices"], args.devices)
-    return all([measure(Bench(build, folder, device, args.quick), parts, args) for device in devices])
+    benches = [Bench(build, folder, device, args.quick) for device in devices]
+    return all([measure(bench, [p for p in parts if not bench.software or p not in SPEED], args) for bench in benches])
 
 
 def main():

@@ -20,7 +20,6 @@ MATCHED_SOFTWARE = ((3, 3, 96, 72), (3, 3, 160, 120))
 MATCHED_SOFTWARE_QUICK = ((3, 3, 96, 72),)
 # Width, height, disparities of the semi-global optimisation.
 PATHS = ((1000, 750, 64), (1000, 750, 128), (2000, 1500, 128), (2000, 1500, 256))
-PATHS_SOFTWARE = ((96, 72, 32),)
 TIMES_SHARE = 0.01  # of the device's time, from which on a shader is listed
 # Networks, and sizes of pictures.
 NETWORKS = (("pspnet-small.onnx", (480, 360), "int8"), ("pspnet-small.onnx", (480, 360), "f32"),
@@ -190,13 +189,13 @@ def times_text(name, command_s, seconds, shaders, total):
 
 
 def bench_times(bench):
-    grid_rows, cols, width, height = MATCHED_SOFTWARE[0] if bench.software else MATCHED_QUICK[0]
+    grid_rows, cols, width, height = MATCHED_QUICK[0]
     field = bench.field(f"{bench.world('bush', (width, height), (grid_rows, cols))}/views", grid=(grid_rows, cols))
     text = f"""Whole commands, `SST_GPU_TIMES=1 sst process --device NAME -v` with labels, the one of median time. Self-tests of the
 shaders are part of it. Shaders below {100 * TIMES_SHARE:.0f} % of the device's time are added up under "others".
 
 """
-    for preset in ("balanced",) if bench.quick or bench.software else PRESETS:
+    for preset in ("balanced",) if bench.quick else PRESETS:
         bench.progress("times", preset)
         command_s, seconds, shaders, total = times_of(bench, field, preset)
         if not shaders:
@@ -208,7 +207,7 @@ shaders are part of it. Shaders below {100 * TIMES_SHARE:.0f} % of the device's 
 
 def bench_sgm(bench):
     rows, limits = [], bench.limits()
-    for width, height, disparities in PATHS_SOFTWARE if bench.software else PATHS:
+    for width, height, disparities in PATHS:
         bench.progress("optimisation", width, height, disparities)
         r = json.loads(bench.program("bench/device_sgm", bench.device["name"], f"{width}x{height}", str(disparities)))
         row = [f"{width}x{height}, {disparities}", f"`{r['shader']}`"] + [f"{r[k]:.3g}" for k in ("row_ms", "column_ms", "paths4_ms", "paths8_ms")]
