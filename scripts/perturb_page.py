@@ -20,6 +20,7 @@ REAL_KINDS = ("both", "vertical", "gain", "roll", "noise", "jpeg", "png", "gamma
 SEVERAL = ("both", "vertical")  # measured with other seeds, too
 CHARTED = ("vertical", "gain", "vignetting", "noise", "jpeg", "blur")
 EVERY = (*SCENES, *OTHERS, *REAL)
+REPEATED = ("png",)  # has the figures of "jpeg", and is in the summary alone
 
 
 def strengths(name, kind, many):
@@ -60,7 +61,7 @@ def sweep_table(rows, kind):
         for strength in (0,) + tuple(strengths_):
             found = select(rows, kind=kind if strength else "none", strength=strength, align=align)
             found = [r for r in found if r["light_field"] in SCENES]
-            if not found or (align == "off" and kind not in UNALIGNED) or (align == "off" and not strength):
+            if not found or kind in REPEATED or (align == "off" and kind not in UNALIGNED) or (align == "off" and not strength):
                 continue
             cells = [f"{strength}" + (" (`--align off`)" if align == "off" else "")]
             for scene in SCENES:
@@ -79,7 +80,7 @@ def loss(rows, found, name, field):
 def other_table(rows, names, cell):
     """One line a strength, one column a light field."""
     lines = ["| | strength | " + " | ".join(names) + " | noticed |", "|---|--:|" + "---|" * (len(names) + 1)]
-    for kind in ("none", *perturb.SWEEPS):
+    for kind in ("none", *(k for k in perturb.SWEEPS if k not in REPEATED)):
         for strength in (0,) if kind == "none" else FEW[kind]:
             found = select(rows, kind=kind, strength=strength, align="auto")
             found = [r for r in found if r["light_field"] in names]
@@ -193,7 +194,7 @@ def chart(rows, out):
 def seed_table(every):
     """Loss of bush and pedestrian against their own unperturbed pictures, seed by seed."""
     lines = ["| light field | seed | | " + " | ".join(("strength", "bad-2 %", "see-through dB", "clear dB", "see-through loses", "clear loses"))
-             + " | noticed |", "|---|--:|---|" + "--:|" * 6 + "---|"]
+             + " |", "|---|--:|---|" + "--:|" * 6]
     for scene in SCENES:
         for seed in sorted({int(r["seed"]) for r in every if r["light_field"] == scene}):
             rows = select(every, light_field=scene, seed=seed, align="auto")
@@ -204,7 +205,7 @@ def seed_table(every):
                         cells = [number(mean(found, f)) for f in ("bad2", "see_through", "clear")]
                         cells += [number(loss(rows, found, scene, f), 2) if kind != "none" else "" for f in ("see_through", "clear")]
                         title = "Unperturbed" if kind == "none" else perturb.SWEEPS[kind][0]
-                        lines.append("| " + " | ".join([scene, str(seed), title, f"{strength}" if strength else "", *cells, noticed(found)]) + " |")
+                        lines.append("| " + " | ".join([scene, str(seed), title, f"{strength}" if strength else "", *cells]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -218,18 +219,16 @@ Made by `make bench-perturb` on {cpu_name()}. Do not edit: the next run overwrit
 
 6x6 views, seed 1, preset balanced, without labels; the perturbation is drawn for each view. {" and ".join(SCENES)}
 have {args.size} pixels, the other scenes {args.small}; not all have all strengths. *bad-2*: disparities off by more than 2 px, all views.
-*See-through*: PSNR of `sst render` in what the occluder hides. *Clear*: PSNR of the clear picture. Pixels are means of
-{perturb.FINE}x{perturb.FINE} pixels of finer pictures, which are displaced before: the perturbation itself does not blur. The reference view stays
-in its place, so that the truth is what it sees. Time offsets: without time stamps; light fields of recordings have them, and are warned of
-from 5 ms on. Of gains, the mean of all views is 1. A run that was stopped leaves out rows (-). *Noticed*: what `sst process` warns of (`noticed` and `plausible` of its
-JSON), and what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)). Where the curves have steps, the
-[notes](notes-method.md#displaced-pictures) say why.
+*See-through*, *clear*: PSNR of the see-through picture in the occluded part, of the clear picture as a whole. Pixels are means of
+{perturb.FINE}x{perturb.FINE} of finer pictures, which are displaced before; the reference view stays in its place. Time offsets are without time
+stamps. *Noticed*: warnings and corrections of `sst process` ([design.md](../design/design.md#59-pictures-that-are-off)).
+Where curves have steps: [notes](notes-method.md#displaced-pictures).
 
 ![See-through picture against vertical misalignment, gain, vignetting, noise, JPEG and blur](bench-perturb.svg)
 
 ## What is noticed at which strength
 
-The least strength measured, on all light fields below together; corrected, warned: at least half of them; -: at none of them.
+The least strength measured, on all light fields together; corrected, warned: at least half of them; -: at none.
 
 """
     text += summary_table(rows) + "\n" + false_alarms(rows) + "\n## Error against strength\n\n"
@@ -243,12 +242,11 @@ The least strength measured, on all light fields below together; corrected, warn
         text += f"""
 ## Photographed light fields
 
-Made {args.small.split("x")[0]} pixels wide at most. There is no truth: the reference is what comes of the unperturbed pictures. Percent of the reference
-view's disparities that change by more than 0.25 px / PSNR of the see-through picture, at the focus of the unperturbed one,
-against it (99: the same).
+Made {args.small.split("x")[0]} pixels wide at most. The reference is the result of the unperturbed pictures: percent of the reference view's disparities that
+change by more than 0.25 px / PSNR of the see-through picture at the same focus (99: equal).
 
 """ + other_table(rows, tuple(REAL), real_cell)
-    text += f"\n## Faults\n\nOne thing that is plainly wrong: {', '.join(FAULTY)}.\n\n" + fault_table(rows)
+    text += f"\n## Faults\n\nOne gross fault each: {', '.join(FAULTY)}.\n\n" + fault_table(rows)
     path = os.path.join(args.docs, "bench-perturb.md")
     with open(path + ".new", "w") as f:
         f.write(text)
