@@ -1,6 +1,6 @@
 # Builds, tests and installs sst. `make help` lists the targets.
 
-VERSION := 0.1.0
+VERSION := 0.2.0
 PREFIX ?= /usr/local
 SYSCONFDIR ?= /etc
 DESTDIR ?=
@@ -459,7 +459,9 @@ man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
 
-.PHONY: check-docs api-index
+.PHONY: check-docs api-index release-check
+release-check: ## version, changelog, man pages and docs name one release
+	scripts/release_check.sh
 check-docs: ## links, citations and names in the docs resolve; part of check-includes
 	$(PYTHON) scripts/check_docs.py
 check-includes: check-docs

@@ -160,7 +160,7 @@ static void print_keys(void)
 int main(void)
 {
     puts(".\\\" Made by make man from config/schema.c.\n"
-         ".TH SSTD.YAML 5 \"\" \"sst\" \"File formats\"\n"
+         ".TH SSTD.YAML 5 \"\" \"sst " SST_VERSION "\" \"File formats\"\n"
          ".SH NAME\nsstd.yaml \\- configuration of sstd and of the commands of sst that talk to devices\n"
          ".SH SYNOPSIS\n.B /etc/sst/sstd.yaml\n.br\n.B /etc/sst/conf.d/*.yaml\n"
          ".SH DESCRIPTION\n"
