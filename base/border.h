@@ -1,4 +1,5 @@
-/* base/border.h - no NaN and no infinity leaves a module: what crosses its border is counted, in checked builds asserted. */
+/* base/border.h - border of a module for NaN and infinity: values that would cross it are counted, in checked builds
+ * asserted. */
 #ifndef SST_BASE_BORDER_H
 #define SST_BASE_BORDER_H
 

@@ -1,4 +1,4 @@
-/* base/claim.h - one process at a time does a piece of work, among processes of many machines that share a folder.
+/* base/claim.h - claims on pieces of work: one process at a time, among processes of many machines that share a folder.
  *
  * A piece has a folder of its own that holds one file; the file's name is the state. States change by renaming alone,
  * which is atomic on local and on network file systems: of several processes that try, one succeeds.

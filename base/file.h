@@ -1,4 +1,4 @@
-/* base/file.h - reads whole files, and writes files and folders atomically: output appears complete or not at all. */
+/* base/file.h - whole files read, files and folders written atomically: output appears complete or not at all. */
 #ifndef SST_BASE_FILE_H
 #define SST_BASE_FILE_H
 

@@ -1,4 +1,4 @@
-/* base/kernel_clock.h - whether the kernel's wall clock is kept right by chrony, PTP or another program. */
+/* base/kernel_clock.h - state of the kernel's wall clock: kept right by chrony, PTP or another program, or not. */
 #ifndef SST_BASE_KERNEL_CLOCK_H
 #define SST_BASE_KERNEL_CLOCK_H
 

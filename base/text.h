@@ -1,4 +1,4 @@
-/* base/text.h - texts that are put together from parts; their endings. */
+/* base/text.h - texts composed of parts; their endings. */
 #ifndef SST_BASE_TEXT_H
 #define SST_BASE_TEXT_H
 

@@ -1,4 +1,4 @@
-/* Builds the tree from libyaml's events; a construct that is not allowed ends parsing at once. */
+/* Tree of a document, built from libyaml's events; a construct that is not allowed ends parsing at once. */
 #include "base/yaml.h"
 
 #include <errno.h>

@@ -1,4 +1,4 @@
-/* One piece of a campaign: the commands that a user would type, each a process of its own, so that one that crashes or
+/* Piece of a campaign: the commands that a user would type, each a process of its own, so that one that crashes or
  * runs out of memory ends nothing else. */
 #include <errno.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Prints the cameras of the service as a grid of frame rates, seen from behind. */
+/* Cameras of the service as a grid of frame rates, seen from behind. */
 #include <stdio.h>
 #include <string.h>
 

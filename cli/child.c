@@ -1,4 +1,4 @@
-/* Programs that a command starts, and what their log says. */
+/* Programs that a command starts, and their log. */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

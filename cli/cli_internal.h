@@ -1,4 +1,4 @@
-/* cli/cli_internal.h - what the files of this folder share; code outside of it includes the public headers. */
+/* cli/cli_internal.h - private declarations of this folder; code outside of it includes the public headers. */
 #ifndef SST_CLI_CLI_INTERNAL_H
 #define SST_CLI_CLI_INTERNAL_H
 

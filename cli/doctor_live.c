@@ -1,4 +1,4 @@
-/* Where the service computes its live picture: the device of the configuration, and what the CPU does besides. */
+/* Device of the service's live picture: the one of the configuration, and the steps that fall back to the CPU. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* sst events: what happened in the service, and what happens. */
+/* sst events: past events of the service, and new ones as they come. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>

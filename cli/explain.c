@@ -1,4 +1,4 @@
-/* Explains a picture: maps and weights of the reference view, and the rays of one pixel. */
+/* Explanation of a picture: maps and weights of the reference view, and the rays of one pixel. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

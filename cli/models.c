@@ -1,4 +1,4 @@
-/* sst models: which networks are installed, whether they can be used, and the contents of one. */
+/* sst models: installed networks, their fitness for use, and the contents of one. */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Networks on a device: what they have done there, for people and programs. */
+/* Networks on a device: counts of their runs there, for people and programs. */
 #include <math.h>
 
 #include "base/log.h"

@@ -1,4 +1,4 @@
-/* Devices of `sst process`: what they have done, for people and programs. */
+/* Devices of `sst process`: counts of their work, for people and programs. */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,5 +1,4 @@
-/* What sst process reports about the pictures themselves: what was corrected, and whether they
- * can be views of one scene. */
+/* Report of sst process about the pictures themselves: corrections, and whether they can be views of one scene. */
 #include "cli/cli_internal.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* sst recording: what a recording holds, how well its cameras were together, and what of it is damaged. */
+/* sst recording: contents of a recording, skew of its cameras, and damage. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-/* Pieces of work that several processes share, on one machine or many: each is claimed, done once, and taken over from
- * a process that ended without finishing it. */
+/* Shards, pieces of work that several processes share on one machine or many: each is claimed, done once, and taken
+ * over from a process that ended without finishing it. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* sst status: how the service is, on one screen. */
+/* sst status: state of the service, on one screen. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* video_libav.c is in a part of its own, libsst-video.so: FFmpeg has more than a hundred libraries. */
+/* Loader of video_libav.c, the part libsst-video.so: FFmpeg has more than a hundred libraries. */
 #include "cli/cli_internal.h"
 
 #include <errno.h>

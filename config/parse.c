@@ -1,4 +1,4 @@
-/* Parses the values of one document by the table of keys, and checks each value. */
+/* Values of one document, parsed by the table of keys and checked one by one. */
 #include <arpa/inet.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Reads the configuration files in order, over the defaults. */
+/* Configuration files, read in order over the defaults. */
 #include "config/sstd.h"
 
 #include <dirent.h>

@@ -1,4 +1,4 @@
-/* Converts values of keys to text, and parses their defaults. */
+/* Values of keys as text; parsed defaults. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

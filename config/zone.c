@@ -1,4 +1,4 @@
-/* Zones: their corners, and the file of those that were drawn on the page. */
+/* Zones: their corners, and the file of the zones drawn on the page. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

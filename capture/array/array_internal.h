@@ -1,4 +1,4 @@
-/* capture/array/array_internal.h - tracks faults of each camera's frames, logs when a fault starts and when it ends; the
+/* capture/array/array_internal.h - faults of each camera's frames, logged when they start and when they end; the
  * cameras of this host as a source. */
 #ifndef SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 #define SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H

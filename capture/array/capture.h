@@ -1,4 +1,4 @@
-/* capture/array/capture.h - captures framesets from the array: cameras, trigger and frame synchronisation run on one
+/* capture/array/capture.h - capture of framesets from the array: cameras, trigger and frame synchronisation run on one
  * thread, a writer on another. */
 #ifndef SST_CAPTURE_ARRAY_CAPTURE_H
 #define SST_CAPTURE_ARRAY_CAPTURE_H

@@ -1,4 +1,4 @@
-/* capture/array/frame_sync.h - groups the frames of all cameras into framesets, one per trigger; every frame is
+/* capture/array/frame_sync.h - frames of all cameras grouped into framesets, one per trigger; every frame is
  * accounted for. */
 #ifndef SST_CAPTURE_ARRAY_FRAME_SYNC_H
 #define SST_CAPTURE_ARRAY_FRAME_SYNC_H

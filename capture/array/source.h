@@ -1,5 +1,5 @@
-/* capture/array/source.h - where the frames of an array come from: cameras of this host, or something else that numbers
- * its frames by trigger. */
+/* capture/array/source.h - source of an array's frames: cameras of this host, or a source that numbers its frames by
+ * trigger. */
 #ifndef SST_CAPTURE_ARRAY_SOURCE_H
 #define SST_CAPTURE_ARRAY_SOURCE_H
 

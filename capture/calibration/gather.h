@@ -1,4 +1,4 @@
-/* capture/calibration/gather.h - gathers the input of a calibration, board corners and samples of light, from folders
+/* capture/calibration/gather.h - input of a calibration, board corners and samples of light, gathered from folders
  * of pictures, recordings, captures of a rig or live cameras. */
 #ifndef SST_CAPTURE_CALIBRATION_GATHER_H
 #define SST_CAPTURE_CALIBRATION_GATHER_H

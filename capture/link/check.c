@@ -1,4 +1,4 @@
-/* What `sst doctor` asks about other hosts. */
+/* Checks of other hosts for `sst doctor`. */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* The head as a source of frames: opening, and what capture asks for. */
+/* Head as a source of frames: opening, and the calls of capture. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* The head's side of connections: who may connect, and what comes. */
+/* Connections of nodes on the head: admission and incoming messages. */
 #define _GNU_SOURCE /* accept4() */
 #include <arpa/inet.h>
 #include <errno.h>

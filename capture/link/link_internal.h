@@ -1,4 +1,4 @@
-/* capture/link/link_internal.h - what the files of this folder share: messages, connections, sets on both sides. */
+/* capture/link/link_internal.h - private declarations of this folder: messages, connections, sets on both sides. */
 #ifndef SST_CAPTURE_LINK_LINK_INTERNAL_H
 #define SST_CAPTURE_LINK_LINK_INTERNAL_H
 

@@ -1,6 +1,6 @@
 /* A node: one thread connects to the head and sends it the sets of this host.
  *
- * TLS carries who it is, its state, and what becomes of sets; the sets themselves go by datagrams where both hosts can
+ * TLS carries the node's name, its state and the fate of sets; the sets themselves go by datagrams where both hosts can
  * (node_datagrams.c), else over TLS, too. */
 #include <errno.h>
 #include <poll.h>

@@ -1,7 +1,7 @@
 /* A set's way by datagrams: cut into pieces with parity, paced, repaired over TLS where too many were lost.
  *
- * A lost packet costs TCP a round trip and all behind it the same. Pieces that are lost cost nothing while parity
- * lasts. What does not arrive at all, as a firewall drops it, goes over TLS until another attempt succeeds. */
+ * A lost packet costs TCP, and all packets behind it, a round trip. Lost pieces cost nothing while parity lasts. Where
+ * a firewall drops datagrams, sets go over TLS until another attempt succeeds. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

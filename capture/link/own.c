@@ -1,4 +1,4 @@
-/* The head's own cameras: captured by a thread of their own, their sets are those of one more node. */
+/* Cameras of the head itself: captured by a thread of their own, their sets arrive as from one more node. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

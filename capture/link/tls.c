@@ -1,4 +1,4 @@
-/* What TLS and DTLS connections of hosts share: certificates, sessions, who the other side is. */
+/* Certificates, sessions and identity of the other side, for TLS and DTLS connections of hosts. */
 #include "capture/link/link_internal.h"
 
 #include <errno.h>

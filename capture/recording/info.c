@@ -1,4 +1,4 @@
-/* recording.json: what holds for all sets of a recording. */
+/* recording.json: facts about all sets of a recording. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
-/* What recording calls of FFmpeg, which brings more than a hundred libraries: loaded by the first call, so that what
- * does not record starts five times as fast. Without it nothing can be opened, and the rest is never reached. */
+/* Functions of FFmpeg that recording calls. It brings more than a hundred libraries and is loaded by the first call, so
+ * that a program that does not record starts five times as fast. Without it nothing can be opened. */
 #include "base/base.h"
 
 #if WITH_AVFORMAT

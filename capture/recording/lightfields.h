@@ -1,4 +1,4 @@
-/* capture/recording/lightfields.h - converts sets of a recording into light fields. */
+/* capture/recording/lightfields.h - light fields from sets of a recording. */
 #ifndef SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 #define SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 

@@ -1,4 +1,4 @@
-/* capture/recording/mkv.h - writes a Matroska file with one video track of untouched frames; the index comes first. */
+/* capture/recording/mkv.h - Matroska files with one video track of untouched frames; the index comes first. */
 #ifndef SST_CAPTURE_RECORDING_MKV_H
 #define SST_CAPTURE_RECORDING_MKV_H
 

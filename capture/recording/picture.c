@@ -1,4 +1,4 @@
-/* Frames of which only parts were recorded are joined with the whole frame that they belong to. */
+/* Frames recorded in parts, joined with the whole frame that they belong to. */
 #include <errno.h>
 #include <stdlib.h>
 

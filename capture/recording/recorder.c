@@ -1,5 +1,5 @@
-/* Writes one set at a time: bytes to the segment, sync if due, line to the manifest. A failure in between is rolled
- * back, so that the manifest never names more than the segments hold. */
+/* Recorder of one set at a time: bytes to the segment, sync if due, line to the manifest. A failure in between is
+ * rolled back, so that the manifest never names more than the segments hold. */
 #include "capture/recording/recorder.h"
 
 #include <errno.h>

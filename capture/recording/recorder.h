@@ -1,4 +1,4 @@
-/* capture/recording/recorder.h - writes raw sets: camera bytes untouched in Matroska segments, with a manifest. */
+/* capture/recording/recorder.h - recorder of raw sets: camera bytes untouched in Matroska segments, with a manifest. */
 #ifndef SST_CAPTURE_RECORDING_RECORDER_H
 #define SST_CAPTURE_RECORDING_RECORDER_H
 

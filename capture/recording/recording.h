@@ -1,4 +1,4 @@
-/* capture/recording/recording.h - reads a recording: its sets, its frames' bytes, and what is damaged. */
+/* capture/recording/recording.h - reader of a recording: its sets, its frames' bytes, and their damage. */
 #ifndef SST_CAPTURE_RECORDING_RECORDING_H
 #define SST_CAPTURE_RECORDING_RECORDING_H
 

@@ -1,5 +1,5 @@
-/* capture/recording/recording_internal.h - what the files of this folder share; code outside of it includes the public
- * headers. */
+/* capture/recording/recording_internal.h - private declarations of this folder; code outside of it includes the
+ * public headers. */
 #ifndef SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 #define SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 

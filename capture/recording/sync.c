@@ -1,5 +1,5 @@
-/* A sync may take long (measured: docs/integrate/recordings.md), so the thread that writes frames never waits for one.
- */
+/* Thread that syncs: a sync may take long (docs/integrate/recordings.md), and the thread that writes frames never
+ * waits. */
 #define _GNU_SOURCE
 #include "capture/recording/recording_internal.h"
 

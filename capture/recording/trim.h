@@ -1,4 +1,4 @@
-/* capture/recording/trim.h - trims a recording: removes its oldest segments.
+/* capture/recording/trim.h - trimming of a recording: its oldest segments are removed.
  *
  * removed.json in a recording's folder states up to which segment its beginning was removed on purpose; lines of
  * sets.jsonl that name older segments stay and are skipped. Other missing segments are damage. */

@@ -1,4 +1,4 @@
-/* capture/rig/rig.h - scans a light field with one camera on a motor rig; an interrupted scan can be resumed. */
+/* capture/rig/rig.h - scan of a light field with one camera on a motor rig; an interrupted scan can be resumed. */
 #ifndef SST_CAPTURE_RIG_RIG_H
 #define SST_CAPTURE_RIG_RIG_H
 

@@ -1,4 +1,4 @@
-/* capture/rig/rig_camera.h - the camera on a rig: grabs on its own thread, so that its stream never waits for the
+/* capture/rig/rig_camera.h - camera on a rig: it grabs on its own thread, so that its stream never waits for the
  * motors. */
 #ifndef SST_CAPTURE_RIG_RIG_CAMERA_H
 #define SST_CAPTURE_RIG_RIG_CAMERA_H

@@ -1,4 +1,4 @@
-/* One thread, which waits for an event, the end of a program, or the request to stop.
+/* Thread of the hooks: it waits for an event, the end of a program, or the request to stop.
  *
  * Programs are killed with their groups. What a program starts in a session of its own becomes a child of this process
  * when its parent ends (PR_SET_CHILD_SUBREAPER), and is killed when no program runs that may have started it.

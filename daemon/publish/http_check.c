@@ -1,4 +1,4 @@
-/* May this client ask this? Everything is refused unless the table of routes allows it. */
+/* Permission of a request: everything is refused unless the table of routes allows it. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD

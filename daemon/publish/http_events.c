@@ -1,4 +1,4 @@
-/* Events: the kept ones as lines of JSON, and the endless stream. */
+/* Events: the journal as lines of JSON, and the endless stream. */
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 

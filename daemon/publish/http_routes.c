@@ -1,5 +1,5 @@
-/* The table of routes, and what each of them does. Those about the live picture are also there below /replay, for the
- * recording that is played. */
+/* Table of routes and their handlers. Routes of the live picture exist below /replay as well, for the recording that is
+ * played. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

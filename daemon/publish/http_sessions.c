@@ -1,4 +1,4 @@
-/* Sessions of browsers: who has logged in, from where, since when. A cookie holds the secret of one, never the token.
+/* Sessions of browsers: role, address, time of login. A cookie holds the secret of one, never the token.
  * They are kept in a file beside the token's, so that sessions survive a restart of the service. */
 #include <errno.h>
 #include <fcntl.h>

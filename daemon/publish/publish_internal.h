@@ -1,4 +1,4 @@
-/* daemon/publish/publish_internal.h - what the files of this folder share; code outside of it includes the public
+/* daemon/publish/publish_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
 #ifndef SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H
 #define SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H

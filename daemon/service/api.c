@@ -1,4 +1,4 @@
-/* struct sst_api of the service: its verbs, and those of the live engine as they are. */
+/* Functions of struct sst_api: the service's own, and calls of the live engine passed on. */
 #define _XOPEN_SOURCE 700 /* strptime */
 #include <errno.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
-/* Lines that visits cross: a crossing counts once the foot is clear of the line, so that who stands on it does not
- * cross it again and again. */
+/* Lines that visits cross: a crossing counts once the foot is clear of the line, so that a person who stands on it
+ * crosses it once. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* What is wrong with the pictures while they are captured: one view at a time, copied on the live thread and measured
+/* Notices about faulty pictures during capture: one view at a time, copied on the live thread and measured
  * on a thread of its own that yields to everything else. All views once after the start, then one every ten seconds. */
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-/* Tracks of the live picture: what moves, for visits, for views that follow something and for clients. */
+/* Tracks of moving objects in the live picture, for visits, for views that follow an object and for clients. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

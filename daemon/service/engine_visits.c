@@ -1,4 +1,4 @@
-/* Tracks of the live picture as visits: one event when a thing comes, one with the same visit's name when it has gone.
+/* Visits from tracks of the live picture: one event when an object comes, one of the same name when it has gone.
  */
 #include <errno.h>
 #include <math.h>

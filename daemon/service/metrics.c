@@ -1,4 +1,4 @@
-/* The same numbers for Prometheus (text format 0.0.4). */
+/* Metrics for Prometheus (text format 0.0.4), from the numbers of the status. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* daemon/service/service_internal.h - what the files of this folder share; code outside of it includes the public
+/* daemon/service/service_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
 #ifndef SST_DAEMON_SERVICE_SERVICE_INTERNAL_H
 #define SST_DAEMON_SERVICE_SERVICE_INTERNAL_H

@@ -1,4 +1,4 @@
-/* What clients download, opened: files as they are, archives read from their files, videos made before. */
+/* Downloads, opened: files as they are, archives read from their files, videos made before. */
 #include "daemon/storage/download.h"
 
 #include <errno.h>

@@ -1,4 +1,4 @@
-/* Sets of which only those parts are recorded that differ from the last whole set: see pipeline/image/jpeg_parts.h. */
+/* Reduced sets: only the parts that differ from the last whole set are recorded (pipeline/image/jpeg_parts.h). */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* The recording thread: follows the ring set by set and writes those that are wanted. */
+/* Recording thread: follows the ring set by set and writes the wanted ones. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

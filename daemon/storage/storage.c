@@ -1,4 +1,4 @@
-/* Calls of the service: they read and change memory and wake threads. */
+/* Calls of the service to its storage: they read and change memory and wake threads. */
 #define _GNU_SOURCE
 #include "daemon/storage/storage.h"
 

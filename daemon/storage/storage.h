@@ -1,5 +1,5 @@
-/* daemon/storage/storage.h - stores recordings (continuous, on event, on demand), snapshots and exports, within limits
- * of space and age. */
+/* daemon/storage/storage.h - storage of recordings (continuous, on event, on demand), snapshots and exports, within
+ * limits of space and age. */
 #ifndef SST_DAEMON_STORAGE_STORAGE_H
 #define SST_DAEMON_STORAGE_STORAGE_H
 

@@ -1,5 +1,4 @@
-/* daemon/visits/visits.h - what came into view and has gone, on disk: a line of JSON and two pictures of each visit, in
- * a folder for each day. */
+/* daemon/visits/visits.h - visits on disk: a line of JSON and two pictures of each, in a folder for each day. */
 #ifndef SST_DAEMON_VISITS_VISITS_H
 #define SST_DAEMON_VISITS_VISITS_H
 

@@ -1,4 +1,4 @@
-/* drivers/grab/grab.h - captures from many V4L2 cameras on one thread, with identity, hotplug and recovery. */
+/* drivers/grab/grab.h - capture from many V4L2 cameras on one thread, with identity, hotplug and recovery. */
 #ifndef SST_DRIVERS_GRAB_GRAB_H
 #define SST_DRIVERS_GRAB_GRAB_H
 

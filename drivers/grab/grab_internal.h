@@ -1,4 +1,4 @@
-/* drivers/grab/grab_internal.h - what the files of this folder share; code outside includes the public headers. */
+/* drivers/grab/grab_internal.h - private declarations of this folder; code outside includes the public headers. */
 #ifndef SST_DRIVERS_GRAB_GRAB_INTERNAL_H
 #define SST_DRIVERS_GRAB_GRAB_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* Tracks nodes that appear and disappear, and assigns them to cameras. */
+/* Nodes that appear and disappear, and their assignment to cameras. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Receives frames: dequeues, checks, compares with the last one, counts and passes them on. */
+/* Frames as received: dequeued, checked, compared with the last one, counted and passed on. */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>

@@ -1,4 +1,5 @@
-/* Opens, restarts, resets and closes cameras: decided here, carried out by jobs on their own threads. */
+/* Recovery of cameras: opening, restart, reset and closing are decided here and carried out by jobs on their threads.
+ */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

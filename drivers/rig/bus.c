@@ -1,4 +1,4 @@
-/* libmodbus with bounded recovery: its own recovery replays writes and may never return, so it stays off. */
+/* Bus of the rig: libmodbus with bounded recovery; its own one replays writes and may never return, so it stays off. */
 #include "drivers/rig/rig_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,4 @@
-/* drivers/rig/rig_internal.h - what the files of this folder share; code outside of it includes the public headers. */
+/* drivers/rig/rig_internal.h - private declarations of this folder; code outside of it includes the public headers. */
 #ifndef SST_DRIVERS_RIG_RIG_INTERNAL_H
 #define SST_DRIVERS_RIG_RIG_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* lib_gphoto.c is in a part of its own, libsst-gphoto.so: libgphoto2 would make every start of sst 5 ms longer. */
+/* Loader of lib_gphoto.c, the part libsst-gphoto.so: libgphoto2 would make every start of sst 5 ms longer. */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* Settings of the camera: by which names cameras have them, which choice a text stands for, setting and reading back.
+/* Settings of the camera: their names in cameras, the choice that a text stands for, setting and reading back.
  */
 #include <ctype.h>
 #include <errno.h>

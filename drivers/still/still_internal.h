@@ -1,5 +1,5 @@
-/* drivers/still/still_internal.h - what the files of this folder share; code outside of it includes the public header.
- */
+/* drivers/still/still_internal.h - private declarations of this folder; code outside of it includes the public
+ * header. */
 #ifndef SST_DRIVERS_STILL_STILL_INTERNAL_H
 #define SST_DRIVERS_STILL_STILL_INTERNAL_H
 

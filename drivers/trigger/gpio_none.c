@@ -1,4 +1,4 @@
-/* Built without libgpiod: opening a chip always fails, so the other functions are never called. */
+/* GPIO of builds without libgpiod: opening a chip always fails, so the other functions are never called. */
 #if WITH_GPIOD == 0
 #include "drivers/trigger/trigger_internal.h"
 

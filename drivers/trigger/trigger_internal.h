@@ -1,4 +1,4 @@
-/* drivers/trigger/trigger_internal.h - what the files of this folder share; code outside of it includes the public
+/* drivers/trigger/trigger_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
 #ifndef SST_DRIVERS_TRIGGER_TRIGGER_INTERNAL_H
 #define SST_DRIVERS_TRIGGER_TRIGGER_INTERNAL_H

@@ -1,5 +1,5 @@
 /*
- * drivers/usb/plan.h - predicts whether cameras can stream together, by the kernel's USB bandwidth rules.
+ * drivers/usb/plan.h - plan of the USB bandwidth: which cameras can stream together, by the kernel's rules.
  *
  * A streaming camera reserves the packet of its alternate setting in every (micro)frame, used or not. Limits of the
  * wires:

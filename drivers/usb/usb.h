@@ -1,4 +1,4 @@
-/* drivers/usb/usb.h - lists USB controllers, hubs and cameras as a tree; resets devices and switches port power. */
+/* drivers/usb/usb.h - tree of USB controllers, hubs and cameras; resets of devices, power of ports. */
 #ifndef SST_DRIVERS_USB_USB_H
 #define SST_DRIVERS_USB_USB_H
 

@@ -1,4 +1,4 @@
-/* drivers/usb/usb_internal.h - what the files of this folder share; code outside of it includes the public headers. */
+/* drivers/usb/usb_internal.h - private declarations of this folder; code outside of it includes the public headers. */
 #ifndef SST_DRIVERS_USB_USB_INTERNAL_H
 #define SST_DRIVERS_USB_USB_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* Converts cv::FileStorage's text to plain YAML. Its YAML begins with a non-standard directive and has tags; its XML
+/* Text of cv::FileStorage as plain YAML. Its YAML begins with a non-standard directive and has tags; its XML
  * is rewritten element by element into flow mappings. Line numbers are preserved for error messages. */
 #include <errno.h>
 #include <stdlib.h>

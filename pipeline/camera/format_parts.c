@@ -1,4 +1,4 @@
-/* From a tool's list of cameras to a grid of cameras, and helpers of all writers. */
+/* Grid of cameras from a tool's list of cameras, and helpers of all writers. */
 #include "pipeline/camera/format_parts.h"
 
 #include <ctype.h>

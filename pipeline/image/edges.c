@@ -1,5 +1,5 @@
 /* Blur of a picture's sharpest edges: an edge that is blurred again by a known width loses the less the wider it was
- * (Zhuo and Sim 2011). The sharpest edges do not depend on what a picture shows, but for views out of focus. */
+ * (Zhuo and Sim 2011). The sharpest edges do not depend on the scene, but for views out of focus. */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,6 +1,5 @@
-/* pipeline/image/jpeg_parts.h - a camera's JPEG without what is as in an earlier one of the same camera, the base:
- * blocks of DCT coefficients that are alike are emptied, the others stay bit by bit. Joined with the base it is a whole
- * picture again. */
+/* pipeline/image/jpeg_parts.h - a camera's JPEG reduced to its difference from an earlier one, the base: blocks of DCT
+ * coefficients that are alike are emptied, the others stay bit by bit. Joined with the base it is a whole picture. */
 #ifndef SST_PIPELINE_IMAGE_JPEG_PARTS_H
 #define SST_PIPELINE_IMAGE_JPEG_PARTS_H
 

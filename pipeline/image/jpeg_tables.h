@@ -1,5 +1,5 @@
-/* pipeline/image/jpeg_tables.h - Huffman tables that a camera's JPEG leaves out, as UVC allows: what leaves the program
- * has them, since many readers refuse files without. */
+/* pipeline/image/jpeg_tables.h - Huffman tables that a camera's JPEG leaves out, as UVC allows: files that leave the
+ * program have them, since many readers refuse files without. */
 #ifndef SST_PIPELINE_IMAGE_JPEG_TABLES_H
 #define SST_PIPELINE_IMAGE_JPEG_TABLES_H
 

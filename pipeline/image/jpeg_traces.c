@@ -1,5 +1,5 @@
 /* Traces of JPEG in decoded pixels: in blocks of 8x8 pixels from the corner on, each frequency of the luma is a
- * multiple of its quantisation step. What a picture shows does not prefer multiples of anything, so that the mean of
+ * multiple of its quantisation step. Scenes do not prefer multiples of anything, so that the mean of
  * cos(2 pi coefficient / step) is near 0 but for that step (and its parts). */
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* How a camera was held: EXIF's orientation, in the APP1 segment of a JPEG or the eXIf chunk of a PNG. */
+/* Orientation of a camera by EXIF, in the APP1 segment of a JPEG or the eXIf chunk of a PNG. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* The PNG files that nearly all pictures and maps are: 8-bit RGB, 8-bit grey or indexed, 16-bit grey, not interlaced.
+/* PNG files of the common kinds: 8-bit RGB, 8-bit grey or indexed, 16-bit grey, not interlaced.
  * They are inflated at once by libdeflate, in a third of zlib's time. Everything else, every fault included, is
  * libpng's. */
 #include "pipeline/image/image_internal.h"

@@ -1,4 +1,4 @@
-/* Pictures of 16 bits: which of their samples become the 256 levels that everything here computes with. */
+/* Samples of 16-bit pictures: the range that becomes the 256 levels of all computations. */
 #include <errno.h>
 #include <stdlib.h>
 

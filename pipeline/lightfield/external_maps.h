@@ -1,4 +1,4 @@
-/* pipeline/lightfield/external_maps.h - reads external maps: disparity and labels supplied with the images. */
+/* pipeline/lightfield/external_maps.h - external maps: disparity and labels supplied with the images. */
 #ifndef SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
 #define SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
 

@@ -1,4 +1,4 @@
-/* What views are made from: raw frames, some of them files that are decoded when they are needed. */
+/* Raw frames of views, some of them files that are decoded when they are needed. */
 #include <errno.h>
 
 #include "pipeline/camera/calib.h"

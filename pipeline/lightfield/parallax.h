@@ -1,4 +1,4 @@
-/* pipeline/lightfield/parallax.h - do the views of a light field differ, as those of different positions do? */
+/* pipeline/lightfield/parallax.h - parallax between the views of a light field; none where all show one picture. */
 #ifndef SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 #define SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 

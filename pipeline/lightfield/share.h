@@ -1,10 +1,10 @@
 /* pipeline/lightfield/share.h - processes that compute the maps of one light field together, step by step.
  *
- * All of them run the same code. Of a step that is shared, each item (a view, some views, a row of them) is computed by
- * one process, which leaves its results as a file in a folder that all see; the others read them there, so that all
- * have the results of all items before the next step. What is not shared, all compute. An item of a process that ended
- * is computed by another one (base/claim.h). What fails in one process is tried again in each of the others that comes
- * to it, until one succeeds or all have failed.
+ * All processes run the same code. Each item of a shared step (a view, some views, a row of views) is computed by one
+ * process, which leaves its results as a file in a common folder; the others read it there before the next step. Steps
+ * that are not shared are computed by all. An item of a process that ended is computed by another one (base/claim.h).
+ * An item that fails in one process is tried by each of the others that comes to it, until one succeeds or all have
+ * failed.
  */
 #ifndef SST_PIPELINE_LIGHTFIELD_SHARE_H
 #define SST_PIPELINE_LIGHTFIELD_SHARE_H

@@ -1,4 +1,4 @@
-/* pipeline/lightfield/shift.h - where a disparity puts a pixel of one view in another, in whole numbers. */
+/* pipeline/lightfield/shift.h - place of a pixel in another view by its disparity, in whole numbers. */
 #ifndef SST_PIPELINE_LIGHTFIELD_SHIFT_H
 #define SST_PIPELINE_LIGHTFIELD_SHIFT_H
 

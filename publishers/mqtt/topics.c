@@ -1,4 +1,4 @@
-/* What is published and when, and commands. */
+/* Topics: their messages, the time of each, and commands. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

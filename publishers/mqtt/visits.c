@@ -1,4 +1,5 @@
-/* Visits for Home Assistant and others: who is where, the last one of each zone with its picture, and triggers. */
+/* Visits for Home Assistant and others: present visitors by zone, the last one of each zone with its picture, triggers.
+ */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,5 @@
-/* What RFC 2435 can carry: baseline, three components, 4:2:0 or 4:2:2, the Huffman tables of annex K, small enough. */
+/* JPEG as RFC 2435 can carry it: baseline, three components, 4:2:0 or 4:2:2, Huffman tables of annex K, small enough.
+ */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <setjmp.h>

@@ -1,5 +1,5 @@
 /* publishers/rtsp/rtsp_internal.h - parts of sst-rtsp: pictures of the service, GStreamer's server, authentication,
- * pipelines, and what RTP can carry. */
+ * pipelines, and JPEG for RTP. */
 #ifndef SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
 #define SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
 

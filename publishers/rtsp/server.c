@@ -1,4 +1,4 @@
-/* GStreamer's server: connections, limits, and workarounds for its library. Pipelines are in feed.c. */
+/* Server of GStreamer: connections, limits, and workarounds for its library. Pipelines are in feed.c. */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>

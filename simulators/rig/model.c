@@ -1,4 +1,4 @@
-/* Motion is computed in ticks of 1 ms: a trapezoidal profile of the command, and the mechanics that follow it. */
+/* Model of the drives' motion in ticks of 1 ms: a trapezoidal profile of the command, and the mechanics that follow. */
 #include "simulators/rig/rig_internal.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
-/* simulators/rig/rig_internal.h - what the files of this folder share; code outside of it includes the public headers.
- */
+/* simulators/rig/rig_internal.h - private declarations of this folder; code outside of it includes the public
+ * headers. */
 #ifndef SST_SIMULATORS_RIG_RIG_INTERNAL_H
 #define SST_SIMULATORS_RIG_RIG_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* One thread serves the drives on a TCP port and on a pseudo-terminal, including the wire faults. */
+/* Server of the drives on a TCP port and a pseudo-terminal, one thread, including the wire faults. */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>

@@ -1,4 +1,4 @@
-/* Lengths in the model functions are mm of the real thing: x to its front, y up from the ground, z to its left. */
+/* Models of single objects. Lengths are mm of the real one: x to its front, y up from the ground, z to its left. */
 #include "simulators/scene/scene_internal.h"
 
 struct model {

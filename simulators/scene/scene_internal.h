@@ -1,4 +1,4 @@
-/* simulators/scene/scene_internal.h - what the files of this folder share; code outside of it includes the public
+/* simulators/scene/scene_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
 #ifndef SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 #define SST_SIMULATORS_SCENE_SCENE_INTERNAL_H

@@ -1,4 +1,4 @@
-/* Writes a scene as a light-field folder with its truth. */
+/* Light-field folder of a scene, with its truth. */
 #include <errno.h>
 #include <jansson.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/board_internal.h - what the files of this folder share; code outside of it includes the
+/* pipeline/calibration/board/board_internal.h - private declarations of this folder; code outside of it includes the
  * public headers. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_BOARD_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_BOARD_BOARD_INTERNAL_H

@@ -1,4 +1,4 @@
-/* From anchors to all points of a board: predicted from neighbours, refined, and checked against each other. */
+/* Points of a board, from its anchors: predicted from neighbours, refined, and checked against each other. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

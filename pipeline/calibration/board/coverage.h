@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/coverage.h - how well detections cover the picture, tilts and depths, per camera. */
+/* pipeline/calibration/board/coverage.h - coverage of picture, tilts and depths by detections, per camera. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 #define SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 

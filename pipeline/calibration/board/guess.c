@@ -1,4 +1,4 @@
-/* Guesses the board in a picture for error messages: tries kinds, dictionaries and sizes. */
+/* Guess of the board in a picture, for error messages: kinds, dictionaries and sizes are tried. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* opencv_boards.cc is in a part of its own, libsst-opencv.so. */
+/* Loader of opencv_boards.cc, the part libsst-opencv.so. */
 #include <stdatomic.h>
 
 #include "base/log.h"

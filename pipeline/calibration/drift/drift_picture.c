@@ -1,4 +1,4 @@
-/* The check as a picture: cameras in their grid, coloured by displacement, arrows for shifts, bars for pairs. */
+/* Picture of the drift check: cameras in their grid, coloured by displacement, arrows for shifts, bars for pairs. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

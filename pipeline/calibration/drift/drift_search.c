@@ -1,4 +1,4 @@
-/* Where a feature may be in another view: correlation of a small block over a band about the predicted line. */
+/* Search of a feature in another view: correlation of a small block over a band about the predicted line. */
 #include <math.h>
 
 #include "pipeline/calibration/drift/drift_internal.h"

@@ -1,4 +1,4 @@
-/* What the report's page draws beside the figures: maps, residual vectors, cut-outs of the worst pictures. */
+/* Drawings of the report's page: maps, residual vectors, cut-outs of the worst pictures. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* From seeds to least squares over the inliers: a robust loss first, the hard cut last. */
+/* Robust solution, from seeds to least squares over the inliers: a robust loss first, the hard cut last. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-/* pipeline/lightfield/rectify/rectify_internal.h - what the files of this folder share; code outside of it includes the
- * public headers. */
+/* pipeline/lightfield/rectify/rectify_internal.h - private declarations of this folder; code outside of it includes
+ * the public headers. */
 #ifndef SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_INTERNAL_H
 #define SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_INTERNAL_H
 

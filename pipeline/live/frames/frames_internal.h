@@ -1,5 +1,5 @@
-/* pipeline/live/frames/frames_internal.h - what the files of this folder share; code outside of it includes the public
- * headers. */
+/* pipeline/live/frames/frames_internal.h - private declarations of this folder; code outside of it includes the
+ * public headers. */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_INTERNAL_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_INTERNAL_H
 

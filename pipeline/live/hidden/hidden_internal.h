@@ -1,4 +1,4 @@
-/* pipeline/live/hidden/hidden_internal.h - what the files of this folder share. */
+/* pipeline/live/hidden/hidden_internal.h - private declarations of this folder. */
 #ifndef SST_PIPELINE_LIVE_HIDDEN_HIDDEN_INTERNAL_H
 #define SST_PIPELINE_LIVE_HIDDEN_HIDDEN_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* pipeline/live/scene/scene_internal.h - what the files of this folder share; code outside of it includes the public
+/* pipeline/live/scene/scene_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
 #ifndef SST_PIPELINE_LIVE_SCENE_SCENE_INTERNAL_H
 #define SST_PIPELINE_LIVE_SCENE_SCENE_INTERNAL_H

@@ -1,5 +1,5 @@
-/* simulators/devices/preload/preload_internal.h - what the files of this folder share; code outside of it includes the
- * public headers. */
+/* simulators/devices/preload/preload_internal.h - private declarations of this folder; code outside of it includes
+ * the public headers. */
 #ifndef SST_SIMULATORS_DEVICES_PRELOAD_PRELOAD_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_PRELOAD_PRELOAD_INTERNAL_H
 

@@ -1,5 +1,5 @@
-/* simulators/devices/ptp/ptp_internal.h - what the files of this folder share; code outside of it includes the public
- * header. */
+/* simulators/devices/ptp/ptp_internal.h - private declarations of this folder; code outside of it includes the
+ * public header. */
 #ifndef SST_SIMULATORS_DEVICES_PTP_PTP_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_PTP_PTP_INTERNAL_H
 

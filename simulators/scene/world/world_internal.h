@@ -1,5 +1,5 @@
-/* simulators/scene/world/world_internal.h - what the files of this folder share; code outside of it includes the public
- * headers. */
+/* simulators/scene/world/world_internal.h - private declarations of this folder; code outside of it includes the
+ * public headers. */
 #ifndef SST_SIMULATORS_SCENE_WORLD_WORLD_INTERNAL_H
 #define SST_SIMULATORS_SCENE_WORLD_WORLD_INTERNAL_H
 
