@@ -1,8 +1,8 @@
 /* The automatic cut of clear pictures, and the histogram that the page draws it into.
  *
- * A cut is of use where other views see behind what it removes. One that is known stays as long as its gap is open,
- * also when what stood in front has left: it waits for the next one. When its gap has been closed for a second, or
- * another cut of use has been found for a second that removes less, that one is accepted, or none. */
+ * A cut is useful where other views see behind the removed surfaces. A known cut stays as long as its gap is open, also
+ * when the foreground object has left: it waits for the next one. When its gap has been closed for a second, or a
+ * useful cut that removes less has been found for a second, the new cut replaces it, or none does. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -15,7 +15,7 @@
 #define MOVED_SHARE 0.05 /* of all rays between two cuts that are not the same */
 #define CLOSE_PX    0.5  /* to both sides of a cut, where ... */
 #define CLOSE_SHARE 0.01 /* ... this fraction of the rays closes the gap */
-#define SEEN_SHARE  0.5  /* of what is removed: other views see behind it. In dense leaves the maps ... */
+#define SEEN_SHARE  0.5  /* of the removed pixels: other views see behind them. In dense leaves the maps ... */
 #define DENSE       0.9  /* ... confirm a smaller fraction than this, and say little about that */
 
 /* Fraction of the counted rays with a disparity of from_px .. to_px. */
@@ -52,7 +52,7 @@ static bool sees_behind(const struct sst_live *live, double cut_px)
     return seen >= SEEN_SHARE * removed;
 }
 
-/* What the cut should become: itself, while its gap is open; else the one found; NaN: none. */
+/* Next value of the cut: itself, while its gap is open; else the one found; NaN: none. */
 static double wanted(const struct sst_live *live, double found_px)
 {
     const double cut_px = live->cut.cut_px;

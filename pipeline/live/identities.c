@@ -1,12 +1,12 @@
 /* Data association between the scene's tracks and the search behind leaves, which both detect parts of a person behind
- * a hedge. A new detection is assigned to the identity whose position, depth and motion it fits, also to one that
+ * a hedge. A new detection is assigned to the identity that it fits by position, depth and motion, also to one that
  * begins in the same set. Two identities that move together are merged. */
 #include <math.h>
 #include <string.h>
 
 #include "pipeline/live/live_internal.h"
 
-#define HOLD_NS    INT64_C(6000000000) /* what vanishes within the picture is covered for as long as this */
+#define HOLD_NS    INT64_C(6000000000) /* an object that vanishes within the picture is covered for as long as this */
 #define PREDICT_S  2.0                 /* it goes on, for as long as this, and may be ... */
 #define REACH_S    0.5                 /* ... this much of its height away for each second since it was seen, ... */
 #define REACH_MOST 1.0                 /* ... at most */
@@ -142,8 +142,8 @@ static struct sst_live_track as_track(const struct sst_hidden_thing *t)
                                     .seen_ns = t->seen_ns };
 }
 
-/* Is a part a better description of its identity than the one that it has from this set? What is seen in the open is
- * measured best, then what is seen behind leaves, then what the scene's tracks expect. */
+/* Is a part a better description of its identity than the one that it has from this set? Detections in the open are
+ * measured best, then detections behind leaves, then predictions of the scene's tracks. */
 static bool is_better(const struct live_identity *a, const struct sst_live_track *t)
 {
     if (!a->updated)
@@ -190,7 +190,7 @@ static void measure(struct live_identity *a, double dt_s)
     a->height = fmax(a->track.y1 - a->track.y0, keep * a->height);
 }
 
-/* Room for another one: if there is none, that of the one that was seen longest ago. @return NULL: all are there now */
+/* Room for another identity: a free one, or the one seen longest ago. @return NULL: all are there now */
 static struct live_identity *make_room(struct live_identities *w)
 {
     struct live_identity *oldest = NULL;
@@ -332,7 +332,7 @@ static bool stays(struct live_identity *a, int width, int height, int64_t t_ns)
     return x >= 0 && x <= width && y >= 0 && y <= height && t_ns - a->seen_ns <= HOLD_NS;
 }
 
-/* Where time goes back nothing was seen later than now: what is covered is held from now on. */
+/* Where time goes back nothing was seen later than now: covered objects are held from now on. */
 static void start_times(struct live_identities *w, int64_t t_ns)
 {
     for (int i = 0; i < w->count; i++) {

@@ -1,7 +1,7 @@
 /* pipeline/live/live.h - incremental light-field pipeline: only tiles that changed are recomputed.
  *
- * Three stages: frames.h updates the views, scene.h their disparities and labels, and the pictures declared here render
- * what a client sees. One thread calls; the work inside runs on several. The same input gives the same bytes for any
+ * Three stages: frames.h updates the views, scene.h their disparities and labels, and the pictures declared here are
+ * rendered for clients. One thread calls; the work inside runs on several. The same input gives the same bytes for any
  * number of threads, except for results of the background thread of scene.h. */
 #ifndef SST_PIPELINE_LIVE_LIVE_H
 #define SST_PIPELINE_LIVE_LIVE_H
@@ -19,8 +19,8 @@
 struct sst_live_zone {
     int points;                                              /* 3 or more; 0: nothing is in it */
     double x[SST_LIVE_ZONE_POINTS], y[SST_LIVE_ZONE_POINTS]; /* fractions 0..1 of width and height */
-    double near_px, far_px; /* what is nearer or farther is not in it; INFINITY, -INFINITY: no limit */
-    bool mask;              /* what lies in it counts in no zone; only where it has no limit of depth */
+    double near_px, far_px; /* limits of its depth; INFINITY, -INFINITY: none */
+    bool mask;              /* its content counts in no zone; only where it has no limit of depth */
 };
 
 struct sst_live_config {
@@ -35,7 +35,7 @@ struct sst_live_config {
     int threads;                       /* 0: all processors */
     bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
-    bool skip_ranges;                  /* S3: disparities are searched around those of the last set */
+    bool skip_ranges;                  /* S3: disparities are searched around the last set's */
     bool skip_views, skip_tiles;       /* S2, S5, of pictures that are rendered whole: as struct sst_render_config has them */
     double skip_error_db;
     const char *device;           /* pictures are rendered and networks run on it, as sst_gpu_open() names it; NULL or
@@ -80,14 +80,14 @@ struct sst_live_report {
     int64_t stage_ns[SST_LIVE_STAGES];      /* wall */
     int64_t cpu_ns;                         /* of the whole process during the update */
     int views;                              /* with a frame in this set */
-    int relit;                              /* views whose light or exposure changed, so that all their tiles did */
+    int relit;                              /* views with a change of light or exposure, and so of all their tiles */
     int64_t tiles, tiles_changed;           /* of all views; changed: recomputed */
     int64_t decodes, decodes_skipped;       /* frames */
     int64_t label_runs, label_runs_skipped; /* network runs; skipped: compared with one per view */
     int64_t disps, disps_skipped;           /* disparities searched, of all cells */
     double error_change, error_labels;      /* error of skipped parts when last sampled: mean |difference| (0..255) and
                                                fraction of wrong labels (0..1); NaN: not sampled in this update */
-    double error_ranges; /* likewise, fraction of the cells whose disparity would have been missed (0..1) */
+    double error_ranges; /* sampled: fraction of the cells with a missed disparity (0..1) */
     double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
     bool whole;       /* everything was recomputed */
     bool ready;       /* disparities (and labels, with a model) are available */
@@ -146,23 +146,23 @@ SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_
                                    struct sst_live_report *report);
 
 /**
- * Find what changed in the view that zones refer to, without updating anything: for sets of which no pictures are
- * needed. The next update finds all that has changed since the last one.
+ * Find the changes in the view that zones refer to, without updating anything: for sets of which no pictures are
+ * needed. The next update finds all changes since the last one.
  *
- * @param report  out, zones: what changed since the set watched before; labels as of the last update. All else as of an
+ * @param report  out, zones: changes since the set watched before; labels as of the last update. All else as of an
  *                update that had nothing to do.
- * @return 0, -ECANCELED, -ENOTSUP (frames whose changes cannot be found without decoding them: update), -ENOMEM
+ * @return 0, -ECANCELED, -ENOTSUP (changes of these frames show only when decoded: update), -ENOMEM
  */
 SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_input *in,
                                   struct sst_live_report *report);
 
-/** What moves, as of the last update: a thing keeps its id while it is seen, in the open or behind leaves, while
- * something nearer hides it for a few seconds, and while it stands for ten minutes at most. Needs a model, except for
- * what is hidden. @return number */
+/** Moving objects as of the last update: an object keeps its id while it is seen, in the open or behind leaves, while
+ * something nearer occludes it for a few seconds, and while it stands for ten minutes at most. Needs a model, except
+ * for occluded objects. @return number */
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
 
-/** What the network sees in a picture of the reference view's size, inside a box (left, top, right, bottom in px): the
- *  label of something that can move, on a good part of it. Takes one run of the network. @return label, 0: none */
+/** Label of a movable object, by the network, in a picture of the reference view's size, on a good part of a box (left,
+ *  top, right, bottom in px). Takes one run of the network. @return label, 0: none */
 int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4]);
 
 /** True if the background thread has improved maps for the next sst_live_settle().  Thread: any. */
@@ -173,24 +173,24 @@ bool sst_live_settle(struct sst_live *live);
 /** The current light field: sizes, classes, maps. Valid until the next update. */
 const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 
-/** What skip_views and skip_tiles left out of pictures. @return false: none was rendered with them */
+/** Counters of skip_views and skip_tiles in pictures. @return false: none was rendered with them */
 bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *out);
 
-/** What the device has done. What it cannot do, or fails at, is rendered on the CPU within the same set. @return false:
- *  there is none */
+/** Report of the device. Pictures that it cannot render, or fails at, fall back to the CPU within the same set.
+ *  @return false: there is no device */
 bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out);
 
-/** The same for the network, all of whose live runs are counted. What the background thread computes is the CPU's.
- *  @return false: there is none, or no model */
+/** Report of the device on the network's live runs; the background thread computes on the CPU.
+ *  @return false: there is no device, or no model */
 bool sst_live_label_device(const struct sst_live *live, struct sst_network_device_report *out);
 
-/** What a live picture takes, by where it can be computed: names of steps, the last one NULL. Those of the first list
- * are on the CPU as well without a device, and where it fails. */
+/** Names of the steps of a live picture, by the place of computation, the last one NULL. Steps of the first list fall
+ * back to the CPU without a device, and where it fails. */
 extern const char *const sst_live_device_steps[], *const sst_live_cpu_steps[];
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-struct sst_livepicture; /* the rendered view of one client; reuses what did not change since its last rendering */
+struct sst_livepicture; /* rendered view of one client; reuses the unchanged part of its last rendering */
 
 SST_MUST_CHECK int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live); /* -ENOMEM */
 void sst_livepicture_destroy(struct sst_livepicture *p);
@@ -202,8 +202,8 @@ double sst_live_default_focus(const struct sst_live *live);
  *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
 SST_MUST_CHECK int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
-/** The cut between what stands in front and the rest, as sst_render_find_cut() finds it and as long as it separates the
- *  same surfaces; px per spacing; NaN: none known. */
+/** The cut behind the foreground, as sst_render_find_cut() finds it and as long as it separates the same surfaces; px
+ *  per spacing; NaN: none known. */
 double sst_live_cut(const struct sst_live *live);
 
 #define SST_LIVE_HISTOGRAM 64
@@ -218,7 +218,7 @@ bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
  * Render with these settings; only tiles that changed since the last call are rendered. Rays are verified (`verify`)
  * only while the maps are of low confidence: from more than 5 % of disparities that no other key view confirms, as in
  * dense leaves, until less than 3.5 %. Focus is clamped to the range that can be rendered; NaN is the default focus.
- * Absent views and views without a picture are left out. `threads` is that of the light field.
+ * Absent views and views without a picture are left out. `threads` is a property of the light field.
  *
  * @param image        out, borrowed until the next call
  * @param rendered_px  out, number of pixels rendered; 0: the picture has not changed
@@ -228,13 +228,13 @@ bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 SST_MUST_CHECK int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
                                           const struct sst_image **image, int64_t *rendered_px);
 
-/* Clear pictures (SST_RENDER_CLEAR): all in focus, without what stands in front; what was seen a moment ago stays where
+/* Clear pictures (SST_RENDER_CLEAR): all in focus, without the foreground; surfaces seen a moment ago stay where
  * nothing can be seen now. In the settings a cut_px of NaN is the automatic one, which removes nothing while it is not
  * known; `remove` and `merge` are not for the caller. */
 
 #define SST_LIVEPICTURE_OBJECTS 8
 
-/** Draw outlines of what was removed, and a tint over pixels that were last seen more than a second ago. */
+/** Draw outlines of removed objects, and a tint over pixels that were last seen more than a second ago. */
 void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint);
 
 /** About the last picture; all NaN or 0 for other methods. */

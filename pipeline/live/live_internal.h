@@ -53,7 +53,7 @@ void live_fini(struct sst_live *live);
 /** Render pictures on a device from now on, as struct sst_live_config has it. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int live_use_device(struct sst_live *live, const char *name, uint64_t memory_bytes);
 
-/* --- summary.c: what the pictures and the report need to know about the scene --- */
+/* --- summary.c: facts about the scene for pictures and report --- */
 
 /**
  * Record changes of pictures, disparities, labels and of the set of present views.
@@ -88,10 +88,10 @@ void live_watch_close(struct sst_live *live);
 /** Follow a set, after its changes and the cut are known. @return 0, -ENOMEM */
 SST_MUST_CHECK int live_watch_update(struct sst_live *live, int64_t t_ns);
 
-/** Tracks of the scene and of what is behind the foreground, as of the last set. @return number */
+/** Tracks in the scene and behind the foreground, as of the last set. @return number */
 int live_watch_tracks(const struct sst_live *live, struct sst_live_track track[SST_LIVE_TRACKS]);
 
-/* --- identities.c: what several searches find of one thing --- */
+/* --- identities.c: one identity for detections of one object by several searches --- */
 
 enum live_part_kind {
     LIVE_PART_OPEN = 0,   /* a track of the scene */
@@ -124,7 +124,7 @@ struct live_identities {
     struct live_identity who[LIVE_IDENTITIES];
     struct live_part part[LIVE_PARTS];
     int count, parts;
-    uint32_t ids; /* number of them, ever */
+    uint32_t ids; /* their number, ever */
     int64_t t_ns;
 };
 
@@ -132,7 +132,7 @@ struct live_identities {
  * Follow a set.
  *
  * @param open   [n] tracks of the scene
- * @param thing  [things] behind the foreground; only those that are reported begin an identity
+ * @param thing  [things] behind the foreground; only reported ones begin an identity
  * @param width, height  of the picture, px
  */
 void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,

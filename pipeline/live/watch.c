@@ -1,5 +1,5 @@
-/* What is found behind the foreground, as tracks beside those of what moves in front of the background: one identity
- * for a person who walks behind the leaves and comes out of them. */
+/* Tracks behind the foreground, joined with the tracks in front of the background: one identity for a person who walks
+ * behind the leaves and comes out of them. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -161,7 +161,7 @@ void live_zones_changed(const struct sst_live *live, const struct sst_liveframes
 
 /* --- labels ------------------------------------------------------------------------------------------------------- */
 
-/* Is a pixel of a zone within its limits of depth? What has no depth is not. */
+/* Is a pixel of a zone within its limits of depth? A pixel without depth is not. */
 static bool counts(const struct sst_live *live, const struct sst_view *view, const struct sst_live_zone *z, int x, int y)
 {
     uint16_t disp;

@@ -19,8 +19,8 @@
 #define NOISE_STEP  4    /* every NOISE_STEP-th tile measures the noise */
 #define NOISE_RISE  1.25 /* maximum from picture to picture, since a large moving object is not noise */
 
-/* Thresholds: floor + factor x median. Medians of |mean| are 0.67 sigma; those of mean |e| are 0.8 sigma of the cells,
- * with a spread of 0.15 sigma; those of the largest of 16 are 2 sigma. All three stay beyond 6 sigma. */
+/* Thresholds: floor + factor x median. Medians of |mean| are 0.67 sigma; of mean |e| 0.8 sigma of the cells, with a
+ * spread of 0.15 sigma; of the largest of 16 2 sigma. All three thresholds stay beyond 6 sigma. */
 static const struct {
     double floor, factor;
     double noise_most; /* of noise of 12 levels a pixel, which no sensor exceeds: more is motion in most tiles */
@@ -233,8 +233,8 @@ static bool exceeds(const struct change_detector *w, int t, double ease)
     return false;
 }
 
-/* After a change, and after a while of smaller differences, lower thresholds count: where most tiles move, a person who
- * has left must not stay in the others. */
+/* After a change, and after a while of smaller differences, lower thresholds count: where most tiles move, a departed
+ * person must not stay in the others. */
 static bool tile_changed(struct change_detector *w, int t)
 {
     const bool eased = w->unsettled[t] || w->lasting[t] + 1 >= LASTING;

@@ -197,7 +197,7 @@ static void on_error(j_common_ptr c)
     longjmp(d->escape, 1);
 }
 
-/* Warnings mean invented samples, except for those about bytes between the segments of a frame, which many cameras
+/* Warnings mean invented samples, except for warnings about bytes between the segments of a frame, which many cameras
  * leave, and about the version of the format. */
 static void on_message(j_common_ptr c, int level)
 {
@@ -323,7 +323,7 @@ static int cut_part(struct decoder *d, const struct decoder_frame *frame, struct
     return 0;
 }
 
-/* Decode a part behind those in memory. @return 0, -EBADMSG, -ENOTSUP; may escape */
+/* Decode a part behind the parts in memory. @return 0, -EBADMSG, -ENOTSUP; may escape */
 static int decode_part(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
                        struct decoder_part *p)
 {

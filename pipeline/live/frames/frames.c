@@ -1,5 +1,5 @@
-/* Three steps per set: scan the block means of some views (all if one of them changed), decode what changed, and
- * rectify what depends on it. */
+/* Update of the views in three steps per set: scan of the block means of some views (all if one changed), decoding of
+ * changed tiles, rectification of the tiles that depend on them. */
 #include "pipeline/live/frames/frames.h"
 
 #include <errno.h>

@@ -1,4 +1,4 @@
-/* pipeline/live/frames/frames.h - updates the views from camera frames; decodes and rectifies only changed tiles. */
+/* pipeline/live/frames/frames.h - views updated from camera frames; only changed tiles are decoded and rectified. */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 
@@ -51,9 +51,9 @@ SST_MUST_CHECK int sst_liveframes_update(struct sst_liveframes *f, const struct 
                                          struct sst_liveframes_changes *changes, struct sst_live_report *report);
 
 /**
- * Find what one view's frame changes against the one watched before, at the cost of reading its block means: for the
- * time in which no pictures are needed. What updates compare with stays as it is, so the next update finds all that has
- * changed since the last one.
+ * Find the changes of one view's frame against the one watched before, at the cost of reading its block means: for the
+ * time in which no pictures are needed. The reference of updates is untouched, so the next update finds all changes
+ * since the last one.
  *
  * @param changes  out, of this view; without a usable frame, or if none was watched in the last 2 s: nothing
  * @return 0, -ENOTSUP (a kind of JPEG that must be decoded for that), -ENOMEM

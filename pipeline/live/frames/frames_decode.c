@@ -28,7 +28,7 @@ static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, cons
     }
 }
 
-/* Take the dirty tiles of a part, whose sides are those of tiles. */
+/* Copy the dirty tiles of a part that begins and ends at borders of tiles. */
 static void store_part(struct sst_liveframes *f, int k, const struct decoder_part *p)
 {
     const int left = p->box[0] / SST_LIVE_TILE, right = (p->box[2] + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
@@ -124,7 +124,7 @@ static bool find_parts(const struct sst_liveframes *f, const struct live_view *v
     return area < (last - first) * f->raw_cols;
 }
 
-/* Decode the dirty tiles by parts. @return their number; or -ENOTSUP (decode what lies between them, too), -EBADMSG */
+/* Decode the dirty tiles by parts. @return their number; or -ENOTSUP (decode the tiles between, too), -EBADMSG */
 static int decode_parts(struct sst_liveframes *f, int k, struct decoder *d, struct decoder_part part[MOST_PARTS])
 {
     struct live_view *v = &f->view[k];
@@ -260,7 +260,7 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-/* Rectify what changed on the renderer's device. @return false: it is the CPU's */
+/* Rectify the changed tiles on the renderer's device. @return false: fallback to the CPU */
 static bool rectify_there(struct sst_liveframes *f, int n)
 {
     struct sst_render_tiles tiles[SST_MAX_VIEWS];

@@ -55,7 +55,7 @@ SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_fr
                                       struct sst_jpeg_index *index);
 
 /**
- * Decode columns x0 .. x1-1 of rows y0 .. y1-1; the pixels equal those of decoding the whole frame.
+ * Decode columns x0 .. x1-1 of rows y0 .. y1-1; the pixels equal a decoding of the whole frame.
  *
  * @param pixels  out, borrowed until the next call: pixel (0, 0) of the frame, 4 bytes each (R, G, B, unused); only the
  *                requested part is set
@@ -68,7 +68,7 @@ SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame 
 /** Pixels of a part of a frame, borrowed until the next call for another frame. */
 struct decoder_part {
     int box[4];            /* px of the frame: left, top, right, bottom */
-    const uint8_t *pixels; /* of (left, top), as those of decoder_decode() */
+    const uint8_t *pixels; /* of (left, top), in the layout of decoder_decode() */
     size_t stride;         /* bytes */
 };
 
@@ -84,7 +84,7 @@ SST_MUST_CHECK int decoder_decode_parts(struct decoder *d, const struct decoder_
 const char *decoder_fault(const struct decoder *d);
 
 /* --- change ---
- * detects tiles whose block means differ from those of the stored picture, beyond the camera's
+ * detects tiles whose block means differ from the stored picture's, beyond the camera's
  * noise and changes of light. */
 
 /*
@@ -158,7 +158,8 @@ void frames_burnt_accepted(struct frames_burnt *b);
 /** Has nothing changed but text? @param changed  [tiles] */
 bool frames_burnt_alone(const struct frames_burnt *b, const uint8_t *changed);
 
-/** Learn where text is from a set that did not change as a whole. @param changed  [views][tiles] of those scanned */
+/** Learn the place of text from a set that did not change as a whole. @param changed  [views][tiles] of scanned views
+ */
 void frames_burnt_learn(struct frames_burnt *b, const uint8_t *const *changed, int views);
 
 /** Unmark text near which nothing else has changed. @param changed  [tiles] of a view @return number unmarked */
@@ -208,7 +209,7 @@ struct sst_liveframes {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
-    struct sst_renderer *renderer;                            /* whose device rectifies; NULL: none */
+    struct sst_renderer *renderer;                            /* its device rectifies; NULL: none */
     int threads, views, used, raw_cols, raw_rows, cols, rows; /* raw and rectified tiles */
     size_t last_room;
     struct decoder **decoder; /* [threads] */
@@ -255,7 +256,7 @@ SST_MUST_CHECK int frames_rectify(struct sst_liveframes *f);
  * [tiles] */
 void frames_mark(const struct sst_liveframes *f, int k, const uint8_t *dirty, uint8_t *map);
 
-/** Decode one view with skipped tiles. @return mean |difference| of those tiles to the stored picture; NaN: none */
+/** Decode one view with skipped tiles. @return mean |difference| of skipped tiles to the stored picture; NaN: none */
 double frames_sample_error(struct sst_liveframes *f);
 
 #endif

@@ -72,7 +72,7 @@ static int key_sets(struct sst_liveframes *f)
     return f->rested < REST_SETS ? 1 : f->step_ns < REST_NS ? 4 : 2;
 }
 
-/* Views to scan first: all, or the key views and those whose turn it is. */
+/* Views to scan first: all, or the key views and the ones in turn. */
 static int first_views(struct sst_liveframes *f)
 {
     const int rest = key_sets(f), sets = rest > 1 ? REST_SKIP * rest / 2 : SKIP_SETS;
@@ -146,11 +146,11 @@ static void leave_text(struct sst_liveframes *f)
 
         v->verdict.changed -= left;
         if (left)
-            v->last_bytes = 0; /* the same frame again is not what is stored */
+            v->last_bytes = 0; /* the same frame again differs from the stored tiles */
     }
 }
 
-/* True if the light changed, or enough tiles that accepting all of them is cheaper. All views have been scanned. */
+/* True if the light changed, or so many tiles that accepting all is cheaper. All views have been scanned. */
 static bool is_whole(const struct sst_liveframes *f)
 {
     int looked = 0, lit = 0, over = 0;

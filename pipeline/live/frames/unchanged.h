@@ -1,4 +1,4 @@
-/* pipeline/live/frames/unchanged.h - finds out whether the pictures of cameras show what was last accepted of each. */
+/* pipeline/live/frames/unchanged.h - unchanged pictures of cameras, each compared with the last accepted one. */
 #ifndef SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
 #define SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
 
@@ -15,9 +15,9 @@ SST_MUST_CHECK int sst_unchanged_create(struct sst_unchanged **out, int cameras,
 void sst_unchanged_destroy(struct sst_unchanged *unchanged);
 
 /**
- * Does a picture show what the last accepted one of this camera shows? If not, it is accepted in its place.
+ * Compare a picture with the last accepted one of this camera; a changed one is accepted in its place.
  *
- * The tests are those of sst_liveframes_update(): means of blocks of 8x8 px, thresholds that adapt to the camera's
+ * Tests as in sst_liveframes_update(): means of blocks of 8x8 px, thresholds that adapt to the camera's
  * noise, changes of light compensated up to a limit; differences below the thresholds accumulate against the accepted
  * picture. Costs the reading of the block means, a millisecond for a JPEG of 640x480.
  * @return false also for the first picture, and for one that cannot be read

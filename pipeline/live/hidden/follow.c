@@ -1,7 +1,7 @@
-/* Candidates from set to set. A thing is one that comes back at about the same place and depth, in each set above what
- * is usual; what exceeds a candidate's least is added up over time. How much chance adds up is learnt from the tracks
- * that end without a report: their number falls exponentially with their evidence, so that the evidence which chance
- * reaches as often as is accepted follows from their rate and mean. */
+/* Tracks of candidates from set to set. An object is a candidate that returns at about the same place and depth, each
+ * time above the background model; its excess over the least of a candidate, summed over time, is its evidence. The
+ * evidence of chance is learnt from tracks that end without a report: their number falls exponentially with their
+ * evidence, so that the evidence which chance reaches at the accepted rate follows from their rate and mean. */
 #include <string.h>
 
 #include "pipeline/live/hidden/hidden_internal.h"
@@ -11,7 +11,7 @@
 #define SET_MOST_S  1.0 /* time that a set stands for at most */
 #define LOSS        2.0 /* of evidence in a second without a candidate */
 #define LOST_S      3.0
-#define STILL_S     20.0 /* without any change in the scene: who is there moves sooner or later */
+#define STILL_S     20.0 /* without any change in the scene: persons move sooner or later */
 #define LOST_SETS   2
 #define REACH       0.5 /* of the height: a thing moves by this at once, ... */
 #define SPEED       1.0 /* ... and by this in a second, ... */
@@ -28,15 +28,15 @@
 #define SETS        3 /* and seconds of a thing that is reported */
 #define SECONDS     1.0
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
-#define AFTER_S     30.0 /* of what begins there, or has been beside one, until it is reported */
-#define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
+#define AFTER_S     30.0 /* until a track is reported that begins there, or has been beside one */
+#define STAYS_S     600.0 /* an object that has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 /* At the start: as if chance had made tracks for these hours, at this rate an hour and with this mean evidence. */
 #define PRIOR_H     0.03
 #define PRIOR_RATE  60.0
 #define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0
-#define CHANCE_MOST 2.0 /* what counts of one: it may have been a person */
+#define CHANCE_MOST 2.0 /* largest evidence counted of one: it may have been a person */
 #define LOWEST      4.0
 #define HIGHEST     40.0
 
@@ -155,7 +155,7 @@ bool hidden_track_moved(const struct hidden_track *a)
     return hypot(a->x - a->from_x, a->y - a->from_y) > fmax(a->w, a->h);
 }
 
-/* Who passes disturbs the leaves, and what the views remember of them, for some seconds. */
+/* A passing person disturbs the leaves, and their background model, for some seconds. */
 static void note_left(struct hidden_tracks *t, const struct hidden_track *a, double x, double y)
 {
     const int n = sst_min_int(t->lefts, HIDDEN_LEFT);
@@ -308,9 +308,9 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
     a->beside = true;
 }
 
-/* Somebody who differs much from what was there before is seen on many planes, on the right one best; which of these
- * images has enough evidence first is chance. @return the best one that stays and is not reported, of those near a
- * track with no less evidence than this that began until then; NULL: none */
+/* A person of high contrast has images on many planes, the best one on the right plane; which image has enough evidence
+ * first is chance. @return the best track that stays and is not reported, near a track and with no less evidence, begun
+ * until then; NULL: none */
 static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence,
                                       int64_t until_ns)
 {

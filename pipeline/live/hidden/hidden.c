@@ -8,7 +8,7 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define QUIET_S 30.0
-#define KEEP_NS INT64_C(120000000000) /* what stands for longer becomes usual */
+#define KEEP_NS INT64_C(120000000000) /* dwell from which an object becomes background */
 /* Sets that follow sooner are searched together with later ones: evidence is a matter of time, not of sets. */
 #define SEARCH_NS INT64_C(150000000)
 
@@ -114,8 +114,8 @@ void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
-/* Where reported tracks are: what is there must not become usual. Those that stand come first: of who passes, colours
- * may be remembered. */
+/* Boxes of reported tracks, excluded from background learning. Standing ones come first: colours of passing persons may
+ * be learnt. */
 static void find_kept(struct sst_hidden *h)
 {
     h->keeps = h->stands = 0;
@@ -157,7 +157,7 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
     return 0;
 }
 
-/* Add what has changed in this set. @return anything has since the last search */
+/* Add the changes of this set. @return any since the last search */
 static bool note_changes(struct sst_hidden *h, const struct sst_hidden_input *in)
 {
     bool any = false;

@@ -1,10 +1,10 @@
-/* pipeline/live/hidden/hidden.h - finds what is behind leaves: people and vehicles that a single view shows only in
+/* pipeline/live/hidden/hidden.h - occluded objects behind leaves: people and vehicles that a single view shows only in
  * pieces.
  *
- * Each view is compared with what it has shown lately (leaves swing to and fro, so every pixel has several colours).
- * The differences, not the pictures, are then integrated over all views on planes behind the leaves. What stands on a
- * plane adds up there; leaves that differ have another parallax and do not. A thing is reported when it stays above
- * what the leaves of this scene do by themselves: see alarms_per_hour. */
+ * Each view is compared with its background model (leaves swing to and fro, so every pixel has several colours). The
+ * differences, not the pictures, are then integrated over all views on planes behind the leaves. An object on a plane
+ * adds up there; leaves that differ have another parallax and do not. An object is reported when it stays above the
+ * level that the leaves of this scene reach by themselves: see alarms_per_hour. */
 #ifndef SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
 #define SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
 
@@ -26,8 +26,8 @@ struct sst_hidden_input {
     int64_t t_ns;
     const struct sst_image *image[SST_MAX_VIEWS]; /* NULL: missing; its differences stay */
     const uint8_t *changed[SST_MAX_VIEWS];        /* [tiles of 32 px] 0: as in the set before; NULL: all changed */
-    /* Disparities of the scene. What is searched lies behind the leaves: behind front_px, or, with the disparities of
-     * the reference view, behind a good part of what that shows at the place. */
+    /* Disparities of the scene. The search covers the depths behind the leaves: behind front_px, or, with the
+     * disparities of the reference view, behind a good part of its surfaces at the place. */
     double far_px, near_px, front_px;
     const struct sst_map_u16 *disp; /* NULL: front_px */
     double disp_min_px;             /* of stored value 0 */
@@ -41,7 +41,7 @@ struct sst_hidden_thing {
     double x0, y0, x1, y1; /* in the reference view, px */
     double vx_px_s, vy_px_s;
     double disp_px;
-    double evidence; /* sum over its sets of how far it exceeds what is usual there, in standard deviations */
+    double evidence; /* sum over its sets of its excess over the background there, in standard deviations */
     int64_t first_ns, seen_ns;
 };
 
@@ -49,22 +49,22 @@ struct sst_hidden_thing {
 SST_MUST_CHECK int sst_hidden_open(struct sst_hidden **out, const struct sst_hidden_config *cfg);
 void sst_hidden_close(struct sst_hidden *h); /* NULL is fine */
 
-/** Forget what the views have shown: the scene or the array is another one. */
+/** Forget the background models: the scene or the array is another one. */
 void sst_hidden_reset(struct sst_hidden *h);
 
 /** Another number of accepted false alarms per hour. */
 void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour);
 
 /**
- * Follow one set. Nothing is reported in the first 30 s. Sets less than 0.15 s after the last that was searched are not
- * searched: things stay as they are, and what has changed is searched with a later set. The same sets give the same
- * things for any number of threads.
+ * Follow one set. Nothing is reported in the first 30 s. Sets less than 0.15 s after the last searched one are not
+ * searched: objects stay as they are, and changes are searched with a later set. The same sets give the same objects
+ * for any number of threads.
  *
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in);
 
-/** As of the last update, those that may be chance included. @return number */
+/** Objects as of the last update, including possible chance. @return number */
 int sst_hidden_things(const struct sst_hidden *h, struct sst_hidden_thing out[SST_HIDDEN_THINGS]);
 
 /** Evidence that a thing needs to be reported. */

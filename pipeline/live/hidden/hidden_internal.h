@@ -20,15 +20,15 @@ struct hidden_rect {
     int x0, y0, x1, y1;
 };
 
-/* --- model.c: what a view has shown lately, and the differences from it --------------------------------------------
+/* --- model.c: background model of a view, and the differences from it ----------------------------------------------
  */
 
-/** One view. A cell remembers HIDDEN_SLOTS colours that it has shown: some of the last seconds, some minutes old. */
+/** Background model of a view. A cell has HIDDEN_SLOTS colours: some of the last seconds, some minutes old. */
 struct hidden_model {
     struct sst_image now; /* cells of the last picture, brought to the brightness of the slots */
     struct sst_image slot[HIDDEN_SLOTS];
-    struct sst_map_u16 usual;   /* difference that the cell has by itself, 1/256 level */
-    struct sst_map_u8 score;    /* difference above that, 0..SST_SCORE_CAP */
+    struct sst_map_u16 usual;   /* background noise level of the cell, 1/256 level */
+    struct sst_map_u8 score;    /* difference above the noise level, 0..SST_SCORE_CAP */
     uint8_t *hot;               /* [tiles] the tile has scores: compared again without changes */
     int tiles_x, tiles_y, tile; /* tile: cells */
     bool filled;
@@ -44,8 +44,8 @@ void hidden_model_fini(struct hidden_model *m);
 
 /** Places in cells of a view. */
 struct hidden_rects {
-    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* who stands there must not become usual */
-    struct hidden_rect wake[HIDDEN_LEFT];       /* somebody has gone from there: learnt again at once */
+    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* occupied boxes: excluded from background learning */
+    struct hidden_rect wake[HIDDEN_LEFT];       /* vacated boxes: relearnt immediately */
     int keeps, wakes;
 };
 
@@ -76,7 +76,7 @@ struct hidden_planes {
 SST_MUST_CHECK int hidden_planes_init(struct hidden_planes *p, int width, int height);
 void hidden_planes_fini(struct hidden_planes *p);
 
-/** Find what the reference view shows before each plane. @param step  px per cell */
+/** Find the occluders of each plane in the reference view. @param step  px per cell */
 SST_MUST_CHECK int hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step,
                                        int threads);
 
@@ -91,7 +91,7 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
 SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct hidden_model *const *model, int views,
                                      const double *dx, const double *dy, int threads);
 
-/* --- usual.c: how much is usual at each place, and what exceeds it --------------------------------------------------
+/* --- usual.c: background level of integrated scores, and candidates above it ---------------------------------------
  */
 
 struct hidden_candidate {
@@ -105,7 +105,7 @@ struct hidden_usual {
     float *level;           /* [plane][rows][cols] */
     float *spread, *excess; /* [box][plane][rows][cols]; spread: squared */
     float *best;            /* [rows][cols] */
-    float *over, *sums;     /* [plane][rows][cols], [plane][rows + 1][cols + 1] of that, in work */
+    float *over, *sums;     /* scratch: [plane][rows][cols], and its sums [plane][rows + 1][cols + 1] */
     uint8_t *best_box, *best_plane;
     double age_s;
     int64_t t_ns;
@@ -118,7 +118,7 @@ void hidden_usual_reset(struct hidden_usual *u);
 /** Follow a set in which nothing changed. */
 void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
 
-/** Follow a set. @param keep  [keeps] blocks whose content must not become usual
+/** Follow a set. @param keep  [keeps] blocks excluded from background learning
  *  @return number of candidates, the best first */
 int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
                         const struct hidden_rect *keep, int keeps, int threads,
@@ -154,14 +154,14 @@ struct hidden_tracks {
     uint32_t next_key;
     int64_t t_ns;
     double alarms_per_hour;
-    /* What chance does here: number of tracks that were none, their evidence above PEAK_MIN, and the hours of it; old
-     * ones count less. */
+    /* Statistics of chance: number of false tracks, their evidence above PEAK_MIN, and the hours observed; old ones
+     * count less. */
     double chances, chance_sum, chance_h;
 };
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
 
-/** Follow a set in which nothing changed: what was there still is, for a while. */
+/** Follow a set in which nothing changed: objects stay, for a while. */
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
 
 /** Is this a place from which a reported one has gone lately? */

@@ -1,7 +1,6 @@
-/* What a view has shown lately: some colours for every cell, of moments chosen by chance in the last minutes. A leaf
- * that swings shows colours that its place has had before; a person brings new ones. The score of a cell is its
- * difference from the most similar colour, above the difference that the cell has by itself (noise, and leaves between
- * the remembered moments). */
+/* Background model of a view: some colours for every cell, of random moments in the last minutes. A leaf that swings
+ * shows colours that its place has had before; a person brings new ones. The score of a cell is its difference from the
+ * most similar colour, above the cell's background noise level (noise, and leaves between the remembered moments). */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,14 +8,14 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define LEARN_NS INT64_C(500000000) /* between two rounds, each of which renews a colour of one cell in PHASES, ... */
-/* ... but of most cells in one round of this many: who stands must not be remembered before being reported */
+/* ... but of most cells in one round of this many: a standing person must not be learnt before the report */
 #define SLOWLY     4
 #define BEGIN      240 /* rounds at the beginning, when nothing is known: of all cells */
 #define ROUNDS     6   /* at most that many at once, after a pause */
 #define PHASES     8
 #define BESIDE     3                   /* cells */
 #define USUAL_NS   INT64_C(2000000000) /* the usual difference follows by 1/32 in this time */
-#define GAIN_STEP  6  /* cells between those that brightness is measured on */
+#define GAIN_STEP  6  /* cells between samples of brightness */
 #define GAIN_BINS  256
 #define GAIN_LEAST 24  /* levels of a cell that it is measured on */
 #define GAIN_RANGE 4.0 /* more than that: another scene */
@@ -196,7 +195,7 @@ static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep
 }
 
 /* Renew one colour of every PHASES-th cell: lifetimes of a colour are exponential, so some are minutes old. In about
- * every second row the colour is that of a cell beside it, which a leaf may swing to. */
+ * every second row the colour comes from a cell beside it, which a leaf may swing to. */
 static void learn(struct hidden_model *m, const struct hidden_rects *r)
 {
     const int phase = (int)(m->rounds % PHASES), width = m->now.width, height = m->now.height;
@@ -247,7 +246,7 @@ static struct hidden_rect tile_rect(const struct hidden_model *m, int tile)
                                  sst_min_int(y + m->tile, m->now.height) };
 }
 
-/* Read the changed tiles. Their brightness is measured where most of them changed, as light changes them all. */
+/* Read the changed tiles. Brightness is measured where most tiles changed, as light changes them all. */
 static void read_tiles(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step)
 {
     const int tiles = m->tiles_x * m->tiles_y;

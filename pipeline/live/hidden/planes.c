@@ -1,5 +1,5 @@
-/* Scores of all views summed on planes of equal disparity: what differs on a plane adds up there, what differs
- * elsewhere is spread over it. */
+/* Planes of equal disparity, on which the scores of all views are summed: differences on a plane add up there,
+ * differences elsewhere are spread over it. */
 #include <errno.h>
 #include <string.h>
 
@@ -8,8 +8,8 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define STEP_CELLS 1.5  /* by which the outermost view moves from plane to plane */
-#define BEFORE     2.5  /* planes: what is nearer by this stands before a plane */
-#define FOLLOW     0.05 /* of what usually stands there, in a set */
+#define BEFORE     2.5  /* planes: a surface nearer by this occludes a plane */
+#define FOLLOW     0.05 /* update rate of the usual occluders, in a set */
 #define COVERED    0.3  /* of a box */
 #define SLACK      2.0  /* planes: a range that moves by less stays */
 
@@ -61,11 +61,11 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
     return !same;
 }
 
-/* --- what stands before them ---------------------------------------------------------------------------------------
+/* --- occluders of planes -------------------------------------------------------------------------------------------
  */
 
-/* The part of a block that is nearer than a plane: of four pixels. What passes in front of the views does not count,
- * only what usually stands there. */
+/* Part of a block that is nearer than a plane, of four pixels. Passing objects in front do not count, only the usual
+ * occluders. */
 static float nearer_part(const struct sst_map_u16 *disp, int col, int row, int step, int least)
 {
     const int side = HIDDEN_BLOCK * step;
@@ -142,7 +142,7 @@ struct job {
     int views;
 };
 
-/* The cells of row y of a view that may have scores: those of its hot tiles. @return false: none */
+/* Cells of row y of a view that may have scores, the ones in hot tiles. @return false: none */
 static bool scored(const struct hidden_model *m, int y, int *x0, int *x1)
 {
     const uint8_t *hot = m->hot + (size_t)(y / m->tile) * (size_t)m->tiles_x;
@@ -189,7 +189,7 @@ static void sum_blocks(const struct job *j, int plane, int block)
     }
 }
 
-/* All planes of a row of blocks, so that what they read of the views stays in cache. */
+/* All planes of a row of blocks, so that the rows read of the views stay in cache. */
 static int sum_row(void *arg, int block, int worker SST_UNUSED)
 {
     const struct job *j = arg;

@@ -1,5 +1,5 @@
-/* How much the integrated scores of a place usually are, for boxes of several sizes on every plane: a twig that often
- * goes beyond what its cells remember is usual there. What exceeds this by many standard deviations is a candidate. */
+/* Background level of the integrated scores of a place, for boxes of several sizes on every plane: a twig that often
+ * exceeds the model of its cells raises it there. A box above it by many standard deviations is a candidate. */
 #include <errno.h>
 #include <string.h>
 
@@ -9,14 +9,14 @@
 
 #define FOLLOW_S 60.0 /* the usual level follows within this time */
 #define FARTHEST                                                                                                       \
-    2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and what is beyond */
+    2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and all beyond */
 #define WAIT_MOST_S 10.0 /* that one set stands for */
 #define CLIP        4.0  /* standard deviations that count at most for it */
 #define SPREAD_MIN  3.0
 #define LEVEL_MIN   20.0
 #define AROUND      2    /* widths on each side that a box is compared with */
 #define START       2.0  /* standard deviations of a candidate */
-#define LEAVES      0.36 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
+#define LEAVES      0.36 /* part of the excess among the leaves that is subtracted from the excess behind them */
 
 static const struct {
     int cols, rows;
@@ -101,13 +101,13 @@ static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep
     return false;
 }
 
-/* A box that is moved along a row, with what is around it: rows of sums above and below both. */
+/* A box moved along a row, with its surroundings: rows of sums above and below both. */
 struct row {
     const float *top, *end, *around_top, *around_end;
-    int width, height, around; /* blocks; rows of what is around it */
+    int width, height, around; /* blocks; rows of its surroundings */
 };
 
-/* By how much a box exceeds what is around it, blocks x0..x1-1. */
+/* Excess of a box over its surroundings, blocks x0..x1-1. */
 static inline float excess_at(const struct row *r, int x, int x0, int x1)
 {
     const float area = (float)(r->width * r->height);
@@ -139,7 +139,8 @@ static inline void follow_spread(float *spread, float over, float rate)
     *spread += rate * ((over * over > most ? most : over * over) - *spread);
 }
 
-/* By how much all places of a box on a plane exceed what is usual, against what is around them: a gust raises both. */
+/* Excess of all places of a box on a plane over the background level, less that of the surroundings: gusts raise both.
+ */
 static void follow_box(const struct hidden_usual *u, int box, int plane, float rate, const struct hidden_rect *keep,
                        int keeps)
 {
@@ -163,7 +164,7 @@ static void follow_box(const struct hidden_usual *u, int box, int plane, float r
     }
 }
 
-/* What the blocks of a plane exceed their usual level by, which follows. */
+/* Excess of the blocks of a plane over their background level, which follows. */
 static void follow_level(const struct hidden_usual *u, const float *mean, int plane, float rate,
                          const struct hidden_rect *keep, int keeps)
 {
@@ -203,8 +204,7 @@ static int follow_plane(void *arg, int plane, int worker SST_UNUSED)
     return 0;
 }
 
-/* A place counts if what exceeds the usual there is largest behind the leaves, and by how much it does. The farthest
- * surface is none of these. */
+/* A place counts, by its excess, if the excess is largest behind the leaves; the farthest surface does not count. */
 static void judge_box(const struct hidden_usual *u, const struct hidden_planes *p, int box, int y)
 {
     const int bw = box_size[box].cols, bh = box_size[box].rows;
@@ -218,7 +218,7 @@ static void judge_box(const struct hidden_usual *u, const struct hidden_planes *
         for (int i = 0; i < p->count; i++) {
             const float e = u->excess[place(u, box, i, y) + (size_t)x];
 
-            /* What is no larger than both changes neither. */
+            /* A value no larger than both changes neither. */
             if (!(e > behind) && !(e > leaves))
                 continue;
             if ((i < FARTHEST && p->count > 1) || !hidden_planes_is_behind(p, i, &r)) {
@@ -240,7 +240,7 @@ static void judge_box(const struct hidden_usual *u, const struct hidden_planes *
     }
 }
 
-/* All boxes whose middle is in a row of blocks. */
+/* All boxes with their middle in a row of blocks. */
 static int judge_row(void *arg, int row, int worker SST_UNUSED)
 {
     const struct job *j = arg;
@@ -255,7 +255,7 @@ static int judge_row(void *arg, int row, int worker SST_UNUSED)
     return 0;
 }
 
-/* The best place that is left, which is then cleared with what overlaps it. @return false: none */
+/* Best remaining place, which is then cleared with all that overlap it. @return false: none */
 static bool next_best(struct hidden_usual *u, struct hidden_candidate *c)
 {
     const int blocks = u->cols * u->rows;

@@ -1,11 +1,11 @@
-/* Behind dense leaves the maps miss most of what the gaps show, and the clear picture has holes there. Rays that agree
- * show it (pipeline/method/render/verify.h), one plane at a time: the default focus, behind what is in front, and
- * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
- * cells are tried on another one in each set.
+/* Cells behind dense leaves: the maps miss most of the surfaces in the gaps, and the clear picture has holes there.
+ * Rays that agree fill them (pipeline/method/render/verify.h), one plane at a time: the default focus behind the
+ * foreground, and planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays
+ * agreed; some cells are tried on another one in each set.
  *
- * A cell is rendered when its rays have changed: a third of them in a set, all within three, and of more than six sets
- * a second fewer, all within half a second. Until then nothing is seen there, and the memory shows what was. Where
- * leaves move and what they hide does not, that is enough a third as often. */
+ * A cell is rendered when its rays have changed: a third of the cells in a set, all within three, and of more than six
+ * sets a second fewer, all within half a second. Until then nothing is seen there, and the memory fills it. Where
+ * leaves move before a still scene, a third of these renderings is enough. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,17 +13,17 @@
 
 #include "pipeline/live/picture/picture_internal.h"
 
-#define STEP_PX      1.5       /* between planes: what lies between two is off by 2 px in the outermost views */
+#define STEP_PX      1.5       /* between planes: surfaces between two are off by 2 px in the outermost views */
 #define BETTER       1.1       /* another plane must have this multiple of the agreement */
 #define TURNS        3         /* a cell whose rays changed is rendered within this number of sets, ... */
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
-#define CALM         3 /* renderings in a row that show what was known: the cell has a third of the turns, ... */
+#define CALM         3 /* renderings in a row without news: the cell has a third of the turns, ... */
 #define CALM_TIMES   3
-#define CHANGED      0.25 /* ... until this fraction of what is seen in it, or beside it, has changed */
+#define CHANGED      0.25 /* ... until this fraction of the pixels seen in it, or beside it, has changed */
 #define CHANGED_PX   8    /* and at least this number of pixels */
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
-#define CELL_LEVEL   1 /* of votes: their cells are as high as those here */
+#define CELL_LEVEL   1 /* of votes: their cells are as high as the cells here */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
 
@@ -76,7 +76,7 @@ static bool is_current(const struct picture_behind *b, const struct sst_live *li
            b->present_serial == live->present_serial && same(b->disp_min_px, live->lf.disp_min_px);
 }
 
-/* The focus, what lies behind it, and what lies before it and behind the cut. */
+/* Planes: the focus, one behind it, and planes from before it to the cut. */
 static int choose_planes(double plane_px[PICTURE_PLANES], const struct sst_live *live, double cut_px)
 {
     const double focus_px = live->focus.focus_px;
@@ -118,7 +118,7 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
     return b->planned ? 0 : err;
 }
 
-/* Cells on a plane must be rendered again: all, or those that are marked. */
+/* Cells on a plane must be rendered again: all, or the marked ones. */
 static void make_stale(struct picture_behind *b, int plane, const uint8_t *marked)
 {
     for (int i = 0; i < b->cols * b->rows; i++) {
@@ -224,7 +224,7 @@ static int turns_of(const struct picture_behind *b, int at)
     return b->turns * picture_behind_slowness(b, at);
 }
 
-/* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
+/* Is a stale cell rendered in this round? At the start and in exact mode all are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
     return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= turns_of(b, at) ||
@@ -294,7 +294,7 @@ static bool has_changed(const struct picture_behind *b, const struct picture_mem
     return changed >= CHANGED_PX && changed > CHANGED * (same + changed);
 }
 
-/* What has changed wakes its cell and those around it. */
+/* Changes wake their cell and the cells around it. */
 static void wake_changed(struct picture_behind *b, const struct picture_memory *m)
 {
     for (int i = 0; i < b->cols * b->rows; i++) {

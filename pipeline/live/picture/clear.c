@@ -1,8 +1,8 @@
-/* The clear picture of one view: rendered by sst_render() from the light field as it is, merged with what was seen
- * before (memory.c), and with outlines of what was removed.
+/* Clear picture of one view: rendered by sst_render() from the light field as it is, merged with the memory of earlier
+ * sets (memory.c), and with outlines of removed objects.
  *
- * Where nothing changed nothing is rendered. A ray goes to the viewpoint by its own disparity; what changed tiles
- * cannot reach is taken from the last picture (struct sst_render_kept). The memory merges the whole picture. */
+ * Where nothing changed nothing is rendered. A ray goes to the viewpoint by its own disparity; pixels that changed
+ * tiles cannot reach come from the last picture (struct sst_render_kept). The memory merges the whole picture. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -17,11 +17,11 @@
 #define OLD_S         1.0
 #define TINT_SHARE    64 /* of 256 */
 #define OUTLINE_SHARE 110
-#define OUTLINE_REACH 5 /* px: outlines are those of what is removed on average over this many to each side */
+#define OUTLINE_REACH 5 /* px to each side: outlines follow the mean of the removed pixels over them */
 #define BAND          16
 #define SAME_PX       1.0 /* disparities of one surface */
 #define AIM_REACH     48  /* px around a click on something hidden */
-#define AIM_PARTS     6   /* of it, as what hides it parts it */
+#define AIM_PARTS     6   /* of an object that occluders divide */
 
 static const uint8_t tint_colour[3] = { 60, 120, 255 };
 static const uint8_t outline_colour[3] = { 255, 255, 255 };
@@ -295,7 +295,7 @@ static void resolve(struct picture_clear *c, struct sst_render_config *cfg)
     cfg->remove = c->objects.count ? c->objects.mask : NULL;
 }
 
-/* What was remembered has other stored disparities now, or other views see it. */
+/* The remembered surfaces have other stored disparities now, or other views see them. */
 static void check_memory(struct picture_clear *c)
 {
     if (c->rendered && same(c->disp_min_px, c->live->lf.disp_min_px))
@@ -382,8 +382,8 @@ static double shown_px(const struct picture_clear *c, int x, int y)
 
 enum aimed { AIMED_NOTHING, AIMED_SURFACE, AIMED_OBJECT };
 
-/* What a pixel of the reference view is for a click on a surface that it does not see: part of that surface, or of an
- * object whose removal shows it. */
+/* Meaning of a reference pixel for a click on a surface that it does not see: part of that surface, or of an object
+ * whose removal shows it. */
 static enum aimed match(const struct picture_clear *c, const struct sst_view *v, int x, int y, double shown)
 {
     const uint16_t q = sst_map_u16_row(&v->disp, y)[x];
@@ -397,8 +397,9 @@ static enum aimed match(const struct picture_clear *c, const struct sst_view *v,
     return q != SST_DISP_NONE && fabs(sst_disp_px(&c->live->lf, q) - shown) <= SAME_PX ? AIMED_SURFACE : AIMED_NOTHING;
 }
 
-/* Where the reference camera sees what the cut removes, a click means something behind it: an object that was removed
- * there, else the surface shown. Moves to the nearest pixel of it that the camera sees. @return false: there is none */
+/* Where the reference camera sees a surface in front of the cut, a click means an object behind it: one that was
+ * removed there, else the surface shown. Moves to the nearest pixel of it that the camera sees. @return false: there is
+ * none */
 static bool aim(const struct picture_clear *c, int *x, int *y)
 {
     const struct sst_lightfield *lf = &c->live->lf;

@@ -1,10 +1,10 @@
-/* What was seen a moment ago behind things that move.
+/* Memory of surfaces seen a moment ago behind moving objects.
  *
  * Every pixel holds the colour and the surface that were last seen there, and since when. A pixel that is seen now
- * either confirms what it holds or changes it. A pixel that is not seen shows what it holds, unless that is
- * contradicted: by what is seen around it (most of the nearest pixels that are seen now have just changed: a person
- * came or left), by the reference camera (what it shows there is being removed, and is the same surface), or by time
- * (the cameras' tiles changed there, and it was not seen again). */
+ * either confirms its memory or changes it. A pixel that is not seen shows its memory, unless a contradiction comes
+ * from the neighbourhood (most of the nearest pixels that are seen now have just changed: a person came or left), from
+ * the reference camera (it shows the same surface there, and that is being removed), or from time (the cameras' tiles
+ * changed there, and it was not seen again). */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -18,13 +18,13 @@
 #define SAME_LEVELS    60 /* colours of one surface in two sets, sum of R, G, B */
 #define STRONG         (4 * SST_RENDER_SUPPORT) /* rays that agree and need no confirmation by earlier sets */
 #define SUPPORT_MOST   (12 * SST_RENDER_SUPPORT)
-#define MOVER_MS       900  /* in which what came in front, or has not been there for long, must be seen again */
-#define SETTLED_MS     3000 /* what has been there for this long stays for ... */
+#define MOVER_MS       900  /* in which a surface that came in front, or is new, must be seen again */
+#define SETTLED_MS     3000 /* a surface that has been there for this long stays for ... */
 #define LONG_MS        20000
 #define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
 #define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... together like this many rays of the maps */
 #define LEAST          12                       /* support without which a pixel counts as not seen */
-#define BAND           4                        /* rows of a job: those of the finest cells */
+#define BAND           4                        /* rows of a job, as high as the finest cells */
 #define CELL_SHIFT     2
 #define VOTERS         8 /* pixels that decide */
 
@@ -80,7 +80,7 @@ void picture_memory_forget(struct picture_memory *m)
     m->started = false;
 }
 
-/* --- what is seen now --------------------------------------------------------------------------------------------- */
+/* --- pixels seen now ---------------------------------------------------------------------------------------------- */
 
 static int colour_distance(const struct picture_pixel *p, const uint8_t rgb[3])
 {
@@ -119,7 +119,7 @@ static bool is_same(const struct picture_pixel *p, const uint8_t rgb[3], uint16_
 
 enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2 };
 
-/* A pixel that is seen: @return what it says about its neighbourhood */
+/* A pixel that is seen: @return its vote on the neighbourhood */
 static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb[3], uint16_t disp, int support)
 {
     const bool known = p->disp != SST_DISP_NONE;
@@ -139,7 +139,7 @@ static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb
     return known ? VOTE_CHANGED : VOTE_NONE;
 }
 
-/* Fill holes with what rays agree on at one disparity. */
+/* Fill holes with the colours on which rays agree at one disparity. */
 static void fill_behind(const struct merge *g, int y)
 {
     const struct picture_merge *in = g->in;
@@ -199,7 +199,7 @@ static int see_band(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-/* --- what is seen around it --------------------------------------------------------------------------------------- */
+/* --- votes of the neighbourhood ----------------------------------------------------------------------------------- */
 
 static void sum_votes(const struct picture_memory *m, int level)
 {
@@ -219,7 +219,7 @@ static void sum_votes(const struct picture_memory *m, int level)
     }
 }
 
-/* Votes of the cell of a pixel and of those around it. */
+/* Votes of the cell of a pixel and of its neighbours. */
 static struct picture_votes votes_around(const struct picture_memory *m, int level, int x, int y)
 {
     const int col = x >> (CELL_SHIFT + level), row = y >> (CELL_SHIFT + level);
@@ -248,7 +248,7 @@ static bool changed_around(const struct picture_memory *m, int x, int y)
     return false;
 }
 
-/* --- what is not seen --------------------------------------------------------------------------------------------- */
+/* --- pixels not seen now ------------------------------------------------------------------------------------------ */
 
 /* Has any of some views changed where it would see what the pixel holds? */
 static bool views_changed(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
@@ -266,7 +266,7 @@ static bool views_changed(const struct picture_merge *in, const struct picture_p
     return false;
 }
 
-/* What the reference camera shows here is removed, and is what the pixel holds. */
+/* The reference camera shows a removed surface here, and it is the one in memory. */
 static bool is_removed(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
 {
     uint16_t disp;
@@ -282,7 +282,7 @@ static bool is_removed(const struct picture_merge *in, const struct picture_pixe
            (in->removed && in->removed->data && sst_map_u8_row(in->removed, y)[x]);
 }
 
-/* What is seldom looked at is seldom seen again. */
+/* Pixels that are seldom rendered are seldom seen again. */
 static uint32_t lifetime_ms(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
 {
     const struct picture_behind *b = in->behind;
@@ -304,7 +304,7 @@ static bool stays(const struct merge *g, struct picture_pixel *p, int x, int y)
     return p->doubt_ms < lifetime_ms(g->in, p, x, y);
 }
 
-/* Mix what a pixel holds into it, as far as it lacks weight. */
+/* Mix the memory of a pixel into it, as far as it lacks weight. */
 static void show(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
 {
     uint8_t *weight = sst_map_u8_row(in->weight, y) + x;

@@ -1,11 +1,10 @@
-/* Things that a user has removed: regions of the reference view that follow the scene from set to set.
+/* Objects that a user has removed: regions of the reference view that follow the scene from set to set.
  *
- * A thing is found by sst_render_grow_object(). In the next set it is what continues its last region: pixels of it that
- * still have its disparities, and what is connected with them by nearly the same disparity and colour. So that it does
- * not run into what it touches, it ends at the ground, its disparities stay within the width that they had, and it
- * grows by half from set to set, to three times its first area at most. In the other views it is marked by disparity:
- * pixels whose surface the region shows, or whose place in the reference view is covered or outside of it beside the
- * region. */
+ * An object is found by sst_render_grow_object(). In the next set it continues its last region: pixels of it that still
+ * have its disparities, and pixels connected with them by nearly the same disparity and colour. So that it does not run
+ * into a neighbour, it ends at the ground, its disparities stay within the width that they had, and it grows by half
+ * from set to set, to three times its first area at most. In the other views it is marked by disparity: pixels whose
+ * surface the region shows, or whose place in the reference view is occluded or outside of it beside the region. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -148,7 +147,7 @@ static int keep_region(struct picture_objects *o, const struct picture_object *a
     return kept;
 }
 
-/* Add what is connected, `most` pixels in all. */
+/* Add connected pixels, `most` in all. */
 static void spread(struct picture_objects *o, const struct picture_object *at, const struct sst_lightfield *lf,
                    int count, int most)
 {
@@ -229,7 +228,7 @@ static void mark(struct sst_map_u8 *mask, int x, int y)
         memset(sst_map_u8_row(mask, row) + x0, 255, (size_t)(x1 - x0));
 }
 
-/* Bounds of an object in a view along one axis: it moves by -d b, and what touches the border may go on there. */
+/* Bounds of an object in a view along one axis: it moves by -d b, and a part at the border may go on there. */
 static void bounds(int *from, int *to, double b, const struct picture_object *at, int size)
 {
     const double near = -b * (at->near_px + SAME_PX), far = -b * (at->far_px - SAME_PX);
@@ -304,8 +303,8 @@ static int reserve(struct picture_objects *o)
     return o->next.data ? 0 : sst_map_u8_init(&o->next, o->width, o->height);
 }
 
-/* The outline that sst_render_grow_object() adds is of other surfaces; only what has nearly the disparity of the pixel
- * that was clicked on can be followed. */
+/* The outline that sst_render_grow_object() adds is of other surfaces; only pixels with nearly the disparity of the
+ * clicked one can be followed. */
 static void drop_outline(struct sst_map_u8 *region, const struct sst_lightfield *lf, int x, int y)
 {
     const double slack_px = SAME_PX + GROWN_SHARE * fmax(lf->range_max_px - lf->range_min_px, 0);

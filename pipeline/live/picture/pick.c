@@ -1,9 +1,8 @@
 /* The surface at a point of a picture.
  *
- * The maps give the surfaces that the rays of the pixel meet; their weights, which of these the picture shows. Where
+ * The maps give the surfaces that the rays of the pixel meet; the weights say which of them the picture shows. Where
  * the picture uses verified rays instead of the maps (pipeline/method/render/verify.h), the patch around the point is
- * swept (picture_internal.h) over all disparities that are not in front of the focus, since the picture suppresses
- * those. */
+ * swept (picture_internal.h) over all disparities from the focus on, since the picture suppresses nearer ones. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -23,7 +22,7 @@
 struct met {
     struct sst_ray ray[SST_MAX_VIEWS];
     int count;   /* of all rays of the pixel */
-    int known;   /* of those in ray[] */
+    int known;   /* of the rays in ray[] */
     double open; /* fraction of the pixel that verified rays decide */
 };
 
@@ -49,7 +48,7 @@ static int label_of(const struct sst_ray *rays, int from, int to)
     return best;
 }
 
-/* One past the last ray whose disparity is within a surface's of ray `from`. */
+/* One past the last ray with a disparity of the same surface as ray `from`. */
 static int surface_end(const struct sst_ray *rays, int from, int n)
 {
     int to = from + 1;
@@ -71,7 +70,7 @@ static double disparity_of(const struct sst_ray *rays, int from, int to)
     return sum / weight;
 }
 
-/* The surface that makes up most of the pixel, and what is in front. @return the surface's share of the pixel */
+/* The surface that makes up most of the pixel, and the foreground. @return the surface's share of the pixel */
 static double pick_by_maps(const struct met *met, struct sst_livepicture_pick *pick)
 {
     double most = 0;

@@ -1,6 +1,6 @@
-/* The rendered picture of one client. It is rendered whole when its settings change, afterwards cell by cell: tiles of
- * views have the serial number of their last change, and cells whose rays meet tiles with a later number than the
- * picture's are rendered again. */
+/* Rendered picture of one client: whole when its settings change, afterwards cell by cell. Tiles of views have the
+ * serial number of their last change, and cells with rays into tiles of a later number than the picture's are rendered
+ * again. */
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
@@ -17,7 +17,7 @@ struct sst_livepicture {
     bool planned;
     struct sst_render_plan plan;
     uint64_t serial, counted, present_serial; /* of the light field in the image */
-    double disp_min_px;                       /* likewise: disparity of stored value 0 */
+    double disp_min_px;                       /* disparity of stored value 0 in the image's light field */
     uint8_t *cells;
     int cols, rows;
     struct picture_clear *clear; /* NULL until the first clear picture */

@@ -23,7 +23,7 @@ void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const str
 
 #define PICTURE_SEEN_WEIGHT 64 /* from which a pixel is seen, as in pipeline/method/render/clear.c */
 
-/* --- behind.c: what rays agree on where the maps show nothing ------------------------------------------------------
+/* --- behind.c: colours on which rays agree where the maps show nothing ----------------------------------------------
  */
 
 #define PICTURE_PLANES 6
@@ -34,7 +34,7 @@ struct picture_cell {
     uint16_t holes; /* pixels */
     uint8_t plane;
     uint8_t stale; /* its rays have changed since it was rendered: 1, and the sets since then, up to a limit */
-    uint8_t calm;  /* renderings in a row that showed what was known, up to a limit */
+    uint8_t calm;  /* renderings in a row without news, up to a limit */
     float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
@@ -55,14 +55,14 @@ struct picture_behind {
     struct sst_map_u8 trial_agreed;
     int cols, rows;
     struct picture_cell *cell; /* [rows][cols] */
-    uint8_t *wanted;           /* behind cell: those to render, ... */
-    uint8_t *changed;          /* ... and those whose rays changed */
+    uint8_t *wanted;           /* behind cell: to render, ... */
+    uint8_t *changed;          /* ... and with rays that changed */
 };
 
 void picture_behind_fini(struct picture_behind *b);
 
 /**
- * Render what rays agree on in the cells with holes.
+ * Render the cells with holes from rays that agree.
  * @param weight  in, of the clear picture
  * @return true: image and agreed are valid where the weight is below PICTURE_SEEN_WEIGHT; false: nothing to do, or
  * failed (logged)
@@ -71,15 +71,15 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
                            double cut_px);
 /** How many times as seldom as others a cell is rendered, since nothing changes behind leaves that move: 1 or more. */
 int picture_behind_slowness(const struct picture_behind *b, int at);
-/** After the merge: note where what is seen stays, and try some cells on other planes, for the next picture. */
+/** After the merge: note the calm cells, and try some on other planes, for the next picture. */
 void picture_behind_explore(struct picture_behind *b, const struct picture_memory *m);
 
-/* --- memory.c: what the clear picture saw a moment ago ------------------------------------------------------------ */
+/* --- memory.c: surfaces that the clear picture showed a moment ago ------------------------------------------------ */
 
 /** Values of the validity plane (design.md, 5.6). */
 enum picture_kind { PICTURE_UNKNOWN = 0, PICTURE_FILLED = 64, PICTURE_REMEMBERED = 128, PICTURE_SEEN = 255 };
 
-/** What was last seen in one pixel. */
+/** Memory of one pixel: the surface last seen. */
 struct picture_pixel {
     uint8_t rgb[3];
     uint8_t support;   /* as of struct sst_render_merge, of several sets */
@@ -89,7 +89,7 @@ struct picture_pixel {
     uint32_t since_ms; /* ... and this surface first */
 };
 
-/** Pixels of a cell that confirm what they held, and that hold something else now. */
+/** Pixels of a cell that confirm their memory, and that have changed it. */
 struct picture_votes {
     uint16_t same, changed;
 };
@@ -112,15 +112,15 @@ struct picture_merge {
     int threads;
     struct sst_image *image;     /* in, out */
     struct sst_map_u8 *weight;   /* in, out; as of struct sst_render_merge */
-    struct sst_map_u16 *surface; /* likewise */
+    struct sst_map_u16 *surface; /* in, out; as of struct sst_render_merge */
     struct sst_map_u8 *support;
     struct sst_map_u8 *kind;             /* out, enum picture_kind */
     const struct picture_behind *behind; /* NULL: none */
-    /* what is removed */
+    /* removal */
     int cut_q6, remove_label;         /* stored disparity; 0: none */
     const struct sst_view *lead;      /* at the viewpoint, or NULL */
-    const struct sst_map_u8 *removed; /* pixels of that view, or NULL */
-    /* what changed: tiles of some views with a later serial number */
+    const struct sst_map_u8 *removed; /* pixels of the lead view, or NULL */
+    /* changes: tiles of some views with a later serial number */
     int views;
     const int *view;
     uint64_t *const *stamp;
@@ -132,13 +132,13 @@ SST_MUST_CHECK int picture_memory_init(struct picture_memory *m, int width, int 
 void picture_memory_fini(struct picture_memory *m);
 void picture_memory_forget(struct picture_memory *m);
 
-/** Remember what is seen, and show what is not seen now but was. @return 0, -ENOMEM */
+/** Update the memory by pixels that are seen, and fill the others from it. @return 0, -ENOMEM */
 SST_MUST_CHECK int picture_memory_merge(struct picture_memory *m, const struct picture_merge *in);
 
 /** Seconds since a remembered pixel was last seen. */
 double picture_memory_age_s(const struct picture_memory *m, int x, int y);
 
-/* --- objects.c: what a user has removed --------------------------------------------------------------------------- */
+/* --- objects.c: objects that a user has removed ------------------------------------------------------------------- */
 
 struct picture_object {
     struct sst_map_u8 region; /* of the reference view, not 0: object */
@@ -170,7 +170,7 @@ SST_MUST_CHECK int picture_objects_follow(struct picture_objects *o, const struc
 SST_MUST_CHECK int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
                                           int64_t t_ns, int threads, bool *removed);
 
-/** Add what is at a pixel to the object that was removed last, of which something in front parts it; nothing where it
+/** Add the surface at a pixel to the object that was removed last, from which an occluder divides it; nothing where it
  *  cannot be found or no object more fits. @return 0, -ENOMEM */
 SST_MUST_CHECK int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
                                           int64_t t_ns, int threads);

@@ -48,7 +48,7 @@ struct scene_background {
 
 /* --- thread ------------------------------------------------------------------------------------------------------- */
 
-/* Widen the known range to that of the current images. */
+/* Widen the known range to the range of the current images. */
 static void widen_range(struct scene_background *b)
 {
     struct sst_lightfield *lf = &b->copy;
@@ -69,7 +69,7 @@ static void widen_range(struct scene_background *b)
         lf->range_max_px = max_px;
 }
 
-/* What `sst process --preset balanced` computes, with a coarser census between pixels. */
+/* Maps as of `sst process --preset balanced`, with a coarser census between pixels. */
 static int work(struct scene_background *b)
 {
     struct sst_process_config cfg = { .model = b->model,

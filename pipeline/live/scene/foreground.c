@@ -50,7 +50,7 @@ struct object {
 
 struct scene_foreground {
     int width, height, cols, rows;
-    int view;          /* whose cells these are */
+    int view;          /* of the cells */
     struct cell *cell; /* [height][width] */
     uint16_t *still;   /* [rows][cols] sets since the tile changed */
     uint8_t *visited;  /* [height][width] */

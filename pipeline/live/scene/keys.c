@@ -10,7 +10,7 @@
 #define Q6    64 /* stored disparities to a px */
 /* Census between pixels in halves: as fine as the steps. */
 #define PHASE_STEP 2
-/* Penalties of the semi-global optimisation: those of the preview preset. */
+/* Penalties of the semi-global optimisation, equal to the preview preset's. */
 #define PENALTY_1 14
 #define PENALTY_2 90
 #define EDGE_STEP 24
@@ -101,7 +101,7 @@ static void join(struct scene_rect *a, const struct scene_rect *b)
     a->y1 = sst_max_int(a->y1, b->y1);
 }
 
-/* Add a rectangle: joined with those that it overlaps, and with the last one when the list is full. */
+/* Add a rectangle: joined with the ones that it overlaps, and with the last one when the list is full. */
 static int add_rect(struct scene_rect *rects, int count, struct scene_rect r)
 {
     for (int i = 0; i < count;) {
@@ -211,7 +211,7 @@ static struct steps last_steps(const struct scene_matcher *m, const struct scene
     return (struct steps){ first, sst_min_int((int)padded, all.count - first), padded };
 }
 
-/* Count what a narrower search would have missed. */
+/* Count the disparities that a narrower search would have missed. */
 static void compare(struct scene_matcher *m, const struct sst_map_u16 *disp, const struct steps *last)
 {
     for (int y = 0; y < disp->height; y++) {

@@ -235,7 +235,7 @@ static void clean(struct sst_livescene *s)
     s->ready = true;
 }
 
-/* Compute what changed, as far as possible. */
+/* Compute the changed tiles, as far as possible. */
 static int compute_changes(struct sst_livescene *s, struct sst_liveframes_changes *changes,
                            struct sst_live_report *report)
 {

@@ -27,7 +27,7 @@ void sst_livescene_close(struct sst_livescene *s);
  * pixels that no key view sees are filled from the farther surroundings.
  *
  * @param changes  in: tiles whose picture changed; out: tiles whose picture, disparity or label changed
- * @param in       its time, and `unseen`
+ * @param in       time of the set, and `unseen`
  * @param report   out, DISPARITY, LABELS (which runs in parallel), REFINE and their counters, ready, whole; in the
  *                 update after a settle, error_labels: fraction of wrong labels in the tiles that the background
  * replaced

@@ -19,7 +19,7 @@
 #define LABEL_MOST_NS 1000000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
-/* With S3, one set in this number is searched wholly, and what the narrower search would have missed is counted. */
+/* With S3, one set in this number is searched wholly, and the misses of the narrower search are counted. */
 #define COMPARE_SETS 8
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 4
@@ -55,8 +55,8 @@ static bool row_extent(const struct sst_livescene *s, int view, int y, int *x0, 
     return *x0 < *x1;
 }
 
-/* The next cells, below those of r, that contain changed tiles: a run of rows of tiles that changed in about the same
- * columns, so that describing them together takes less than apart. @return false: none */
+/* The next cells below r that contain changed tiles: a run of rows of tiles that changed in about the same columns, so
+ * that describing them together takes less than apart. @return false: none */
 static bool changed_part(const struct sst_livescene *s, int view, struct scene_rect *r)
 {
     int y = (r->y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, x0, x1, next0, next1, y0;
@@ -288,7 +288,7 @@ static void drop_labels(struct sst_livescene *s, const uint8_t *dirty)
     }
 }
 
-/* Label the reference key: network labels, the background's and those of objects, and gaps filled. */
+/* Label the reference key: labels of network, background and objects, and gaps filled. */
 static int label_reference(struct sst_livescene *s)
 {
     struct scene_maps *maps = &s->key[0].maps;

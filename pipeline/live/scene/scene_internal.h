@@ -94,8 +94,8 @@ int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty,
 /** Which disparities a rectangle is searched for (S3 of design.md, 5.5). */
 enum scene_ranges {
     SCENE_RANGES_WHOLE = 0,   /* all */
-    SCENE_RANGES_LAST = 1,    /* those of its last map and a few px around */
-    SCENE_RANGES_COMPARE = 2, /* all, and what SCENE_RANGES_LAST would have missed is counted */
+    SCENE_RANGES_LAST = 1,    /* disparities of its last map and a few px around */
+    SCENE_RANGES_COMPARE = 2, /* all, with a count of the misses of SCENE_RANGES_LAST */
 };
 
 /** Working memory to match a rectangle; one per thread. */
@@ -105,7 +105,7 @@ struct scene_matcher {
     struct sst_map_u8 confidence;
     enum scene_ranges ranges;
     int64_t searched, left_out; /* out: disparities of cells, since they were set to 0 */
-    int64_t compared, missed;   /* out: cells of SCENE_RANGES_COMPARE, and those of them outside the last range */
+    int64_t compared, missed;   /* out: cells of SCENE_RANGES_COMPARE, and how many lie outside the last range */
 };
 
 /** @param min_px, max_px  of the light field, full size @param width, height  half size */
@@ -155,8 +155,8 @@ void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c
 /* --- foreground.c: labels of moving objects and of the background that they uncover ------------------------------- */
 
 /** Background model of a key, cell by cell, and the foreground objects: connected cells that are nearer. The label of
- * an object is voted by all of its cells, and by those of earlier sets; a background cell keeps its most frequent
- * network label. What does not move for long becomes background. */
+ * an object is voted by all of its cells, also in earlier sets; a background cell keeps its most frequent
+ * network label. An object that does not move for long becomes background. */
 struct scene_foreground; /* opaque; one thread */
 
 /** @param width, height  half size @param cols, rows  tiles @return 0, -ENOMEM */
@@ -195,34 +195,34 @@ struct scene_piece {
     float colour[2][3]; /* means of the upper and of the lower half */
 };
 
-/** The pieces of the last scene_foreground_label(). @param image  of that key @return their number */
+/** The pieces of the last scene_foreground_label(). @param image  of the key @return their number */
 int scene_foreground_pieces(const struct scene_foreground *t, const struct scene_maps *maps,
                             const struct sst_image *image, struct scene_piece piece[SCENE_PIECES]);
 
-/* --- tracks.c: identities of what moves --------------------------------------------------------------------------- */
+/* --- tracks.c: identities of moving objects ----------------------------------------------------------------------- */
 
 #define SCENE_TRACKS SST_LIVE_TRACKS
 
-/** What the label of a thing says about its motion. */
+/** Mobility of an object by its label. */
 enum scene_motion {
     SCENE_MOBILE = 0,
-    SCENE_ROOTED = 1, /* buildings do not walk, and leaves get nowhere: as if it had no label */
+    SCENE_ROOTED = 1, /* label of a static class (buildings, leaves): ignored for motion */
 };
 
 struct scene_track {
     uint32_t id;   /* once reported */
-    bool reported; /* it has moved as things do */
+    bool reported; /* moved far enough to be reported */
     enum sst_live_track_state state;
     double x, y, w, h, vx, vy; /* centre, size; cells, cells/s */
     double at[4];              /* left, top, right, bottom of its pieces when it was last seen */
     double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
     float colour[2][3];
-    uint16_t votes[SST_MAX_CLASSES + 1]; /* sets of its way by label */
-    int sets;                            /* with a piece, on its way */
-    double from_x, from_y, from_q6; /* where its motion is measured from: first piece, or first one after a pause */
-    int64_t way_ns;                 /* when it was there */
+    uint16_t votes[SST_MAX_CLASSES + 1]; /* label votes along the track, in sets */
+    int sets;                            /* with a piece, along the track */
+    double from_x, from_y, from_q6; /* origin of its motion: first piece, or first one after a pause */
+    int64_t way_ns;                 /* time at the origin */
     double before_x, before_y, before_q6; /* in the last set */
-    double gone, gone_q6;                 /* length of its way in the picture; in depth */
+    double gone, gone_q6;                 /* length of its path in the picture; in depth */
     int64_t first_ns, seen_ns, moved_ns;  /* moved: not only standing */
     int piece;                            /* of this set; -1: none */
 };
@@ -237,20 +237,20 @@ struct scene_tracks {
 
 void scene_tracks_init(struct scene_tracks *t, const struct sst_classes *classes);
 
-/** The label of most sets, as far as it can be that of something that moves; 0: none. */
+/** The label of most sets, if a moving object can have it; 0: none. */
 int scene_track_label(const struct scene_tracks *t, const struct scene_track *a);
 
 /** Follow the tracks to this set. @param disp  of the reference key */
 void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece, int pieces,
                          const struct sst_map_u16 *disp, int64_t t_ns);
 
-/** Those that are reported, in px. @param disp_min_px  of stored value 0 @return number */
+/** Reported tracks, in px. @param disp_min_px  of stored value 0 @return number */
 int scene_tracks_list(const struct scene_tracks *t, double disp_min_px, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /** The disparity of stored value 0 has changed: stored values grow by `by`. */
 void scene_tracks_shift(struct scene_tracks *t, int by);
 
-/* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
+/* --- warp.c: maps of all views from the maps of the key views ----------------------------------------------------- */
 
 /** Working memory to compose a view; one per thread. */
 struct scene_composer {
@@ -265,7 +265,7 @@ struct scene_composer {
 SST_MUST_CHECK int scene_composer_init(struct scene_composer *c, int width, int height);
 void scene_composer_fini(struct scene_composer *c);
 
-/** Prepare a key's maps for scene_compose(): which disparities occur in each tile, and what is warped of each cell. */
+/** Prepare a key's maps for scene_compose(): the disparities of each tile, and the warped value of each cell. */
 void scene_measure_tiles(struct scene_key *key);
 
 /**
@@ -329,7 +329,7 @@ struct sst_livescene {
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;
     struct scene_foreground *foreground; /* of the first key; NULL: no model */
-    struct scene_tracks tracks;          /* of that */
+    struct scene_tracks tracks;          /* of its foreground objects */
     /* valid while the same views are present */
     bool planned[SST_MAX_VIEWS]; /* present when the keys were chosen */
     int keys;
@@ -351,7 +351,7 @@ struct sst_livescene {
     bool ready, whole_next;
     int runs;                           /* runs of the network since the labels were fitted */
     int label_wait;                     /* sets until it may run again; 0: at once */
-    int64_t t_ns, label_t_ns;           /* of the set; of that in which it ran last */
+    int64_t t_ns, label_t_ns;           /* of the set; of the set in which the network ran last */
     struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
@@ -386,7 +386,7 @@ SST_MUST_CHECK int scene_find_range(struct sst_livescene *s);
 
 /**
  * After matching: extend the estimated range if something came nearer.
- * @param wider  out: match again what changed
+ * @param wider  out: match the changed tiles again
  * @return 0, -ENOMEM; the range stays
  */
 SST_MUST_CHECK int scene_follow_range(struct sst_livescene *s, bool *wider);

@@ -194,7 +194,7 @@ static int estimate_agreed(const struct sst_livescene *s, int view, double enoug
     return err == -ENODATA ? 0 : err;
 }
 
-/* What the outer keys see nearer than the reference view. */
+/* Disparities that the outer keys see nearer than the reference view does. */
 static int widen_by_keys(const struct sst_livescene *s, double *max_px)
 {
     int err = 0;

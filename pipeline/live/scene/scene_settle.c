@@ -1,4 +1,4 @@
-/* Starts the background and applies its result. */
+/* Background computation: its start, and its result applied. */
 #include <string.h>
 
 #include "base/clock.h"
@@ -113,7 +113,7 @@ static int64_t copy_tile(struct sst_livescene *s, const struct sst_lightfield *f
     return other;
 }
 
-/* Copy the same cells of a key, which improves what is warped to other views. */
+/* Copy the tile's cells of a key, which improves the maps warped to other views. */
 static void copy_cells(struct sst_livescene *s, struct scene_key *key, const struct sst_view *from, int tile)
 {
     const struct sst_view *v = &s->lf->views[key->view];

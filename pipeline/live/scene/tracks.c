@@ -1,9 +1,9 @@
-/* Tracks: what moves in front of the background keeps its identity from set to set, also while something nearer hides
- * it, while it passes another thing, and while it stands so long that it has become background.
+/* Tracks: a moving object in front of the background keeps its identity from set to set, also while something nearer
+ * occludes it, while it passes another object, and while it stands so long that it has become background.
  *
- * Pieces of the foreground are assigned to the tracks whose predicted place, disparity and colours fit best. A track
- * without a piece is judged by the disparities at its place: its own are still there (it stands), nearer ones are
- * (something hides it), or neither (it has left). Boxes are in cells of the reference key. */
+ * Pieces of the foreground are assigned to the tracks that they fit best by predicted place, disparity and colours. A
+ * track without a piece is judged by the disparities at its place: its own are still there (it stands), nearer ones are
+ * (it is occluded), or neither (it has left). Boxes are in cells of the reference key. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,10 +21,10 @@
 #define SPEED_MOST  6.0  /* own widths per second */
 #define JOIN        0.35 /* of the wider: pieces with a smaller gap to a track, at its disparity, are parts of it */
 #define BEHIND_X    1.0  /* of the wider, and ... */
-#define BEHIND_Y    2.0  /* ... of the longer side of the smaller: likewise, where what is nearer hides the gap: */
+#define BEHIND_Y    2.0  /* ... of the longer side of the smaller: gap that a nearer surface hides: */
 #define HIDES_Q6    256  /* nearer at least: leaves are not behind each other; */
 #define HIDDEN      0.3  /* of the gap at least, */
-#define SHOWN       0.35 /* and at most this of it shows what is farther */
+#define SHOWN       0.35 /* and at most this of it shows a farther surface */
 #define LEAST_CELLS 40   /* of a thing that appears */
 #define THERE       0.35 /* fraction of its usual cells by which a thing without a piece is still there */
 #define COVERED     0.4  /* of a box: behind something nearer */
@@ -45,7 +45,7 @@
 #define RARE_NS          5e8
 #define UNKNOWN_SETS     6
 #define UNKNOWN_SHARE    0.01 /* of the picture, at least */
-/* What takes less of the picture may be a twig, and needs its label in this number of sets and this share of them. */
+/* A smaller object may be a twig, and needs its label in this number of sets and this share of all sets. */
 #define SMALL_SHARE      0.002
 #define SMALL_SETS       4
 #define SMALL_LABEL      0.5
@@ -111,7 +111,7 @@ static bool beside(struct extent a, struct extent b)
     return (gap_x <= room_x && -gap_y >= fmin(a.h, b.h) / 2) || (gap_y <= room_y && -gap_x >= fmin(a.w, b.w) / 2);
 }
 
-/* What is at a place, as fractions of a box. */
+/* Surfaces at a place, as fractions of a box. */
 struct place {
     double own, nearer, farther, outside;
 };
@@ -336,7 +336,7 @@ static bool wait_for(struct scene_track *a, const struct sst_map_u16 *disp, int6
         a->y = a->before_y;
         at = look(extent_of_track(a), a->disp_q6, NEARER_Q6, disp);
     }
-    if (at.own >= THERE * a->fill) { /* it stands, and what stands becomes background */
+    if (at.own >= THERE * a->fill) { /* it stands, and becomes background */
         a->vx = a->vy = 0;
         a->state = SST_LIVE_TRACK_STILL;
         a->seen_ns = t_ns;
@@ -406,7 +406,7 @@ static void start_again(struct scene_track *a, const struct scene_piece *p, int6
     memset(a->votes, 0, sizeof(a->votes));
 }
 
-/* New tracks of the pieces that none has; those beside each other, at one disparity, are parts of one thing. */
+/* New tracks of the pieces without one; pieces beside each other, at one disparity, are parts of one object. */
 static void begin(struct scene_tracks *t, const struct scene_piece *piece, int pieces, int *owner,
                   const struct sst_map_u16 *disp, int64_t t_ns)
 {

@@ -5,7 +5,7 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/live/scene/scene_internal.h"
 
-/* Priority of a warped cell, larger is better: confirmed cells first, then those of the key nearest to the view, which
+/* Priority of a warped cell, larger is better: confirmed cells first, then cells of the key nearest to the view, which
  * keeps wrong foregrounds of several keys from accumulating; within one key the nearest surface. */
 #define THERE      (1u << 31)
 #define CONFIRMED  (1u << 30)
@@ -59,7 +59,7 @@ static struct scene_span tile_span(const struct sst_map_u16 *disp, int x0, int x
     return (struct scene_span){ most[0], most[1] };
 }
 
-/* What is warped of a row of cells: priority within a key, disparity, label; 0: nothing. */
+/* Warped values of a row of cells: priority within a key, disparity, label; 0: nothing. */
 static void pack_row(struct scene_key *key, int y)
 {
     const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
@@ -278,8 +278,8 @@ static void mark_gaps(uint8_t *restrict gap, const uint16_t *restrict d, const u
     }
 }
 
-/* Close gaps of one cell: slanted surfaces get wider from view to view. Few cells are gaps, so those that may be are
- * marked first. Only one closed to its left can turn a cell that is not marked into one. */
+/* Close gaps of one cell: slanted surfaces get wider from view to view. Few cells are gaps, so candidates are marked
+ * first. Only a gap closed to its left can turn a cell that is not marked into one. */
 static void close_gaps(struct scene_composer *c, const struct scene_rect *r)
 {
     uint8_t *gap = enlarger_of(c).label; /* not needed yet */
@@ -347,7 +347,7 @@ static void fill(struct scene_composer *c, const struct scene_rect *r)
     for (int y = r->y0; y < r->y1; y++) {
         if (!fill_row(sst_map_u16_row(&c->maps.disp, y), sst_map_u8_row(&c->maps.label, y), r->x0, r->x1))
             continue;
-        /* Empty rows are copied from the nearest full row above; those at the top from the first one below. */
+        /* Empty rows are copied from the nearest full row above, at the top from the first one below. */
         for (int j = known + 1 > r->y0 ? known + 1 : r->y0; j < y; j++) {
             const int from = known >= 0 ? known : y;
 
@@ -420,8 +420,8 @@ static void enlarge(const struct enlarger *e, struct sst_view *v, const struct s
         memcpy(sst_map_u8_row(&v->label, py) + 2 * x0, e->label, (size_t)n);
 }
 
-/* Upsample cells x0 .. x1-1, y0 .. y1-1: each pixel gets its own cell of the four around it, or that of another surface
- * which is more similar in colour. */
+/* Upsample cells x0 .. x1-1, y0 .. y1-1: each pixel gets its own cell of the four around it, or the cell of another
+ * surface that is more similar in colour. */
 static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, int x0, int x1, int y0, int y1,
                           bool labels)
 {
