@@ -9,7 +9,7 @@
 #include "base/base.h"
 
 #define SST_BRAKE_WRONG     10 /* within a minute */
-#define SST_BRAKE_TURN_S    4  /* between attempts of a client that is blocked; those who connect wait at least 5 s */
+#define SST_BRAKE_TURN_S    4  /* between attempts of a client that is blocked; connections wait 5 s at least */
 #define SST_BRAKE_ADDRESSES 64 /* remembered; the one that was quiet for longest makes room */
 
 struct sst_brake {
@@ -30,7 +30,7 @@ void sst_brake_fini(struct sst_brake *b);
 /** The address that identifies a client: IPv4 as a mapped address; of IPv6 the network. */
 void sst_brake_network(const struct sockaddr *address, uint8_t out[16]);
 
-/** Count a wrong password. @param who  the address, or what else identifies a client
+/** Count a wrong password. @param who  the address, or another identification of a client
  *  @param first  out: true if this one starts a block @return seconds left of a block, 0: none */
 int sst_brake_wrong(struct sst_brake *b, const uint8_t who[16], int64_t now_ns, bool *first);
 

@@ -104,8 +104,8 @@ static int write_file(const struct sst_claim *c, const char *error)
     return fclose(f) && !err ? -errno : -err;
 }
 
-/* Name of the state's file, "" if there is none. One that is being renamed may be listed under both names: what ended
- * stays. */
+/* Name of the state's file, "" if there is none. One that is being renamed may be listed under both names: an ended
+ * state stays. */
 static int find_file(struct sst_claim_info *out, const char *dir)
 {
     DIR *d = opendir(dir);
@@ -171,7 +171,7 @@ static void *keep_alive(void *arg)
     pthread_mutex_lock(&c->lock);
     while (!c->ending) {
         (void)sst_cond_wait_until(&c->wake, &c->lock, sst_clock_now_ns() + every_ns);
-        if (!c->ending) /* what fails here, sst_claim_end() finds */
+        if (!c->ending) /* a failure here is found by sst_claim_end() */
             (void)utimensat(AT_FDCWD, c->path, NULL, 0);
     }
     pthread_mutex_unlock(&c->lock);

@@ -6,8 +6,9 @@
  *   (nothing) -> held.HOST.PID.RANDOM -> done | failed
  *
  * A holder touches its file as a sign of life. One that gives none for a lease has ended or hangs, and its piece may
- * be claimed again. Each observer measures the lease by its own clock from what it saw, so that machines need no common
- * time. A holder that only hung may still finish: work must give the same bytes whoever does it, and appear at once.
+ * be claimed again. Each observer measures the lease by its own clock from its own observations, so that machines need
+ * no common time. A holder that only hung may still finish: work must give the same bytes by any process, and appear at
+ * once.
  */
 #ifndef SST_BASE_CLAIM_H
 #define SST_BASE_CLAIM_H
@@ -26,12 +27,12 @@ enum sst_claim_state {
     SST_CLAIM_FAILED = 3,
 };
 
-/** What is known of a piece: stored in its file. */
+/** State of a piece, as stored in its file. */
 struct sst_claim_info {
     enum sst_claim_state state;
     char file[SST_CLAIM_NAME]; /* "": there is none */
     int64_t touched_ns;        /* last sign of life, by the clock of the file system */
-    char job[SST_CLAIM_JOB];   /* what is done, or was */
+    char job[SST_CLAIM_JOB];   /* description of the work */
     char worker[100];          /* HOST.PID that holds it or ended it */
     int attempts;              /* that were begun one after the other, each by a worker that ended meanwhile but the last */
     double seconds;            /* that the last one took; of ended ones */
@@ -45,7 +46,7 @@ struct sst_claim_info {
  */
 SST_MUST_CHECK int sst_claim_look(struct sst_claim_info *out, const char *dir);
 
-/** What a process has seen of a piece that another one holds. Zeroed: nothing. */
+/** Observation of a piece that another process holds. Zeroed: none. */
 struct sst_claim_watch {
     char file[SST_CLAIM_NAME];
     int64_t touched_ns, since_ns;
@@ -61,7 +62,7 @@ struct sst_claim; /* a piece that this process holds */
  *
  * @param dir   folder of its state; its parent exists
  * @param seen  of sst_claim_look(): free, ended, or held and expired
- * @param job   what will be done, one line; stored
+ * @param job   description of the work, one line; stored
  * @return 0, -EBUSY (another process was faster; not logged), or an error of the output, logged
  */
 SST_MUST_CHECK int sst_claim_take(struct sst_claim **out, const char *dir, const struct sst_claim_info *seen,

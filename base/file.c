@@ -22,7 +22,7 @@
 
 static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
 static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
-static bool pending_synced[MAX_PENDING];        /* likewise: a folder that sst_outdir_commit() syncs */
+static bool pending_synced[MAX_PENDING];        /* under pending_lock: a folder that sst_outdir_commit() syncs */
 static sem_t interrupted;
 static _Atomic int interrupted_by; /* the first signal */
 
@@ -292,7 +292,7 @@ int sst_file_read_text(const char *path, size_t limit_bytes, uint8_t **text, siz
     return 0;
 }
 
-/* Log a failed output and map its errno: those that callers can act on stay, the others become -EIO. */
+/* Log a failed output and map its errno: errors that callers can act on stay, the others become -EIO. */
 static int output_error(const char *what, const char *path, int err)
 {
     wait_if_interrupted();

@@ -75,14 +75,14 @@ SST_MUST_CHECK int sst_file_write(const char *path, const void *data, size_t siz
  */
 struct sst_outdir {
     bool replace;
-    bool synced; /* set by the caller: all files are those of sst_outfile_commit(), which need no second sync */
+    bool synced; /* set by the caller: all files come from sst_outfile_commit() and need no second sync */
     char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
 };
 
 SST_MUST_CHECK int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace);
 SST_MUST_CHECK int sst_outdir_commit(struct sst_outdir *out);
 
-/** Sync what is in it, for callers that move it themselves. @return 0 or -errno, not logged */
+/** Sync its content, for callers that move it themselves. @return 0 or -errno, not logged */
 SST_MUST_CHECK int sst_outdir_sync(const struct sst_outdir *out);
 void sst_outdir_abort(struct sst_outdir *out);
 
@@ -109,19 +109,20 @@ SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
-/** Remove what killed processes have left of their output in a folder, or of the output `path`; no process may be writing
+/** Remove unfinished output of killed processes in a folder, or of the output `path`; no process may be writing
  *  there. */
 void sst_path_remove_temporaries(const char *dir);
 void sst_path_remove_temporaries_of(const char *path);
 
 /** Copy a folder and all below it, without entries whose names begin with a dot. Only files and folders are copied, a
- *  file readable by whom the original is; links, pipes and devices are named in a warning. `from` itself may be a link.
+ *  file with the permissions of the original; links, pipes and devices are named in a warning. `from` itself may be a
+ * link.
  *  On failure a part may be there. @param to  does not exist @return 0 or -errno, logged */
 SST_MUST_CHECK int sst_path_copy_tree(const char *from, const char *to);
 
 /**
- * Move `fresh` to `path`, atomically if the file system supports it; what was at `path`, if anything, is at `fresh`
- * afterwards.
+ * Move `fresh` to `path`, atomically if the file system supports it; the former content of `path`, if any, is at
+ * `fresh` afterwards.
  *
  * @return 0, or a negative errno with both unchanged (not logged).
  */
@@ -129,7 +130,7 @@ SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
 
 /**
  * From now on SIGINT and SIGTERM remove all uncommitted output and end the process with status 128 + signal; threads
- * whose output fails meanwhile wait for that end. Call it once, before other threads start.
+ * with output that fails meanwhile wait for the end. Call it once, before other threads start.
  *
  * @return 0, or a negative errno if its thread cannot be started; logged.
  */

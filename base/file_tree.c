@@ -84,7 +84,7 @@ static int copy_bytes(int to, int from)
     return n < 0 ? -errno : 0;
 }
 
-/* An entry of the folder `dir` that is a file or a folder itself, not what a link points to.
+/* An entry of the folder `dir` that is a file or a folder itself, not the target of a link.
  * @return descriptor; -EBADMSG: it is something else, which is not opened; or a negative errno */
 static int open_entry(int dir, const char *name, struct stat *st)
 {

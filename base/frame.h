@@ -14,10 +14,10 @@ enum sst_frame_fault {
     SST_FRAME_NO_SOI = 1 << 3,    /* JPEG: does not start with a start-of-image marker */
     SST_FRAME_NO_EOI = 1 << 4,    /* JPEG: ends early */
     SST_FRAME_MARKER = 1 << 5,    /* JPEG: broken marker structure, another size than negotiated, or fields */
-    SST_FRAME_BACKWARDS = 1 << 6, /* time stamp not after that of the frame before, later than its arrival, or too old */
+    SST_FRAME_BACKWARDS = 1 << 6, /* time stamp not after the frame before, later than its arrival, or too old */
     SST_FRAME_BAD = (1 << 7) - 1,
     SST_FRAME_FROZEN = 1 << 7, /* same bytes as the frame before: still delivered */
-    SST_FRAME_PARTS = 1 << 8,  /* in a recording: only what differs from an earlier frame (pipeline/image/jpeg_parts.h) */
+    SST_FRAME_PARTS = 1 << 8,  /* in a recording: differences from an earlier frame (pipeline/image/jpeg_parts.h) */
     SST_FRAME_ARRIVAL = 1 << 9,    /* t_ns is the time of arrival: the driver's stamp is of no use */
     SST_FRAME_UNFIT = 1 << 10,     /* with MARKER: a JPEG of another size than negotiated, or fields of a picture */
 };
@@ -35,7 +35,7 @@ struct sst_frame {
     size_t bytes;
     uint32_t sequence;    /* of the driver */
     uint32_t lost_before; /* frames lost just before this one, by a gap in the sequence */
-    int64_t t_ns;         /* start of exposure, by the driver; with ARRIVAL that of arrival */
+    int64_t t_ns;         /* start of exposure, by the driver; with ARRIVAL the time of arrival */
     int64_t arrival_ns;   /* when it was dequeued */
     unsigned faults;      /* sst_frame_fault */
     void *pool;           /* private to the driver */

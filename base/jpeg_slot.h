@@ -13,7 +13,7 @@ struct sst_slot; /* opaque, counted; any thread */
 struct sst_jpeg {
     uint64_t number;       /* 1, 2, ... in its slot */
     uint64_t set;          /* index of the trigger that it shows */
-    int64_t t_ns, wall_ns; /* of that set: time zero */
+    int64_t t_ns, wall_ns; /* of the set: time zero */
     size_t bytes;
     const uint8_t *data;
 };

@@ -7,7 +7,7 @@
 struct sst_kernel_clock {
     bool known, synchronised;
     double error_us;    /* by the program that keeps it: at most so wrong */
-    double estimate_us; /* likewise: probably so wrong */
+    double estimate_us; /* by the program that keeps it: probable error */
     int tai_s;          /* TAI less UTC; 0: not set, as without PTP or chrony's leapsectz */
 };
 

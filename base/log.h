@@ -22,7 +22,7 @@ void sst_log_use_journal(bool on);
 /**
  * Write one line "sst: error: ..." to standard error.
  *
- * An error is one sentence: what failed, where (file, value), and the remedy. It is logged once, where the
+ * An error is one sentence: the failure, its place (file, value), and the remedy. It is logged once, where the
  * outside world first shows the fault; callers only pass the errno on.  Thread: any.
  */
 void sst_log_error(const char *fmt, ...) SST_PRINTF(1, 2);

@@ -5,7 +5,7 @@
 #include <sys/mman.h>
 
 #define HUGE_PAGE ((size_t)2 << 20) /* of x86-64, and the usual one of arm64 */
-#define HUGE_FROM (2 * HUGE_PAGE)   /* blocks whose last page, used in part, costs little */
+#define HUGE_FROM (2 * HUGE_PAGE)   /* blocks with a last page that, used in part, costs little */
 
 /* A large block in huge pages: a page fault for each 4 KiB of a cost volume is a fifth of the time to match a pair. */
 static void *alloc_huge(size_t bytes)

@@ -6,7 +6,7 @@
 
 #include "base/base.h"
 
-/** Append to a text of `size` bytes, NUL included; what does not fit is left out. */
+/** Append to a text of `size` bytes, NUL included; the part that does not fit is left out. */
 void sst_text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
 /** Does a text end so (".png") and is it longer? Case counts. */

@@ -54,7 +54,7 @@ static void *work(void *arg)
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
     int i;
 
-    /* Indices below a failed one still run, so that the reported error is always that of the lowest index. */
+    /* Indices below a failed one still run, so that the reported error is always the lowest index's. */
     while ((i = atomic_fetch_add(&p->next, 1)) < p->count && i < p->failed_index) {
         int err;
 

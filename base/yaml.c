@@ -25,7 +25,7 @@ struct sst_yaml_asked {
 struct sst_yaml {
     char *name;
     struct sst_yaml_node *root;
-    int n_nodes, n_faults; /* the latter may exceed what faults holds */
+    int n_nodes, n_faults; /* n_faults may exceed the capacity of faults */
     struct fault faults[SST_YAML_MAX_FAULTS];
 };
 
@@ -34,7 +34,7 @@ struct anchor {
     const struct sst_yaml_node *node;
 };
 
-/* State of parsing: the open containers, and the key whose value comes next. */
+/* State of parsing: the open containers, and the key of the next value. */
 struct builder {
     struct sst_yaml *doc;
     bool foreign;
@@ -523,7 +523,7 @@ void sst_yaml_know_tree(struct sst_yaml_node *node)
     }
 }
 
-/* The known key nearest to a misspelt one, among those that the mapping does not have yet. */
+/* The known key nearest to a misspelt one, among the ones that the mapping does not have yet. */
 static const char *suggestion(const struct sst_yaml_node *map, const char *key)
 {
     const char *best = NULL;

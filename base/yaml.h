@@ -33,7 +33,7 @@ struct sst_yaml_node {
     bool plain;       /* a scalar without quotes */
     const char *key;  /* in a mapping; NULL in a list */
     int key_line, key_column;
-    int count;                           /* children, also those that are not kept */
+    int count;                           /* children, also ones that are not kept */
     struct sst_yaml_node *first, *next;  /* child; sibling */
     struct sst_yaml_node *last, *parent; /* child; NULL for the root */
     bool again;                          /* duplicate of an earlier key of the mapping: noted as a fault */

@@ -9,7 +9,7 @@
 #include "base/text.h"
 #include "base/yaml.h"
 
-/* True for a non-empty scalar; else notes a fault that names what is expected. */
+/* True for a non-empty scalar; else notes a fault that names the expected value. */
 static bool has_text(struct sst_yaml *doc, const struct sst_yaml_node *node, const char *want)
 {
     if (!node)

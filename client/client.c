@@ -19,9 +19,9 @@
 
 #define CONNECT_S       5
 #define STATUS_S        5          /* without a byte: the status is at hand */
-#define ANSWER_S        15         /* likewise, of other answers */
-#define MAKE_S          600        /* likewise, of a video: it is made before its first byte */
-#define SILENCE_S       60         /* the same for endless streams: the service sends signs of life more often */
+#define ANSWER_S        15         /* without a byte of another answer */
+#define MAKE_S          600        /* without a byte of a video, which is made before its first one */
+#define SILENCE_S       60         /* without a byte of an endless stream: the service sends signs of life more often */
 #define ANSWER_BYTES    (16 << 20) /* of an answer that is kept in memory, or of a line */
 #define TOKEN_BYTES     4096
 #define PART_HEAD_BYTES 4096 /* of a part of a stream */
@@ -110,7 +110,7 @@ static const char *part_header(const char *head, const char *name)
     return NULL;
 }
 
-/* The first part of what was received. @return bytes up to its end; 0: not complete yet; -EPROTO */
+/* The first part of the received bytes. @return bytes up to its end; 0: not complete yet; -EPROTO */
 static ssize_t parse_part(struct sst_client *c, struct sst_client_picture *out)
 {
     char *end = c->length ? strstr(c->text, "\r\n\r\n") : NULL;
@@ -273,7 +273,7 @@ static int silence_s(const struct sst_client *c, const char *path, bool endless)
     return !strcmp(path, "/api/v1/status") ? STATUS_S : ANSWER_S;
 }
 
-/* One request; what is received goes to file, line, picture or text. */
+/* One request; received bytes go to file, line, picture or text. */
 static int transfer(struct sst_client *c, const char *path, const char *post, bool endless)
 {
     char url[1024], said[CURL_ERROR_SIZE] = "";

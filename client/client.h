@@ -55,7 +55,7 @@ struct sst_client_picture {
     const uint8_t *data; /* JPEG; valid during the call */
     size_t bytes;
     uint64_t set;    /* X-Sst-Set: index of the trigger that it shows */
-    int64_t wall_ns; /* X-Timestamp: time of that set; 0: not given */
+    int64_t wall_ns; /* X-Timestamp: time of the picture's set; 0: not given */
 };
 
 /** Receives a picture; a value other than 0 ends the transfer with it. */

@@ -30,7 +30,7 @@ enum sst_config_focus {
     SST_CONFIG_FOCUS_LOCKED = 2,
 };
 
-/** What a host is for the array (docs/use/hosts.md). */
+/** Role of a host in the array (docs/use/hosts.md). */
 enum sst_config_role {
     SST_CONFIG_SINGLE = 0, /* the only one */
     SST_CONFIG_NODE = 1,   /* captures some of the cameras and sends their sets to the head */

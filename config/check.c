@@ -188,7 +188,7 @@ static bool has_edges(struct sst_yaml_node *zone)
     return sst_yaml_get(zone, "x0") || sst_yaml_get(zone, "y0") || sst_yaml_get(zone, "x1") || sst_yaml_get(zone, "y1");
 }
 
-/* What only lines have, and what they cannot have. @return NULL: nothing is wrong */
+/* Keys that only lines have, and keys that they cannot have. @return NULL: no fault */
 static const char *line_fault(const struct sst_zone *z)
 {
     double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];

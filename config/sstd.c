@@ -84,7 +84,7 @@ static int parse(struct sst_yaml **doc, const char *path)
     return err == -ENOENT || err == -EACCES || err == -ENOMEM || !err ? err : -EBADMSG;
 }
 
-/* Read what was drawn on the page, over zones of the other files. It has only these: who can write there gets no hook.
+/* Read the zones drawn on the page, over zones of the other files. The file has nothing else: its writers get no hook.
  */
 static int read_zones(struct config_load *load, struct files *f)
 {

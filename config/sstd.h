@@ -24,10 +24,10 @@ struct sst_zone {
     char name[32];         /* [a-z0-9_-]+ */
     double x0, y0, x1, y1; /* a rectangle; */
     char points[SST_CONFIG_TEXT_MAX]; /* or a polygon, "x,y x,y x,y", or a line, "x,y x,y"; sst_zone_corners() gives all */
-    double near_px, far_px;           /* what is nearer or farther is outside; INFINITY, -INFINITY: no limit */
+    double near_px, far_px;           /* limits of its depth; INFINITY, -INFINITY: none */
     char labels[SST_ZONE_LABELS][32]; /* of visits; ends at ""; none: all */
-    bool mask;                        /* what is inside is ignored */
-    bool line;                        /* two points; who crosses it has been in the zone */
+    bool mask;                        /* its inside is ignored */
+    bool line;                        /* two points; a visitor that crosses it has been in the zone */
     enum sst_line_direction direction; /* of a line */
 };
 
@@ -35,7 +35,7 @@ struct sst_zone {
 struct sst_record_trigger {
     int zone;              /* index; -1: the whole picture */
     char label[64];        /* "": any change */
-    bool visit;            /* of what is followed; share does not matter */
+    bool visit;            /* of tracked objects; share does not matter */
     double share;          /* fraction of the zone that changes or has the label, 0..1 */
     double begin_s, end_s; /* duration of the condition to start an event, of its absence to end it */
 };
@@ -52,7 +52,7 @@ enum sst_reduced_mode {
     SST_REDUCED_VIEW = 1,    /* the main view, and a set a minute */
     SST_REDUCED_CHANGED = 2, /* every Nth set if something changed since the one before, and a set a minute */
     SST_REDUCED_SETS = 3,    /* every Nth set */
-    SST_REDUCED_TILES = 4,   /* as CHANGED, and of each set only what differs from the last whole one, one a minute */
+    SST_REDUCED_TILES = 4,   /* as CHANGED, of each set only differences from the last whole one, one a minute */
 };
 
 enum sst_rtsp_codec {
@@ -87,9 +87,9 @@ struct sst_live_settings { /* live: */
     char device[SST_CONFIG_TEXT_MAX];      /* of pictures and labels: "cpu", "auto", "gpu" or a name */
     int device_memory_mb;                  /* that it may use; 0: three quarters */
     enum sst_live_method method;           /* of the main view, and at first of the others, as all below */
-    double cut_px;                         /* clear: what is nearer is removed; NaN: found automatically */
-    char remove_label[32];                 /* clear: what has this label, too; "": nothing */
-    bool outline, tint;                    /* clear: outlines of what was removed; old pixels tinted */
+    double cut_px;                         /* clear: nearer surfaces are removed; NaN: found automatically */
+    char remove_label[32];                 /* clear: surfaces with this label, too; "": none */
+    bool outline, tint;                    /* clear: outlines of removed objects; old pixels tinted */
     double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */
     double hidden_alarms_per_hour; /* false visits accepted of things behind leaves; 0: they are not searched */
@@ -117,7 +117,7 @@ struct sst_config {
         char zones_file[SST_CONFIG_TEXT_MAX]; /* written by the service; "": zones cannot be drawn */
         char tls_certificate[SST_CONFIG_TEXT_MAX], tls_key[SST_CONFIG_TEXT_MAX];
         bool insecure;        /* allow a non-loopback address without TLS */
-        int clients, streams; /* maximum connections; of them video streams */
+        int clients, streams; /* maximum connections; maximum video streams among them */
         double stream_hz;     /* maximum pictures per second of each stream */
         int views;            /* maximum clients with their own settings */
     } web;
@@ -167,7 +167,7 @@ enum sst_reload_class {
     SST_RELOAD_PICTURE = 3, /* restarts the live picture, capturing continues */
 };
 
-/** A key whose value differs. */
+/** A key with different values. */
 struct sst_config_change {
     char key[96];                                                 /* "cameras.rate_hz", "zones[1].x0", "cameras.bind" */
     char before[SST_CONFIG_TEXT_MAX], after[SST_CONFIG_TEXT_MAX]; /* as written in YAML; keys contain no secrets */
@@ -186,7 +186,7 @@ void sst_config_defaults(struct sst_config *cfg);
  */
 SST_MUST_CHECK int sst_config_read(struct sst_config *cfg, const char *path);
 
-/** The same with `zones` in place of what web.zones_file holds, which is not read: would the service accept them?
+/** Check the configuration with `zones` in place of web.zones_file, which is not read: would the service accept them?
  *  @param zones  text of such a file */
 SST_MUST_CHECK int sst_config_try_zones(struct sst_config *cfg, const char *path, const char *zones);
 
@@ -202,7 +202,7 @@ int sst_zone_corners(const struct sst_zone *zone, double *x, double *y);
 SST_MUST_CHECK int sst_config_diff(struct sst_config_change **out, const struct sst_config *before,
                                    const struct sst_config *after);
 
-/** Copy values of `running` whose change needs a restart to `to`, so that a reload can apply it. */
+/** Copy the values of `running` that only a restart can change to `to`, so that a reload can apply it. */
 void sst_config_keep(struct sst_config *to, const struct sst_config *running);
 
 /** "live", "restart-camera", "restart-daemon", "restart-live". */

@@ -9,7 +9,7 @@
 #define AREA_LEAST   1e-4 /* of the picture */
 #define LENGTH_LEAST 0.01 /* of its width or height */
 
-/* A number of 0..1, of digits and a point. @return what follows it; NULL: none is there */
+/* A number of 0..1, of digits and a point. @return the text after it; NULL: none is there */
 static const char *read_fraction(const char *text, double *out)
 {
     char *end;

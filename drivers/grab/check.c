@@ -39,7 +39,7 @@ static bool is_frame_header(uint8_t mark)
     return mark >= MARK_SOF0 && mark <= MARK_SOF15 && mark != MARK_DHT && mark != MARK_JPG && mark != MARK_DAC;
 }
 
-/* The frame header whose length field is at p: its length against its components, and the size of the picture. */
+/* Frame header with its length field at p: the length against the components, and the size of the picture. */
 static unsigned check_frame_header(const struct walk *w, const uint8_t *p, size_t length)
 {
     if (w->sized || length < 8 || length != 8 + 3 * (size_t)p[7] || p[7] < 1 || p[7] > 4)

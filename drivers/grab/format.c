@@ -231,7 +231,7 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct pictur
     return -EINVAL;
 }
 
-/* Request a format. @return 0: *got is what the driver sets, or would set; else -errno */
+/* Request a format. @return 0: *got is the format that the driver sets, or would set; else -errno */
 static int try_picture(int fd, uint32_t fourcc, const struct sst_grab_config *cfg, struct picture *got)
 {
     const uint32_t type = node_type(fd);
@@ -240,7 +240,7 @@ static int try_picture(int fd, uint32_t fourcc, const struct sst_grab_config *cf
 
     write_picture(&f, fourcc, cfg);
     err = node_ioctl(fd, VIDIOC_S_FMT, &f);
-    /* Some drivers refuse instead of offering the nearest format: query what they would set. */
+    /* Some drivers refuse instead of offering the nearest format: query the one that they would set. */
     if (err == -EINVAL) {
         f = (struct v4l2_format){ .type = type };
         err = node_ioctl(fd, VIDIOC_G_FMT, &f) ? err : 0;

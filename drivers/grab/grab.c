@@ -21,7 +21,7 @@
 #define LATE_NS    (20 * SST_MS) /* a wake-up this late means that the process was stopped */
 #define EVENTS_MAX 128
 
-/* epoll data besides that of the cameras, which is their index. */
+/* epoll data besides the indices of cameras. */
 enum {
     TAG_TIMER = SST_CAMERAS_MAX,
     TAG_WAKE,

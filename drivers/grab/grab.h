@@ -37,8 +37,8 @@ SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 SST_MUST_CHECK int sst_grab_list_all(struct sst_grab_device **devices, int *count, int *all);
 
 /**
- * Of capture nodes in the order of their ports keep those that are cameras of an array: they offer the format, if any
- * does, and are the first such node of their port. The others are moved behind these, in order, and get `left_out`.
+ * Of capture nodes in the order of their ports keep the cameras of an array: nodes that offer the format, if any does,
+ * and are the first such node of their port. The others are moved to the end, in order, and get `left_out`.
  * @return number of nodes kept
  */
 int sst_grab_select(struct sst_grab_device *devices, int count, uint32_t fourcc);
@@ -51,7 +51,7 @@ struct sst_grab_binding {
     char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial has priority. Two devices with it: -ENOTUNIQ,
                                        named */
     char port[SST_GRAB_NAME_MAX];
-    int node; /* which of the capture nodes of that device, from 1; 0: the first that fulfils the settings */
+    int node; /* number of the capture node of its device, from 1; 0: the first that fulfils the settings */
 };
 
 struct sst_grab_control {
@@ -106,7 +106,7 @@ struct sst_grab_events {
     void *arg;
     /** A frame, good or bad; owned by the receiver until it calls sst_grab_release() (also inside this call). */
     void (*frame)(void *arg, struct sst_frame *frame);
-    /** The state of a camera changed; `why` is one sentence, and while it streams "" or what is odd about its frames.
+    /** The state of a camera changed; `why` is one sentence, and while it streams "" or a remark on its frames.
      *  Already logged. */
     void (*state)(void *arg, int cam, enum sst_grab_state state, const char *why);
 };

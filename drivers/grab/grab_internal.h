@@ -30,7 +30,7 @@ int grab_node_order(const void *a, const void *b);
  * @param nodes  in the order of grab_node_order()
  * @param why    out [SST_WHY_MAX]: a sentence if the result is -ENOTUNIQ (with both ports), or a mismatch (the serial
  * is at another port than in the binding, the port has another serial); else ""
- * @return index in nodes, -ENODEV (none), -ENOTUNIQ (two devices of that serial)
+ * @return index in nodes, -ENODEV (none), -ENOTUNIQ (two devices of one serial)
  */
 SST_MUST_CHECK int grab_match(const struct sst_grab_binding *binding, const struct grab_node *nodes, int count,
                               char *why);
@@ -46,7 +46,7 @@ void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_bin
 #define SST_GRAB_NODES_MAX 1024
 
 /**
- * All video nodes in the order of grab_node_order(), without opening those on USB.
+ * All video nodes in the order of grab_node_order(); nodes on USB are not opened.
  * @param nodes  out, to free with free()
  * @return 0, -ENOMEM or -errno, logged.
  */
@@ -283,7 +283,7 @@ struct grab_camera {
     struct history history;
     struct stamp_clock clock;
     int bad_row;     /* consecutive frames with bad bytes */
-    int misfit_row;  /* of them, consecutive ones that do not have the negotiated form, all in the same way */
+    int misfit_row;  /* consecutive ones that depart from the negotiated form, all in the same way */
     char misfit[SST_WHY_MAX]; /* which */
     bool unfit;      /* refused for that: until a good frame */
     bool wakes;   /* known: epoll reports its frames */
@@ -293,7 +293,7 @@ struct grab_camera {
 
     /* already logged, so that a persistent fault is logged once */
     char why[SST_WHY_MAX], note[SST_WHY_MAX], odd[SST_WHY_MAX], serial_seen[SST_GRAB_NAME_MAX];
-    char remark[SST_WHY_MAX]; /* reported with its state while it streams: "" or what is odd about its frames */
+    char remark[SST_WHY_MAX]; /* reported with its state while it streams: "" or a remark on its frames */
     bool logged_starved, logged_stamp, logged_lead, logged_hopeless;
 };
 
@@ -321,7 +321,7 @@ struct sst_grab {
 
 /* --- receive.c: frames -------------------------------------------------------------------------------------------- */
 
-/** Dequeue the frames of a camera whose descriptor is ready. @param broken  epoll reports an error */
+/** Dequeue the frames of a camera with a ready descriptor. @param broken  epoll reports an error */
 void receive_ready(struct sst_grab *grab, struct grab_camera *cam, bool broken);
 
 /** Reset the history: the stream has started again. */
@@ -344,7 +344,7 @@ void recovery_lost(struct sst_grab *grab, struct grab_camera *cam);
 /** The stream failed or is silent; `why` is one sentence. */
 void recovery_fault(struct sst_grab *grab, struct grab_camera *cam, const char *why);
 
-/** The camera streams what does not fit, which no rung of the ladder mends: close it, and retry with back-off. */
+/** The camera streams frames that do not fit, which no rung of the ladder mends: close it, and retry with back-off. */
 void recovery_refuse(struct sst_grab *grab, struct grab_camera *cam, const char *why);
 
 /** Start a camera that is ready. */
@@ -361,7 +361,7 @@ void recovery_disarm(struct sst_grab *grab, struct grab_camera *cam);
 /** Close the camera's stream without waiting. */
 void recovery_drop(struct sst_grab *grab, struct grab_camera *cam);
 
-/** Set what the state event reports with STREAMING; logged as a warning, "" withdraws it. */
+/** Set the remark that the state event reports with STREAMING; logged as a warning, "" withdraws it. */
 void camera_remark(struct sst_grab *grab, struct grab_camera *cam, const char *text);
 
 /** Set the state; a change is logged and reported by event, once. */
@@ -408,9 +408,9 @@ void controls_apply(int fd, const struct sst_grab_control *control, int count, c
  * Set format, size and rate, and read them back.
  *
  * @param stride  out: bytes of a row, 0 for compressed formats
- * @param why     out [size]: on -EINVAL what was refused and what the camera offers; on 0 "" or a warning (the rate
+ * @param why     out [size]: on -EINVAL the refused value and the camera's choices; on 0 "" or a warning (the rate
  *                cannot be set, or differs while frames are triggered)
- * @return 0, -EINVAL (it cannot do that), -EBUSY (another program has it), or the driver's -errno;
+ * @return 0, -EINVAL (impossible), -EBUSY (another program has it), or the driver's -errno;
  *         `why` may be empty then
  */
 SST_MUST_CHECK int format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size);
@@ -437,11 +437,12 @@ uint32_t node_type(int fd);
 
 /**
  * Open a node without blocking, check that it captures by streaming, and complete the device's name, driver and port.
- * @return descriptor, or -errno; -ENOTTY: it is no capture node, `left_out` says what it is; -ENODEV also if it is a different device now
+ * @return descriptor, or -errno; -ENOTTY: it is no capture node, `left_out` names its kind; -ENODEV also if it is a
+ * different device now
  */
 SST_MUST_CHECK int node_open(struct sst_grab_device *device);
 
-/* --- check: what the bytes of a frame show --- */
+/* --- check: faults in the bytes of a frame --- */
 
 /** sst_frame_check(), with UNFIT beside MARKER. @param size  out: width and height of such a JPEG */
 unsigned frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes,

@@ -78,7 +78,7 @@ static void log_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
 
 /*
  * The driver's stamp is believed within bounds of the arrival: a single wrong one costs its frame, and stamps that are
- * wrong for seconds are of another clock, whose frames are stamped by their arrival.
+ * wrong for seconds are of another clock: its frames are stamped by their arrival.
  */
 static void judge_stamp(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f)
 {
@@ -122,7 +122,7 @@ static void check_bytes(struct grab_camera *cam, struct sst_frame *f, int size[2
     f->faults |= faults;
 }
 
-/* A frame that does not have the negotiated form: count those in a row that have the same one. */
+/* A frame that does not have the negotiated form: count the ones in a row with the same fault. */
 static void count_misfit(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const int size[2],
                          uint32_t field)
 {
@@ -285,7 +285,7 @@ void receive_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns
         recovery_fault(g, cam, why);
         return;
     }
-    /* No free buffer: the receiver holds all of them. The gap in the sequence will show the lost frames. */
+    /* No free buffer: the receiver holds all. The gap in the sequence will show the lost frames. */
     if (!cam->logged_starved)
         sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; release them sooner, or "
                         "raise `buffers`",

@@ -246,7 +246,7 @@ static int request_errno(struct rig_bus *b, int e)
     return -ENOTCONN;
 }
 
-/* Discard what came since the last reply: a late reply, which is none to the next request. @return false: line lost */
+/* Discard input since the last reply: a late reply is none to the next request. @return false: line lost */
 static bool discard(struct rig_bus *b)
 {
     struct pollfd p = { .fd = modbus_get_socket(b->ctx), .events = POLLIN };
@@ -378,9 +378,9 @@ static bool is_echo(const uint8_t *in, int n, const uint8_t *request)
 }
 
 /*
- * A reply on a serial line does not say which request it answers. A drive answers in the order of its requests, so that
+ * A reply on a serial line does not name its request. A drive answers in the order of its requests, so that
  * after the answer to an echo (function 8/0 with new data, which no other request has) no earlier one is to come.
- * Drives without function 8 answer with an exception; those that answer nothing are given the time.
+ * Drives without function 8 answer with an exception; silent ones are given the time.
  * @return 0 or -ENOTCONN
  */
 static int echo(struct rig_bus *b)
@@ -403,7 +403,7 @@ static int echo(struct rig_bus *b)
 
         if (poll(&p, 1, (int)left_ms + 1) <= 0)
             continue;
-        if (n == (int)sizeof(in)) { /* keep what may be the start of the answer */
+        if (n == (int)sizeof(in)) { /* keep a possible start of the answer */
             memmove(in, in + n - ECHO_BYTES, ECHO_BYTES);
             n = ECHO_BYTES;
         }

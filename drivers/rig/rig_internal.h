@@ -73,7 +73,7 @@ enum rig_value {
     SST_RIG_NUMBER = 0,
     SST_RIG_TARGET = 1, /* counts */
     SST_RIG_SPEED = 2,  /* counts/s; the step is skipped if the configuration has no speed */
-    SST_RIG_ACCEL = 3,  /* counts/s2; likewise */
+    SST_RIG_ACCEL = 3,  /* counts/s2; the step is skipped if the configuration has no acceleration */
 };
 
 struct rig_step {
@@ -149,7 +149,7 @@ SST_MUST_CHECK int rig_bus_write(struct rig_bus *bus, int unit, enum rig_table t
 const char *rig_bus_why(const struct rig_bus *bus);
 
 /**
- * Restore the bus after a failed request, so that a late reply cannot be mistaken for that of the next request. TCP
+ * Restore the bus after a failed request, so that a late reply cannot be mistaken for the next request's. TCP
  * reconnects; a serial line is read until it is silent and the unit has answered an echo, and reopened if it was lost.
  * @param cancel  read between attempts; true gives up
  * @return 0, or the error of the last attempt after reconnect_ms

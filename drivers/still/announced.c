@@ -1,4 +1,4 @@
-/* Files that the camera announces: which of them are of the exposure in progress.
+/* Files that the camera announces, and their assignment to the exposure in progress.
  *
  * PTP names no release with a file. A file belongs to the last release only if it was neither on the card nor announced
  * before, and if nothing of an earlier release can still come: every earlier release has its files, and the camera
@@ -137,7 +137,7 @@ int still_drain(struct sst_still *s, int timeout_ms, int64_t until_ns)
             return again;
         repeats += again;
     }
-    /* What is behind announcements that do not end may be of an earlier release. */
+    /* Files behind announcements that do not end may be of an earlier release. */
     if (event != STILL_NOTHING)
         s->unsure_ns = INT64_MAX;
     return 0;

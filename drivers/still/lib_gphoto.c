@@ -46,7 +46,7 @@ const char *still_lib_said(const struct still_lib *lib)
 
 /* --- errors ------------------------------------------------------------------------------------------------------- */
 
-/** What the camera answered stands only in the library's text: names of ISO 15740's responses. */
+/** The camera's response stands only in the library's text: names of ISO 15740's responses. */
 static int from_text(const char *said)
 {
     static const struct {
@@ -101,7 +101,7 @@ static int translate(struct still_lib *lib, int result)
     }
 }
 
-/** Before each call: what was said belongs to an earlier one. */
+/** Before each call: earlier messages belong to an earlier one. */
 static struct still_lib *fresh(struct still_lib *lib)
 {
     lib->said[0] = 0;
@@ -111,7 +111,7 @@ static struct still_lib *fresh(struct still_lib *lib)
 
 /* --- open --------------------------------------------------------------------------------------------------------- */
 
-/** The driver of the library for what is at a port. */
+/** Driver of the library for the camera at a port. */
 static int find_driver(struct still_lib *lib, GPPortInfoList *ports, const char *port)
 {
     CameraAbilitiesList *drivers = NULL;
@@ -339,7 +339,7 @@ int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *pa
 
 #define DEPTH_MAX 8
 
-/** Add the files of a folder and of those in it. @return of the library */
+/** Add the files of a folder and its subfolders. @return of the library */
 static int list_folder(struct still_lib *lib, const char *folder, int depth, struct still_path **list, int *count)
 {
     CameraList *names = NULL;
@@ -412,7 +412,7 @@ int still_lib_download(struct still_lib *lib, const struct still_path *path, uin
     unsigned long size = 0;
     int rc = gp_file_new(&file), err;
 
-    /* The library keeps what it has seen of folders and files, damaged downloads included. */
+    /* The library caches folders and files, damaged downloads included. */
     (void)gp_filesystem_reset(fresh(lib)->camera->fs);
     if (rc >= 0)
         rc = gp_camera_file_get(lib->camera, path->folder, path->name, GP_FILE_TYPE_NORMAL, file, lib->context);

@@ -142,7 +142,7 @@ static int find_choice(const struct sst_still *s, int which, const struct still_
     return which == FOCUS ? find_focus(now, automatic) : still_choice_find(now, s->wanted[which]);
 }
 
-/** @param said  what the library said of it; "": the camera accepted it without effect */
+/** @param said  message of the library; "": the camera accepted it without effect */
 static int refused(struct sst_still *s, int which, const char *value, const char *said)
 {
     struct still_setting now = { .value = "another one" };

@@ -12,7 +12,7 @@
 #include "drivers/still/still_internal.h"
 
 #define BUSY_MS     100 /* between two tries */
-#define SILENT_MS   50  /* what the camera has to announce comes within this time */
+#define SILENT_MS   50  /* announcements of the camera come within this time */
 #define MS          1000000LL
 #define DOWNLOADS   2
 #define LOW_PERCENT 20 /* of the battery: worth a warning */
@@ -33,8 +33,8 @@ void still_sleep_ms(int ms)
 /* --- release ------------------------------------------------------------------------------------------------------ */
 
 /**
- * Release; a busy camera is asked again until card_ms. What it announces meanwhile is of an earlier release, and what
- * it announces just before it accepts this one cannot be told from that.
+ * Release; a busy camera is asked again until card_ms. Files announced meanwhile are of an earlier release, and
+ * cannot be told from files announced just before it accepts this one.
  */
 static int release(struct sst_still *s, const char *what, int64_t *release_ns)
 {
@@ -71,7 +71,7 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
     return err ? still_failed(s, err, what) : 0;
 }
 
-/** With mirror lock-up the first release only lifts the mirror, whose vibration has to fade. */
+/** With mirror lock-up the first release only lifts the mirror; its vibration has to fade. */
 static int expose(struct sst_still *s, int64_t *release_ns)
 {
     const int64_t left_ns = s->unsure_ns - sst_clock_now_ns();

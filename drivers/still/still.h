@@ -25,7 +25,7 @@ struct sst_still_device {
  *  @return 0, -ENOMEM or -EIO, logged */
 SST_MUST_CHECK int sst_still_list(struct sst_still_device **devices, int *count);
 
-/** What an exposure consists of. */
+/** Files of an exposure. */
 enum sst_still_files {
     SST_STILL_JPEG = 1,
     SST_STILL_RAW = 2,
@@ -113,8 +113,8 @@ void sst_still_counters(const struct sst_still *still, struct sst_still_counters
 
 /**
  * Expose, wait for the files, download and check them. A camera that was lost is opened again; files that it had
- * announced before are then downloaded. A download that fails is repeated once. Files of other releases, those of
- * another program or an earlier capture included, are never given: they stay on the card. The first exposure after
+ * announced before are then downloaded. A download that fails is repeated once. Files of other releases, also of
+ * another program or an earlier capture, are never given: they stay on the card. The first exposure after
  * opening, after a failure or a busy camera lasts quiet_ms, since files of an earlier release may still come.
  *
  * @return 0, -EBUSY, -ETIMEDOUT (no files, no answers), -ENODEV (did not come back), -EIO, -EBADMSG (damaged file, or

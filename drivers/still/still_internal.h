@@ -37,7 +37,7 @@ enum still_event {
 /*
  * All return 0 (or as stated) or: -ENODEV (gone), -EBUSY, -ETIMEDOUT, -EPERM (refused), -EACCES, -ENOMEDIUM (card full
  * or missing), -ENOMEM, -EIO. -ENOPKG (no libgphoto2). Nothing is logged;
- * still_lib_said() is what the library said about the last failure.
+ * still_lib_said() is the library's message about the last failure.
  */
 SST_MUST_CHECK int still_lib_open(struct still_lib **out, int bus, int address, int response_ms);
 void still_lib_close(struct still_lib *lib); /* NULL is fine */
@@ -96,11 +96,11 @@ bool still_cancelled(const struct sst_still *s);
 void still_sleep_ms(int ms);
 
 /* announced.c */
-/** After opening: what is on the card belongs to no exposure of this session. @return 0 or -errno, logged */
+/** After opening: files on the card belong to no exposure of this session. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_card_read(struct sst_still *s);
 /** A file that stays on the card belongs to no later exposure. @return 0 or -ENOMEM, logged */
 SST_MUST_CHECK int still_know(struct sst_still *s, const struct still_path *path);
-/** What the camera still announces, until then and until it announces nothing for timeout_ms, is no part of the next
+/** Announcements until then, and until the camera announces nothing for timeout_ms, are no part of the next
  *  exposure. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_drain(struct sst_still *s, int timeout_ms, int64_t until_ns);
 /** Wait until the camera has announced as many files as an exposure has: s->path. @return 0 or -errno, logged */
@@ -110,7 +110,7 @@ bool still_seen(const struct sst_still *s, const uint8_t *data, size_t bytes);
 void still_see(struct sst_still *s, const uint8_t *data, size_t bytes);
 
 /* settings.c */
-/** Set what is wanted and read it back. @return 0, -EINVAL, -EPERM or an error of the library; logged */
+/** Set the wanted settings and read them back. @return 0, -EINVAL, -EPERM or an error of the library; logged */
 SST_MUST_CHECK int still_settings_apply(struct sst_still *s);
 /** Battery, and the serial number. */
 SST_MUST_CHECK int still_settings_status(struct sst_still *s);
@@ -120,7 +120,7 @@ SST_MUST_CHECK int still_settings_focus(struct sst_still *s, bool automatic);
 int still_choice_find(const struct still_setting *setting, const char *text);
 
 /* lost.c */
-/** The library failed: log what, count it, and close the camera if it is gone or hangs. @return err */
+/** The library failed: log the failure, count it, and close the camera if it is gone or hangs. @return err */
 int still_failed(struct sst_still *s, int err, const char *what);
 /** Open again if the camera was lost. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_reopen(struct sst_still *s);

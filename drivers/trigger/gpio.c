@@ -268,7 +268,7 @@ static void say_both(const struct gpio_listed *a, const struct gpio_listed *b, c
     char first[PATH_MAX], second[PATH_MAX];
     bool known = device_of(a->path, first) && device_of(b->path, second);
 
-    if (known) { /* without the part for the chip, whose number changes */
+    if (known) { /* without the part for the chip: its number changes */
         *strrchr(first, '/') = 0;
         *strrchr(second, '/') = 0;
         known = strcmp(first, second) != 0;

@@ -51,7 +51,7 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg);
  * Find the chip by label or line names (never by number), request all lines in one request, driven inactive.
  *
  * @param edge  called for every tick, on the trigger's thread; may be NULL
- * @return 0, -ENODEV (no such chip or line: the existing ones are listed), -ENOTUNIQ (two chips of that label), -EBUSY
+ * @return 0, -ENODEV (no such chip or line: the existing ones are listed), -ENOTUNIQ (two chips of one label), -EBUSY
  *         (line in use: with the consumer), -EACCES (with the group and rule), -EINVAL, -ENOSYS (built without
  * libgpiod); logged.
  */

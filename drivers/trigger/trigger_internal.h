@@ -25,8 +25,8 @@ struct trigger_line {
 struct gpio_request {
     int outputs;
     unsigned output[SST_GPIO_LINES_MAX];
-    int loopback;    /* offset of an input whose rising (inactive to active) edges are stamped; -1: none */
-    bool active_low; /* of all of them */
+    int loopback;    /* offset of an input with stamped rising (inactive to active) edges; -1: none */
+    bool active_low; /* of all lines */
 };
 
 struct gpio_edge {
@@ -112,7 +112,7 @@ int64_t tick_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
 /** The first tick from n on that is at most half a period late at now_ns. */
 uint64_t tick_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
 
-/** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 use CLOCK_REALTIME; the clock whose current reading is
+/** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 use CLOCK_REALTIME; the clock with a current reading
  *  nearer to the stamp is assumed. */
 int64_t edge_monotonic(int64_t stamp_ns, int64_t monotonic_ns, int64_t realtime_ns);
 

@@ -5,7 +5,7 @@
  * wires:
  * - High speed: the time of all packets of a microframe, worst-case bit stuffing included, is at most 80 %, 100 of
  *   125 us; as Linux computes it for EHCI, where a controller has one high-speed bus. xHCI controllers compute it
- *   themselves. Those of Intel have one bus per root port and count in blocks of 4 bytes (26 more per packet, at most
+ *   themselves. Intel's have one bus per root port and count in blocks of 4 bytes (26 more per packet, at most
  *   80 % of 1607); the formula is known from Linux, which applies it for an early controller. For other controllers it
  *   is unknown; one bus for the whole controller is assumed, so they may carry more than planned.
  * - Full speed: 900 of 1000 us of a frame in a transaction translator of the nearest high-speed hub (one for all its
@@ -35,7 +35,7 @@ struct sst_usb_segment {
 };
 
 struct sst_usb_plan {
-    struct sst_usb_segment *segments; /* those that the streams use; to free with free() */
+    struct sst_usb_segment *segments; /* used by the streams; to free with free() */
     int segment_count;
     int refused; /* streams */
 };

@@ -14,7 +14,7 @@ typedef int deadline_fn(void *arg);
  * Call fn on its own thread and wait for it up to timeout_ms. After that the thread is abandoned and ends by itself.
  *
  * @param arg  copied, arg_size bytes: fn's copy lives as long as fn runs
- * @return what fn returns, -ETIMEDOUT, -ENOMEM or -EAGAIN (no thread)
+ * @return the result of fn, -ETIMEDOUT, -ENOMEM or -EAGAIN (no thread)
  */
 SST_MUST_CHECK int deadline_call(deadline_fn *fn, const void *arg, size_t arg_size, int timeout_ms);
 

@@ -12,7 +12,7 @@
 /**
  * One camera, or one pose of the camera on a rig: OpenCV's model (Brown 1966), pixel centres on integers.
  *
- * A point X (mm, rig axes: x right, y down, z forward; by default those of the reference camera) is at
+ * A point X (mm, rig axes: x right, y down, z forward; by default the reference camera's) is at
  * P = rotation (X - position_mm) in camera axes. With a = P.x / P.z, b = P.y / P.z, r2 = a^2 + b^2 and
  * s = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3) it projects to
  *   x = fx (a s + 2 p1 a b + p2 (r2 + 2 a^2)) + cx
@@ -61,9 +61,9 @@ const char *sst_calib_fault(const struct sst_calib *calib);
 const char *sst_camera_fault(const struct sst_calib_camera *cam);
 
 /**
- * Read or write calib.yaml (docs/integrate/formats.md). Numbers survive a round trip bit for bit; in names, what YAML
- * cannot represent (control characters, bytes that are not UTF-8) is written as "?". A calibration with a fault is
- * neither read nor written.
+ * Read or write calib.yaml (docs/integrate/formats.md). Numbers survive a round trip bit for bit; in names, characters
+ * that YAML cannot represent (control characters, bytes that are not UTF-8) are written as "?". A calibration with a
+ * fault is neither read nor written.
  *
  * @param name  of the text, for messages
  * @return 0, -ENOENT, -EBADMSG (all faults with file:line:column), -EINVAL (the calibration to write has a fault),

@@ -17,8 +17,8 @@ struct sst_calib_format_config {
 };
 
 /**
- * One format. A calibration that was read is in the axes of the reference camera and in mm. Writing omits what the
- * format cannot represent: `lost` lists it.
+ * One format. A calibration that was read is in the axes of the reference camera and in mm. Writing omits properties
+ * that the format cannot represent: `lost` lists them.
  *
  * read  @return 0, -ENOENT, -EBADMSG, -EINVAL (a grid or size that does not fit), -ENOMEM; logged
  * write: of a calibration without a fault
@@ -28,7 +28,7 @@ struct sst_calib_format_config {
 struct sst_calib_format {
     const char *name;  /* "kalibr" */
     const char *files; /* description of its files */
-    const char *lost;  /* what it cannot represent; "": nothing is lost */
+    const char *lost;  /* properties that it cannot represent; "": nothing is lost */
     int (*read)(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg); /* or NULL */
     int (*write)(const struct sst_calib *calib, const char *path, const struct sst_calib_format_config *cfg);
 };

@@ -78,7 +78,7 @@ static void read_place(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     (void)sst_yaml_int(doc, sst_yaml_get(map, "col"), 0, SST_MAX_VIEWS - 1, &c->col);
 }
 
-/* Pose from that of the previous camera: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
+/* Pose from the previous camera's: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
 static void chain(double pose_R[9], double pose_T[3], const double R[9], const double T[3])
 {
     double r[9], t[3];
@@ -161,7 +161,7 @@ static int find_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
     return n;
 }
 
-/* Each transform is from the camera whose number is one less: without that one the chain is broken. */
+/* Each transform is from the camera of the number before: without it the chain is broken. */
 static bool follows(struct sst_yaml *doc, const struct link *link, int i, const struct sst_yaml_node *to)
 {
     const long before = link[i].number - 1;

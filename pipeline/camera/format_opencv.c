@@ -146,7 +146,7 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
 
 static const char *const no_keys[] = { NULL };
 
-/* Four coefficients are those of a pinhole, or of cv::fisheye, whose documentation writes K and D. */
+/* Four coefficients belong to a pinhole, or to cv::fisheye, documented with K and D. */
 static void doubt_four(struct sst_yaml *doc, const struct sst_yaml_node *root, const struct sst_yaml_node *matrix,
                        const struct sst_yaml_node *lens, struct sst_loose *loose)
 {

@@ -15,7 +15,7 @@ static int no_memory(const char *name)
     return -ENOMEM;
 }
 
-/* --- YAML and JSON: the text itself with blanks over what is not YAML --------------------------------------------- */
+/* --- YAML and JSON: the text itself with blanks over foreign parts ------------------------------------------------ */
 
 static char *plain_yaml(const char *text, size_t size)
 {
@@ -135,7 +135,7 @@ static bool is_numeric(const char *text, size_t n)
     return n > 0;
 }
 
-/* Number of words between two tags; -1: not all of them are numbers. */
+/* Number of words between two tags; -1: not all are numbers. */
 static int count_numbers(const char *p, const char *end)
 {
     int words = 0;

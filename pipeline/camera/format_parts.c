@@ -165,7 +165,7 @@ bool sst_loose_other_lens(const char *key, const char *value, bool listed, char 
     return !listed && ((is_among(k, model) && !is_among(v, pinholes)) || (is_among(k, perhaps) && names_other(v)));
 }
 
-/* @param named  the node whose key counts for the values below it; NULL at the root */
+/* @param named  the node with the key of the values below it; NULL at the root */
 static void refuse_lenses(struct sst_yaml *doc, const struct sst_yaml_node *node, const struct sst_yaml_node *named,
                           const char *const *except)
 {

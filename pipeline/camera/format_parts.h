@@ -18,7 +18,7 @@ struct sst_loose_camera {
 };
 
 struct sst_loose {
-    int count, four; /* four: of them with four coefficients that no lens model is named for */
+    int count, four; /* four: cameras with four coefficients that no lens model is named for */
     struct sst_loose_camera camera[SST_MAX_VIEWS];
 };
 

@@ -17,7 +17,7 @@ struct sst_classes {
     bool ground[SST_MAX_CLASSES]; /* a surface that spans many depths: road, pavement, table top */
 };
 
-/** CamVid's eleven in CamVid's order, then those of the simulated scenes. */
+/** Classes: CamVid's eleven in CamVid's order, then the simulated scenes'. */
 extern const struct sst_classes sst_classes_default;
 
 /** Labels of the default list. */

@@ -33,7 +33,7 @@ bool sst_image_is_jpeg(const uint8_t *data, size_t size);
 /** Width and height of a PNG or JPEG in memory, without decoding its pixels. The same errors. */
 SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
-/** Decode a JPEG in memory to R, G, B and an unused byte a pixel; the colours are those of sst_image_decode().
+/** Decode a JPEG in memory to R, G, B and an unused byte a pixel; with the colours of sst_image_decode().
  *  @param rgbx  rows `stride` bytes apart, written once and not read: may be mapped memory of a device; undefined on
  * failure
  *  @return as above; -EBADMSG: no JPEG, or another size */
@@ -57,18 +57,18 @@ SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, con
  */
 struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts);
 
-/** Log what is lost when these samples are read: as a warning if different ones become the same.
+/** Log the loss when these samples are read: as a warning if different ones become the same.
  *  @param name  of the pictures */
 void sst_samples_report(const struct sst_sample_counts *counts, struct sst_samples samples, const char *name);
 
 /** Distinct samples, and how many levels they become. */
 void sst_samples_levels(int *before, int *after, const struct sst_sample_counts *counts, struct sst_samples samples);
 
-/** Log what sst_image_read() loses of a picture of 16 bits. */
+/** Log the loss of sst_image_read() in a picture of 16 bits. */
 void sst_image_report_depth(const char *path);
 
-/** Read pictures that are compared with each other: 16 bits are scaled alike in all, and what is lost is reported. Where
- *  only some have 16 bits, those are read as sst_image_read() does. @param count  1 or 2 @return as above; on failure
+/** Read pictures that are compared with each other: 16 bits are scaled alike in all, and the loss is reported. Where
+ *  only some have 16 bits, they are read as by sst_image_read(). @param count  1 or 2 @return as above; on failure
  *  none is read */
 SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count);
 
@@ -76,7 +76,7 @@ SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char
 SST_MUST_CHECK int sst_image_read_upright(struct sst_image *img, const char *path);
 
 /** EXIF's orientation of a PNG or JPEG in memory, 1..8; 1 (upright) where it has none, or no valid one. No reader but
- *  sst_image_read_upright() applies it: geometry is that of the pixels as they are stored. */
+ *  sst_image_read_upright() applies it: geometry is by the pixels as they are stored. */
 int sst_image_orientation(const uint8_t *data, size_t size);
 
 /** The same of a file, of which only the beginning is read; 1 where it cannot be read. */
@@ -85,7 +85,8 @@ int sst_image_read_orientation(const char *path);
 /** Turn and mirror a picture as its orientation says: upright afterwards. @return 0 or -ENOMEM (unchanged; not logged) */
 SST_MUST_CHECK int sst_image_orient(struct sst_image *img, int orientation);
 
-/** Log a warning where pictures of an array have an orientation, which does not count, and name those of another one than
+/** Log a warning where pictures of an array have an orientation, which does not count, and name the pictures of another
+ * one than
  *  most. @param names  [count]; NULL: no picture */
 void sst_image_warn_orientations(const char *source, const char *const *names, const uint8_t *orientations, int count);
 
@@ -123,7 +124,7 @@ SST_MUST_CHECK int sst_jpeg_encoder_run(struct sst_jpeg_encoder *encoder, const 
 /** Encode to memory; release with free(). @return 0, -ENOMEM (not logged), -EIO */
 SST_MUST_CHECK int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size);
 
-/** 8-bit PNG whose samples are the values: grey, or palette indices (the palette is ignored). */
+/** 8-bit PNG with samples as values: grey, or palette indices (the palette is ignored). */
 SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
 
 /** Grey 8-bit PNG, or an indexed one if palette (256 RGB triples) is not NULL; the samples are the values in both

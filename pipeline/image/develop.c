@@ -85,7 +85,7 @@ static void on_fault(void *faults, const char *file SST_UNUSED, const offset_typ
     ++*(int *)faults;
 }
 
-/* Nothing is chosen by what a picture shows: the views of one camera, equally exposed, stay alike. By LibRaw's defaults
+/* Nothing is chosen by a picture's content: the views of one camera, equally exposed, stay alike. By LibRaw's defaults
  * highlights are clipped, and noise reduction and corrections of the exposure are off. */
 static void set_parameters(libraw_data_t *r)
 {
@@ -99,7 +99,7 @@ static void set_parameters(libraw_data_t *r)
     r->params.gamm[1] = 12.92;
 }
 
-/* Where the file has no white balance LibRaw measures one in the picture: instead, that of daylight by the camera's
+/* Where the file has no white balance LibRaw measures one in the picture: instead, daylight's by the camera's
  * matrix. */
 static void fix_balance(libraw_data_t *r, const char *name)
 {

@@ -40,7 +40,7 @@ struct png_map {
 };
 
 /**
- * A whole file of a map: quickly rather than small. The file's bytes are those of the library, the samples the map's.
+ * A whole file of a map: quickly rather than small. The bytes depend on the library, the samples are the map's.
  *
  * @param out  the file; the caller frees it
  * @return false: there is no memory, or this build has no ISA-L; nothing is to be freed then. Not logged

@@ -339,7 +339,7 @@ int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, c
 
 #define MAX_ROWS (4 * DCTSIZE) /* of a plane that are decoded at once */
 
-/* @return false: not what a device converts */
+/* @return false: a device does not convert it */
 static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress_struct *jpeg)
 {
     const jpeg_component_info *c = jpeg->comp_info;

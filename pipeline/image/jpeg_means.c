@@ -147,7 +147,7 @@ struct reader {
     size_t at, end; /* bits */
 };
 
-/* The bits from `at` on, from the highest; at least PEEK_BITS of them. */
+/* Bits from `at` on, from the highest; at least PEEK_BITS. */
 static inline uint64_t peek(const uint8_t *bytes, size_t at)
 {
     uint64_t next;
@@ -157,7 +157,7 @@ static inline uint64_t peek(const uint8_t *bytes, size_t at)
 }
 
 /*
- * Copy the bytes up to the next marker, behind those of the parts before.
+ * Copy the bytes up to the next marker, behind the parts before.
  * @param r      in: the part before; empty: none. out: the next one
  * @param from   in: the first byte; out: the marker, or the end
  * @param limit  bytes of all parts that are needed: soon after them it may end
@@ -475,13 +475,13 @@ static bool put_mean(struct writer *w, const struct table *t, int diff)
     return false;
 }
 
-/* Does an MCU follow a restart? Its means do not depend on those before. */
+/* Does an MCU follow a restart? Its means do not depend on earlier ones. */
 static bool restarts(const struct sst_jpeg_index *index, int n)
 {
     return !n || (index->interval && (unsigned)n % index->interval == 0);
 }
 
-/* An MCU whose means follow those of another MCU than before. */
+/* An MCU with means that follow another MCU's than before. */
 static int put_first(struct writer *w, const struct reader *r, const struct scan *s, int n, const int16_t last[3])
 {
     const struct sst_jpeg_mcu *mcu = &s->index->mcu[n];

@@ -101,7 +101,7 @@ static void read_header(struct work *w, struct blocks *b)
     b->d.progress = &w->progress;
 }
 
-/* Whether a header is of a picture of that size whose coefficients may take memory, about 6 bytes a pixel. */
+/* Whether a header has the picture's size, so that coefficients may take memory, about 6 bytes a pixel. */
 static bool is_plain(const struct work *w, const struct blocks *b)
 {
     return (int)b->d.image_width == w->width && (int)b->d.image_height == w->height && !b->d.progressive_mode &&
@@ -211,7 +211,7 @@ static void fill(struct work *w, int group, JCOEF *base, JCOEF *other, const UIN
         memcpy(other, base, sizeof(JBLOCK));
 }
 
-/* What lies beside a changed group belongs to it: shadows and edges differ by less. @return number of groups */
+/* Neighbours of a changed group belong to it: shadows and edges differ by less. @return number of groups */
 static int widen(struct work *w)
 {
     const int nx = groups_x(&w->other), ny = groups_y(&w->other);

@@ -20,7 +20,7 @@ struct sst_jpeg_bytes {
  * @param width    and height of both: others are refused before memory is taken for them
  * @param out      to free with free(); a JPEG of the same size, of which grey areas are as in the base
  * @param share    of the picture that differs, 0..1; may be NULL
- * @return 0, -EINVAL (one of them is no baseline JPEG, or they differ in size, sampling or tables), -ENOMEM; not logged
+ * @return 0, -EINVAL (one is no baseline JPEG, or they differ in size, sampling or tables), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole,
                                       int width, int height, uint8_t **out, size_t *bytes, double *share);

@@ -75,8 +75,8 @@ static unsigned used_by(const struct jpeg_segment *s)
     return bits;
 }
 
-/* Where the tables of K.3 belong: before the first DHT, whose own ones then replace them, or before the first scan.
- * @return 0: the file has what its first scan uses, or is not sequential */
+/* Place of the tables of K.3: before the first DHT, so that its own ones replace them, or before the first scan.
+ * @return 0: the file has the tables of its first scan, or is not sequential */
 static size_t place_of_tables(const uint8_t *data, size_t size)
 {
     struct jpeg_segment s = { 0 };

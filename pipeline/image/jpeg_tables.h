@@ -9,8 +9,8 @@
 #include "base/base.h"
 
 /**
- * Copy a picture; a sequential JPEG that does not define the Huffman tables of its first scan gets those of annex K.3 of
- * ITU-T T.81. All other bytes stay, also those of other formats and of damaged files.
+ * Copy a picture; a sequential JPEG that does not define the Huffman tables of its first scan gets the ones of annex
+ * K.3 of ITU-T T.81. All other bytes stay, also in other formats and damaged files.
  * @return to free with free(); NULL: no memory
  */
 SST_MUST_CHECK uint8_t *sst_jpeg_complete(const uint8_t *data, size_t size, size_t *out_size);

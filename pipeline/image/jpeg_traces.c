@@ -63,7 +63,7 @@ static int transform(double (*out)[BLOCKS], const struct sst_image *image)
     return n;
 }
 
-/* cos(2 pi turns), within 1e-8: the mean of thousands of them is compared with thresholds. */
+/* cos(2 pi turns), within 1e-8: means of thousands are compared with thresholds. */
 static double cos_turns(double turns)
 {
     const double whole = (turns + 0x1.8p52) - 0x1.8p52; /* rounds to the nearest */

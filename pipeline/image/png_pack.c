@@ -11,9 +11,9 @@
 
 #define HEADER_SIZE 13
 #define UP          2          /* filter: differences from the row above */
-#define MORE        (1u << 16) /* bytes: chunks, palette, and what samples that do not shrink grow by */
+#define MORE        (1u << 16) /* bytes: chunks, palette, and growth of samples that do not shrink */
 
-#define WHOLE (1u << 18) /* bytes of samples below which all of them are counted */
+#define WHOLE (1u << 18) /* bytes of samples below which all are counted */
 
 enum { GREY = 0, INDEXED = 3 }; /* colour types */
 
@@ -25,7 +25,7 @@ static uint8_t *put_big_endian(uint8_t *at, uint32_t v)
     return at + sizeof(bytes);
 }
 
-/* Complete a chunk whose data, of n bytes, lie 8 bytes after `at`. @return its end */
+/* Complete a chunk with its data, of n bytes, 8 bytes after `at`. @return its end */
 static uint8_t *close_chunk(uint8_t *at, const char type[4], size_t n)
 {
     put_big_endian(at, (uint32_t)n);
@@ -66,7 +66,7 @@ static void filter_u8(uint8_t *restrict to, const uint8_t *restrict row, const u
         to[x] = (uint8_t)(row[x] - up[x]);
 }
 
-/* Those of the two bytes of a number, the upper one first. */
+/* Codes of the two bytes of a number, the upper one first. */
 static void filter_u16(uint8_t *restrict to, const uint16_t *restrict row, const uint16_t *restrict up, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
@@ -98,7 +98,7 @@ static void filter_all(uint8_t *to, const struct png_map *map, const void *zeros
     }
 }
 
-/* What the library works in. */
+/* Working memory of the library. */
 struct work {
     struct isal_huff_histogram histogram;
     struct isal_hufftables tables;

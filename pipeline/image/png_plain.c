@@ -77,7 +77,7 @@ static bool read_header(const struct chunk *c, struct png_plain *out)
     return true;
 }
 
-/* Chunks up to the end: what is compressed goes to `packed`, which is as large as the file. @return its size; 0: not
+/* Chunks up to the end: compressed data goes to `packed`, which is as large as the file. @return its size; 0: not
  * plain */
 static size_t collect(struct file *f, bool indexed, uint8_t *packed)
 {
