@@ -12,7 +12,7 @@
 #define SST_PUBLISHER_STOP_NS     INT64_C(1800000000) /* least time that systemd gives them: TimeoutStopSec */
 #define SST_PUBLISHER_EXIT_CONFIG 78                  /* systemd does not start it again: RestartPreventExitStatus */
 
-/** A program that publishes what the service makes, as a client of its API. */
+/** A program that publishes pictures and events of the service, as a client of its API. */
 struct sst_publisher {
     const char *name;                  /* "rtsp": in messages and reports; the program is sst-NAME */
     const char *config_path;           /* NULL: the default */
@@ -47,13 +47,13 @@ bool sst_publisher_changed(const struct sst_publisher *p, const struct sst_confi
 SST_MUST_CHECK int sst_publisher_ask(const struct sst_publisher *p, const char *path, const json_t *post, json_t **out,
                                      char *why);
 
-/** What sst_publisher_follow() calls, on its own thread. */
+/** Callbacks of sst_publisher_follow(), on its own thread. */
 struct sst_publisher_listener {
     void (*connected)(void *arg, bool connected); /* true: also read the configuration again, it may be another one */
     void (*event)(void *arg, const json_t *event, const char *line);
     bool (*go_on)(void *arg); /* called about once a second */
     void *arg;
-    bool kept; /* events from before the connection, too: those that the service keeps */
+    bool kept; /* events from before the connection, too, as far as the service keeps them */
 };
 
 /** Receive the service's events until go_on() returns false. A service that is not there is logged once and tried again

@@ -272,7 +272,7 @@ static int bind_all(struct sst_array_config *a, bool again)
         *cam = (struct sst_config_camera){ .row = i / a->cols, .col = i % a->cols };
         cam->line = a->lines == a->rows ? cam->row : 0;
         memcpy(cam->port, devices[i].port, sizeof(cam->port)); /* serials may be equal or absent, ports never are */
-        for (int k = n; k < all; k++) /* the node that was selected of those of its device */
+        for (int k = n; k < all; k++) /* the node that was selected on its device */
             if (!strcmp(devices[k].port, devices[i].port))
                 cam->node = devices[i].nth;
     }
@@ -305,12 +305,12 @@ static int open_sets(struct sst_capture *c)
         .period_ns = (int64_t)(1e9 / hz),
         .window_ns = (int64_t)a->window_us * 1000,
         .wait_ns = (int64_t)a->wait_ms * 1000000,
-        /* So that sets run out before the buffers of the driver; those of another source do not, and wait longer. */
+        /* So that sets run out before the driver's buffers; another source's do not run out, and wait longer. */
         .pool = c->owned ? sst_clamp_int(a->buffers - 2, 2, 30) : SOURCE_POOL,
     };
     const struct sst_framesync_events events = { .arg = c, .set = on_set, .release = on_release };
 
-    if (cfg.match == SST_FRAMESYNC_INDEX && !cfg.wait_ns) /* those of a host come when its own sets are closed */
+    if (cfg.match == SST_FRAMESYNC_INDEX && !cfg.wait_ns) /* a host's frames come when its own sets are closed */
         cfg.wait_ns = 3 * cfg.period_ns > SOURCE_WAIT_NS ? 3 * cfg.period_ns : SOURCE_WAIT_NS;
     if (cfg.match == SST_FRAMESYNC_NEAREST && !cfg.window_ns)
         cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a period of the cameras, and some jitter */
@@ -436,7 +436,7 @@ int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *a
 
 int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)
 {
-    if (array->role == SST_CONFIG_HEAD) /* its own cameras alone, without those of its nodes */
+    if (array->role == SST_CONFIG_HEAD) /* its own cameras alone, not its nodes' */
         array->role = SST_CONFIG_SINGLE;
     return sst_capture_open_source(out, array, &(struct sst_source){ 0 }, events);
 }
@@ -454,7 +454,7 @@ static int ready_cameras(const struct sst_capture *c)
     return n;
 }
 
-/* Start the cameras and wait a little for those that do not start at once; frames are dropped meanwhile. */
+/* Start the cameras and wait a little for late ones; frames are dropped meanwhile. */
 static int start_cameras(struct sst_capture *c)
 {
     const struct sst_source_events events = { .arg = c, .trigger = on_trigger, .frame = on_placed, .state = on_state };

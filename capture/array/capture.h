@@ -31,7 +31,7 @@ struct sst_capture_report {
     uint64_t edges, edges_stamped, ticks_skipped; /* triggers fired; with a loop-back stamp; too late to fire */
     uint64_t refused;                             /* sets that the writer returned an error for */
     uint64_t skewed;                              /* sets with more skew than the limit */
-    struct sst_histogram skew_ns, from_edge_ns; /* of sets with two frames or more; of those with an edge, magnitude */
+    struct sst_histogram skew_ns, from_edge_ns; /* of sets with two frames or more; of sets with an edge, magnitude */
     bool trigger_away;                          /* its chip is disconnected */
     int worst_cam;                              /* of the set with the most skew; -1 */
     struct sst_grab_counters grab;              /* sums over the cameras */
@@ -48,8 +48,9 @@ struct sst_capture_report {
 SST_MUST_CHECK int sst_capture_open(struct sst_capture **out, struct sst_array_config *array,
                                     const struct sst_capture_events *events);
 
-/** The same from another source, whose cameras array->camera[] lists; it has no trigger here, and sets are assembled by the
- *  numbers of triggers that the source gives. @param source  must outlive the capture, which starts it */
+/** Open a capture from another source, with the cameras in array->camera[]; it has no trigger here, and sets are
+ * assembled
+ *  by the numbers of triggers that the source gives. @param source  must outlive the capture, which starts it */
 SST_MUST_CHECK int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *array,
                                            const struct sst_source *source, const struct sst_capture_events *events);
 
@@ -62,7 +63,7 @@ SST_MUST_CHECK int sst_capture_run(struct sst_capture *capture, uint64_t sets);
 /** Make run return as soon as the open sets are closed; async-signal-safe. */
 void sst_capture_stop(struct sst_capture *capture);
 
-/** Thread: that of run (progress), or any once it has returned. */
+/** Thread: the one of run (progress), or any once it has returned. */
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out);
 /** Counters and device of one camera. */
 void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_grab_counters *grab,

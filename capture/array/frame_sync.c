@@ -28,7 +28,7 @@ struct camera {
     int64_t last_ns;    /* newest time stamp */
     int64_t latency_ns; /* usual time from stamp to arrival */
     bool doubtful;      /* its stamps ran backwards and are not confirmed to be right again */
-    int64_t tick;       /* FREE, INDEX: that of its last frame */
+    int64_t tick;       /* FREE, INDEX: of its last frame */
 };
 
 struct sst_framesync {
@@ -46,7 +46,7 @@ struct sst_framesync {
     /* under lock */
     pthread_mutex_t lock;
     bool busy[64];    /* sets of the pool that are open or with the receiver */
-    bool counted[64]; /* of them, those whose frames are already counted in a bucket */
+    bool counted[64]; /* cameras with frames that are already counted in a bucket */
     struct sst_framesync_counters counters;
 };
 

@@ -74,7 +74,7 @@ struct sst_framesync_events {
 struct sst_framesync_counters {
     uint64_t sets, complete, empty; /* passed on; of these, with all cameras, with none */
     uint64_t dropped;               /* triggers without a free set: the receiver holds them all */
-    uint64_t relocked;              /* FREE: a camera's ticks slipped against those of the others */
+    uint64_t relocked;              /* FREE: a camera's ticks slipped against the others' */
     uint64_t bucket[SST_BUCKETS];
     uint64_t camera[SST_CAMERAS_MAX][SST_BUCKETS];
     uint64_t
@@ -91,8 +91,8 @@ void sst_framesync_trigger(struct sst_framesync *sets, uint64_t index, int64_t t
 /** Add an arrived frame; it ends in its bucket now or when its set is closed. */
 void sst_framesync_frame(struct sst_framesync *sets, struct sst_frame *frame);
 
-/** INDEX: what a camera has for the trigger of that index, which was reported before: a frame, which ends in its bucket now
- *  or when its set is closed; NULL: none will come, and the set does not wait for it. */
+/** INDEX: frame of a camera for the trigger of an index reported before; it ends in its bucket now or when its set is
+ *  closed. NULL: none will come, and the set does not wait for it. */
 void sst_framesync_place(struct sst_framesync *sets, int cam, uint64_t index, struct sst_frame *frame);
 
 /** Set whether a camera streams: sets wait only for streaming cameras. Initially none streams. */
@@ -108,7 +108,7 @@ void sst_framesync_flush(struct sst_framesync *sets);
  *  @param dropped  count its frames as dropped by policy */
 void sst_framesync_recycle(struct sst_framesync *sets, struct sst_frameset *set, bool dropped);
 
-/** Thread: that of sst_framesync_frame() and sst_framesync_trigger(). */
+/** Thread: the one of sst_framesync_frame() and sst_framesync_trigger(). */
 void sst_framesync_counters(const struct sst_framesync *sets, struct sst_framesync_counters *out);
 
 /** Every set must have been recycled. NULL is fine. */

@@ -87,7 +87,7 @@ void health_set(struct health *h, int cam)
     }
 }
 
-/* Log cameras whose fault started, or ended, since the last call. @return number of lines */
+/* Log cameras with a fault that started, or ended, since the last call. @return number of lines */
 static int log_change(struct health *h, enum trouble trouble, bool ended, int cameras,
                       const char (*name)[SST_HEALTH_NAME])
 {

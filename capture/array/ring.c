@@ -47,7 +47,7 @@ static void remove_locked(struct sst_ring *r, int i)
 }
 
 /*
- * Make room for `size` bytes at head: sets in the way are dropped; if one of them has readers, the space behind it is
+ * Make room for `size` bytes at head: sets in the way are dropped; if one has readers, the space behind it is
  * tried. So a hung reader costs only the space of its own set.
  */
 static uint8_t *reserve_locked(struct sst_ring *r, size_t size)

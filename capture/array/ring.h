@@ -11,7 +11,7 @@ struct sst_ring; /* opaque; any thread */
 
 /** A frameset and the bytes of its frames, read-only; freed with the last reference. */
 struct sst_kept {
-    uint64_t number;         /* in the ring: 1, 2, ... without gaps; set.index is that of the trigger */
+    uint64_t number;         /* in the ring: 1, 2, ... without gaps; set.index is the trigger's */
     struct sst_frameset set; /* frame[] points to frame_data */
     size_t bytes;            /* of all frames */
 };

@@ -5,20 +5,19 @@
 
 #include "drivers/grab/grab.h"
 
-/** What a source reports while it is polled, on the capture thread. */
+/** Reports of a source while it is polled, on the capture thread. */
 struct sst_source_events {
     void *arg;
     /** A trigger has been counted; in order of its index. Its frames follow. @param edge  t_ns is a stamp of the edge
      */
     void (*trigger)(void *arg, uint64_t index, int64_t t_ns, bool edge);
-    /** What a camera has for that trigger: a frame, owned by the receiver until it is released; NULL: none will come.
-     */
+    /** Frame of a camera for the trigger, owned by the receiver until it is released; NULL: none will come. */
     void (*frame)(void *arg, int cam, uint64_t index, struct sst_frame *frame);
     /** A camera delivers, or no longer. Already logged. */
     void (*state)(void *arg, int cam, enum sst_grab_state state, const char *why);
 };
 
-/** Verbs of a source, with the contracts of those of struct sst_grab (drivers/grab/grab.h). */
+/** Verbs of a source, with the contracts of struct sst_grab's (drivers/grab/grab.h). */
 struct sst_source_ops {
     /** Begin to deliver, to these events. @return 0, or -errno, logged */
     int (*start)(void *source, const struct sst_source_events *events);

@@ -130,7 +130,7 @@ static int find_size(struct work *w)
     return -EBADMSG;
 }
 
-/* What the pictures without the board show instead, as far as it can be guessed. */
+/* Guess of the other board in pictures without the wanted one. */
 static void log_other_board(const struct work *w, int found)
 {
     char text[128], shows[160];

@@ -36,10 +36,11 @@ struct sst_gather_selection {
 
 /**
  * Find the pictures in a folder:
- *   a recording; a light field, or a folder of them (a frame each); a folder with one folder of pictures per camera,
+ *   a recording; a light field, or a folder of light fields (a frame each); a folder with one folder of pictures per
+ * camera,
  *   files of the same name being one moment; a folder of pictures named CAMERA + number (left01.jpg, right01.jpg).
- * Cameras named rr_cc have that position in the grid, unless names are plain; others fill it in the order of their
- * names.
+ * Cameras named rr_cc have their position in the grid by that, unless names are plain; others fill it in the order of
+ * their names.
  *
  * @param path  must outlive the source
  * @return 0, -ENOENT, -EBADMSG (no pictures, names that do not fit the grid), -ENOMEM ...; logged.
@@ -84,9 +85,9 @@ struct sst_gather_live; /* opaque; open, run and close on one thread */
 /** The current state of a run. */
 struct sst_gather_status {
     int framesets, accepted;          /* captured; of these, accepted because they add coverage */
-    double coverage;                  /* lowest coverage of any camera, 0..1 of what a calibration needs */
-    int row, col;                     /* of that camera */
-    const char *camera, *missing;     /* its name, and what is missing there; "": nothing */
+    double coverage;                  /* lowest coverage of any camera, 0..1 of a calibration's need */
+    int row, col;                     /* of the camera with the lowest */
+    const char *camera, *missing;     /* its name, and the part that it lacks; "": none */
     const struct sst_detections *all; /* so far */
 };
 
@@ -109,10 +110,10 @@ SST_MUST_CHECK int sst_gather_live_open(struct sst_gather_live **out, const stru
  * Gather framesets until the coverage is complete, a limit is reached or stop is called. A frameset in which the board
  * is where it was in the last accepted one is not accepted, nor one that repeats an earlier pose to the pixel. When as
  * many poses in a row were repeats as are accepted (a board that a machine moves), the run ends with a warning that
- * names what is missing.
+ * names the missing poses.
  *
  * @param frameset  out, to free: for each frame of out->all the number of its frameset, from 0 in the order of capture
- * @return 0, -EBADMSG (no camera saw the board), what capture or a callback returns; logged
+ * @return 0, -EBADMSG (no camera saw the board), or the result of capture or a callback; logged
  */
 SST_MUST_CHECK int sst_gather_live_run(struct sst_gather_live *live, struct sst_gathered *out, int **frameset);
 
@@ -122,7 +123,7 @@ void sst_gather_live_stop(struct sst_gather_live *live);
 /** NULL is fine. */
 void sst_gather_live_close(struct sst_gather_live *live);
 
-/** Write the picture of the coverage of all cameras (PNG). @return 0 or what outputs return; logged */
+/** Write the picture of the coverage of all cameras (PNG). @return 0 or the error of the output; logged */
 SST_MUST_CHECK int sst_gather_write_coverage(const struct sst_detections *all, const char *path);
 
 #endif

@@ -14,7 +14,7 @@
 #include "pipeline/image/raw.h"
 
 #define STILL_SHARE  0.02   /* of the picture's width: a board that moved less shows nothing new */
-#define REPEAT_SHARE 0.0025 /* of that width: a pose is an earlier one if its corners are that close in all cameras */
+#define REPEAT_SHARE 0.0025 /* of the width: a pose is an earlier one if its corners are that close in all cameras */
 #define REPEATS_MIN  10
 #define STATUS_NS    2000000000ll
 
@@ -147,7 +147,7 @@ static int accept_frameset(struct sst_gather_live *l, uint64_t index)
     return err;
 }
 
-/* The camera whose coverage is least. @return its view */
+/* Camera of the least coverage. @return its view */
 static int least_covered(const struct sst_gather_live *l, double *share)
 {
     int worst = -1;

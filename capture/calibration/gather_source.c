@@ -385,7 +385,7 @@ int sst_gather_source_read(const struct sst_gather_source *s, int view, int fram
     if (s->recording)
         return gather_recorded_read(s, view, frame, out);
     path = s->file[(size_t)frame * (size_t)(s->rows * s->cols) + (size_t)view];
-    /* Ranges of their own would hide the cameras' gains: what that loses is reported of the first moment. */
+    /* Ranges of their own would hide the cameras' gains: the loss is reported for the first moment. */
     if (path && !frame)
         sst_image_report_depth(path);
     return path ? sst_image_read(out, path) : -ENODATA;

@@ -11,7 +11,7 @@
 
 #define CONNECT_MS 1000
 
-/* Does something listen there? Who it is, the handshake of the service finds out. */
+/* Does something listen there? The handshake of the service finds out its identity. */
 static int reach(const char *address, int port)
 {
     struct sockaddr_storage to;

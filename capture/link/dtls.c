@@ -39,7 +39,7 @@ static int open_socket(const char *address, int port, struct sockaddr_storage *a
     fd = socket(at->ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0)
         return -errno;
-    /* The kernel grants what net.core.rmem_max and wmem_max permit. */
+    /* The kernel grants as much as net.core.rmem_max and wmem_max permit. */
     (void)setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof(room));
     (void)setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &room, sizeof(room));
     return fd;
@@ -93,7 +93,7 @@ static ssize_t push_client(gnutls_transport_ptr_t arg, const void *data, size_t 
     if (!d->ready)
         return push_flight(&d->flight, d->fd, NULL, 0, data, bytes);
     n = send(d->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
-    /* What the network does not accept now, for want of a route or of room, is a lost datagram. */
+    /* A datagram that the network does not accept now, for want of a route or of room, is lost. */
     return n < 0 && errno != EAGAIN ? (ssize_t)bytes : n;
 }
 
@@ -124,7 +124,7 @@ int link_dtls_open(struct link_dtls **out, const char *address, int port, struct
     return 0;
 }
 
-/* The head sends nothing but alerts and what is left of a handshake. */
+/* The head sends nothing but alerts and the rest of a handshake. */
 static int listen_to(struct link_dtls *d, char why[256])
 {
     uint8_t away[MTU];
@@ -379,7 +379,8 @@ static bool is_hello(const uint8_t *data, size_t bytes)
     return bytes > 25 && data[0] == 22 && !data[3] && !data[4] && data[13] == 1;
 }
 
-/* Who has shown by a cookie that it receives at its address gets a session; others get the cookie, and no memory. */
+/* A client that has shown by a cookie that it receives at its address gets a session; others get the cookie, and no
+ * memory. */
 static struct peer *greet(struct link_dtls_server *s, const struct sockaddr_storage *at, socklen_t at_bytes,
                           uint8_t *data, size_t bytes)
 {
@@ -433,7 +434,7 @@ static void shake_hands(struct link_dtls_server *s, struct peer *p)
         drop(p);
         return;
     }
-    for (int i = 0; i < PEERS; i++) /* that of its life before */
+    for (int i = 0; i < PEERS; i++) /* the peer of its life before */
         if (&s->peer[i] != p && s->peer[i].ready && !strcmp(s->peer[i].name, p->name))
             drop(&s->peer[i]);
     p->ready = true;
@@ -453,7 +454,7 @@ static void read_records(struct link_dtls_server *s, struct peer *p)
         } else if (n == 0 || link_session_judge(n, why)) {
             drop(p);
         } else if (n == GNUTLS_E_AGAIN) {
-            flush(p); /* a handshake whose end the node has not seen */
+            flush(p); /* the node has not seen the end of the handshake */
             return;
         }
     }

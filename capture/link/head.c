@@ -12,7 +12,7 @@
 #include "capture/link/link_internal.h"
 
 #define GAP_MOST                                                                                                       \
-    64 /* triggers that no source reported in time are made up, so that late sets of them find their place */
+    64 /* triggers that no source reported in time are made up, so that late sets find their place */
 
 /* --- source for capture ------------------------------------------------------------------------------------------- */
 

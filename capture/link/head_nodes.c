@@ -21,7 +21,7 @@
 #define HELLO_NS    INT64_C(5000000000) /* from the connection to the node's name */
 #define GREET_NS    INT64_C(250000000)  /* ... to the first message, when others want its place */
 #define SILENCE_NS  INT64_C(2000000000)
-#define HOLD_MS     20 /* sets that are incomplete, or whose names are not decided, are looked at again */
+#define HOLD_MS     20 /* sets that are incomplete, or without a decided name, are polled again */
 #define WAIT_NS     INT64_C(600000000) /* for a set to become complete, at least, where sets: wait_ms does not say it */
 
 struct link_connection {
@@ -33,11 +33,11 @@ struct link_connection {
     bool refused; /* closed once the reason has been sent */
     /* of its node */
     struct link_inbox *inbox;
-    struct link_inbox_counters counted; /* of it, in what is reported */
+    struct link_inbox_counters counted; /* of it, in the report */
     uint64_t received_datagram_bytes;   /* not yet reported */
     int cameras;
     struct {
-        uint8_t *data; /* what it sent last, for pictures that are unchanged; of the set `seq` */
+        uint8_t *data; /* bytes that it sent last, for pictures that are unchanged; of the set `seq` */
         size_t bytes, room;
         uint32_t stride;
         uint64_t seq;
@@ -157,7 +157,7 @@ static void show_cameras_locked(struct sst_link_head *h, int source, const json_
     }
 }
 
-/* What must be the same on both hosts. */
+/* Settings that both hosts must share. */
 static int compare(const struct sst_link_head *h, const json_t *hello, char why[256])
 {
     const struct sst_array_config *a = &h->array;
@@ -347,13 +347,13 @@ static int keep_last(struct link_connection *c, int cam, const uint8_t *data, co
     return 0;
 }
 
-/* What a set has. */
+/* Content of a set. */
 struct contents {
     int frames, unchanged, missed; /* missed: unchanged from a picture that did not arrive */
     size_t bytes;                  /* with unchanged ones */
 };
 
-/* Remember the bytes of this set. An unchanged picture whose bytes are of a missed set is missing. */
+/* Remember the bytes of this set. An unchanged picture with bytes in a missed set is missing. */
 static int study(struct link_connection *c, uint64_t seq, struct wire_frame *frame, const uint8_t *data,
                  struct contents *out)
 {
@@ -453,7 +453,7 @@ static int take_sets(struct sst_link_head *h, struct link_connection *c, int64_t
     return err;
 }
 
-/* Ask for what does not come. */
+/* Ask for missing pieces. */
 static int want(struct link_connection *c, int64_t now_ns)
 {
     uint16_t index[SST_PIECES_DATA_MAX];
@@ -474,7 +474,7 @@ static int want(struct link_connection *c, int64_t now_ns)
     return 0;
 }
 
-/* What has come, and time, decide sets. */
+/* Arrivals, and time, decide sets. */
 static int settle(struct sst_link_head *h, struct link_connection *c, int64_t now_ns)
 {
     struct sst_link_peer *p = &h->source[c->source].peer;
@@ -515,7 +515,7 @@ void head_datagram(void *head, const char *name, const uint8_t *data, size_t byt
     if (!c)
         return;
     if (link_inbox_datagram(c->inbox, data, bytes, sst_clock_now_ns())) {
-        /* counted; it is still who the certificate names */
+        /* counted; it still is the host of its certificate */
     }
     c->received_datagram_bytes += bytes;
     c->until_ns = sst_clock_now_ns() + SILENCE_NS;
@@ -554,7 +554,7 @@ static void name_error(int err, char why[256])
         snprintf(why, 256, "%s", strerror(-err));
 }
 
-/* All that has come of a connection. What GnuTLS holds back is not seen by poll(): hence until nothing more comes. */
+/* All input of a connection. Bytes inside GnuTLS are not seen by poll(): hence until nothing more comes. */
 static int serve_one(struct sst_link_head *h, struct link_connection *c, char why[256])
 {
     bool any = true;
@@ -598,8 +598,8 @@ static int count_spare(const struct sst_link_head *h, const struct link_connecti
     return sst_max_int(n - LINK_NODES, 0);
 }
 
-/* Order of eviction of connections without a node: silent ones, then those of the address with the most connections, then
- * the oldest; connections with a certificate last. @return a is evicted before b */
+/* Order of eviction of connections without a node: silent ones, then the ones of the address with most connections,
+ * then the oldest; connections with a certificate last. @return a is evicted before b */
 static bool goes_first(const struct sst_link_head *h, const struct link_connection *a, const struct link_connection *b,
                        int64_t now_ns)
 {
@@ -672,7 +672,7 @@ static int gather(const struct sst_link_head *h, struct pollfd *fds)
     return 3 + CONNECTIONS;
 }
 
-/* @return 0, or what ends the connection, with why */
+/* @return 0, or the error that ends the connection, with why */
 static int check(struct sst_link_head *h, struct link_connection *c, int64_t now_ns, char why[256])
 {
     int err = c->inbox ? settle(h, c, now_ns) : 0;
@@ -692,7 +692,7 @@ static int check(struct sst_link_head *h, struct link_connection *c, int64_t now
     return err;
 }
 
-/* First what came over TLS, as states of cameras precede their pictures, then datagrams, then what both decide.
+/* Input over TLS first, as states of cameras precede their pictures, then datagrams, then decisions by both.
  * @return true: something waits for time to pass */
 static bool serve_all(struct sst_link_head *h, const struct pollfd *fds)
 {
@@ -753,7 +753,7 @@ void *head_serve(void *arg)
         stop = h->stop;
         pthread_mutex_unlock(&h->lock);
     }
-    h->event = NULL; /* what ends now is the head's own doing */
+    h->event = NULL; /* connections end by the head's own doing from now on */
     for (int i = 0; i < CONNECTIONS; i++)
         if (h->connection[i].stream.fd >= 0)
             end(h, &h->connection[i], "the head ends");

@@ -143,7 +143,7 @@ static bool decide_locked(struct sst_link_head *h, int source, int64_t now_ns)
     return true;
 }
 
-/* One source's decision may be what another waits for. */
+/* Another source may wait for one source's decision. */
 static bool settle_locked(struct sst_link_head *h, int64_t now_ns)
 {
     bool any = true, waits = false;

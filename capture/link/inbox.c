@@ -1,7 +1,7 @@
 /* Messages of one node on the head: pieces by datagram, repairs and whole messages over TLS become sets in their order.
  *
- * Order costs nothing while pieces suffice: a set's datagrams are there before the next edge. One that waits for its
- * repair holds up those behind it, which may name its pictures as unchanged. */
+ * Order costs nothing while pieces suffice: a set's datagrams are there before the next edge. A set that waits for its
+ * repair holds up later ones, which may name its pictures as unchanged. */
 #include <assert.h>
 #include <errno.h>
 #include <stdlib.h>
@@ -116,7 +116,7 @@ static bool add_piece(struct link_inbox *in, struct slot *s, int index, const ui
     return true;
 }
 
-/* --- what comes --------------------------------------------------------------------------------------------------- */
+/* --- input -------------------------------------------------------------------------------------------------------- */
 
 int link_inbox_datagram(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns)
 {
@@ -162,7 +162,7 @@ int link_inbox_offer(struct link_inbox *in, const uint8_t *data, size_t bytes, i
     s = note(in, seq, now_ns);
     if (!s)
         return -EBADMSG;
-    if (!s->offered) /* what was sent last may still come */
+    if (!s->offered) /* the last bytes sent may still come */
         s->last_ns = now_ns;
     s->offered = true;
     return shape_slot(in, s, &shape);
@@ -231,7 +231,7 @@ int link_inbox_whole(struct link_inbox *in, const uint8_t *data, size_t bytes, i
     return 0;
 }
 
-/* --- what is done about it ---------------------------------------------------------------------------------------- */
+/* --- decisions ---------------------------------------------------------------------------------------------------- */
 
 bool link_inbox_next(struct link_inbox *in, int64_t now_ns, struct link_inbox_set *out)
 {

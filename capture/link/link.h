@@ -19,9 +19,9 @@ struct sst_link_node; /* opaque; any thread, but open and close */
 /** Where frames of captured sets ended on their way to the head: exactly one place each. */
 enum sst_link_bucket {
     SST_LINK_SENT = 0,      /* the head has confirmed them ... */
-    SST_LINK_UNCHANGED = 1, /* ... likewise, without their bytes, as they show what the ones before show */
+    SST_LINK_UNCHANGED = 1, /* confirmed, sent without their bytes, as they equal the ones before */
     SST_LINK_DROPPED = 2,   /* the queue was full: the oldest went */
-    SST_LINK_AWAY = 3,      /* likewise while no head was connected */
+    SST_LINK_AWAY = 3,      /* the queue was full while no head was connected: the oldest went */
     SST_LINK_LOST = 4,      /* sent, but the connection ended before the head had them */
     SST_LINK_MISSED = 5,    /* sent by datagrams, and their set was not complete in time */
     SST_LINK_BUCKETS = 6,
@@ -86,7 +86,7 @@ struct sst_link_peer {
     char address[64];
     int cameras;
     uint64_t connections;
-    uint64_t sets, frames, unchanged; /* received; frames include those that were named as unchanged */
+    uint64_t sets, frames, unchanged; /* received; frames include unchanged ones */
     /* Of the frames: passed to capture; unchanged from a picture that was missed; no room; of no trigger; on their way.
      */
     uint64_t passed, missed, dropped, unnamed, waiting;

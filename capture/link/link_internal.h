@@ -15,16 +15,22 @@
 
 /* --- messages ---
  * Each is a type and a length, 4 bytes each, and that number of bytes. All numbers are little-endian.
- *   HELLO    node to head, JSON: version, run, opening, seq (of the last set it has sent), rate_hz, width, height,
- * format, cameras: [[row, col, serial, port, name], ...] WELCOME  head to node, JSON: refused: "" or why; seq: the last
- * set that it has decided of that run, 0: none; missed: bit i is set if set seq - i was missed; session: number that
- * its datagrams must bear, "": it takes none STATE    node to head, JSON, twice a second: states of cameras, counters,
- * clock; the head reports it as it is SET      node to head: struct wire_set, cameras times struct wire_frame, then the
- * bytes of the frames sent ACK      head to node, for each set, in their order, and after each STATE: the seq of the
- * last set, what has become of it (enum wire_outcome), how many datagrams of it were of use A set also goes by
- * datagrams (pieces.h), as the bytes that SET has. Then: OFFER    node to head, after its last datagram: seq, bytes,
- * parity (8, 4, 4) WANT     head to node, when no more comes: seq and which pieces it lacks, 2 bytes each; none: all
- *   REPAIR   node to head: as OFFER, then for each piece its index (8) and bytes; none: the node no longer has it
+ * - HELLO, node to head, JSON: version, run, opening, seq (of the last set it has sent), rate_hz, width, height,
+ * format,
+ *   cameras: [[row, col, serial, port, name], ...]
+ * - WELCOME, head to node, JSON: refused: "" or why; seq: the last set of the run that it has decided, 0: none; missed:
+ *   bit i is set if set seq - i was missed; session: number that its datagrams must bear, "": it takes none
+ * - STATE, node to head, JSON, twice a second: states of cameras, counters, clock; the head reports it as it is
+ * - SET, node to head: struct wire_set, cameras times struct wire_frame, then the bytes of the frames sent
+ * - ACK, head to node, for each set, in their order, and after each STATE: the seq of the last set, its outcome (enum
+ *   wire_outcome), the number of its useful datagrams
+ *
+ * A set also goes by datagrams (pieces.h), with the bytes of SET. Then:
+ * - OFFER, node to head, after its last datagram: seq, bytes, parity (8, 4, 4)
+ * - WANT, head to node, when no more comes: seq and the missing pieces, 2 bytes each; none: all
+ * - REPAIR, node to head: the fields of OFFER, then for each piece its index (8) and bytes; none: the node no longer
+ * has
+ *   it
  */
 
 #define LINK_VERSION 2
@@ -42,12 +48,12 @@ enum message_type {
 
 #define MESSAGE_HEAD      8
 #define MESSAGE_TEXT_MAX  (1 << 18) /* of JSON */
-#define FRAME_BYTES_EXTRA 65536     /* more than its pixels, for what is around a picture */
+#define FRAME_BYTES_EXTRA 65536     /* more than its pixels, for the headers of a picture */
 
 enum wire_kind {
     WIRE_MISSING = 0,
     WIRE_FRAME = 1,
-    WIRE_UNCHANGED = 2, /* shows what that of the set `since` shows */
+    WIRE_UNCHANGED = 2, /* equals the frame of the set `since` */
 };
 
 enum wire_outcome {
@@ -105,12 +111,11 @@ struct gnutls_session_int; /* GnuTLS's own */
 /** A session that is to shake hands. @return 0, -ENOMEM */
 SST_MUST_CHECK int link_session_create(struct gnutls_session_int **out, struct link_credentials *credentials,
                                        bool server, bool datagrams);
-/** The other side's certificate is signed by the authority and in its time; what its name may do is the caller's to
- * judge.
+/** The other side's certificate is signed by the authority and in its time; the caller judges its name.
  *  @param name  out, its common name @return 0, -EACCES with why */
 SST_MUST_CHECK int link_session_verify(struct gnutls_session_int *session, char name[64], char why[256]);
-/** @param n  what a function of GnuTLS returned @return 0: it waits for the socket, or it was a warning; else what ends
- * the connection, with why */
+/** @param n  result of a function of GnuTLS @return 0: it waits for the socket, or it was a warning; else the error
+ * that ends the connection, with why */
 SST_MUST_CHECK int link_session_judge(long n, char why[256]);
 
 struct link_tls; /* private to stream.c */
@@ -121,7 +126,7 @@ struct link_stream {
     struct link_tls *tls;
     bool ready; /* the other side has shown its certificate */
     bool server;
-    char peer[64]; /* common name of that */
+    char peer[64]; /* common name of the other side */
     uint8_t *in, *out;
     size_t in_bytes, in_room, out_at, out_bytes, out_room, most; /* most: longest message */
     size_t taken;                                                /* of `in`: the message that was returned last */
@@ -131,7 +136,7 @@ struct link_stream {
 /** Take over a socket. @param most  bytes of the longest message @return 0, -ENOMEM */
 SST_MUST_CHECK int link_stream_open(struct link_stream *s, int fd, struct link_credentials *credentials, bool server,
                                     size_t most);
-/** Shake hands, send and receive what is possible now. @param why  out on failure, one clause @return 0, -errno */
+/** Shake hands, send and receive as far as possible now. @param why  out on failure, one clause @return 0, -errno */
 SST_MUST_CHECK int link_stream_work(struct link_stream *s, char why[256]);
 /** Next message, valid until the next call. @return 1, 0 (none yet), -EBADMSG (too long) */
 SST_MUST_CHECK int link_stream_next(struct link_stream *s, enum message_type *type, const uint8_t **data,
@@ -159,7 +164,7 @@ void link_address_text(const struct sockaddr_storage *address, char out[64]);
 /** Whoever connects has many ports, and of IPv6 a whole network. */
 bool link_same_network(const struct sockaddr_storage *a, const struct sockaddr_storage *b);
 
-/** Bytes of the longest frame of that size, and of the longest message of an array of such. */
+/** Bytes of the longest frame of a size, and of the longest message of an array of such frames. */
 size_t link_frame_most(int width, int height);
 size_t link_message_most(int cameras, int width, int height);
 
@@ -170,7 +175,8 @@ struct link_dtls; /* opaque */
 /** Begin to connect to a UDP port. @return 0, -EINVAL, -ENOSYS (built without), -errno */
 SST_MUST_CHECK int link_dtls_open(struct link_dtls **out, const char *address, int port,
                                   struct link_credentials *credentials);
-/** Shake hands, resend what is due. Call it when its descriptor is readable, and every 50 ms until it is ready.
+/** Shake hands, resend flights that are due. Call it when its descriptor is readable, and every 50 ms until it is
+ * ready.
  *  @return 0, -errno with why: close it */
 SST_MUST_CHECK int link_dtls_work(struct link_dtls *d, char why[256]);
 bool link_dtls_ready(const struct link_dtls *d); /**< NULL: false */
@@ -218,7 +224,7 @@ struct link_inbox_set {
 };
 
 struct link_inbox_counters {
-    uint64_t datagrams; /* that came; of them */
+    uint64_t datagrams; /* received, among them: */
     uint64_t spare;     /* ... enough had come, or it came twice */
     uint64_t refused;   /* ... no piece, of another connection, or of no set that can be on its way */
     uint64_t asked;     /* sets of which pieces were asked for */
@@ -233,13 +239,13 @@ SST_MUST_CHECK int link_inbox_create(struct link_inbox **out, uint64_t session, 
 void link_inbox_destroy(struct link_inbox *in);
 /** A datagram. @return 0, -EBADMSG (refused, counted), -ENOMEM */
 SST_MUST_CHECK int link_inbox_datagram(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns);
-/** Messages of those types. @return 0, -EBADMSG, -ENOMEM */
+/** Messages OFFER, REPAIR and SET. @return 0, -EBADMSG, -ENOMEM */
 SST_MUST_CHECK int link_inbox_offer(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns);
 SST_MUST_CHECK int link_inbox_repair(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns);
 SST_MUST_CHECK int link_inbox_whole(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns);
 /** The next set, in their order, that is complete or missed. @return false: none yet */
 bool link_inbox_next(struct link_inbox *in, int64_t now_ns, struct link_inbox_set *out);
-/** A set of which pieces are to be asked for, once. @param index  out, [SST_PIECES_DATA_MAX], n of them; 0: all */
+/** A set with pieces to ask for, once. @param index  out, [SST_PIECES_DATA_MAX], n are set; 0: all */
 bool link_inbox_ask(struct link_inbox *in, int64_t now_ns, uint64_t *seq, uint16_t *index, int *n);
 /** Something is incomplete: time decides. */
 bool link_inbox_waits(const struct link_inbox *in);
@@ -300,7 +306,7 @@ struct sst_link_node {
     uint64_t counted_bytes;       /* of the stream */
     struct sst_array_config sent; /* the array as the head knows it */
     uint64_t seq;
-    struct sst_unchanged *unchanged;          /* what was sent last of each camera; NULL: all is sent */
+    struct sst_unchanged *unchanged;          /* last bytes sent of each camera; NULL: all is sent */
     bool renew;                               /* ... is to begin again */
     uint64_t since[SST_CAMERAS_MAX];          /* ... in which set */
     struct wire_frame frame[SST_CAMERAS_MAX]; /* of the set that is being written */
@@ -339,12 +345,12 @@ struct sst_link_node {
 /* node_sets.c: from the queue to the head, and where frames end. */
 void node_drop_oldest_locked(struct sst_link_node *n);
 void node_lose_flights_locked(struct sst_link_node *n);
-/** What the head says of sets up to `seq`. @param missed  bit i: seq - i was missed @return how long the last of them
- * took, ns; 0: none of them is new */
+/** Acknowledgement of sets up to `seq`. @param missed  bit i: seq - i was missed @return time of the last one on its
+ * way, ns; 0: none is new */
 int64_t node_confirm_locked(struct sst_link_node *n, uint64_t seq, uint64_t missed, int64_t now_ns);
 /** Detection of changes begins again: every picture is sent once. */
 void node_renew_unchanged(struct sst_link_node *n);
-/** Send what can be sent now. @return 0, or what ends the connection */
+/** Send as much as possible now. @return 0, or the error that ends the connection */
 SST_MUST_CHECK int node_send_sets(struct sst_link_node *n);
 
 /* node_datagrams.c: a set's way by datagrams. */
@@ -353,14 +359,14 @@ SST_MUST_CHECK int node_datagrams_open(struct sst_link_node *n); /**< once. @ret
 void node_datagrams_begin(struct sst_link_node *n, uint64_t session);
 void node_datagrams_end(struct sst_link_node *n);   /**< ... ended */
 void node_datagrams_close(struct sst_link_node *n); /**< for good */
-/** Connect, and send the pieces whose time has come. @return 0, -ENOMEM */
+/** Connect, and send the pieces that are due. @return 0, -ENOMEM */
 SST_MUST_CHECK int node_datagrams_work(struct sst_link_node *n, int64_t now_ns);
 bool node_datagrams_ready(const struct sst_link_node *n);
 bool node_datagrams_busy(const struct sst_link_node *n); /**< a set is being sent */
 bool node_datagrams_soon(const struct sst_link_node *n); /**< not ready, but sets should wait for it */
 /** Room for a set that is to go by datagrams. @return its place, -1: it is too long, or no memory: over TLS */
 int node_datagrams_room(struct sst_link_node *n, size_t bytes);
-/** Send what was written there. */
+/** Send the written messages. */
 void node_datagrams_send(struct sst_link_node *n, int place, uint64_t seq);
 /** Do datagrams arrive? @param arrived  of use, of a set that went by datagrams */
 void node_datagrams_judge(struct sst_link_node *n, uint32_t arrived, int64_t now_ns);
@@ -408,7 +414,7 @@ struct head_source {
     bool busy[LINK_SETS];
     struct head_set *waiting[LINK_SETS]; /* received, not named yet, in their order */
     int first, count;
-    struct sst_link_peer peer; /* what is reported of it */
+    struct sst_link_peer peer; /* its report */
 };
 
 struct link_local; /* private to own.c */
@@ -444,13 +450,13 @@ struct sst_link_head {
     struct sst_log_limit strangers, refusals;
 };
 
-/** A set to fill, whose fields `source` and `slot` are set. @param missed  of its frames: they are counted as that, and
- * do not come @param bytes  room for data @return NULL: all are on their way, or there is no memory; its frames are
- * counted as dropped */
+/** A set to fill, with the fields `source` and `slot` set. @param missed  of its frames: counted as missed, they do not
+ * come @param bytes  room for data @return NULL: all are on their way, or there is no memory; its frames are counted as
+ * dropped */
 struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, int missed, size_t bytes);
 /** Pass on a filled set. */
 void head_set_pass(struct sst_link_head *h, struct head_set *set);
-/** Name what waits, where time or other sources have decided. @return false: nothing waits */
+/** Name waiting sets, where time or other sources have decided. @return false: none waits */
 bool head_settle(struct sst_link_head *h, int64_t now_ns);
 /** All that waits of a source can no longer be named. */
 void head_forget_locked(struct sst_link_head *h, int source);

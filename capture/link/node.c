@@ -210,7 +210,7 @@ static int welcomed(struct sst_link_node *n, const uint8_t *data, size_t bytes)
         (void)node_confirm_locked(n, (uint64_t)json_integer_value(seq), (uint64_t)json_integer_value(missed),
                                   sst_clock_now_ns());
         node_lose_flights_locked(n);
-        while (n->count > 1) /* what waited for the connection is old */
+        while (n->count > 1) /* sets that waited for the connection are old */
             node_drop_oldest_locked(n);
         n->changed = true;
         pthread_mutex_unlock(&n->lock);
@@ -278,7 +278,7 @@ static int tell_state(struct sst_link_node *n, int64_t now_ns)
     return link_stream_add_json(&n->stream, MESSAGE_STATE, state);
 }
 
-/* @return 0, or what ends the connection, with n->reason */
+/* @return 0, or the error that ends the connection, with n->reason */
 static int advance(struct sst_link_node *n, short ready)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -292,8 +292,7 @@ static int advance(struct sst_link_node *n, short ready)
         err = greet(n);
     if (!err && n->phase >= NODE_GREETING)
         err = receive(n);
-    /* Sets wait for cameras that stream: those of a node that connects are not announced before its pictures can come.
-     */
+    /* Sets wait for cameras that stream: a node's are not announced before its pictures can come. */
     if (!err && n->phase == NODE_UP && !node_datagrams_soon(n))
         err = tell_state(n, now_ns);
     if (!err && n->phase == NODE_UP) /* before a set overtakes the state of its cameras */

@@ -109,7 +109,7 @@ static int offer(struct sst_link_node *n)
     return 0;
 }
 
-/* Over TLS from now on. What was not sent any more is asked for by the head. */
+/* Over TLS from now on. The head asks for pieces that were not sent any more. */
 static int give_up(struct sst_link_node *n, int64_t now_ns, const char *why)
 {
     link_dtls_close(n->by.dtls);
@@ -176,7 +176,7 @@ static int send_piece(struct sst_link_node *n, const struct node_pieces *p)
     return link_dtls_send(n->by.dtls, datagram, SST_PIECE_HEAD + p->shape.piece);
 }
 
-/* The pieces whose time has come. */
+/* Pieces that are due. */
 static int send_due(struct sst_link_node *n, int64_t now_ns)
 {
     const struct node_pieces *p = &n->by.pieces[n->by.sending];

@@ -22,7 +22,7 @@ void node_drop_oldest_locked(struct sst_link_node *n)
     n->count--;
 }
 
-/* Its bytes are not needed any more; what is still to be sent of them neither. */
+/* Its bytes are not needed any more, sent or not. */
 static void free_pieces(struct sst_link_node *n, const struct node_flight *f)
 {
     if (f->pieces < 0)
@@ -42,7 +42,7 @@ int64_t node_confirm_locked(struct sst_link_node *n, uint64_t seq, uint64_t miss
 
         if (seq - f->seq < 64 && missed >> (seq - f->seq) & 1) {
             end_frames_locked(n, SST_LINK_MISSED, f->frames);
-            n->renew = true; /* the head has not seen what those behind it would be compared with */
+            n->renew = true; /* the head has not seen the base of the sets behind it */
         } else {
             end_frames_locked(n, SST_LINK_SENT, f->frames - f->unchanged);
             end_frames_locked(n, SST_LINK_UNCHANGED, f->unchanged);
@@ -76,7 +76,7 @@ void node_renew_unchanged(struct sst_link_node *n)
         sst_log_warning("hosts.skip_unchanged: no memory or no such format: every picture is sent");
 }
 
-/* What of a camera's frame is sent. */
+/* Part of a camera's frame that is sent. */
 static struct wire_frame describe(struct sst_link_node *n, const struct sst_kept *kept, int cam)
 {
     const struct sst_frame *f = kept->set.frame[cam];
@@ -176,7 +176,7 @@ static int send_one(struct sst_link_node *n)
     return err == -ENOMEM ? err : 0;
 }
 
-/* One set at a time goes into the stream's buffer, or out by datagrams: what is there cannot be dropped any more. */
+/* One set at a time goes into the stream's buffer, or out by datagrams: from there it cannot be dropped any more. */
 static bool may_send(struct sst_link_node *n)
 {
     const bool datagrams = node_datagrams_ready(n);

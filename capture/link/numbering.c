@@ -9,7 +9,7 @@
 #define HOLD_PERIODS 3
 #define HOLD_MOST_NS INT64_C(1000000000)
 #define LIVE_NS      INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
-#define INDEX_MAX    (INT64_MAX / 4)     /* sums and differences of two do not overflow; nor do those of times */
+#define INDEX_MAX    (INT64_MAX / 4)     /* sums and differences of two, also of times, do not overflow */
 #define T_MAX_NS     (INT64_MAX / 2 - INT64_C(3600000000000))
 #define ANCHOR_STEP  256 /* the time of all moves by no more than this part of a period an edge */
 
@@ -79,7 +79,7 @@ static bool near(const struct sst_numbering *n, int64_t a_ns, int64_t b_ns)
     return llabs(a_ns - b_ns) < n->period_ns / 4;
 }
 
-/* The tick of that time; NULL: none */
+/* The tick at a time; NULL: none */
 static struct tick *find_near(struct sst_numbering *n, int64_t t_ns)
 {
     for (int i = n->count - 1; i >= 0; i--)
@@ -131,7 +131,7 @@ static bool is_live(const struct source *s, int64_t now_ns)
     return s->joined && s->placed && now_ns - s->heard_ns < LIVE_NS;
 }
 
-/* The source whose wall clock the time of all follows: this host, the last one, else the first that is heard. */
+/* Source of the common wall clock: this host, the last one, else the first that is heard. */
 static bool is_anchor(const struct sst_numbering *n, const struct source *s, int64_t now_ns)
 {
     if (is_live(&n->source[SST_NUMBERING_SOURCES - 1], now_ns))

@@ -9,10 +9,10 @@
 /*
  * A source (a host) counts the edges of the trigger that all share, from an unknown one on. Its edges are named once,
  * when it joins, by the wall clock; from then on its count alone says which trigger a set belongs to. Time stamps only
- * check it: the stamps that several hosts give one edge differ by what their monotonic clocks differ by, which hardly
- * changes from one edge to the next. An edge whose stamp lies whole periods beside those of the others was counted
- * wrongly: the source's numbering is corrected, before that set is placed. A source that lost edges is thereby distinguished from a
- * trigger that paused: a pause is seen by all.
+ * check it: the stamps that several hosts give one edge differ as their monotonic clocks do, which hardly changes from
+ * one edge to the next. An edge with a stamp whole periods beside the others' was counted wrongly: the source's
+ * numbering is corrected before the set is placed. Thus a source that lost edges is distinguished from a trigger that
+ * paused, which all sources see.
  */
 
 #define SST_NUMBERING_SOURCES 17
@@ -43,8 +43,8 @@ struct sst_numbering_state {
     uint64_t slips;      /* corrections of its numbering */
     int64_t slipped;     /* edges that these corrections amount to: positive: it had missed some */
     uint64_t renamed;    /* times that it was named by the clock again, since its stamps jumped */
-    int64_t clock_ns;    /* its wall clock less that of this host, by the edges, smoothed; 0 until placed */
-    int64_t residual_ns; /* stamp of its last edge less that of the others, their clocks' difference subtracted */
+    int64_t clock_ns;    /* its wall clock less this host's, by the edges, smoothed; 0 until placed */
+    int64_t residual_ns; /* stamp of its last edge less the others', their clocks' difference subtracted */
 };
 
 /** @param period_ns  of the trigger, > 0 @return 0, -EINVAL, -ENOMEM */
@@ -52,13 +52,13 @@ SST_MUST_CHECK int sst_numbering_create(struct sst_numbering **out, int64_t peri
 /** NULL is fine. */
 void sst_numbering_destroy(struct sst_numbering *n);
 
-/** A source joins. @param run  names its counting: with that of before its numbering goes on */
+/** A source joins. @param run  names its counting: with the one of before its numbering goes on */
 void sst_numbering_join(struct sst_numbering *n, int source, uint64_t run);
 /** It is not waited for until it joins again. */
 void sst_numbering_leave(struct sst_numbering *n, int source);
 
 /**
- * Name an edge. Those of one source come in the order of their counts; a held one is asked for again before the next.
+ * Name an edge. One source's come in the order of their counts; a held one is asked for again before the next.
  *
  * @param wall_offset_ns  this host's CLOCK_REALTIME less its CLOCK_MONOTONIC
  * @param place           out, if placed

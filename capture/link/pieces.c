@@ -262,8 +262,8 @@ static int find_lost(struct sst_pieces_coder *c, const struct sst_pieces *p, int
     return lost;
 }
 
-/* The parity of what came, added to the parity that came, is the parity of the lost pieces alone: n equations for n
- * pieces. */
+/* The parity of received pieces, added to the received parity, is the parity of the lost pieces alone: n equations for
+ * n pieces. */
 static void restore_block(struct sst_pieces_coder *c, struct sst_pieces *p, int block)
 {
     const int k = block_size(&p->shape, block), n = find_lost(c, p, block, k);

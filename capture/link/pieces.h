@@ -1,4 +1,4 @@
-/* capture/link/pieces.h - a message cut into pieces, one for each datagram, with parity: enough of any of them restore
+/* capture/link/pieces.h - a message cut into pieces, one for each datagram, with parity: any that are enough restore
  * it.
  *
  * A message of n bytes has ceil(n / SST_PIECE_BYTES) data pieces of equal size, the last one filled with zeros. They
@@ -52,7 +52,7 @@ bool sst_pieces_built(void);
 /** Parity pieces that each block of a message has: a share of its data pieces, and two. @param percent  0 .. 80 */
 int sst_pieces_parity(size_t bytes, int percent);
 
-/** @return 0, -EINVAL (no bytes, or too many of them or of parity); `out` untouched then */
+/** @return 0, -EINVAL (no bytes, too many bytes or too much parity); `out` untouched then */
 SST_MUST_CHECK int sst_pieces_shape(struct sst_pieces_shape *out, size_t bytes, int parity);
 
 void sst_piece_put(uint8_t out[SST_PIECE_HEAD], const struct sst_piece *piece);
@@ -85,7 +85,7 @@ SST_MUST_CHECK int sst_pieces_begin(struct sst_pieces *p, const struct sst_piece
 bool sst_pieces_add(struct sst_pieces *p, int index, const uint8_t *data);
 /** Enough has come to restore it. */
 bool sst_pieces_complete(const struct sst_pieces *p);
-/** Restore what is missing of a complete message, whose bytes are then the first shape.bytes of p->buffer. */
+/** Restore the missing pieces of a complete message; its bytes are then the first shape.bytes of p->buffer. */
 void sst_pieces_restore(struct sst_pieces *p, struct sst_pieces_coder *coder);
 /** Data pieces that would complete it. @param index  out, [SST_PIECES_DATA_MAX] @return how many */
 int sst_pieces_wanted(const struct sst_pieces *p, uint16_t *index);

@@ -2,7 +2,7 @@
  *
  * TLS by GnuTLS, the library that the page's HTTPS uses, on plain sockets, and not NNG or libzmq: libzmq's CURVE has
  * keys, no certificates. Debian's NNG has tls+tcp, by Mbed TLS, which would be a second TLS in the service, ends at
- * TLS 1.2, and its sockets say neither what of their queue has left nor which congestion control they use; "every frame
+ * TLS 1.2, and its sockets report neither the progress of their queue nor their congestion control; "every frame
  * in one place" needs the one, a lossy network the other. */
 #include "capture/link/link_internal.h"
 
@@ -21,7 +21,7 @@
 #include "base/brake.h"
 
 #define IN_STEP     65536
-#define GONE_MS     2000   /* without an answer to what was sent a connection ends */
+#define GONE_MS     2000   /* a connection without an answer ends */
 #define LOWAT_BYTES 131072 /* unsent bytes in the kernel: more would only become old there */
 #define CONGESTION  "bbr"  /* does not take each lost packet for congestion, as the usual one does */
 
@@ -207,7 +207,7 @@ static int send_all(struct link_stream *s, char why[256])
 
 static int receive_all(struct link_stream *s, char why[256])
 {
-    /* No more than one message ahead: what is not read slows the sender down. */
+    /* No more than one message ahead: a slow reader slows the sender down. */
     while (s->in_bytes <= s->most + MESSAGE_HEAD) {
         ssize_t n;
 

@@ -67,8 +67,8 @@ void link_credentials_destroy(struct link_credentials *c)
 int link_session_create(struct gnutls_session_int **out, struct link_credentials *credentials, bool server,
                         bool datagrams)
 {
-    /* A set is hundreds of datagrams that overtake each other, more than the 64 of GnuTLS's window against replay. What
-     * is sent twice is recognised by its number in its set, and what is older than the sets that are awaited is
+    /* A set is hundreds of datagrams that overtake each other, more than the 64 of GnuTLS's window against replay.
+     * Repeated datagrams are recognised by their number in their set, and datagrams older than the awaited sets are
      * dropped. A certificate is sent whatever the head asks for: with DTLS 1.2 GnuTLS holds back one of ed25519. */
     const unsigned flags = (server ? GNUTLS_SERVER : GNUTLS_CLIENT | GNUTLS_FORCE_CLIENT_CERT) | GNUTLS_NONBLOCK |
                            GNUTLS_NO_SIGNAL | (datagrams ? GNUTLS_DATAGRAM | GNUTLS_NO_REPLAY_PROTECTION : 0);

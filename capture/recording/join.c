@@ -27,7 +27,7 @@ struct recording_join {
     int *first; /* [sets + 1] of `named` */
 };
 
-/* --- what they have in common ------------------------------------------------------------------------------------- */
+/* --- common properties -------------------------------------------------------------------------------------------- */
 
 static int differ(const struct sst_recording *a, const struct sst_recording *b, const char *what)
 {
@@ -70,7 +70,7 @@ static int merge_info(struct sst_recording *r, struct sst_recording *part)
 struct cursor {
     int next;     /* its next set */
     int session;  /* that it has joined with; -1: none */
-    bool waiting; /* `edge` is of that set, and not decided */
+    bool waiting; /* `edge` is of the next set, and not decided */
     struct sst_numbering_edge edge;
 };
 
@@ -105,7 +105,7 @@ static int advance(struct naming *n, int part)
     return 0;
 }
 
-/* The part whose next set is the oldest by its clock. @param among  parts; -1: none is left */
+/* Part with the oldest next set by its clock. @param among  parts; -1: none is left */
 static int oldest(const struct naming *n, const bool *held)
 {
     int best = -1;
@@ -135,7 +135,7 @@ static int name_one(struct naming *n, bool *held)
     struct cursor *c;
     int err;
 
-    if (part < 0) { /* those that are held can only be decided by time */
+    if (part < 0) { /* held ones can only be decided by time */
         bool any = false;
 
         for (int i = 0; i < n->j->parts; i++)

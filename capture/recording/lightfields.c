@@ -335,7 +335,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     return err;
 }
 
-/* --- all of them -------------------------------------------------------------------------------------------------- */
+/* --- all sets ----------------------------------------------------------------------------------------------------- */
 
 static int make_each(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, const char *out)
 {

@@ -102,7 +102,7 @@ int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv
         int last;
 
         err = write_frames(format, packet, frame, count, read, arg);
-        last = av_write_trailer(format); /* frees what the head took, also after an error */
+        last = av_write_trailer(format); /* frees the memory of the head, also after an error */
         err = err < 0 ? err : last;
     }
     if (format && format->pb) {

@@ -28,7 +28,7 @@ typedef int sst_mkv_read_fn(void *arg, size_t i, uint8_t *data);
  *
  * @param fd     an empty file that can be reopened through /proc/self/fd; stays the caller's
  * @param frame  [count], count > 0
- * @return 0, what read returned, -ENOTSUP (built without libavformat), -ENOMEM, -EINVAL (libavformat refuses the track)
+ * @return 0, the error of read, -ENOTSUP (built without libavformat), -ENOMEM, -EINVAL (libavformat refuses the track)
  *         or -errno of writing; not logged.
  */
 SST_MUST_CHECK int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv_frame *frame,

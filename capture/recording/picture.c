@@ -5,7 +5,7 @@
 #include "capture/recording/recording.h"
 #include "pipeline/image/jpeg_parts.h"
 
-#define SAME_NS 1000 /* between the time that parts name and that of the set in the manifest */
+#define SAME_NS 1000 /* between the time in parts and the set's time in the manifest */
 
 /* The whole frame of a camera at a moment. */
 static int read_base(const struct sst_recording *r, int64_t wall_ns, int cam, uint8_t **data, size_t *bytes)

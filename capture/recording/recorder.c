@@ -302,7 +302,7 @@ static int begin_segment(struct sst_recorder *r, const struct sst_frameset *set)
 
     r->segment_start_ns = earliest(set);
     r->watched = false;
-    /* A file of that number could not be removed when the disk failed. */
+    /* A file of the number could not be removed when the disk failed. */
     for (;; r->number++) {
         err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : segment_path(path, r->dir, r->number);
         if (!err)
@@ -384,7 +384,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     return 0;
 }
 
-/* Remove what was written of the set. The segment ends here: after a failed write or sync its state on disk is
+/* Remove the written part of the set. The segment ends here: after a failed write or sync its state on disk is
  * unknown. */
 static void roll_back(struct sst_recorder *r)
 {

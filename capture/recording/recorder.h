@@ -45,8 +45,8 @@ struct sst_recorder_counters {
 void sst_recorder_config_defaults(struct sst_recorder_config *cfg);
 
 /**
- * Create a recording or resume one. Resuming removes what a killed recorder left half-written; grid, cameras, format
- * and size must be those of the recording.
+ * Create a recording or resume one. Resuming removes half-written output of a killed recorder; grid, cameras, format
+ * and size must equal the recording's.
  *
  * @param cfg  copied
  * @return 0, -EINVAL (cfg), -EEXIST (a recording exists, or does not match), -EBUSY (another process records

@@ -358,7 +358,7 @@ int sst_recording_check(const struct sst_recording *r, int i, int *cam)
     return err;
 }
 
-/* Wall clocks are stepped: each 64th set is checked, then those around the best. */
+/* Wall clocks are stepped: each 64th set is checked, then the ones around the best. */
 int sst_recording_near(const struct sst_recording *r, int64_t wall_ns, int64_t within_ns, int *nearest)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));

@@ -50,8 +50,8 @@ struct sst_recording_set {
 SST_MUST_CHECK int sst_recording_open(struct sst_recording **out, const char *dir);
 
 /**
- * Open recordings that several hosts made of one array as one recording: a set has the frames of all that have its trigger.
- * Its index is the trigger's, its times are those of the first host that has it. Only info, sets, set, line and frame
+ * Open recordings that several hosts made of one array as one recording: a set has the frames of all hosts that have
+ * its trigger. Its index is the trigger's, its times are the first such host's. Only info, sets, set, line and frame
  * (below) apply to it.
  * @param dirs  [count], of equal grid, size, format and rate, without common cameras @return also -EINVAL (count)
  */
@@ -65,14 +65,14 @@ const char *sst_recording_dir(const struct sst_recording *recording);
 /** Number of sets, in the order of recording: 0 .. n-1. */
 int sst_recording_sets(const struct sst_recording *recording);
 
-/** What was trimmed from its beginning. */
+/** Part trimmed from its beginning. */
 const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *recording);
 
 /** Bytes after the last whole line of the manifest. */
 int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
 
 /** Segments that sets.jsonl does not name: one that was being written, or more where lines are lost.
- *  @param bytes  out, of them together */
+ *  @param bytes  out, their sum */
 int sst_recording_unlisted(const struct sst_recording *recording, int64_t *bytes);
 
 /** Read set i from the manifest. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
@@ -96,7 +96,7 @@ SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int
 /**
  * The bytes of camera cam's frame in a set, as they were recorded, checked against their checksum.
  *
- * @param data  out, to free with free(); frame[cam].bytes of them
+ * @param data  out, to free with free(); frame[cam].bytes bytes
  * @return 0, -ENODATA (the frame is missing or empty), -EBADMSG (damaged: the bytes differ or are not there), -EIO,
  *         -ENOMEM. Not logged.
  */
@@ -113,8 +113,8 @@ SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, co
 SST_MUST_CHECK int sst_recording_picture(const struct sst_recording *recording, const struct sst_recording_set *set,
                                          int cam, uint8_t **data, size_t *bytes);
 
-/** Whether the segment is long enough for all frames of a set; reads none of them. @param cam  out, first camera whose
- *  frame is not there; -1: none @return 0, -EBADMSG, -EIO. Not logged. */
+/** Whether the segment is long enough for all frames of a set; reads none. @param cam  out, first camera with a
+ *  missing frame; -1: none @return 0, -EBADMSG, -EIO. Not logged. */
 SST_MUST_CHECK int sst_recording_check_size(const struct sst_recording *recording, const struct sst_recording_set *set,
                                             int *cam);
 

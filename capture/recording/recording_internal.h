@@ -17,8 +17,8 @@ struct resume_point {
 };
 
 /**
- * Remove what a killed recorder or a power cut left half-written: sets at the end whose bytes are incomplete, torn
- * lines, segments that no line names. Earlier sets stay as they are.
+ * Remove half-written output of a killed recorder or a power cut: sets at the end with incomplete bytes, torn lines,
+ * segments that no line names. Earlier sets stay as they are.
  *
  * @param manifest_fd  of sets.jsonl, writable; the recording is locked
  * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
@@ -45,8 +45,8 @@ SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int num
 /** The columns of a line's frames, in their order. */
 extern const char *const manifest_columns[MANIFEST_COLUMNS];
 
-/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces what is not
- * ASCII.
+/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces bytes that are
+ * not ASCII.
  */
 void manifest_make_utf8(char *text);
 
@@ -135,7 +135,7 @@ SST_MUST_CHECK int join_line(const struct sst_recording *r, int i, char **text);
 
 struct ebml {
     uint32_t id;
-    uint64_t size; /* of what follows the head, or SST_EBML_UNKNOWN */
+    uint64_t size; /* of the data behind the head, or SST_EBML_UNKNOWN */
     size_t head;   /* bytes */
 };
 
@@ -152,15 +152,15 @@ struct segment_file { /* one thread at a time */
     char *path;
     int fd, cameras;
     int64_t start_ns;
-    int64_t pos, end; /* of the next write; size: end of what was added */
-    int64_t kept;     /* end of what stays, also if the segment is abandoned: set by the caller */
+    int64_t pos, end; /* of the next write; end of the added data */
+    int64_t kept;     /* end of the data that stays, also if the segment is abandoned: set by the caller */
     int64_t last_ms[SST_CAMERAS_MAX];
     int error; /* of the first failed write, negative; nothing is written after it */
     struct AVFormatContext *format;
     struct AVPacket *packet;
 };
 
-#define STAMP_SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
+#define STAMP_SLACK_NS 1000000000 /* a stamp farther from its set's is wrong and must not move others */
 
 /** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
@@ -200,7 +200,7 @@ struct AVDictionary;
 
 /** Describe frames of a V4L2 format as libavcodec does. */
 void segment_set_codec(struct AVCodecParameters *par, uint32_t fourcc, int width, int height);
-/** Write the head of a file whose bytes depend on its frames alone. @param options  of the muxer, added to
+/** Write the head of a file, with bytes that depend on its frames alone. @param options  of the muxer, added to
  *  @return 0 or more, or an AVERROR */
 SST_MUST_CHECK int segment_write_head(struct AVFormatContext *format, struct AVDictionary **options);
 

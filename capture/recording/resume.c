@@ -136,8 +136,8 @@ static int remove_segments_behind(const char *dir, int last)
 
 /* --- all of it ---------------------------------------------------------------------------------------------------- */
 
-/* Removes sets from the end whose bytes did not reach the disk; holes before a good set stay, for readers to report.
- * Only sets of the last segment: those of others may be missing because the files were moved. */
+/* Remove sets from the end with bytes that did not reach the disk; holes before a good set stay, for readers to report.
+ * Only sets of the last segment: other segments may be missing because the files were moved. */
 static int drop_damaged_end(struct sst_recording *r)
 {
     const int before = r->count, segment = before ? r->line[before - 1].segment : -1;

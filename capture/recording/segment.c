@@ -60,7 +60,7 @@ static int64_t seek(void *opaque, int64_t offset, int whence)
     return offset;
 }
 
-/* Error of a call of libavformat: that of the system call, if one failed. */
+/* Error of a call of libavformat: the system call's, if one failed. */
 static int failure(const struct segment_file *s, int err)
 {
     return s->error ? s->error : err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
@@ -298,7 +298,7 @@ void segment_abandon(struct segment_file *s)
 {
     if (!s)
         return;
-    s->error = s->error ? s->error : -ECANCELED; /* discards what libavformat still holds */
+    s->error = s->error ? s->error : -ECANCELED; /* discards the data inside libavformat */
     if (!s->kept)
         unlink(s->path);
     else if (ftruncate(s->fd, s->kept))

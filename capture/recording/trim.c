@@ -76,7 +76,7 @@ int sst_recording_segments(const char *dir)
     return count < 0 ? 0 : count;
 }
 
-/* Find where the sets after a segment begin, and count those before. @return 0, -EBADMSG: there are none */
+/* Find where the sets after a segment begin, and count the sets before. @return 0, -EBADMSG: there are none */
 static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
 {
     struct manifest_segment s = { 0 };
@@ -119,7 +119,7 @@ static int rest_of(const char *dir, int behind, struct sst_recording_removed *ou
     return err;
 }
 
-/* --- what was removed --------------------------------------------------------------------------------------------- */
+/* --- record of the removal ---------------------------------------------------------------------------------------- */
 
 /* removed.json cannot be read: derive it from the first segment present. */
 static void assume(const char *dir, const char *why, struct sst_recording_removed *out)

@@ -17,8 +17,8 @@ struct sst_recording_removed {
 };
 
 /**
- * Read what was removed from a recording. If removed.json is damaged, its content is derived from the files present,
- * with a warning.
+ * Read the record of a recording's removed beginning. If removed.json is damaged, its content is derived from the files
+ * present, with a warning.
  * @param out  zeros: nothing @return 0, -EACCES, -ENOMEM, -ENAMETOOLONG; logged
  */
 SST_MUST_CHECK int sst_recording_read_removed(const char *dir, struct sst_recording_removed *out);

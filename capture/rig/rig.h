@@ -49,8 +49,8 @@ struct sst_scan_config {
     uint32_t fourcc;                 /* MJPG, GREY, Y16 or SST_SCAN_RAW */
     int width, height;               /* 0: of a still camera, as it is set */
     double rate_hz;                  /* of the camera, for the estimate; 0 unknown */
-    double shot_s;                   /* of an exposure with its files, likewise; 0: by the rate */
-    int64_t view_bytes;              /* likewise; 0: by size and format */
+    double shot_s;                   /* of an exposure with its files, for the estimate; 0: by the rate */
+    int64_t view_bytes;              /* for the estimate; 0: by size and format */
     const char *controls;            /* of the camera, as text: part of the settings; may be NULL */
     const SST_ATOMIC(bool) * cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
     void (*progress)(void *arg, double done);
@@ -102,7 +102,7 @@ struct sst_scan_shot {
 /**
  * Open or create the folder, lock it, read its manifest and verify the hash of every view. Missing and damaged views
  * have to be captured; temporary files of a killed process are removed. As long as there is no view, other settings
- * replace those of the folder, unless must_exist.
+ * replace the folder's, unless must_exist.
  *
  * @return 0, -EINVAL (other settings: the difference is logged), -EEXIST (a folder with other contents), -ENOENT
  * (must_exist), -EBUSY (another capture is running in it), -EBADMSG (manifest), -EIO/-ENOSPC/-EROFS/-EACCES; logged.

@@ -8,7 +8,7 @@
 struct sst_scan_still; /* opaque; one thread at a time */
 
 /**
- * Open the camera and log what it is set to, its battery and its card.
+ * Open the camera and log its settings, its battery and its card.
  *
  * @param camera  out: valid until close
  * @return 0, or as sst_still_open(), -ENOPKG also where raw files cannot be developed; logged.

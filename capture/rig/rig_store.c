@@ -579,7 +579,7 @@ int sst_scan_store_put(struct sst_scan_store *s, int view, const struct sst_scan
         err = s->fourcc == SST_SCAN_RAW ? write_developed(path, raw) : write_frame(s, path, f);
     if (err)
         return err;
-    /* Hash of the file, not of the memory: detects a disk that does not return what was written. */
+    /* Hash of the file, not of the memory: detects a disk that returns other bytes. */
     if (!SHA256File(path, v.sha256))
         return fault("read back", path);
     snprintf(v.serial, sizeof(v.serial), "%s", camera->serial);

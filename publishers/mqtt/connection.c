@@ -26,7 +26,7 @@
 
 /* --- messages ----------------------------------------------------------------------------------------------------- */
 
-/* What is large goes alone: if the connection ends with it, nothing else is lost. */
+/* A large message goes alone: if the connection ends with it, nothing else is lost. */
 static bool is_free(const struct mqtt *m)
 {
     return m->up && m->in_flight < MQTT_IN_FLIGHT_MAX && !m->large;
@@ -59,7 +59,7 @@ bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, siz
     if (is_too_large(m, topic, bytes))
         return true; /* it is not tried again */
     m->in_flight++;  /* on_publish() may come before the return */
-    /* Only what is acknowledged has arrived. */
+    /* Only acknowledged messages have arrived. */
     if (mosquitto_publish(m->client, &id, topic, (int)bytes, payload, large ? 1 : qos, retain)) {
         m->in_flight--;
         return false;
@@ -153,8 +153,8 @@ static void drop_client(struct mqtt *m)
     m->client = NULL;
 }
 
-/* Does what is large end connections? The library would send it again with the next one, and what that one is sent is
- * for us to say. */
+/* Does a large message end connections? The library would send it again with the next one, whose messages are for us to
+ * choose. */
 static void lose_large(struct mqtt *m)
 {
     if (!m->large)
@@ -236,7 +236,7 @@ static void on_connect(struct mosquitto *client, void *arg, int code, int flags 
     (void)mosquitto_property_read_int32(properties, MQTT_PROP_MAXIMUM_PACKET_SIZE, &most, false);
     m->packet_max = most;
     mqtt_topics_begin(m);
-    for (size_t i = 0; i < ARRAY_LEN(topics); i++) { /* "available" after "online" was sent: what comes is an answer */
+    for (size_t i = 0; i < ARRAY_LEN(topics); i++) { /* "available" after "online": an answer */
         snprintf(topic, sizeof(topic), "%s/%s", m->config->mqtt.topic, topics[i]);
         (void)mosquitto_subscribe(client, NULL, topic, 1); /* a broken connection shows in the loop */
     }
@@ -357,7 +357,7 @@ static bool same_connection(const struct sst_config *a, const struct sst_config 
            !strcmp(a->mqtt.ca_file, b->mqtt.ca_file) && !strcmp(a->mqtt.topic, b->mqtt.topic);
 }
 
-/* Remove what was announced under the old topics. */
+/* Remove the announcements under the old topics. */
 static void withdraw(struct mqtt *m)
 {
     const int64_t end_ns = sst_clock_now_ns() + WITHDRAW_NS;

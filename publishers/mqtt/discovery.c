@@ -25,7 +25,7 @@ struct entity {
     const char *class_; /* of the device, or NULL */
     const char *unit, *icon, *category;
     bool measured;
-    bool attributes; /* the state is JSON, whose members are attributes */
+    bool attributes; /* the state is JSON with attributes as members */
 };
 
 #define LABEL_TEMPLATE "{{ value_json.label or 'Something' }}"

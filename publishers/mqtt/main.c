@@ -115,7 +115,7 @@ static void *follow(void *arg)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-/* Of a visit what was seen through what stood in front, or, where that was not kept, what the camera saw. */
+/* Picture of a visit: the clear one, or, where it was not kept, the camera's. */
 static void get_picture(struct mqtt *m, const char *visit, uint8_t **data, size_t *bytes)
 {
     static const char *const kinds[] = { "seen", "camera" };

@@ -7,13 +7,18 @@
 #include "publishers/publisher.h"
 
 /* Topics below mqtt.topic (docs/integrate/mqtt.md):
- *   available                 online, offline (also by last will); retained; an offline that others publish is
- * corrected status                    short JSON, each 10 s and when something changes; retained camera/rRcC/state as
- * GET /api/v1/cameras has it; retained event/TYPE                events as they come, also those of a time without
- * connection that are still kept zone/NAME/motion          ON, OFF; retained visit, zone/NAME/visit    data of the last
- * visit event; retained visit/picture, zone/NAME/picture   JPEG of it; retained visit/trigger, zone/NAME/trigger came,
- * gone zone/NAME/visited, zone/NAME/label/LABEL   ON, OFF; retained picture                   JPEG of the main view;
- * retained record, record/set        ON, OFF focus, focus/set          px, or auto */
+ * - available: online, offline (also by last will); retained; an offline that others publish is corrected
+ * - status: short JSON, each 10 s and when something changes; retained
+ * - camera/rRcC/state: as GET /api/v1/cameras has it; retained
+ * - event/TYPE: events as they come, also the ones of a time without connection that are still kept
+ * - zone/NAME/motion: ON, OFF; retained
+ * - visit, zone/NAME/visit: data of the last visit event; retained
+ * - visit/picture, zone/NAME/picture: its JPEG; retained
+ * - visit/trigger, zone/NAME/trigger: came, gone
+ * - zone/NAME/visited, zone/NAME/label/LABEL: ON, OFF; retained
+ * - picture: JPEG of the main view; retained
+ * - record, record/set: ON, OFF
+ * - focus, focus/set: px, or auto */
 
 #define MQTT_TOPIC_MAX     320
 #define MQTT_IN_FLIGHT_MAX 32   /* messages that the broker has not acknowledged; no more are sent */
@@ -21,12 +26,12 @@
 
 #define MQTT_VISITS_MAX    32  /* at a time; the service has no more tracks */
 #define MQTT_LATER_MAX     512 /* messages of visits that wait */
-#define MQTT_WANTED_MAX    8   /* visits whose pictures wait */
+#define MQTT_WANTED_MAX    8   /* pictures of visits that wait */
 #define MQTT_VISIT_LETTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 
 struct mosquitto;
 
-/** Somebody who is there. */
+/** A present visitor. */
 struct mqtt_visit {
     char name[64], label[32]; /* name "": none */
     uint32_t zones;           /* that it has been in, by their index */
@@ -75,8 +80,8 @@ struct mqtt {
     char id[40];                            /* of the client at the broker; "": to be made */
     bool shared_id;                         /* another program uses ours: from now on one that nobody else has */
     int short_lives;                        /* connections in a row that others ended soon */
-    bool refused, version_311;              /* what the broker has said of this connection; the next one's protocol */
-    size_t packet_max, learned_max;         /* bytes, 0: no limit; of this connection, and of what has ended others */
+    bool refused, version_311;              /* answers of the broker on this connection; the next one's protocol */
+    size_t packet_max, learned_max;         /* bytes, 0: no limit; of this connection, of others that ended */
     size_t large;                           /* bytes of a large message that is not acknowledged; 0: none */
     int large_id, large_lost;               /* its, and connections in a row that ended with one */
     bool left_out, unaccepted;              /* was logged */
@@ -111,7 +116,7 @@ bool mqtt_fetch_picture(struct mqtt *m, const char *visit, uint8_t **data, size_
 void mqtt_init(struct mqtt *m);
 /** Publish "offline", disconnect and free. */
 void mqtt_fini(struct mqtt *m);
-/** Do what is due, for 100 ms at most. @param wanted  a connection @return false: nothing to do for now */
+/** Do all due work, for 100 ms at most. @param wanted  a connection @return false: nothing to do for now */
 bool mqtt_step(struct mqtt *m, bool wanted);
 /** Follow another configuration, which it owns from then on. */
 void mqtt_configure(struct mqtt *m, struct sst_config *next);
@@ -126,11 +131,11 @@ bool mqtt_subscribe(struct mqtt *m, const char *pattern);
 /* --- topics.c ----------------------------------------------------------------------------------------------------- */
 
 void mqtt_topics_begin(struct mqtt *m); /* after connecting, or with another configuration */
-void mqtt_topics_step(struct mqtt *m);  /* publish what is due */
+void mqtt_topics_step(struct mqtt *m);  /* publish all that is due */
 void mqtt_topics_reset(struct mqtt *m); /* the connection is gone */
 /** Send the rest of the announcements. @return true: all are sent */
 bool mqtt_announce_step(struct mqtt *m);
-/** Have the next calls of mqtt_announce_step() remove what was announced. */
+/** Have the next calls of mqtt_announce_step() remove the announcements. */
 void mqtt_withdraw(struct mqtt *m);
 /** A retained announcement at the broker: a stale one of this array is removed. */
 void mqtt_on_announced(struct mqtt *m, const char *topic);
@@ -145,7 +150,7 @@ extern const char *const mqtt_labels[];
 extern const int mqtt_labels_count;
 /** Labels that have a sensor in a zone. @param out  [SST_ZONE_LABELS] @return their number */
 int mqtt_zone_labels(const struct sst_zone *zone, const char **out);
-/** Publish who is in the zones: after connecting, and with other zones. */
+/** Publish the visitors in the zones: after connecting, and with other zones. */
 void mqtt_visits_begin(struct mqtt *m);
 /** The service begins anew: nobody is known to be there. */
 void mqtt_visits_forget(struct mqtt *m);

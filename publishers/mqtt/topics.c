@@ -91,7 +91,7 @@ static bool publish_text(struct mqtt *m, const char *topic, const char *text)
     return mqtt_publish(m, topic, text, strlen(text), 1, true);
 }
 
-/* The setting, not what it comes to: `auto` stays `auto`. @return false: not known now, or not accepted */
+/* The setting, not its value now: `auto` stays `auto`. @return false: not known now, or not accepted */
 static bool publish_focus(struct mqtt *m)
 {
     json_t *answer = NULL;
@@ -123,14 +123,14 @@ static void publish_status(struct mqtt *m)
     if (o)
         (void)(publish_json(m, "status", o) &&
                publish_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
-               publish_focus(m)); /* what is not accepted now is sent with the next status */
+               publish_focus(m)); /* messages not accepted now are sent with the next status */
     json_decref(o);
     json_decref(answer);
 }
 
 static void add_announcements(struct mqtt *m);
 
-/* Those whose state differs from what was published. */
+/* Cameras with a state other than the published one. */
 static void publish_cameras(struct mqtt *m)
 {
     json_t *answer = NULL;
@@ -213,7 +213,7 @@ static void publish_events(struct mqtt *m)
 {
     char *line;
 
-    /* A motion event makes two messages; those of a visit wait in a list. */
+    /* A motion event makes two messages; a visit's wait in a list. */
     while (mqtt_visits_step(m) && m->in_flight < MQTT_IN_FLIGHT_MAX - 1 && (line = mqtt_next_event(m))) {
         if (!publish_event(m, line)) {
             mqtt_return_event(m, line);
@@ -239,7 +239,7 @@ static void publish_picture(struct mqtt *m, int64_t now_ns)
     free(data);
 }
 
-/* --- what is due -------------------------------------------------------------------------------------------------- */
+/* --- due work ----------------------------------------------------------------------------------------------------- */
 
 static void free_announcements(struct mqtt *m)
 {

@@ -61,7 +61,7 @@ bool mqtt_visits_step(struct mqtt *m)
     return true;
 }
 
-/* --- who is where ------------------------------------------------------------------------------------------------- */
+/* --- visitors by zone --------------------------------------------------------------------------------------------- */
 
 static uint32_t zones_of(const struct mqtt *m, const json_t *data)
 {

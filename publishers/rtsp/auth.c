@@ -29,7 +29,7 @@
 struct login_state {
     uint8_t network[16];
     int wrong;   /* refused requests since the last right one */
-    bool proven; /* it has sent the right password; it is not made to wait for what others send */
+    bool proven; /* it has sent the right password and does not wait for the attempts of others */
 };
 
 enum verdict {
@@ -43,12 +43,12 @@ enum verdict {
 static struct {
     /* fixed after rtsp_set_login() */
     uint8_t secret[SECRET];
-    char user[64], basic[65], ha1[33]; /* signature of what Basic sends; MD5 of Digest */
+    char user[64], basic[65], ha1[33]; /* signature of Basic's credentials; MD5 of Digest */
     struct sst_brake wrong;            /* as over HTTP, by address, or by viewer */
     struct sst_brake stray;
     /* under lock */
     pthread_mutex_t lock;
-    uint8_t viewer[VIEWERS][16]; /* address and program of those who had the right password, a ring */
+    uint8_t viewer[VIEWERS][16]; /* address and program of clients with the right password, a ring */
     int next;
 } at = { .lock = PTHREAD_MUTEX_INITIALIZER };
 
@@ -122,7 +122,7 @@ static enum verdict judge_digest(const struct login_state *s, const GstRTSPConte
     return old && !s->proven ? LOGIN_STALE : LOGIN_RIGHT;
 }
 
-/* One password of a request: a list of them would be as many guesses. */
+/* One password of a request: a list would be as many guesses. */
 static enum verdict judge(const struct login_state *s, const GstRTSPContext *ctx)
 {
     GstRTSPAuthCredential **given = gst_rtsp_message_parse_auth_credentials(ctx->request, GST_RTSP_HDR_AUTHORIZATION);
@@ -140,10 +140,10 @@ static enum verdict judge(const struct login_state *s, const GstRTSPContext *ctx
     return verdict;
 }
 
-/* --- who guesses -------------------------------------------------------------------------------------------------- */
+/* --- guessing clients --------------------------------------------------------------------------------------------- */
 
-/* All clients of an address share its attempts, but a program that has had the right password before: somebody beside
- * it who guesses does not cut it off. */
+/* All clients of an address share its attempts, but a program that has had the right password before: a guessing client
+ * beside it does not cut it off. */
 static void identify(const struct login_state *s, const GstRTSPContext *ctx, uint8_t who[16], bool remember)
 {
     gchar *agent = NULL;

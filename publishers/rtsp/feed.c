@@ -3,8 +3,8 @@
  *   slot -> appsrc -> rtpjpegpay                                  mjpeg: as they are
  *                  -> jpegdec -> convert -> x264enc -> rtph264pay  h264
  *
- * The thread of appsrc gets the newest frame when it needs data, so nothing queues, and the encoder works on what is
- * worth showing. A picture that stands still is sent again each second: recorders give up a camera that is silent. */
+ * The thread of appsrc gets the newest frame when it needs data, so nothing queues, and the encoder works on the newest
+ * frame. A picture that stands still is sent again each second: recorders give up a camera that is silent. */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>
@@ -44,7 +44,7 @@ struct rtsp_factory_class {
     GstRTSPMediaFactoryClass parent;
 };
 
-/** What fills one pipeline; goes with its bin. */
+/** Source of one pipeline; freed with its bin. */
 struct feed {
     enum sst_rtsp_codec codec;
     struct rtsp_picture *picture;
@@ -81,8 +81,8 @@ static void jpeg_free(gpointer arg)
     sst_slot_jpeg_unref(arg);
 }
 
-/* The pipeline's clock is ours: a picture's time is that of its set, so that receivers see when it was taken. What is
- * shown again goes on from there. */
+/* The pipeline's clock is ours: a picture has the time of its set, so that receivers see when it was taken. Repeated
+ * pictures go on from there. */
 static GstClockTime time_of(const struct feed *f, GstElement *src, const struct sst_jpeg *jpeg, int64_t now_ns)
 {
     GstClock *clock = gst_element_get_clock(src);
@@ -139,7 +139,7 @@ static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
     return false;
 }
 
-/* What to show now: a newer picture, or the same again for a new viewer or as a sign of life. NULL: nothing. */
+/* Picture to show now: a newer one, or the same again for a new viewer or as a sign of life. NULL: none. */
 static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
 {
     const bool fresh = atomic_exchange(&f->refresh, false);
@@ -220,7 +220,7 @@ bool rtsp_feed_is_over(GstRTSPMedia *media)
 /* --- pipelines --------------------------------------------------------------------------------------------------- */
 
 /* Quality is constant, so that a scene that stands still costs little; the rate is bounded. Sizes are made even, and
- * colours what receivers expect of video. */
+ * colours are the ones that receivers expect of video. */
 static GstElement *make_bin(enum sst_rtsp_codec codec, int width, int height)
 {
     const double kbit = (double)width * height / 200;

@@ -158,7 +158,7 @@ static int open_server(struct rtsp_server *server)
     return err;
 }
 
-/* Open the server, or retry until what it lacks is there: logged once, and part of the service's status meanwhile. */
+/* Open the server, or retry until it has all it needs: logged once, and part of the service's status meanwhile. */
 static void *serve(void *arg SST_UNUSED)
 {
     static struct rtsp_server server;

@@ -36,7 +36,7 @@ enum rtsp_kind {
 /** A moving picture; its stream is open from rtsp_picture_get() until some seconds after the last viewer has left. */
 struct rtsp_picture {
     struct sst_slot *slot; /* newest frame; shut when the stream has ended */
-    atomic_int err;        /* why it ended: -ENOENT, or what sst_client_stream() returns */
+    atomic_int err;        /* why it ended: -ENOENT, or the error of sst_client_stream() */
     atomic_int refs;
 };
 
@@ -95,7 +95,7 @@ SST_MUST_CHECK int rtsp_set_login(GstRTSPServer *server, const struct rtsp_login
  *  Thread: the client's. @return 200, 404, 503 */
 GstRTSPStatusCode rtsp_mount(struct rtsp_server *server, const char *path);
 
-/** A viewer starts to play: what follows begins with a frame that can be decoded alone. */
+/** A viewer starts to play: the stream continues with a frame that can be decoded alone. */
 void rtsp_feed_refresh(GstRTSPMedia *media);
 /** True once the picture of this media has ended. */
 bool rtsp_feed_is_over(GstRTSPMedia *media);

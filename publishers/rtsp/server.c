@@ -14,7 +14,7 @@
 
 #define CLIENTS_MAX     16            /* that watch */
 #define SESSIONS_MAX    4             /* of one connection */
-#define CONNECTIONS_MAX 32            /* with those that only ask */
+#define CONNECTIONS_MAX 32            /* including ones that only ask */
 #define IDLE_NS         5000000000LL  /* a connection that neither watches nor asks is closed */
 #define STUCK_NS        30000000000LL /* a connection that was reset and is still there after this never ends */
 #define REAP_MS         200
