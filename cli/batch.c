@@ -14,7 +14,7 @@
 #define STATES ".state" /* of the output: a folder with the claim of each piece */
 #define LOGS   "logs"
 
-/* --- what there is to do ------------------------------------------------------------------------------------------ */
+/* --- pieces of the campaign --------------------------------------------------------------------------------------- */
 
 struct list {
     struct cli_batch_piece *piece;

@@ -122,7 +122,7 @@ static int render(const struct piece *p, const char *method, const char *name)
     return run_step(p, &s, report);
 }
 
-/* A picture without what stands in front, where something does. */
+/* A picture without the foreground, where there is one. */
 static int render_clear(const struct piece *p)
 {
     char error[SST_LOG_MAX], shown[SST_LOG_MAX], *before = sst_log_hold_errors(shown);

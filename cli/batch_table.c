@@ -29,7 +29,7 @@ static const struct column {
     { "clear_occluded_db", "eval.json", "clear.psnr_occluded" },
 };
 
-/* A name as CSV has it. Spreadsheets compute what begins like a formula: an apostrophe makes it a text. */
+/* A name as CSV has it. Spreadsheets compute cells that begin like a formula: an apostrophe makes it a text. */
 static void print_name(FILE *f, const char *name)
 {
     const bool formula = *name && strchr("=+-@\t\r", *name);

@@ -33,7 +33,7 @@ int cli_still_check(const struct cli_command *cmd, const char *still, const stru
     return CLI_GO_ON;
 }
 
-/* @return the index of a word, -1: none of them */
+/* @return the index of a word, -1: none */
 static int choose(const char *word, const char *const *words, int count)
 {
     for (int i = 0; i < count; i++)

@@ -135,7 +135,7 @@ bad:
                            o->type == CLI_SIZE ? "1000x750" : "6x6");
 }
 
-/* Refuse a value that is nearly one of the option's words; what else may be wrong with it the command itself reports. */
+/* Refuse a value that is nearly one of the option's words; the command itself reports other faults of it. */
 static int check_word(const struct cli_command *cmd, const struct cli_option *o, const char *text)
 {
     char words[256] = "", *word[33] = { NULL }, *rest = NULL;
@@ -212,7 +212,7 @@ static const char *output_of(const struct cli_option *o)
     return o->type == CLI_FILE || o->type == CLI_MADE ? *(const char **)o->value : NULL;
 }
 
-/* What is given of them, before any work is done: none can fail, is an input, or is another one, too. */
+/* Outputs that are given, before any work is done: none can fail, is an input, or equals another one. */
 static int check_outputs(const struct cli_command *cmd, const struct cli_option *options, size_t n,
                          const char *const *inputs, int n_inputs)
 {

@@ -25,7 +25,7 @@
 #include "pipeline/method/refine/refine.h"
 #include "pipeline/method/render/render.h"
 
-/* --- cli: what the subcommands of sst share: the command table, options, exit codes, progress. --- */
+/* --- cli: common parts of the subcommands of sst: the command table, options, exit codes, progress. --- */
 
 /** Exit codes, as documented in `sst --help` and sst(1). */
 enum cli_exit {
@@ -140,7 +140,7 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
 #define CLI_BATCH_LIGHTFIELD "lightfield" /* of a piece's folder: the copy */
 #define CLI_BATCH_TABLE "figures.csv" /* of the output folder */
 
-/** What is done to each piece. */
+/** Work on each piece. */
 struct cli_batch {
     const char *out, *preset, *model, *calib;
     int steps, every, threads;
@@ -153,11 +153,12 @@ struct cli_batch_piece {
     int set;      /* -1: a light field */
 };
 
-/** Make OUT/NAME, whole or not at all, with its log in logs/NAME.log. @param again  remove what a killed worker left
+/** Make OUT/NAME, whole or not at all, with its log in logs/NAME.log. @param again  remove the remains of a killed
+ * worker
  *  @return exit code */
 int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again);
 
-/** Write OUT/figures.csv from what the commands have reported of the pieces that are done. @return 0 or an error,
+/** Write OUT/figures.csv from the commands' reports on finished pieces. @return 0 or an error,
  * logged */
 SST_MUST_CHECK int cli_batch_write_table(const char *out, char *const *name, int count);
 
@@ -170,7 +171,7 @@ SST_MUST_CHECK int cli_batch_write_table(const char *out, char *const *name, int
  * @param threads  0: all processors
  * @param picture  PNG of the grid to write, or NULL
  * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
- *         error), or what reading and writing return
+ *         error), or the error of reading and writing
  */
 int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
                             const char *picture);
@@ -184,7 +185,7 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
  * @param live      array, accepted and seconds; its callbacks are set here
  * @param record    folder of the recording to write, or NULL
  * @param coverage  picture to update, or NULL
- * @return 0, or what the cameras, the recorder or the picture return; logged
+ * @return 0, or the error of cameras, recorder or picture; logged
  */
 SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
                                       struct sst_gather_live_config *live, const char *record, const char *coverage);
@@ -234,13 +235,14 @@ const char *cli_duration_text(char buffer[CLI_SHORT], double seconds);
 
 /* --- cameras: the service's cameras, shown to people. --- */
 
-/** The grid, then those that do not stream and why; `all`: a line for each. @param answer  of GET /api/v1/cameras */
+/** The grid, then the cameras that do not stream and why; `all`: a line for each. @param answer  of GET /api/v1/cameras
+ */
 void cli_print_grid(const json_t *answer, bool all);
 
 /* --- capture: the subcommands of sst capture. --- */
 
-/** Say of an opened array (sst_capture_open) what a recording of it must know, in cfg, and open the recorder. The same
- *  errors. */
+/** Enter the properties of an opened array (sst_capture_open) in cfg, and open the recorder. Errors of
+ *  sst_recorder_open(). */
 SST_MUST_CHECK int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *array,
                                      struct sst_recorder_config *cfg);
 
@@ -257,10 +259,11 @@ struct cli_still_options {
 const char *cli_still_selected(const char *camera);
 /** Refuse options of still cameras with another one. @return CLI_GO_ON or an exit code */
 int cli_still_check(const struct cli_command *cmd, const char *still, const struct cli_still_options *o);
-/** Apply the options to the configuration, and set what the scan depends on. @return CLI_GO_ON or an exit code */
+/** Apply the options to the configuration, and set the properties that the scan depends on. @return CLI_GO_ON or an
+ * exit code */
 int cli_still_configure(const struct cli_command *cmd, const struct cli_still_options *o, const char *format,
                         struct sst_array_config *array, struct sst_scan_config *cfg);
-/** The settings as text: those that a resumed capture must have. */
+/** Settings that a resumed capture must have, as text. */
 void cli_still_text(const struct sst_array_config *a, char *text, size_t size);
 void cli_still_config(struct sst_still_config *out, const struct sst_array_config *a, const char *camera, bool resumed,
                       const SST_ATOMIC(bool) * cancel);
@@ -271,7 +274,7 @@ void cli_still_print(const json_t *report);
 
 /* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
 
-/** Run until interrupted. @param out  folder @param port  of the page; 0: 8090, or that of a kept configuration
+/** Run until interrupted. @param out  folder @param port  of the page; 0: 8090, or of a kept configuration
  *  @return exit code */
 int cli_demo_live(const char *scene, const char *out, int port, const char *device);
 
@@ -286,13 +289,13 @@ struct cli_usb {
     struct sst_usb_plan plan;
 };
 
-/** List devices, choose the cameras that cfg binds (all of them without `bind`), plan them. @return 0 or -errno,
+/** List devices, choose the cameras that cfg binds (all without `bind`), plan them. @return 0 or -errno,
  * logged. */
 SST_MUST_CHECK int cli_usb_open(struct cli_usb *usb, const struct sst_array_config *cfg);
 void cli_usb_close(struct cli_usb *usb); /* a zeroed one is fine */
 
 /**
- * What would make the refused cameras fit, in sentences: a free port elsewhere, less data from each camera.
+ * Remedies for refused cameras, in sentences: a free port elsewhere, less data from each camera.
  * @param text  out, "" if all fit
  */
 void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size);
@@ -351,7 +354,7 @@ void doctor_check_uvcvideo(struct doctor *d);
 void doctor_check_gpu(struct doctor *d);
 
 /* doctor_live.c */
-/** What the device of the live picture does, and what the CPU. */
+/** Work of the live picture's device, and of the CPU. */
 void doctor_check_live(struct doctor *d);
 /** "labels, render": a list that ends with NULL. */
 void cli_steps_text(char *out, size_t size, const char *const *steps);
@@ -359,7 +362,7 @@ void cli_steps_text(char *out, size_t size, const char *const *steps);
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 
 struct import_recording {
-    const char *const *dirs; /* [count] of one recording, or of those of several hosts */
+    const char *const *dirs; /* [count] of one recording, or of several hosts' recordings */
     int count;
     const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
     const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
@@ -369,7 +372,7 @@ struct import_recording {
 /** @return exit code; the sentence was printed. */
 int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args);
 
-/* --- process_judged: what sst process reports about the pictures themselves --- */
+/* --- process_judged: report of sst process about the pictures themselves --- */
 
 struct sst_align_report;
 struct sst_judgement;
@@ -383,7 +386,7 @@ json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
 void cli_warn_judgement(const struct sst_judgement *j, const char *dir);
 /** Add plausible, implausible and views. */
 void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j);
-/** Log what is wrong with the pictures, and the same and its figures as members of JSON. */
+/** Log the faults of the pictures, and give them and their figures as members of JSON. */
 void cli_warn_notices(const struct sst_notices *n, const char *dir);
 void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n);
 /** Part of the line that `sst process` ends with; nothing if nothing was corrected. */
@@ -395,7 +398,7 @@ void cli_print_align(const struct sst_align_report *a);
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
 
-/* --- what devices have done in `sst process`: process_device.c --- */
+/* --- process_device.c: work of devices in `sst process` --- */
 
 struct cli_process_devices {
     struct sst_disparity_device_report matching; /* zeroed: no device */
@@ -405,14 +408,14 @@ struct cli_process_devices {
 /** For `--json`; "cpu" without a device. */
 json_t *cli_process_devices_json(const struct cli_process_devices *d);
 
-/** Log what devices have done, and what they have not. */
+/** Log the work of devices, and the steps that fell back to the CPU. */
 void cli_process_report_devices(const struct cli_process_devices *d);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 
 #define CLI_DEVICE_MEMORY_HELP "memory of the device to use at most (three quarters of it)"
 
-/** What the device has done, for `--json`; "cpu" without one. */
+/** Report of the device, for `--json`; "cpu" without one. */
 json_t *cli_network_device_json(struct sst_network_device *d);
 
 /** One line of the log about it: a warning where a network ran on the CPU instead. */
@@ -426,7 +429,7 @@ void cli_network_report_device(struct sst_network_device *d);
 /** @param name  f32 or int8; NULL leaves *out alone. @return 0 or -EINVAL, logged */
 SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
 
-/** What the user said; unset numbers keep the preset's values. */
+/** Options of the user; unset numbers keep the preset's values. */
 struct cli_matching {
     const char *preset, *cost, *model, *precision;
     int paths, p1, p2, rounds, scale, threads;
@@ -469,7 +472,7 @@ struct cli_matching {
 SST_MUST_CHECK int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m,
                                        char model_path[SST_PATH_MAX]);
 
-/* --- model_facts: what `sst models` finds out about one network. --- */
+/* --- model_facts: facts about one network for `sst models`. --- */
 
 struct sst_manifest_entry;
 
@@ -482,7 +485,7 @@ struct sst_manifest_entry;
  */
 json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
 
-/** Print all about one network. @return 0, or what opening it returned; logged. */
+/** Print all about one network. @return 0, or the error of opening it; logged. */
 SST_MUST_CHECK int cli_model_inspect(const char *path, bool json);
 
 /* --- places: which device sits where in the array, for commands that list cameras. --- */
@@ -510,20 +513,20 @@ void cli_grab_config(struct sst_grab_config *grab, const struct sst_array_config
 
 /* --- rectify: a calibration on the command line, as `sst rectify` and `sst import` take it. --- */
 
-/** Read a calibration and the name of a filter into what sst_use_calibration_defaults() began.
+/** Read a calibration and the name of a filter into the structure begun by sst_use_calibration_defaults().
  *  @return CLI_GO_ON (free with sst_use_calibration_fini()) or an exit code; the sentence was printed. */
 int cli_use_calibration(struct sst_use_calibration *use, const struct cli_command *cmd, const char *path,
                         const char *filter);
 
-/* --- render_args: what `sst render` and `sst sweep` share: the options of a picture, loading, output formats. --- */
+/* --- render_args: common parts of `sst render` and `sst sweep`: options of a picture, loading, output formats. --- */
 
 struct render_args {
     struct sst_render_config cfg;
     const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
     const char *remove_label, *remove_at;                                 /* of the clear method */
     double cut;                                                           /* NaN: not given */
-    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, which chooses it, and is what was chosen */
-    int pictures;      /* that will be rendered: what `--sampling auto` goes by */
+    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, and is the focus found */
+    int pictures;      /* to be rendered: `--sampling auto` depends on it */
     bool views_needed; /* rectified views are looked at besides */
     bool disparities_needed; /* also by methods that do not use them */
     double f_stop;           /* 0: not given */
@@ -546,7 +549,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
             0, 0                                                                                                       \
     }
 
-/** What `--verify-rays` says. */
+/** Value of `--verify-rays`. */
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
@@ -567,20 +570,20 @@ struct render_input {
 };
 
 /**
- * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and what the
- * clear method removes, and turn the f-stop into a radius.
+ * Read the words among the options, load the data that the method needs, as raw frames or rectified, find the label and
+ * the removal of the clear method, and turn the f-stop into a radius.
  * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);
 void cli_render_close(struct render_input *in);
 
-/** What the device has done, for `--json`; "cpu" without one. */
+/** Report of the device, for `--json`; "cpu" without one. */
 json_t *cli_render_device_json(const struct render_input *in);
 
 /** One line of the log about it: a warning where pictures were rendered on the CPU instead. */
 void cli_render_report_device(const struct render_input *in);
 
-/** What was skipped and the error that it added, for `--json`; null if nothing was to be skipped. */
+/** Report of skips and the error that they added, for `--json`; null without skips. */
 json_t *cli_render_skips_json(const struct render_input *in, const struct render_args *a);
 
 /** Print one line about it. @param out  the output's name */
@@ -627,15 +630,15 @@ struct cli_shard {
         "retry", 0, CLI_FLAG, &(s).retry, NULL, "try failed pieces again"                                               \
     }
 
-/** Names of those options, for cli_shard_job(). */
+/** Names of the sharing options, for cli_shard_job(). */
 #define CLI_SHARD_NAMES "shard", "lease", "status", "retry"
 
 struct cli_pieces {
     int count;
     char *const *name;  /* as shown */
     char *const *state; /* folders of their claims (base/claim.h) */
-    const char *job;    /* what is done to each; what was done by another text is done again */
-    /* Do piece i. @param again  a worker ended while it did it: what it left is to be removed  @return exit code */
+    const char *job;    /* the work on each, as text; work done by another text is done again */
+    /* Do piece i. @param again  a worker ended during it: its remains are to be removed  @return exit code */
     int (*run)(void *arg, int i, bool again);
     void *arg;
 };
@@ -644,15 +647,15 @@ struct cli_pieces {
 int cli_shard_read(const struct cli_command *cmd, struct cli_shard *s);
 
 /**
- * Do what no other process does, this worker's share first, until every piece has ended, wherever.
+ * Do the pieces that no other process does, this worker's share first, until every piece has ended, wherever.
  * @return CLI_OK if all are done; else the code of the first that failed here, or CLI_INPUT
  */
 int cli_shard_run(const struct cli_shard *s, const struct cli_pieces *p);
 
-/** Print what is done, running, failed and waiting. @return exit code */
+/** Print the pieces done, running, failed and waiting. @return exit code */
 int cli_shard_status(const struct cli_pieces *p, bool json);
 
-/** A job's text: the version and all options, without those named (ends in NULL), which do not change the result. */
+/** A job's text: the version and all options but the named ones (ends in NULL), which do not change the result. */
 void cli_shard_job(char *text, size_t size, const struct cli_command *cmd, const struct cli_option *options, size_t n,
                    const char *const *without);
 
@@ -668,13 +671,13 @@ struct video;
  */
 SST_MUST_CHECK int video_open(struct video **out, const char *path, int width, int height, double fps);
 
-/** Append one picture of that size. */
+/** Append one picture of the video's size. */
 SST_MUST_CHECK int video_add(struct video *v, const struct sst_image *img);
 
 /** Finish the file under its name. On failure nothing is left; v still is to be closed. */
 SST_MUST_CHECK int video_commit(struct video *v);
 
-/** Free; what is not committed is removed. NULL is fine. */
+/** Free; an uncommitted file is removed. NULL is fine. */
 void video_close(struct video *v);
 
 #endif

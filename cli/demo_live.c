@@ -36,7 +36,7 @@
 #define SCENE_HEDGE  "hedge" /* of worlds alone */
 #define CONFIG_BYTES (1 << 20)
 
-/* What integrators would write for an array with six trigger lines and a loop-back wire. Grid and size are the world's.
+/* Configuration of an array with six trigger lines and a loop-back wire. Grid and size are the world's.
  */
 static const char config_text[] = "# sstd on a simulated array: sst-sim --world %s -- sstd --config %s\n"
                                   "array: {rows: %d, cols: %d}\n"
@@ -56,7 +56,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "web: {port: %d, token_file: \"%s\", zones_file: \"%s\"}\n"
                                   "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2%s}\n";
 
-/* Who passes behind the hedge is recorded, also without viewers. */
+/* A person behind the hedge is recorded, also without viewers. */
 static const char watched_text[] = ", mode: event, record_on: [{visit: true}], preroll_s: 6, postroll_s: 4";
 
 /* The machine-readable strip of simulated pictures is for tests. */
@@ -133,7 +133,7 @@ __attribute__((format(printf, 2, 3))) static int write_first(const char *path, c
     return err;
 }
 
-/** Write what is missing, and read the configuration, where the user may have moved page, socket and token.
+/** Write missing files, and read the configuration, where the user may have moved page, socket and token.
  *  @param port  0: of the configuration @param device  NULL: of the configuration */
 static int prepare(struct site *s, int port, const char *device)
 {
@@ -298,7 +298,7 @@ static json_t *status(const struct site *s)
     return out;
 }
 
-/** The service's present see-through picture, into a file. Who asks is a viewer, for whom the service computes.
+/** The service's present see-through picture, into a file. The request is a viewer, for which the service computes.
  *  @param settled  out: the service does not expect it to become better @return 0, -EAGAIN: not yet */
 static int save_picture(const struct site *s, bool *settled)
 {

@@ -1,4 +1,4 @@
-/* sst doctor: checks what capturing needs; each finding is one sentence with its remedy. */
+/* sst doctor: checks of all that capturing needs; each finding is one sentence with its remedy. */
 #include "cli/cli_internal.h"
 
 #include <stdarg.h>

@@ -15,7 +15,7 @@
 
 #define LIST_MAX 200
 
-/* Names joined by commas; those that do not fit are only counted. */
+/* Names joined by commas; names that do not fit are only counted. */
 struct names {
     char text[LIST_MAX];
     int count, shown;

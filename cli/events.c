@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 
-#define LAST 10 /* shown before what comes, with --follow */
+#define LAST 10 /* past events shown with --follow */
 
 struct show {
     bool json;
@@ -80,7 +80,7 @@ static int show_held(struct show *s)
     return err;
 }
 
-/* What the service keeps, page by page. */
+/* Journal of the service, page by page. */
 static int read_kept(struct sst_client *client, struct show *s)
 {
     uint64_t before;

@@ -9,7 +9,7 @@
 #include "pipeline/image/codec.h"
 
 #define PATCH       15 /* pixels around a ray */
-#define MAGNIFY     4  /* pixels across each of them */
+#define MAGNIFY     4  /* pixels across each view's pixel */
 #define BAR         8  /* rows of the bar below */
 #define GAP         4
 #define CELL_WIDTH  (PATCH * MAGNIFY + GAP)

@@ -118,7 +118,7 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
     return cfg->cameras ? grab_pictures(s, cfg) : 0;
 }
 
-/* All at once; then one by one those without USB bandwidth beside the others. */
+/* All at once; then, one by one, cameras without USB bandwidth beside the others. */
 static int take_pictures(struct session *s, const struct sst_array_config *array)
 {
     struct sst_grab_binding *bindings = calloc((size_t)s->count, sizeof(*bindings));
@@ -345,7 +345,7 @@ static int write_bindings(const struct session *s, const struct sst_array_config
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-/* Select the requested cameras; of several nodes of one device those that are in the array. */
+/* Select the requested cameras; of several nodes of one device the ones in the array. */
 static int choose(struct session *s, const struct sst_array_config *cfg, const char *serial, const char *port)
 {
     struct sst_grab_device *devices;

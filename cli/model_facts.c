@@ -15,7 +15,7 @@
 #include "pipeline/method/network/onnx.h"
 
 #define KIND_METADATA "sst.kind"
-#define KIND_MATCHING "mccnn-features" /* value of that metadata entry */
+#define KIND_MATCHING "mccnn-features" /* value of the entry KIND_METADATA */
 
 /* External text as a JSON string; if it is not UTF-8, non-ASCII bytes become '?'. */
 static json_t *json_text(const char *text)
@@ -40,7 +40,7 @@ static const char *kind_of(const struct sst_network *net)
     return kind && !strcmp(kind, KIND_MATCHING) ? "matching" : "labels";
 }
 
-/* Open a network like the commands that use it: 0 and its runner, or an error whose message is held back. */
+/* Open a network like the commands that use it: 0 and its runner, or an error with its message held back. */
 static int try_open(json_t *o, const char *path)
 {
     struct sst_network *net = NULL;

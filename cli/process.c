@@ -135,7 +135,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     return cli_dump_json(root, (w->several ? JSON_COMPACT : JSON_INDENT(2)) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
-/* Load the light field with its external maps or those of the options. */
+/* Load the light field with its external maps or the options'. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, struct sst_share *share,
                 int threads)
 {
@@ -169,7 +169,7 @@ static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, co
     return err;
 }
 
-/* What the files add to the report, and it to the folder. */
+/* Properties of the files for the report, and of the report for the folder. */
 static int describe(struct sst_lightfield *lf, const char *dir, struct sst_process_report *report)
 {
     double quality[SST_MAX_VIEWS];
@@ -185,7 +185,7 @@ static int describe(struct sst_lightfield *lf, const char *dir, struct sst_proce
     return 0;
 }
 
-/* What the preset skips, unless the list says otherwise. */
+/* Skips of the preset, unless the list says otherwise. */
 static int read_skips(const struct cli_command *cmd, const char *list, struct sst_process_config *cfg)
 {
     bool keys = cfg->disparity.key_spacing > 1;
@@ -204,7 +204,7 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
     return r;
 }
 
-/* What is done to each light field. */
+/* Work on each light field. */
 struct job {
     struct sst_process_config cfg;
     struct wanted w;
@@ -241,7 +241,7 @@ static void close_devices(struct job *job)
     sst_gpu_shared_destroy(job->device);
 }
 
-/* A light field whose maps are computed. */
+/* A light field during the computation of its maps. */
 struct computed {
     const struct job *job;
     const char *dir;
@@ -331,8 +331,8 @@ static bool is_done(const struct job *job, int i)
     return !sst_claim_look(&info, job->state[i]) && info.state == SST_CLAIM_DONE && !strcmp(info.job, job->text);
 }
 
-/* Meet the other workers in a folder. They share what they do to these pictures: what was left of others that had been
- * there is computed again. @param steps  out, the folder */
+/* Meet the other workers in a folder. They share the work on these pictures: results left for other pictures are
+ * computed again. @param steps  out, the folder */
 static int meet(struct job *job, int i, char steps[SST_PATH_MAX])
 {
     const struct cli_shard *shard = job->shard;
@@ -386,7 +386,7 @@ static int process_locked(void *arg, int i, bool again)
     return code;
 }
 
-/* With the other workers, view by view. What they exchanged is removed at the end. */
+/* With the other workers, view by view. Exchanged files are removed at the end. */
 static int process_together(struct job *job, int i)
 {
     char steps[SST_PATH_MAX], said[SST_LOG_MAX];
@@ -401,7 +401,7 @@ static int process_together(struct job *job, int i)
     said[0] = 0;
     code = process_locked(job, i, false);
     sst_log_hold_errors(NULL);
-    if (code && is_done(job, i)) /* the others have ended, and removed what was to be read */
+    if (code && is_done(job, i)) /* the others have ended, and removed the files to read */
         code = CLI_OK;
     if (code && said[0])
         sst_log_error("%s", said);
@@ -458,7 +458,7 @@ static int process_listed(struct job *job, int count)
     return r;
 }
 
-/* Read what the options mean together. */
+/* Read the options together. */
 static int read_options(const struct cli_command *cmd, struct job *job, const struct cli_matching *m, char *mccnn)
 {
     struct sst_process_config *cfg = &job->cfg;

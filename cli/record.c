@@ -1,4 +1,4 @@
-/* sst record: has the service record, lists what it keeps, takes it away as files, deletes it. */
+/* sst record: recordings of the service: start, stop, list, download, deletion. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -12,7 +12,7 @@
 struct args {
     struct sst_client *client;
     double duration_s, ago_s; /* ago_s: negative, not given */
-    const char *name;         /* of what is kept; NULL: not given */
+    const char *name;         /* of the recording, snapshot or export; NULL: not given */
     const char *time, *recording, *output, *camera;
     bool json;
 };

@@ -15,8 +15,8 @@ struct summary {
     const struct sst_recording_info *info;
     int sets, complete, damaged, runs;
     int missing[SST_CAMERAS_MAX], bad[SST_CAMERAS_MAX];
-    int arrival[SST_CAMERAS_MAX]; /* frames whose time is that of arrival */
-    int ahead[SST_CAMERAS_MAX];   /* frames whose time is later than their arrival */
+    int arrival[SST_CAMERAS_MAX]; /* frames with the time of arrival as theirs */
+    int ahead[SST_CAMERAS_MAX];   /* frames with a time later than their arrival */
     int64_t bytes, lost_before;
     int spreads, periods;       /* how many there are of: */
     int64_t *spread_ns;         /* sets with two frames or more */
@@ -24,7 +24,7 @@ struct summary {
     int worst[SST_CAMERAS_MAX]; /* sets in which the camera was the one farthest off */
     int gaps;                   /* periods of more than one and a half of the usual */
     int unlisted;               /* segments that the index does not name */
-    int64_t unlisted_bytes;     /* of them */
+    int64_t unlisted_bytes;     /* of unlisted segments */
     bool index_lost;            /* they are more than one that was being written */
     json_t *damage;             /* [{"set":, "cam":}]; cam -1: the line */
 };

@@ -1,4 +1,4 @@
-/* sst reload: the service reads its configuration again, or reports what that would change. */
+/* sst reload: the service reads its configuration again, or reports the changes that this would make. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

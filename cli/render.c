@@ -41,7 +41,7 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
     return err;
 }
 
-/* What keeps a picture from having more than 256 levels; NULL: nothing. */
+/* Reason for which a picture cannot have more than 256 levels; NULL: none. */
 static const char *only_levels(const struct sst_lightfield *lf, int before, int after)
 {
     return !before                              ? "its views have 8 bits"
@@ -99,7 +99,7 @@ static double share_percent(const struct sst_map_u8 *map, uint8_t value)
     return 100.0 * (double)n / ((double)map->width * map->height);
 }
 
-/* What was removed, and how much of the picture no view shows. */
+/* Removed surfaces, and the part of the picture that no view shows. */
 static void report_clear(json_t *root, const struct picture *p, const struct render_args *a)
 {
     json_object_set_new(root, "cut_px", cli_real_json(isfinite(a->cfg.cut_px) ? a->cfg.cut_px : NAN));

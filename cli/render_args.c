@@ -103,7 +103,7 @@ int cli_read_verify(enum sst_render_verify *verify, const char *word, const stru
     return CLI_GO_ON;
 }
 
-/* What to skip. */
+/* Skips. */
 static int read_skips(struct render_args *a, const struct cli_command *cmd)
 {
     const struct cli_skip skips[] = { { "views", &a->cfg.skip_views }, { "tiles", &a->cfg.skip_tiles } };
@@ -195,7 +195,7 @@ static int find_object(struct render_input *in, const struct render_args *a, con
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
-/* Set what the clear method removes: what was asked for, else what is nearer than a cut found by itself. */
+/* Set the removal of the clear method: the one of the options, else all nearer than a cut found automatically. */
 static int find_removed(struct render_input *in, struct render_args *a, const struct cli_command *cmd)
 {
     int r = a->cfg.method == SST_RENDER_CLEAR && a->remove_at ? find_object(in, a, cmd) : CLI_GO_ON;
@@ -271,8 +271,8 @@ static bool verifies(const struct render_args *a, const struct sst_lightfield *l
            !(a->cfg.verify == SST_VERIFY_AUTO && lf->disparity_tested);
 }
 
-/* Choose what to load: images by option or cost, confidences only to verify rays. A device rectifies raw frames itself
- * where nothing else needs the views. Converts the f-stop to a radius. */
+/* Choose the data to load: images by option or cost, confidences only to verify rays. A device rectifies raw frames
+ * itself where nothing else needs the views. Converts the f-stop to a radius. */
 static int choose_sampling(struct render_input *in, struct render_args *a, const char *path, unsigned *what)
 {
     struct sst_lightfield lf;

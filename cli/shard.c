@@ -170,7 +170,7 @@ static int try_piece(struct work *w, int i, bool *held)
     return err ? err : 1;
 }
 
-/* The process's own share first, then what is left of the others'. */
+/* The process's own share first, then the rest of the others'. */
 static int try_all(struct work *w, int *done, bool *held)
 {
     int err = 0;
@@ -218,10 +218,10 @@ static const char *const state_names[] = { "waiting", "running", "done", "failed
 
 struct summary {
     int count[ARRAY_LEN(state_names)];
-    double seconds; /* of those done, in sum */
+    double seconds; /* sum over finished pieces */
 };
 
-/* Time left, from the mean of those done and the workers that run; NaN: unknown. */
+/* Time left, from the mean of finished pieces and the workers that run; NaN: unknown. */
 static double time_left(const struct summary *t)
 {
     const int running = t->count[SST_CLAIM_HELD], done = t->count[SST_CLAIM_DONE];

@@ -55,7 +55,7 @@ static bool alike(const json_t *a, const json_t *b)
            json_equal(cli_member(a, "reason"), cli_member(b, "reason"));
 }
 
-/* "r0c5, r0c6 and 3 more absent (unplugged)": the camera at `first`, and those after it that are as it is. */
+/* "r0c5, r0c6 and 3 more absent (unplugged)": the camera at `first`, and later ones in its state. */
 static void print_alike(const json_t *list, size_t first)
 {
     const json_t *like = json_array_get(list, first);
@@ -75,7 +75,7 @@ static void print_alike(const json_t *list, size_t first)
     printf(" %s%s%s%s", state, *reason ? " (" : "", reason, *reason ? ")" : "");
 }
 
-/* "r0c5, r1c5 absent (unplugged); r3c2 recovering": those that do not stream, by why. */
+/* "r0c5, r1c5 absent (unplugged); r3c2 recovering": cameras that do not stream, by reason. */
 static void print_missing(const json_t *cameras)
 {
     const json_t *list = cli_member(cameras, "cameras");
@@ -151,7 +151,7 @@ static void print_skew(const json_t *s)
     printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
 }
 
-/* The device of the live picture, and what it does not do. */
+/* The device of the live picture, and the steps that fall back to the CPU. */
 static void print_device(const json_t *s)
 {
     const json_t *steps = cli_member(s, "live.device.stages_on_cpu");
@@ -241,7 +241,7 @@ static void print_live(const json_t *s)
     printf("\n");
 }
 
-/* What is wrong with the pictures; --json has the whole sentences. */
+/* Faults of the pictures; --json has the whole sentences. */
 static void print_noticed(const json_t *s)
 {
     const json_t *list = cli_member(s, "noticed");

@@ -8,7 +8,7 @@
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 
-#define PNG_MAX_PX 255 /* what 16 bits hold */
+#define PNG_MAX_PX 255 /* largest disparity in 16 bits */
 
 /* 16-bit PNG: 256 steps per pixel, 0 unknown, as KITTI does; a known disparity of 0 becomes the smallest step. */
 static int write_png16(const struct sst_map_f32 *disp, const char *path)

@@ -10,7 +10,7 @@
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 
-/* What changes from picture to picture. */
+/* Setting that changes from picture to picture. */
 enum over { OVER_FOCUS, OVER_CUT, OVER_VIEW_X, OVER_VIEW_Y, OVERS };
 
 static const char *const over_names[OVERS] = { "focus", "cut", "view-x", "view-y" };
@@ -170,8 +170,8 @@ static int make_sweep(const struct sweep *s)
     return err;
 }
 
-/* Refuse what cannot be written, and a folder with the name of a video: its ending is that of another format, or a misspelt
- * one. A slash at the end says that it is a folder. */
+/* Refuse an output that cannot be written, and a folder with the name of a video: its ending is another format's, or a
+ * misspelt one. A slash at the end makes it a folder. */
 static int check_output(const struct sweep *s, const char *path, const struct cli_command *cmd)
 {
     static const char *const endings[] = { "mp4",  "mkv", "webm", "avi",  "mov",  "m4v",  "mpg", "mpeg", "gif", "png",
@@ -194,7 +194,7 @@ static int check_output(const struct sweep *s, const char *path, const struct cl
         sst_path_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ path, NULL }));
 }
 
-/* Read what changes; by default the focus, or the cut of clear pictures. */
+/* Read the setting that changes; by default the focus, or the cut of clear pictures. */
 static int read_over(struct sweep *s, const char *word, double focus, const struct cli_command *cmd)
 {
     const bool clear = !strcasecmp(s->args.method, "clear");

@@ -21,7 +21,7 @@ static const struct {
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
 
-/* What this device can do besides: variants of shaders by other instructions; if `fast`, those that are chosen there.
+/* Further abilities of this device: variants of shaders by other instructions; if `fast`, the ones chosen there.
  */
 static json_t *variants_json(const struct sst_gpu_info *info, bool fast)
 {
@@ -56,7 +56,7 @@ static json_t *devices_json(const struct sst_gpu_info *info, int n)
     return devices;
 }
 
-/* What every device can do: the shaders of this build. */
+/* Abilities of every device: the shaders of this build. */
 static json_t *shaders_json(void)
 {
     json_t *shaders = json_array();
@@ -97,7 +97,7 @@ static json_t *steps_json(const char *const *steps)
     return list;
 }
 
-/* What the service computes on the device of its configuration, if it has one. */
+/* Work of the service on the device of its configuration, if it has one. */
 static void print_live(void)
 {
     char there[128], here[128];

@@ -124,7 +124,7 @@ fail:
     return err;
 }
 
-/* Hand a frame to the encoder (NULL: the end) and write what comes out. */
+/* Pass a frame to the encoder (NULL: the end) and write its output. */
 static int encode(struct video *v, const AVFrame *frame)
 {
     int err = avcodec_send_frame(v->codec, frame);

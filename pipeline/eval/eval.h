@@ -4,7 +4,7 @@
 
 #include "pipeline/image/image.h"
 
-/** Disparity errors over the pixels whose truth is finite (and where mask is not 0, if given). */
+/** Disparity errors over the pixels with a finite truth (and where mask is not 0, if given). */
 struct sst_disparity_error {
     int64_t pixels;                    /* with truth */
     double bad_half, bad1, bad2, bad4; /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
@@ -24,11 +24,12 @@ SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const str
 void sst_eval_disparity_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
 
 /**
- * Mark the pixels whose surface another view sees too: the point at x with disparity d is at x - d (dbx, dby) there; it
- * is visible if that is inside the view and the nearest pixel has no surface nearer by more than 1 px of disparity.
+ * Mark the pixels with a surface that another view sees too: the point at x with disparity d is at x - d (dbx, dby)
+ * there; it is visible if that is inside the view and the nearest pixel has no surface nearer by more than 1 px of
+ * disparity.
  *
  * @param mask      in and out: set to 255 where visible, else unchanged, so that calls for several views accumulate
- * @param dbx, dby  offset of the other view minus that of this one, in spacings
+ * @param dbx, dby  offset of the other view minus this one's, in spacings
  * @return 0 or -EINVAL (sizes differ)
  */
 SST_MUST_CHECK int sst_eval_visible(struct sst_map_u8 *mask, const struct sst_map_f32 *truth,
@@ -50,7 +51,7 @@ double sst_confusion_miou(const struct sst_confusion *c);
 /** IoU of one class in percent, NaN where it occurs neither in the truth nor in the estimate. */
 double sst_confusion_iou(const struct sst_confusion *c, int label);
 
-/** Percent of pixels with truth that have a label; percent of the labelled ones whose label is right (NaN: none). */
+/** Percent of pixels with truth that have a label; percent of the labelled ones with the right label (NaN: none). */
 double sst_confusion_coverage(const struct sst_confusion *c);
 double sst_confusion_accuracy(const struct sst_confusion *c);
 

@@ -85,7 +85,7 @@ static int load_view(void *arg, int index, int worker SST_UNUSED)
     return err ? err : read_labels(&t->label, job, job->truth_dir, index);
 }
 
-/* Mark the pixels whose true surface is visible in at least one of the four neighbouring views. */
+/* Mark the pixels with a true surface that is visible in at least one of the four neighbouring views. */
 static int mark_visible(struct sst_map_u8 *mask, const struct job *job, int index)
 {
     static const int step[4][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 } };
@@ -213,7 +213,7 @@ static void sum_up(struct sst_evaluation *out, const struct job *job)
     out->refined = label_error(job, REFINED);
 }
 
-/* What is behind an occluder, the pixels that it covers, and of these those that show the target. */
+/* Truth behind an occluder, the pixels that it covers, and the ones among them that show the target. */
 struct hidden {
     struct sst_image behind;
     struct sst_map_u8 mask, target;
@@ -250,7 +250,7 @@ static double covered(const struct sst_map_u8 *mask)
     return 100.0 * (double)n / ((double)mask->width * mask->height);
 }
 
-/* Rays of a see-through picture: those that show the target or pass for it, and how many of them are wrong. */
+/* Rays of a see-through picture: rays that show the target or pass for it, and the count of wrong ones. */
 struct ray_count {
     int64_t target, rejected, accepted, wrong;
     int64_t gap_target[SST_EVAL_GAPS], gap_rejected[SST_EVAL_GAPS];
@@ -420,7 +420,7 @@ static int disparities(float *d, const struct job *job, int ref, const struct ss
     return n;
 }
 
-/* A cut between what the mask covers and the rest; NaN: the rest is not all farther. */
+/* A cut between the masked pixels and the rest; NaN: the rest is not all farther. */
 static int cut_between(double *cut_px, const struct job *job, int ref, const struct sst_map_u8 *mask)
 {
     float *d = sst_mem_alloc_raw((size_t)mask->width * (size_t)mask->height, sizeof(*d));

@@ -31,8 +31,8 @@ struct sst_truth {
  */
 SST_MUST_CHECK int sst_truth_read(struct sst_truth *truth, const char *dir);
 
-/** A rendered picture against the true one: all pixels, those that the occluder covers, and of these those that show
- * the target, so that nothing out of focus counts. dB and 0..1; NaN: none. */
+/** A rendered picture against the true one: all pixels, the pixels that the occluder covers, and the ones among them
+ * that show the target, so that nothing out of focus counts. dB and 0..1; NaN: none. */
 struct sst_picture_error {
     double psnr, ssim, psnr_occluded, ssim_occluded;
     double psnr_target; /* three rays or more end at the focus, and fewer end behind it */
@@ -49,7 +49,7 @@ struct sst_label_error {
 struct sst_evaluation {
     int disparity_views, label_views;            /* number of views with truth */
     struct sst_disparity_error disparity;        /* pixels 0: no truth */
-    struct sst_disparity_error disparity_nonocc; /* pixels whose true surface is visible in a neighbouring view too */
+    struct sst_disparity_error disparity_nonocc; /* pixels with a true surface that a neighbouring view shows too */
     struct sst_label_error initial, hcsm, refined;
     int occluders;
     struct {
@@ -57,10 +57,10 @@ struct sst_evaluation {
         /* Rays of all views through the covered pixels that show the target in at least one view, percent; NaN: none.
          * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
         double rejected; /* of the rays that show the target: the map says nearer */
-        /* Likewise by the size of the gap that the ray passes: up to 4 px, up to 12 px, larger; in its view, along the
-         * row or the column, whichever is shorter. */
+        /* Rejected rays by the size of the gap that they pass: up to 4 px, up to 12 px, larger; in their view, along
+         * the row or the column, whichever is shorter. */
         double rejected_gap[SST_EVAL_GAPS];
-        double accepted_wrong; /* of those that are not nearer by the map, within 1 px of the focus: in truth nearer */
+        double accepted_wrong; /* of rays that are not nearer by the map, within 1 px of the focus: in truth nearer */
         struct sst_picture_error render, refocus, clear;
         double psnr_median;            /* psnr_target of the median of the rays at the focus */
         double cut_px;                 /* of the clear picture; NaN: the occluder was removed as an object */
@@ -76,7 +76,7 @@ struct sst_evaluation {
  * @param lf_dir  its folder: labels_initial/ and labels_hcsm/ are read from there if present
  * @param cfg     of the see-through rendering; focus and viewpoint are set here
  * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or
- * what sst_render() returns; logged.
+ * the error of sst_render(); logged.
  */
 SST_MUST_CHECK int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield *lf, const char *lf_dir,
                                        const struct sst_truth *truth, const char *truth_dir,

@@ -65,7 +65,7 @@ double sst_confusion_miou(const struct sst_confusion *c)
     return classes ? sum / classes : NAN;
 }
 
-/* Counts of pixels with truth, of those labelled, and of those labelled correctly. */
+/* Counts of pixels with truth, with a label, and with the correct one. */
 static void totals(const struct sst_confusion *c, int64_t *pixels, int64_t *labeled, int64_t *right)
 {
     *pixels = *labeled = *right = 0;

@@ -1,4 +1,4 @@
-/* pipeline/lightfield/calibrated.h - light fields whose files are raw frames, rectified by a calibration. */
+/* pipeline/lightfield/calibrated.h - light fields with raw frames as files, rectified by a calibration. */
 #ifndef SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 #define SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 
@@ -22,17 +22,17 @@ SST_MUST_CHECK int sst_use_calibration_read(struct sst_use_calibration *use, con
 void sst_use_calibration_fini(struct sst_use_calibration *use);
 
 /**
- * Reject a calibration for another grid; mark views absent whose cameras it lacks (a warning lists them). Call it
+ * Reject a calibration for another grid; mark views of cameras that it lacks absent (a warning lists them). Call it
  * before copying files.
  * @return 0, -EBADMSG (another grid, or no view is left; logged)
  */
 SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use);
 
 /**
- * Calibrate a light field whose width and height are those of its raw frames: sets calibration, rectified, filter,
+ * Calibrate a light field with the width and height of its raw frames: sets calibration, rectified, filter,
  * width and height, focal length, spacing and the views' true offsets; maps must be empty.
  *
- * @return 0, -EBADMSG (size of frames, what sst_rectify_plan() refuses, a view without any pixel), -EINVAL (use->plan),
+ * @return 0, -EBADMSG (size of frames, a refusal of sst_rectify_plan(), a view without any pixel), -EINVAL (use->plan),
  * -ENOMEM; logged, lf untouched
  */
 SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);

@@ -1,5 +1,5 @@
-/* Corrections of pictures, by the resampling that also rectifies raw frames: a view without a calibration is one of a
- * pinhole camera whose principal point, roll and focal length are off. */
+/* Corrections of pictures, by the resampling that also rectifies raw frames: a view without a calibration is a picture
+ * of a pinhole camera with principal point, roll and focal length off. */
 #include "pipeline/lightfield/correction.h"
 
 #include <errno.h>
@@ -25,7 +25,7 @@ static bool moves(const struct sst_correction *c)
     return c->shift_x_px != 0 || c->shift_y_px != 0 || c->roll_deg != 0 || c->scale != 0;
 }
 
-/* What resampling undoes. */
+/* Displacement that resampling undoes. */
 static bool resamples(const struct sst_correction *c)
 {
     return moves(c) || c->falloff != 0 || c->gain[0] != 1 || c->gain[1] != 1 || c->gain[2] != 1;
@@ -72,7 +72,7 @@ static void falloff_polynomial(double out[3], double falloff)
     sst_stats_solve3(a, out);
 }
 
-/* The picture as that of a camera that is off, and the one that should have been. */
+/* The camera of the picture, which is off, and the one that should have been. */
 static void pinhole(const struct sst_lightfield *lf, const struct sst_correction *c, struct sst_calib_camera *camera,
                     struct sst_calib *calib, struct sst_rectified *to)
 {
@@ -100,7 +100,7 @@ static void pinhole(const struct sst_lightfield *lf, const struct sst_correction
     to->view[0].scale = 1;
 }
 
-/* Pixels whose place in the uncorrected picture was not seen are not seen either. */
+/* Pixels with an unseen place in the uncorrected picture are not seen either. */
 static void carry_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *before, const struct sst_rectify_map *map,
                         int32_t *xy_q8)
 {
@@ -227,7 +227,7 @@ int correction_apply(struct sst_lightfield *lf, int view, const struct sst_corre
     return 0;
 }
 
-/* The product to the third power of r2, which is what a calibration has. */
+/* The product to the third power of r2, the form of a calibration. */
 static void multiply_falloff(double f[3], double falloff)
 {
     double g[3];

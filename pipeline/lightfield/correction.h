@@ -8,23 +8,23 @@
 struct sst_rectify_map;
 struct sst_share;
 
-#define SST_CORRECTION_SHIFT_MAX_PX 100.0 /* limits of what a folder may state */
+#define SST_CORRECTION_SHIFT_MAX_PX 100.0 /* limits of the values in a folder */
 #define SST_CORRECTION_ROLL_MAX_DEG 10.0
 #define SST_CORRECTION_SCALE_MAX    0.1
 #define SST_CORRECTION_GAIN_MAX     8.0 /* and one over it */
 #define SST_CORRECTION_FALLOFF_MAX  2.0
 #define SST_CORRECTION_EXPONENT_MAX 2.0 /* and one over it */
 
-/** How one view's picture differs from what it should be. What a point x px from the picture's centre shows belongs at
+/** Error of one view's picture. The surface at a point x px from the picture's centre belongs at
  *  x - e(x), e(x) = shift + roll J x + scale x, J x = (-x.y, x.x). */
 struct sst_correction {
     double shift_x_px, shift_y_px; /* right and down positive */
     double roll_deg;               /* clockwise */
     double scale;                  /* size of the picture minus 1 */
     double gain[3];                /* of linear red, green, blue, as in a calibration; 1: the array's mean */
-    double falloff;                /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
+    double falloff;                /* light at r from the picture's centre is exp(falloff r2) of the light at it, r in half
                                       diagonals */
-    double exponent;               /* linear light is (gain times what it should be) to this power; 1: none; not with a
+    double exponent;               /* linear light is (gain times the true light) to this power; 1: none; not with a
                                       calibration */
 };
 

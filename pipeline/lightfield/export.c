@@ -191,7 +191,7 @@ static bool hci_centred(const struct sst_lightfield *lf)
            lf->off_centre_px[1] == ((lf->rows - 1) / 2.0 - lf->ref_view / lf->cols) * lf->infinity_px;
 }
 
-/* Readers need every key of the benchmark, in this form; 0 is what is unknown. */
+/* Readers need every key of the benchmark, in this form; 0 stands for unknown values. */
 static void put_hci(FILE *f, const struct sst_lightfield *lf)
 {
     const double fb = lf->focal_px * lf->spacing_mm;
@@ -330,7 +330,7 @@ static int load(struct sst_lightfield *lf, const struct format *f, const char *d
     return sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
-/* What the user gives of cameras of which the light field knows nothing. */
+/* Values of the user for cameras of which the light field knows nothing. */
 static int replace_geometry(struct sst_lightfield *lf, const struct sst_export_config *cfg)
 {
     const bool converges = cfg->focus_mm > 0 && isfinite(cfg->focus_mm);

@@ -6,14 +6,14 @@
 
 struct sst_lightfield_file {
     char name[256];  /* inside views/, untouched camera bytes */
-    char sha256[65]; /* of that file, lower-case hex */
+    char sha256[65]; /* of the view's file, lower-case hex */
 };
 
 struct sst_lightfield_files {
     bool external_labels, external_disparity; /* supplied with the images: processing does not replace them */
     char calibration_sha256[65];              /* of the folder's calibration.yaml; empty: not written yet */
     char source[1024];                        /* provenance: format and origin */
-    char history[1024];                       /* what computed the maps, one line */
+    char history[1024];                       /* origin of the maps, one line */
     bool judged, plausible;                   /* whether processing judged the views, and how */
     char implausible[512];                    /* why not; empty: plausible */
     struct sst_lightfield_file view[];        /* [rows * cols] */

@@ -10,7 +10,7 @@ bool sst_view_has_frame(const struct sst_view *v)
     return v->image.plane[0] || v->encoded;
 }
 
-/* What messages call a view. */
+/* Name of a view in messages. */
 static const char *name_of(const struct sst_lightfield *lf, int view)
 {
     return lf->files ? lf->files->view[view].name : "frame";

@@ -302,7 +302,7 @@ static void set_infinity(struct import_plan *plan)
     lf->off_centre_px[1] = (plan->centre[1] - ref->pos_y) / plan->spacing * lf->infinity_px;
 }
 
-/* Range by precedence: the user's, the source's, that of the true disparities. */
+/* Range by precedence: the user's, the source's, the true disparities'. */
 static void set_range(const struct job *job)
 {
     const struct sst_import_config *cfg = job->plan->cfg;

@@ -29,7 +29,7 @@ static bool is_raw(const char *ending)
     return false;
 }
 
-/* By the ending: what is in it is judged when it is read. @return false: not named rr_cc.* */
+/* By the ending: the content is judged when it is read. @return false: not named rr_cc.* */
 static bool parse_name(const char *name, int *row, int *col, enum kind *kind)
 {
     const char *p = parse_index(name, row);
@@ -41,7 +41,7 @@ static bool parse_name(const char *name, int *row, int *col, enum kind *kind)
     return true;
 }
 
-/* What the files of views are, before one is placed. */
+/* Kinds of the views' files, before one is placed. */
 struct found {
     bool has[SST_MAX_VIEWS][3]; /* by kind */
     int files[3];

@@ -1,6 +1,6 @@
 /* The format of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is
- * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI), whose
- * focus_distance_m is where the views converge, as seen from the middle of the grid (0, as our own export writes it:
+ * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI), with
+ * focus_distance_m where the views converge, as seen from the middle of the grid (0, as our own export writes it:
  * unknown); true
  * disparity in gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
  *
@@ -20,7 +20,7 @@
 
 struct grid {
     int rows, cols;   /* of the whole set */
-    int n_row, n_col; /* of those present */
+    int n_row, n_col; /* of present views */
     int row[SST_MAX_VIEWS], col[SST_MAX_VIEWS];
     char *params; /* text of parameters.cfg, or NULL */
     char params_path[SST_PATH_MAX];

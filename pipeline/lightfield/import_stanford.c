@@ -3,7 +3,7 @@
  *     out_09_12_-822.674438_-3293.216797_.png               prefix _ row _ column _ y _ x [_ ...] . extension
  *     Original Camera_10_15_92.307692_-61.538462_30_36.jpg
  *
- * Positions count. In the data of the gantry (chess) and in that of a renderer with the same names (shop), x grows to
+ * Positions count. In the data of the gantry (chess) and of a renderer with the same names (shop), x grows to
  * the right and y grows DOWN, as seen from behind the cameras: matching neighbours there with
  * x_k = x - d * (position - reference) / spacing gives the near parts the larger disparity, on both axes. The row and
  * column numbers only identify which images share a line of the grid; they run either way (rows go upwards in both
@@ -173,8 +173,8 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     return err;
 }
 
-/* Reads the file that our own export adds for what names cannot hold: the nominal spacing, which is not exactly the
- * median of measured ones, whether positions are in millimetres, the range, and where infinity is. */
+/* Read the file that our own export adds for values that names cannot hold: the nominal spacing, which is not exactly
+ * the median of measured ones, whether positions are in millimetres, the range, and where infinity is. */
 static int read_extra(struct import_plan *plan)
 {
     const int i = names_find(&plan->names, "positions.cfg");

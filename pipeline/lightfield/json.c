@@ -538,7 +538,7 @@ static void read_samples(struct sst_lightfield *lf, struct reader *r)
         lf->samples = (struct sst_samples){ (int)v[0], (int)v[1] };
 }
 
-/* Parse what sst_lightfield_init() needs. */
+/* Parse the arguments of sst_lightfield_init(). */
 static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
     char format[32] = "";

@@ -25,7 +25,7 @@ struct sst_view {
     double bx, by;           /* offset from the reference view in nominal spacings, right and down positive */
     struct sst_image image;  /* empty until loaded */
     struct sst_image
-        original;            /* what `image` was resampled from by a correction (SST_LOAD_ORIGINALS); empty: nothing */
+        original;            /* source of `image` before its correction (SST_LOAD_ORIGINALS); empty: none */
     uint8_t *encoded;        /* the raw frame as a JPEG file that is decoded when it is needed, with an empty `image`
                                 (SST_LOAD_ENCODED); NULL: none. Owned. */
     size_t encoded_bytes;
@@ -43,7 +43,7 @@ struct sst_lightfield {
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
     struct sst_samples samples;        /* of 16-bit views; all are scaled alike */
     bool infinity_known;               /* infinity_px is known; false: it is 0 */
-    double infinity_px; /* disparity of what is infinitely far: Z = f B / (d - infinity_px). 0: parallel views; below
+    double infinity_px; /* disparity of infinity: Z = f B / (d - infinity_px). 0: parallel views; below
                            0: they converge at Z = -f B / infinity_px, where d is 0 */
     double off_centre_px[2]; /* principal point of the reference view from the middle of the picture, right and down */
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
@@ -62,7 +62,7 @@ struct sst_lightfield {
     struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
 };
 
-/** What to load besides lightfield.json. */
+/** Data to load besides lightfield.json. */
 enum sst_lightfield_load {
     SST_LOAD_IMAGES = 1,
     SST_LOAD_DISPARITY = 2,
@@ -72,7 +72,7 @@ enum sst_lightfield_load {
     SST_LOAD_RAW = 16,         /* with SST_LOAD_IMAGES: images as the files are, not rectified */
     SST_LOAD_UNVERIFIED = 32,  /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
     SST_LOAD_UNCORRECTED = 64, /* forget the correction of the folder */
-    SST_LOAD_ORIGINALS = 128, /* with SST_LOAD_IMAGES: keep what corrected pictures are resampled from, for renderers */
+    SST_LOAD_ORIGINALS = 128, /* with SST_LOAD_IMAGES: keep the sources of corrected pictures, for renderers */
     SST_LOAD_ENCODED = 256,   /* with SST_LOAD_RAW: raw frames that are JPEG files stay so, for renderers on a device */
 };
 
@@ -103,7 +103,7 @@ bool sst_view_has_frame(const struct sst_view *v);
 SST_MUST_CHECK int sst_lightfield_decode_frame(struct sst_image *out, const struct sst_lightfield *lf, int view);
 
 /**
- * Write the view's raw frame, or what its corrected picture was resampled from, as R, G, B and an unused byte a pixel;
+ * Write the view's raw frame, or the source of its corrected picture, as R, G, B and an unused byte a pixel;
  * an encoded one is decoded straight to there.
  * @param rgbx  rows `stride` bytes apart, of the frame's size; may be memory that is slow to read @return as above
  */
@@ -127,14 +127,14 @@ SST_MUST_CHECK int sst_lightfield_shared_load(struct sst_share *share, struct ss
                                               unsigned what, int threads);
 
 /**
- * Set lf->samples from the views' files in dir: what all views of 16 bits are scaled from when they are loaded. What is
- * lost is logged. To be called before sst_lightfield_write() by whatever makes a light field from files.
+ * Set lf->samples from the views' files in dir: the range that all views of 16 bits are scaled from when they are
+ * loaded. Losses are logged. To be called before sst_lightfield_write() by code that makes a light field from files.
  * @param name  of the light field, for messages @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged
  */
 SST_MUST_CHECK int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, const char *name);
 
 /** Distinct samples of the reference view's file, and the levels that they become; 0 and 0: it has 8 bits.
- *  @param report  log what is lost. The same errors. */
+ *  @param report  log the loss. @return as sst_lightfield_choose_samples() */
 SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, bool report, int *before,
                                          int *after);
 
@@ -167,7 +167,8 @@ SST_MUST_CHECK int sst_lightfield_save_maps(const struct sst_lightfield *lf, con
 /** "rr_cc" of a view. */
 void sst_view_name(const struct sst_lightfield *lf, int view, char out[16]);
 
-/** Stored value of a disparity: nearest 1/64 px, SST_DISP_NONE when not finite or outside what can be stored. */
+/** Stored value of a disparity: nearest 1/64 px, SST_DISP_NONE when not finite or outside the range that can be stored.
+ */
 static inline uint16_t sst_disp_q6(const struct sst_lightfield *lf, double disp_px)
 {
     const double q = (disp_px - lf->disp_min_px) * SST_DISP_SCALE + 0.5;

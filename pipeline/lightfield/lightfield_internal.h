@@ -37,10 +37,10 @@ SST_MUST_CHECK int colmap_write(const struct sst_calib *calib, const char (*name
  */
 SST_MUST_CHECK int nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir);
 
-/* --- imports: what is known of the source before files are copied ---
+/* --- imports: facts about the source before files are copied ---
  *
- * A format (import_<format>.c) reads names and parameters only and fills the plan; import.c does what all formats
- * share: decoding, checking, hashing, copying, writing. */
+ * A format (import_<format>.c) reads names and parameters only and fills the plan; import.c does the common
+ * work: decoding, checking, hashing, copying, writing. */
 
 #define SST_NAME_MAX         256
 #define HCI_FOCUS_INFINITE_M 1e9 /* focus_distance_m of parallel views: readers need a number */
@@ -112,18 +112,18 @@ SST_MUST_CHECK int params_off_centre(struct sst_lightfield *lf, const char *text
 
 struct sst_correction;
 
-/** Resample a loaded picture that is not a raw frame. @param keep  what it is resampled from, in the view's `original`
+/** Resample a loaded picture that is not a raw frame. @param keep  its source, in the view's `original`
  *  @return 0, -ENOMEM, -EINVAL; logged */
 SST_MUST_CHECK int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep);
 
-/** Make lf->correction part of the calibration's cameras: what rectifies raw frames corrects them, too. */
+/** Make lf->correction part of the calibration's cameras: the rectification of raw frames corrects them, too. */
 void correction_calibrate(struct sst_lightfield *lf);
 
 /* --- store: lightfield.json and hashes --- */
 
 #define SST_LIGHTFIELD_VERSION 2                 /* the newest; a light field without a calibration is written as 1 */
 #define SST_DISP_ABS_MAX_PX    32768.0           /* no disparity is larger than an image */
-#define SST_RANGE_MAX_PX       1023.0            /* what 16 bits of 1/64 px hold, without the value for unknown */
+#define SST_RANGE_MAX_PX       1023.0            /* largest disparity in 16 bits of 1/64 px, without the value for unknown */
 #define SST_VIEW_FILE_MAX      ((size_t)1 << 30) /* bytes of one view's file */
 
 /** Create the folder dir/name; an existing one is fine. */
@@ -146,7 +146,7 @@ bool view_file_name_ok(const char *name);
 const char *lightfield_fault(const struct sst_lightfield *lf);
 
 /** Text of lightfield.json; of a calibration it holds how it is used and the hash of its file.
- *  @param hashes  [views][65], for views whose own is empty @return NULL: no memory. Free with free(). */
+ *  @param hashes  [views][65], for views without one @return NULL: no memory. Free with free(). */
 char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256);
 
 /** Read lightfield.json strictly: every field present, of its type and in its range, none unknown. For a calibrated

@@ -12,7 +12,7 @@
 #define BLOCKS   20    /* in each direction */
 #define PAIRS    4     /* outermost views: left, right, top, bottom */
 #define TEXTURED 16    /* blocks needed ... */
-#define CONTRAST 5.0   /* ... of this standard deviation, in levels, and of twice that of the noise */
+#define CONTRAST 5.0   /* ... of this standard deviation, in levels, and of twice the noise's */
 #define ALIKE    0.7   /* correlation of the same surface */
 #define BETTER   0.1   /* a place elsewhere must correlate by this much better */
 #define STILL_PX 0.1   /* over the widest baseline */
@@ -63,7 +63,7 @@ static bool moments(const struct sst_image *a, const struct sst_image *b, int x0
     return true;
 }
 
-/* Mean correlation of a block with the places in the other views that have this disparity; -1: outside most of them. */
+/* Mean correlation of a block with the places in the other views that have this disparity; -1: outside most views. */
 static double correlation(const struct scene *s, int x0, int y0, double disp_px)
 {
     double sum = 0, m[3];
@@ -137,7 +137,7 @@ static int block_y(const struct scene *s, int i)
     return block_at(i / BLOCKS, s->ref->height);
 }
 
-/* Variance of the noise: half of that of the differences at the same place, the lower quartile of all blocks. */
+/* Variance of the noise: half the variance of differences at the same place, the lower quartile of all blocks. */
 static double noise_variance(const struct scene *s)
 {
     double var[BLOCKS * BLOCKS], m[3];
@@ -150,7 +150,7 @@ static double noise_variance(const struct scene *s)
     return var[BLOCKS * BLOCKS / 4];
 }
 
-/* Choose the blocks whose contrast is above that of noise. @return their number */
+/* Choose the blocks with a contrast above the noise's. @return their number */
 static int select_textured(const struct scene *s, double noise, bool *use)
 {
     int n = 0;

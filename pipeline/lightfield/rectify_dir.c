@@ -79,7 +79,7 @@ static int convert_view(void *arg, int k, int worker)
 }
 
 /* The old geometry's disparity range, counted from infinity and scaled by f B where these are known, holds for the new
- * one, whose infinity is at 0. */
+ * one, with infinity at 0. */
 static void scale_range(struct sst_lightfield *lf, double old_fb, double old_infinity_px)
 {
     const double scale = old_fb > 0 ? lf->focal_px * lf->spacing_mm / old_fb : 1;

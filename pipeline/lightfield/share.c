@@ -105,7 +105,7 @@ void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, 
     add(maps, KIND_LIST, list, count, each);
 }
 
-/* What is in a file before the bytes of a result. Rows are stored with their padding, so that a map is one piece. */
+/* Head of a file before the bytes of a result. Rows are stored with their padding, so that a map is one piece. */
 struct shape {
     int32_t width, height; /* 0: empty */
     uint64_t bytes;
@@ -186,7 +186,7 @@ static int renew(const struct sst_share_map *m, struct shape to)
     return renew_list(m, to);
 }
 
-/* What is lost with the machine is computed again, so nothing is synced. */
+/* Results lost with the machine are computed again, so nothing is synced. */
 static int write_maps(const char *path, const struct sst_share_maps *maps)
 {
     struct sst_outfile out;
@@ -266,7 +266,7 @@ struct step {
     sst_share_batch_fn *batch;
     void *arg;
     sst_share_maps_fn *maps;
-    int *index; /* those that are shared, block by block, then from `shared` on those that are not */
+    int *index; /* shared ones, block by block, then from `shared` on the others */
     int shared, indices, block, count; /* block: indices of an item; count: items */
     int64_t start_ns, start_cpu_ns;
     /* under lock */
@@ -297,7 +297,7 @@ static int list_maps(const struct step *t, int i, struct sst_share_maps *out)
     return out->failed ? -ENOMEM : 0;
 }
 
-/* Leave what an item's work wrote for the others, and end the claim. @param err  of that work; then `error` says why */
+/* Leave the results of an item for the others, and end the claim. @param err  of its work; then `error` says why */
 static int finish_item(const struct step *t, int i, struct sst_claim *claim, int err, const char *error)
 {
     struct sst_share_maps maps = { 0 };
@@ -443,7 +443,7 @@ static void wait_for_others(int64_t since_ns)
     nanosleep(&(struct timespec){ .tv_nsec = part_ns < POLL_MOST_NS ? part_ns : POLL_MOST_NS }, NULL);
 }
 
-/* What writes nothing for others, every process does. */
+/* Work that writes nothing for others is done by every process. */
 static int work_alone(void *arg, int i, int worker)
 {
     const struct step *t = arg;
@@ -472,7 +472,7 @@ static int run_step(struct step *t, int threads, int *index, struct sst_claim **
     return err ? err : sst_parallel_for(t->count, threads, read_item, t);
 }
 
-/* Divide the indices into those that write something and the rest. */
+/* Divide the indices into ones that write something and the rest. */
 static int list_indices(struct step *t)
 {
     int last = t->indices;

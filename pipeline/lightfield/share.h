@@ -16,7 +16,7 @@ struct sst_share; /* one thread at a time */
 
 /**
  * @param dir   folder of the steps, made here; its parent exists
- * @param job   what is computed, of which pictures; items of another job are computed again
+ * @param job   the work, and its pictures; items of another job are computed again
  * @param index this process of `count`: where it begins
  * @return 0, -ENOMEM, or an error of the output; logged
  */
@@ -24,7 +24,7 @@ SST_MUST_CHECK int sst_share_open(struct sst_share **out, const char *dir, const
                                   int lease_ms);
 void sst_share_close(struct sst_share *s); /* NULL is fine */
 
-/** What the work on an item writes, in a fixed order. Empty maps (a view that is missing) stay empty. */
+/** Results of the work on an item, in a fixed order. Empty maps (a view that is missing) stay empty. */
 struct sst_share_maps {
     struct sst_share_map *map;
     int count, capacity;
@@ -40,16 +40,16 @@ void sst_share_add_image(struct sst_share_maps *maps, struct sst_image *image);
 void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t bytes);
 
 /**
- * A list whose length is a result as well.
+ * A list with a length that is a result as well.
  * @param list  address of the pointer to it: NULL, or memory of base/mem.h, which is replaced
  * @param each  bytes of an element, without pointers
  */
 void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each);
 
 /**
- * Add what is written for an index. Maps and lists of those that other processes compute are initialised when their
- * file is read; what they had is freed. Of an index for which nothing is added every process calls the work, which is
- * assumed to be next to none.
+ * Add the results of an index. Maps and lists that other processes compute are initialised when their file is read;
+ * their former content is freed. The work of an index without results is called by every process, and assumed to be
+ * next to none.
  */
 typedef void sst_share_maps_fn(void *arg, int index, struct sst_share_maps *out);
 
@@ -58,13 +58,13 @@ typedef void sst_share_maps_fn(void *arg, int index, struct sst_share_maps *out)
  * order with the same counts.
  *
  * @param s     NULL: not shared
- * @param maps  what fn writes, and all that later steps read of it
+ * @param maps  results of fn, all that later steps read
  * @return as sst_parallel_for(), or -EIO: the file of an item is damaged; logged
  */
 SST_MUST_CHECK int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, void *arg,
                                  sst_share_maps_fn *maps);
 
-/** The same where each index is little work: at most `block` of them are an item, one thread's. */
+/** Share a loop in which each index is little work: at most `block` indices are an item, one thread's. */
 SST_MUST_CHECK int sst_share_blocks(struct sst_share *s, int count, int block, int threads, sst_work_fn *fn, void *arg,
                                     sst_share_maps_fn *maps);
 
@@ -72,7 +72,7 @@ SST_MUST_CHECK int sst_share_blocks(struct sst_share *s, int count, int block, i
  *  exchanging them one by one. */
 int sst_share_block(size_t pixels);
 
-/** Work on some items at once: those that this process has claimed together. @return 0 or a negative errno */
+/** Work on some items at once, claimed together by this process. @return 0 or a negative errno */
 typedef int sst_share_batch_fn(void *arg, const int *index, int count);
 
 /**

@@ -200,7 +200,7 @@ static bool read_last(struct sst_board *b, const char *text)
     return false;
 }
 
-/* Parse the text. @return what is wrong with it, or NULL */
+/* Parse the text. @return its fault, or NULL */
 static const char *read_text(struct sst_board *b, const char *text)
 {
     char copy[128], *part[5] = { NULL }, *rest = copy;

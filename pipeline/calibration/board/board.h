@@ -15,7 +15,7 @@ enum sst_board_kind {
 /**
  * A board in its own axes: seen from the front, x is right, y down, z away from the viewer; mm; the origin is the first
  * point. Points are numbered row by row from the upper left: inner corners of a chessboard or ChArUco board ((cols - 1)
- * (rows - 1) of them), on an AprilGrid the four corners of each tag, 4 tag + 0..3 clockwise from its upper left.
+ * (rows - 1) points), on an AprilGrid the four corners of each tag, 4 tag + 0..3 clockwise from its upper left.
  */
 struct sst_board {
     enum sst_board_kind kind;

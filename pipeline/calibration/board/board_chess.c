@@ -43,7 +43,7 @@ static void rotate_quarter(struct grid *g)
         reverse(g->at + j * g->cols, g->cols);
 }
 
-/* Mean grey of the squares whose column + row is even, minus that of the others. */
+/* Mean grey of the squares with an even column + row, minus the others'. */
 static double even_brighter(const struct grid *g, const struct sst_map_u8 *luma)
 {
     double sum[2] = { 0, 0 }, n[2] = { 0, 0 };
@@ -77,7 +77,7 @@ static double heading(const struct grid *g)
 
 /*
  * Renumber to our convention: not mirrored, a black square at the upper left where the board has one; among equivalent
- * rotations the one whose x axis points most to the right. @return true: the upper left square is white nevertheless
+ * rotations the one with the x axis most to the right. @return true: the upper left square is white nevertheless
  */
 static bool normalise_order(struct grid *g, const struct sst_map_u8 *luma)
 {

@@ -1,4 +1,4 @@
-/* Markers of ChArUco boards and AprilGrids: reads them and keeps those that agree on one pose of the board. */
+/* Markers of ChArUco boards and AprilGrids, read and kept as far as they agree on one pose of the board. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -5,8 +5,8 @@
  *
  *   S = E[sign(t1 + e1) sign(t2 + e2)] = P(t1) P(t2) + 4 f(t1) f(t2) (c + c^2 t1 t2 / 2 + c^3 (t1^2-1)(t2^2-1) / 6 ...)
  *
- * P(t) = erf(t / sqrt 2), f the normal density: the expansion of the bivariate normal distribution (Mehler), whose
- * first three terms are kept. S(-t1, -t2) = S(t1, t2).
+ * P(t) = erf(t / sqrt 2), f the normal density: the expansion of the bivariate normal distribution (Mehler), of
+ * which the first three terms are kept. S(-t1, -t2) = S(t1, t2).
  */
 #include "pipeline/calibration/board/board_internal.h"
 
@@ -18,7 +18,7 @@
 #define PARAMETERS  11
 #define MAX_SIDE    64 /* of the window, px */
 #define ROUNDS      20
-#define MARGIN_PX   1.5 /* margin to what does not belong to the four quadrants */
+#define MARGIN_PX   1.5 /* margin to pixels outside the four quadrants */
 #define FAR         4.0 /* widths from an edge beyond which its blur is negligible */
 #define MIN_BLUR_PX 0.2
 #define MAX_BLUR_PX 12.0
@@ -117,7 +117,7 @@ static double crossing(const struct edge *a, const struct edge *b, double c, dou
     return a->p * b->p + f * series;
 }
 
-/* What the model's parameters mean for every pixel. */
+/* Effect of the model's parameters on every pixel. */
 struct pose {
     const double *q;
     double ca, sa, cb, sb, wa, wb; /* cosine and sine of the edges' angles, 1 / widths */
@@ -158,8 +158,8 @@ static double model(const struct pose *m, double dx, double dy, double by[PARAME
     return light * grey;
 }
 
-/* Priors, one more measurement each: value and 1 / sigma. They keep what the window does not determine (the width of
- * an edge between two pixels) from diverging. */
+/* Priors, one more measurement each: value and 1 / sigma. They keep parameters that the window does not determine (the
+ * width of an edge between two pixels) from diverging. */
 static const double prior_value[PARAMETERS] = { [BLUR1] = -0.2, [BLUR2] = -0.2 };
 static const double prior_weight[PARAMETERS] = {
     [BLUR1] = 1 / 0.7, [BLUR2] = 1 / 0.7, [SKEW] = 1 / 0.4, [LIGHT_X] = 1 / 0.005, [LIGHT_Y] = 1 / 0.005

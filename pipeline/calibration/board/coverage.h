@@ -26,14 +26,14 @@ void sst_coverage_count(struct sst_coverage *out, const struct sst_detections *a
 bool sst_coverage_cell_done(const struct sst_coverage *coverage, int row, int col);
 double sst_coverage_depth_ratio(const struct sst_coverage *coverage);
 
-/** Fraction 0..1 of what a calibration needs: regions, tilts, a depth ratio of 1.5, 15 frames. */
+/** Fraction 0..1 of a calibration's need: regions, tilts, a depth ratio of 1.5, 15 frames. */
 double sst_coverage_share(const struct sst_coverage *coverage);
 
-/** What is missing, most important first, as one clause ("lower left, tilt to the right, nearer"); "": nothing. */
+/** Missing poses, most important first, as one clause ("lower left, tilt to the right, nearer"); "": none. */
 void sst_coverage_missing(const struct sst_coverage *coverage, char out[160]);
 
 /**
- * A picture of all cameras in their grid: where corners were seen, tilts and depths, what is missing in red.
+ * A picture of all cameras in their grid: where corners were seen, tilts and depths, missing ones in red.
  * @param out  initialised here
  */
 SST_MUST_CHECK int sst_coverage_picture(struct sst_image *out, const struct sst_detections *all,

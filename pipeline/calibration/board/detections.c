@@ -105,7 +105,7 @@ static void renumber(const struct sst_board *board, struct sst_detection *d, int
 
 /*
  * Headings are known up to 1/ways of a turn. Their mean (of the angles times ways), in -pi/ways .. pi/ways, is the
- * frame's heading: each view uses the numbering whose heading is nearest to it.
+ * frame's heading: each view uses the numbering with the heading nearest to it.
  */
 static void number_alike(struct sst_detection *d, int n, const struct sst_board *board, int ways)
 {

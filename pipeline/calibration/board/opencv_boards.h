@@ -28,7 +28,7 @@ SST_MUST_CHECK int cv_any_chessboard(const struct sst_map_u8 *luma, int *cols, i
 SST_MUST_CHECK int cv_markers(struct cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary,
                               int border);
 
-/** The same for tags whose corners touch black squares, as on an AprilGrid. A tag may come twice. */
+/** Find tags with corners that touch black squares, as on an AprilGrid. A tag may come twice. */
 SST_MUST_CHECK int cv_touching_tags(struct cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary,
                                     int border);
 

@@ -112,7 +112,7 @@ static void describe_drifted(struct sst_drift *out, const struct drift_work *w, 
         append(out, "; the other %d are within %.2f px", remaining, others);
 }
 
-/* Two cameras: which of them moved is not observable. */
+/* Two cameras: it is not observable which one moved. */
 static bool describe_two(struct sst_drift *out, const struct drift_work *w)
 {
     int seen[2] = { 0 }, n = 0;
@@ -190,7 +190,7 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
     return 0;
 }
 
-/* Sigmas that are as significant as SIGMAS where the sigma itself comes of few matches, as those of small pictures do:
+/* Sigmas that are as significant as SIGMAS where the sigma itself comes of few matches, as in small pictures:
  * the quantile of Student's t (Abramowitz and Stegun 1964, 26.7.5). */
 static double significant_sigmas(int matches)
 {
@@ -400,7 +400,7 @@ static void mark_blank(struct sst_drift_camera *camera, const struct drift_work 
         camera[v].blank = w->view[v].image && contrast[v] < BLANK_SHARE * usual;
 }
 
-/* What follows from the matches, by one process for all. */
+/* Conclusions from the matches, by one process for all. */
 struct conclusion {
     struct drift_work *w;
     struct sst_drift out; /* without its lists: */

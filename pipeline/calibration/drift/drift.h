@@ -33,7 +33,7 @@ struct sst_drift_pair {
 
 /**
  * Displacement of one camera's picture relative to the array; subtract it to realign. Robust least squares over all
- * pairs. Gauge: medians are 0 for what pairs do not observe, the common shift (and roll and scale), and a shift of
+ * pairs. Gauge: medians are 0 for unobservable components, the common shift (and roll and scale), and a shift of
  * every camera in proportion to its offset, which equals another disparity of the whole scene.
  */
 struct sst_drift_camera {
@@ -47,10 +47,10 @@ struct sst_drift_camera {
     double roll_sigma_deg, scale_sigma;
     double gain[3];    /* of linear red, green, blue, from the matches' light; geometric mean of all cameras 1 */
     double gain_sigma; /* relative, of the worst colour; NAN: no matches that are bright enough */
-    double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
+    double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of the light at it, r in half
                                       diagonals; NAN sigma: not measured */
     double even_gain[3];           /* gains at the centres of pictures that fall off like this */
-    double exponent, exponent_sigma; /* light is (gain times that of the array's mean camera) to this power; mean 1; NAN
+    double exponent, exponent_sigma; /* light is (gain times the array's mean camera's) to this power; mean 1; NAN
                                         sigma: not measured */
     double bent_gain[3];             /* gains of pictures with these exponents */
     double residual_px; /* RMS of the epipolar error of its pairs */
@@ -73,10 +73,10 @@ struct sst_drift {
                                           matches, largest pair mean; NAN: nothing was measured */
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
                                           seen in both, px per spacing; NAN: none */
-    double contradiction_px; /* matches of one pair about what the displacements explain: robust sigma, of the worst tenth
+    double contradiction_px; /* matches of one pair about the displacements' prediction: robust sigma, of the worst tenth
                                 of the pairs; fences and rows of windows are matched a period off; 0 without matches.
                                 Above SST_DRIFT_CONTRADICTION_PX no displacement is to be believed. */
-    double rough_px; /* the same of each match about the next one: what lenses leave is smooth */
+    double rough_px; /* robust sigma of each match about the next one: residuals of lenses are smooth */
     double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
                                           0: not measured */
     int far_matches;                   /* between opposite corners of the grid, matched directly */
@@ -100,7 +100,7 @@ struct sst_drift_config {
 bool sst_drift_possible(const struct sst_lightfield *lf);
 
 /**
- * Check a light field whose images are loaded (rectified, or claimed to be). Neither disparity maps nor the range are
+ * Check a light field with its images loaded (rectified, or claimed to be). Neither disparity maps nor the range are
  * needed. Deterministic for any number of threads. On one core 36 views of 640x480
  * take 0.4 to 0.7 s, foliage 1.5 to 2.5 s, up to 2.5 times as long where views seem swapped.
  * @return 0, -EINVAL (cfg), -EBADMSG (fewer than 2 views, or pictures too small), -ENOMEM; logged.

@@ -6,7 +6,7 @@
  * the interpolation is (cubic, on smoothed values: below 0.01 px, tests/unit/check.c).
  *
  * A window that shows two depths aligns with neither. Its error was measured on scenes with known truth: close to
- * sqrt(1 - correlation) px, whatever the scene; so the correlation, less what noise takes from it, is the quality that
+ * sqrt(1 - correlation) px, whatever the scene; so the correlation, less the loss by noise, is the quality that
  * matches are chosen and weighed by. */
 #include <math.h>
 #include <string.h>
@@ -21,8 +21,8 @@
 #define SETTLED      0.002 /* px */
 #define CORRELATION  0.7   /* below this nothing was found */
 #define BOTH_WAYS_PX 0.25
-/* Variance of a sum over smoothed noise, over that of as many independent values: the filter's 1 / (sum of squares) =
- * (256 / 70)^2, less what the derivative's own frequencies leave of it; measured in tests. */
+/* Variance of a sum over smoothed noise, over the variance of as many independent values: the filter's 1 / (sum of
+ * squares) = (256 / 70)^2, reduced by the derivative's own frequencies; measured in tests. */
 #define SMOOTHED       6.0
 #define VARIANCE_FLOOR 2e-4 /* px^2: interpolation */
 

@@ -30,7 +30,7 @@
 #define TIE_PX       1e-3 /* sigma of the gauge constraints */
 
 struct observation {
-    int link; /* whose part across this is; -1: none */
+    int link; /* pair whose `across` this observes; -1: none */
     int cams;
     int cam[3];
     double part[3][STATES];
@@ -42,9 +42,9 @@ struct system {
     double radius;    /* R, px */
     double centre[2]; /* px */
     int n;            /* states */
-    int count;        /* observations that are matches; after them */
+    int count;        /* observations that are matches, the first ones */
     double inflation; /* of the variances that the normal equations give */
-    int presumed;     /* those that are not */
+    int presumed;     /* observations that are not, after the matches */
     struct observation *o;
     bool *open;                 /* [n] unobservable states: out of all sums and not reported */
     double *normal, *right, *x; /* [n][n] lower half, then its factor; [n]; [n] */
@@ -190,7 +190,7 @@ static void add_observation(struct system *s, const struct observation *o, doubl
             for (int row = 0; row < STATES; row++, block += s->n) {
                 const double f = weight * o->part[i][row];
 
-                for (int col = 0; col < STATES; col++) /* with what is above the diagonal, which nothing reads */
+                for (int col = 0; col < STATES; col++) /* with the part above the diagonal, which nothing reads */
                     block[col] += f * o->part[j][col];
             }
         }
@@ -394,8 +394,8 @@ static double inflation_of(struct system *s)
     return fmax(weights / n * psi2 / fmax(free, 1) / (slope * slope / (n * n)), 1);
 }
 
-/* Set contradiction_px and rough_px: how much matches of a pair differ from what the displacements explain, and from
- * the next one of the pair. Sorted by link and cell. */
+/* Set contradiction_px and rough_px: deviations of a pair's matches from the displacements' prediction, and from
+ * the next match. Sorted by link and cell. */
 static void measure_contradiction(struct sst_drift *out, struct system *s)
 {
     double apart[2 * SST_MAX_VIEWS], rough[2 * SST_MAX_VIEWS], steps[DRIFT_CELLS];

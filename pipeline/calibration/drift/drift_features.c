@@ -1,7 +1,7 @@
 /* Grey pyramids of the views, and features: one well textured place per cell of the picture.
  *
- * Only what the search needs is made: the half-size level in one pass over the picture, smaller ones from it. Full
- * size is read around features alone (drift_read_patch). */
+ * Only the levels that the search needs are made: the half-size level in one pass over the picture, smaller ones from
+ * it. Full size is read around features alone (drift_read_patch). */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -14,7 +14,7 @@
 #define MARGIN   6  /* features keep this far from the edge, half-size px: windows and filters fit */
 /* Least eigenvalue of the structure tensor, (grey levels / half-size px)^2: rounding alone gives 1/12. */
 #define TEXTURE_FLOOR 0.25
-#define TEXTURE_NOISE 15.0 /* and this many times what noise gives */
+#define TEXTURE_NOISE 15.0 /* and this many times the noise's */
 #define NOISE_CAP     3.0  /* grey levels: more than that is texture everywhere */
 #define NOISE_BLOCK   8    /* half-size px */
 #define NOISE_BLOCKS  2000 /* at most */

@@ -60,8 +60,8 @@ SST_MUST_CHECK bool drift_read_patch(float *out, const struct drift_pyramid *vie
 /* Matches with a larger misfit are dropped: their error is about its root, px. */
 #define DRIFT_MISFIT       0.003
 #define DRIFT_MISFIT_LOOSE 0.03 /* in foliage ten times as many */
-/* What noise of 1 at half size (where it is measured) is in the difference of two smoothed windows, variance: white at
- * full size it is twice that, then (70 / 256)^2, twice: 0.6; the rest is for what is not white. */
+/* Variance of the difference of two smoothed windows by noise of 1 at half size (where it is measured): white at full
+ * size it is twice that, then (70 / 256)^2, twice: 0.6; the rest is for noise that is not white. */
 #define DRIFT_NOISE_SHARE 1.3
 
 enum drift_outcome {
@@ -89,11 +89,11 @@ struct drift_match {
     double residual;      /* variance of the windows' difference, grey levels^2 */
     double energy;        /* of the window itself */
     double inverse[2];    /* of the structure tensor, along and across: variance for noise of 1, (px / grey level)^2 */
-    double misfit;        /* 1 - correlation of both windows, less what noise makes of it */
+    double misfit;        /* 1 - correlation of both windows, less the share of noise */
     double var_along, var_across; /* px^2, by the noise of the fit; each with the other unknown */
 };
 
-/** Coarse search on one level: px of level 0, good to about half a pixel of that level. */
+/** Coarse search on one level: px of level 0, good to about half a pixel of its level. */
 void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
                         const struct drift_feature *f, const struct drift_search *s, int level);
 
@@ -127,7 +127,7 @@ struct drift_work {
     const struct sst_lightfield *lf;
     struct sst_drift_config cfg; /* defaults filled in */
     int views;                   /* rows * cols */
-    struct drift_pyramid *view;  /* [views]; those absent are empty */
+    struct drift_pyramid *view;  /* [views]; absent ones are empty */
     double (*offset)[2];         /* [views] spacings */
     int links;
     struct drift_link *link; /* [links] */
@@ -185,7 +185,7 @@ void drift_fix_gauge(struct sst_drift_camera *camera, const struct drift_work *w
 
 /* --- drift_light.c: gains ----------------------------------------------------------------------------------------- */
 
-/** Fill light_scale, and what is about light of out->camera[views]. @return 0, -ENOMEM */
+/** Fill light_scale, and the members about light of out->camera[views]. @return 0, -ENOMEM */
 SST_MUST_CHECK int drift_solve_gains(struct sst_drift *out, const struct drift_work *w);
 
 /* --- drift_order.c: swapped views --------------------------------------------------------------------------------- */

@@ -2,14 +2,14 @@
  * light.
  *
  * A match of a and b gives log light(b) - log light(a) = g_b - g_a, a colour at a time, g the logs of the gains.
- * Robust least squares over all matches; what matches do not connect has a common gain of its own.
+ * Robust least squares over all matches; views that matches do not connect have a common gain of their own.
  *
- * With a fall-off, the mean of the colours is g_b + f_b r_b^2 - g_a - f_a r_a^2: what differs between cameras shows all
- * over the picture, what all share by the disparity alone, which moves a surface to another distance from the centre.
+ * With a fall-off, the mean of the colours is g_b + f_b r_b^2 - g_a - f_a r_a^2: differences between cameras show all
+ * over the picture, the common part by the disparity alone, which moves a surface to another distance from the centre.
  * The gains at the centres follow as above from the light without the fall-off.
  *
  * With exponents (another gamma), a camera's log light is (1 + e) l + a constant: g_b + e_b (l - m) - g_a - e_a (l - m), l the
- * mean log light of the match, m that of all matches. What all share is not observable, but would be undone by no one. */
+ * mean log light of the match, m of all matches. The common part is not observable, and is not undone. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -31,7 +31,7 @@ struct ratio {
     int a, b;
     double log[4];     /* red, green, blue, their mean */
     double r2_a, r2_b; /* squared half diagonals from the centre */
-    double level;      /* mean log light, less that of all matches */
+    double level;      /* mean log light, less the mean of all matches */
 };
 
 #define MEAN 3
@@ -192,7 +192,7 @@ static double residual_scale(const struct solver *s, int colour)
     return fmax(1.4826 * sst_stats_quantile(s->sort, s->count, 0.5), SCALE_MIN);
 }
 
-/* One round of reweighted least squares. A weak prior fixes what no match does, the mean. */
+/* One round of reweighted least squares. A weak prior fixes the mean, which no match does. */
 static void iterate(const struct solver *s, int colour, double scale)
 {
     memset(s->normal, 0, (size_t)s->size * (size_t)s->size * sizeof(*s->normal));
@@ -277,7 +277,7 @@ static void solve_gains(struct sst_drift_camera *camera, const struct solver *s,
 /* Fit gains and a term: values and sigmas of the cameras' terms. @return scale of the residuals */
 static double solve_term(double *value, double *sigma, struct solver *s, enum term term, const int *matches)
 {
-    const bool relative = term == TERM_EXPONENT; /* what all share has no sigma */
+    const bool relative = term == TERM_EXPONENT; /* the common part has no sigma */
     double contrast[SST_MAX_VIEWS];
     const int n = s->views;
     int known = 0;

@@ -15,7 +15,7 @@
 struct trial {
     struct drift_work w; /* own view and link */
     bool *only;          /* [links] */
-    int good, bad;       /* of those */
+    int good, bad;       /* of these pairs */
 };
 
 static void count(struct trial *t)

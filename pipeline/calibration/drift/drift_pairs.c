@@ -19,7 +19,7 @@
 #define FEW           4    /* good matches that are more than chance */
 #define NARROW_PX     1.5  /* least half width of the finer search's band */
 #define NOISE_LEAST   100  /* matches to estimate the noise from */
-#define NOISE_BEST    0.02 /* quantile of them that is the noise */
+#define NOISE_BEST    0.02 /* quantile of the misfits that is the noise */
 #define NOISE_ROOM    4.0  /* of noise alone, that quantile has a quarter of the allowance */
 #define BLOCKS        20   /* of links, that processes exchange */
 #define OUTLIER_PX    0.15 /* matches further than this and 5 sigma from their pair's median are no matches */
@@ -178,8 +178,8 @@ static void match_best(struct drift_link *link, const struct drift_pyramid *a, c
     }
 }
 
-/* Cells without a match: all their features, at full size, in a band about what was found. Fine foliage is found only
- * so. */
+/* Cells without a match: all their features, at full size, in a band about the matches found. Fine foliage is found
+ * only so. */
 static void match_rest(struct drift_link *link, const struct drift_pyramid *a, const struct drift_pyramid *b)
 {
     if (link->matches >= FEW) {
@@ -339,7 +339,7 @@ static void link_values(void *arg, int index, struct sst_share_maps *out)
     sst_share_add_values(out, &job->w->link[index], sizeof(job->w->link[index]));
 }
 
-/* What is tried with some links only, each process tries. */
+/* Trials with some links only are made by each process. */
 static int for_links(struct job *job, sst_work_fn *fn, sst_share_maps_fn *values)
 {
     const struct drift_work *w = job->w;

@@ -145,7 +145,7 @@ static bool is_peak(const struct field *f, int i, int j)
         for (int dj = -1; dj <= 1; dj++) {
             const int k = i + di, l = j + dj;
 
-            /* Equal neighbours: the first of them is the peak. */
+            /* Equal neighbours: the first one is the peak. */
             if ((di || dj) && k >= 0 && l >= 0 && k < f->along && l < f->across &&
                 (f->v[k][l] > v || (f->v[k][l] == v && (di < 0 || (!di && dj < 0)))))
                 return false;
@@ -205,7 +205,7 @@ static bool set_band(struct area *area, const struct drift_pyramid *b, const str
     return area_set(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
 }
 
-/* What is searched: a block's places in an area of the other view. */
+/* Search: a block's places in an area of the other view. */
 struct band {
     const struct drift_pyramid *b;
     const struct drift_search *s;

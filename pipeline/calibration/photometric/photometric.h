@@ -32,7 +32,7 @@ void sst_photometric_samples_fini(struct sst_photometric_samples *all);
 struct sst_photometric_report {
     int samples, cameras; /* used; cameras without enough samples keep gain 1 and no fall-off, each is logged */
     double before, after; /* spread of a patch between cameras: RMS of the relative difference from the patch's mean,
-                             linear light, all samples, also those without weight in the robust solution */
+                             linear light, all samples, also without weight in the robust solution */
     double worst_falloff; /* light lost in a corner, 0..1, of the worst camera */
     double worst_gain;    /* largest |gain - 1| of any camera and colour */
 };

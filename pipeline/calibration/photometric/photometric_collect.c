@@ -80,7 +80,8 @@ static double side_px(const struct patch *p, int i)
 
 /*
  * Distance to keep from the edges in units of the square's width and height. Where the white rim around a marker is
- * thin it is taken closer to the edges: what leaks over them is much the same in all cameras. @return false: too thin
+ * thin it is measured closer to the edges: light that leaks over them is much the same in all cameras. @return false:
+ * too thin
  */
 static bool margins(const struct patch *p, double blur_px, double margin[2])
 {

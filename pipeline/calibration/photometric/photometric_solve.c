@@ -207,7 +207,7 @@ static int prepare(struct solving *s, const struct sst_photometric_samples *all)
     return 0;
 }
 
-/* The highest degree with a plausible common fall-off; then cameras whose own is implausible get the common one.
+/* The highest degree with a plausible common fall-off; then cameras with an implausible one get the common one.
  */
 static int fit(struct photometric_problem *p)
 {

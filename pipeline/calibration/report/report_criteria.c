@@ -76,7 +76,7 @@ static const struct report_criterion thresholds[] = {
     [PAIRS_P95] = { "pairs_p95", "likewise, 95 % of the regions of a picture (with 20 corners and more) are below",
                     "px", 0.12, 0.25, 0.5, false, PAIR_REMEDY },
     [PAIRS_MAX] = { "pairs_max", "likewise, the worst pair", "px", 0.25, 0.5, 1, false, PAIR_REMEDY },
-    /* What --force accepted may fit well nevertheless: two swapped cameras, for example. */
+    /* Input accepted by --force may fit well nevertheless: two swapped cameras, for example. */
     [OVERRIDDEN] = { "overridden", "reasons to refuse the calibration that were overridden", "", 0, 0, INFINITY, true,
                      "the warnings name what to correct; then solve without --force" },
     [MISSING] = { "missing", "cameras of the array without a calibration", "", 0, 0, INFINITY, true,

@@ -10,7 +10,7 @@
 #define VECTORS       300   /* of a camera, at most */
 #define VECTORS_ALL   12000 /* of the page */
 #define VECTORS_LEAST 20
-#define MEAN_CORNERS  8    /* of a region whose mean is drawn */
+#define MEAN_CORNERS  8    /* of a region with a drawn mean */
 #define SHOWN_PX      1100 /* wider cut-outs are halved */
 #define QUALITY       80
 
@@ -75,7 +75,7 @@ static json_t *vectors(const struct sst_calibration_report *report, const struct
     return list;
 }
 
-/* RMS of each region, and the means of those with enough corners. */
+/* RMS of each region, and the means of regions with enough corners. */
 static void regions(json_t *rms, json_t *mean, const struct report_camera *cam)
 {
     for (int i = 0; i < REPORT_ROWS * REPORT_COLS; i++) {

@@ -10,7 +10,7 @@
 #include "pipeline/calibration/report/report_internal.h"
 
 #define REGIONS      (REPORT_ROWS * REPORT_COLS)
-#define TEST_CORNERS 8    /* of a region whose directions are tested */
+#define TEST_CORNERS 8    /* of a region with tested directions */
 #define UNLIKELY     13.8 /* chi square of 2 degrees of freedom: probability 0.001 */
 
 /* Sums over one region's used corners. */
@@ -111,7 +111,7 @@ static void add_detection(struct report_figures *f, const struct sst_calibration
     }
 }
 
-/* Median distance of all corners, outliers included: a few of them do not count. @param length  scratch */
+/* Median distance of all corners, outliers included: a few do not count. @param length  scratch */
 static double median_off(const struct sst_detection *d, const struct sst_solve_view *v, double *length)
 {
     int n = 0;
@@ -150,7 +150,7 @@ static int rank_pictures(struct report_figures *f, const struct sst_calibration_
     return 0;
 }
 
-/* Means of one camera's regions, less what random residuals leave in them, estimated from their spread. */
+/* Means of one camera's regions, less the share of random residuals, estimated from their spread. */
 static void finish_camera(struct report_figures *f, int view, const struct sums *s, double total[3])
 {
     struct report_camera *cam = &f->camera[view];

@@ -37,7 +37,7 @@ struct report_number report_date(int64_t wall_ns);
 /** Text as valid UTF-8 without control characters: anything else becomes U+FFFD. @param out  [3 strlen(text) + 1] */
 void report_utf8(char *out, const char *text);
 
-/* --- report_figures.c: what the report shows beyond the solution's own numbers ------------------------------------ */
+/* --- report_figures.c: figures of the report beyond the solution's own numbers ------------------------------------ */
 
 /** Residuals of the used corners in one region of one camera's picture, px. */
 struct report_region {
@@ -54,10 +54,10 @@ struct report_camera {
     int used, outliers; /* corners with a residual that count; all that do not */
     struct report_region region[REPORT_ROWS][REPORT_COLS];
     int seen[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]; /* corners, outliers included */
-    double systematic_px;                                 /* RMS of the regions' mean residuals less what random ones
+    double systematic_px;                                 /* RMS of the regions' mean residuals less what random residuals
                                                              would leave; NAN unknown */
     double lens_px, transfer_px[2];                       /* RMS over the solution's maps; NAN unknown */
-    char lacking[160]; /* what its coverage lacks, from sst_coverage_missing(); "" nothing */
+    char lacking[160]; /* missing part of its coverage, from sst_coverage_missing(); "" none */
 };
 
 /** A detection or corner far off. */

@@ -180,7 +180,7 @@ static json_t *residuals(const struct report_figures *f)
                      "histogram", bins, "beyond", (json_int_t)(f->below + f->above));
 }
 
-/* Pictures by what was found in them. */
+/* Pictures by the result of their detection. */
 static json_t *outcomes(const struct sst_detections *all)
 {
     static const char *const keys[] = { "with_board", "without_board", "too_few_points",
@@ -192,7 +192,7 @@ static json_t *outcomes(const struct sst_detections *all)
         json_object_set_new(o, keys[i], json_integer(all->outcome[i]));
         sum += all->outcome[i];
     }
-    if (!sum) /* of corners from a file only those with the board are known */
+    if (!sum) /* of corners from a file only pictures with the board are known */
         json_object_set_new(o, keys[0], json_integer(all->count));
     return o;
 }
@@ -231,7 +231,7 @@ static json_t *worst_pictures(const struct sst_calibration_report *report, const
     return list;
 }
 
-/* What was calibrated, with what. */
+/* The calibrated array, and the means. */
 static json_t *origin(const struct sst_calib *calib)
 {
     const bool dated = calib->created_wall_ns > 0;

@@ -21,7 +21,7 @@ struct report_number report_number(double value, int digits)
         snprintf(n.text, sizeof(n.text), "%.*e", digits - 1, value);
         return n;
     }
-    /* The digits are counted after rounding: 0.0999 with two of them is 0.10. */
+    /* The digits are counted after rounding: 0.0999 with two is 0.10. */
     snprintf(n.text, sizeof(n.text), "%.*e", digits - 1, value);
     decimals = digits - 1 - (int)strtol(strchr(n.text, 'e') + 1, NULL, 10);
     snprintf(n.text, sizeof(n.text), "%.*f", sst_clamp_int(decimals, 0, 12), value);

@@ -276,7 +276,7 @@ static double board_range(const struct solve_case *c, double *depth)
     return fmax(sst_stats_upper_median(depth, n), 0);
 }
 
-/* Map residuals of the used corners back to those of the detection; all others are outliers without a residual. */
+/* Map residuals of the used corners back to the detection's; all others are outliers without a residual. */
 static void spread(struct sst_solve_view *view, const struct solve_detection *taken, const struct sst_detection *all)
 {
     int n = taken->corners;

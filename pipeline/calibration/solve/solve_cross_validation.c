@@ -14,7 +14,7 @@
 #define CENTRAL               0.8
 #define MOST_CROSS_RATIO      2 /* lens difference over its uncertainty: once in 20 000 cameras by chance */
 
-/* Select frames: those whose number among the known ones is k modulo n, or all others. */
+/* Select frames: the ones with a number of k modulo n among the known ones, or all others. */
 static void keep_frames(struct solve_problem *p, int n, int k, bool others)
 {
     int number = -1, last = -1;
@@ -131,7 +131,7 @@ int solve_choose_lens(struct solve_case *c)
     solve_problem_fini(&half[0]);
     solve_problem_fini(&half[1]);
     if (err == -EDOM)
-        return 0; /* three quarters do not suffice for one of them: keep the lens with fewer coefficients */
+        return 0; /* three quarters do not suffice for one camera: keep the lens with fewer coefficients */
     if (err)
         return err;
     sst_log_info("held-out frames: %.4f px with 5 coefficients, %.4f px with 8", c->s.held_out_px[0],

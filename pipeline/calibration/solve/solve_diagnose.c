@@ -228,7 +228,7 @@ static bool split_view(struct diagnosis *l, int view, struct motion *m, int *fra
                                .turn_deg = sqrt(x[1][0] * x[1][0] + x[1][1] * x[1][1] + x[1][2] * x[1][2]) * 180 / M_PI,
                                .shift_mm = sqrt(x[1][3] * x[1][3] + x[1][4] * x[1][4] + x[1][5] * x[1][5]) };
     }
-    /* Two poses explain most of what a separate pose for every frame would. */
+    /* Two poses explain most of the residuals that a separate pose for every frame would. */
     return at > 0 && out->gain > 0.5 * (whole - freely) && px > fmax(LEAST_MOVE_PX, MOVE_SIGMA * l->c->sigma_px);
 }
 
@@ -312,7 +312,7 @@ static int check_boards(struct diagnosis *l)
     return 0;
 }
 
-/* Find cameras most of whose detections do not fit the board at all. */
+/* Find cameras with mostly detections that do not fit the board at all. */
 static int check_garbled(const struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
@@ -331,7 +331,7 @@ static int check_garbled(const struct diagnosis *l)
             all++;
             if (!(l->c->single[i].rms_px > limit_px))
                 continue;
-            /* the seeds' lenses are rough: use those of the joint fit */
+            /* the seeds' lenses are rough: use the joint fit's */
             solve_single_camera(&single, p, &p->detection[i], p->camera[v].lens);
             if (!single.known || single.rms_px > limit_px) {
                 garbled++;

@@ -125,7 +125,7 @@ struct chain {
     struct solve_pose *try; /* [max(frames, views)] */
 };
 
-/* Pose of camera `to` from that of camera `from` by all boards that both see. */
+/* Pose of camera `to` from camera `from`'s by all boards that both see. */
 static bool chain_camera(struct chain *c, int from, int to)
 {
     struct solve_problem *p = c->p;

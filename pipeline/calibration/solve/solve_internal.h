@@ -96,7 +96,7 @@ void solve_corner_place(const struct solve_pose *board_to_camera, const struct s
  * Weighted rows of a detection that is not empty: [lens | rotation, shift of the board in front of the camera | warp |
  * residual (predicted minus measured)]; columns for lens and warp only if solved. Outliers are left out.
  *
- * @param loss_px  scale of Cauchy's loss, whose square root the rows carry; 0: least squares
+ * @param loss_px  scale of Cauchy's loss, in the rows by its square root; 0: least squares
  * @param rows     out, [2 corners][columns]
  * @return number of rows
  */
@@ -170,7 +170,7 @@ struct solve_single {
     double rms_px;          /* robust: of the median residual */
 };
 
-/** Pose of a detection relative to a camera whose lens is known. */
+/** Pose of a detection relative to a camera with a known lens. */
 void solve_single_camera(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
                          const double *lens);
 
@@ -184,7 +184,7 @@ SST_MUST_CHECK int solve_seed(struct solve_problem *p, struct solve_single *sing
  *  frees. */
 SST_MUST_CHECK int solve_links(const struct solve_problem *p, struct sst_solve_link **links, int *count);
 
-/** Cameras and boards from detections' poses along the tree; those not linked to the reference become unknown. */
+/** Cameras and boards from detections' poses along the tree; ones not linked to the reference become unknown. */
 SST_MUST_CHECK int solve_chain(struct solve_problem *p, const struct solve_single *single,
                                const struct sst_solve_link *links, int count);
 

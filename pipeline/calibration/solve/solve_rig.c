@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define MOST_SCALE    0.03 /* larger scale error between drives and board: one of them is wrong */
+#define MOST_SCALE    0.03 /* larger scale error between drives and board: one is wrong */
 #define EXCHANGE_GAIN 10   /* exchanging two cameras reduces the sum of squares by this factor */
 #define PLACE_SHARE   0.25 /* ... and fits the grid to this fraction of a step */
 
@@ -59,7 +59,7 @@ static double fit_grid(const struct places *p, int a, int b, double grid[3][3])
     return sum;
 }
 
-/* The pair whose exchange makes the centres a regular grid. */
+/* The pair that, exchanged, makes the centres a regular grid. */
 static int check_exchanged(const struct solve_case *c, const struct places *p, int count)
 {
     double grid[3][3], least, step2 = INFINITY;

@@ -365,7 +365,7 @@ static void typical_focal(struct seed *s, double *work)
     s->focal = n ? sst_stats_upper_median(work, n) : sst_max_int(s->p->width, s->p->height);
 }
 
-/* Assign lenses to all cameras; those without one use the median camera's. */
+/* Assign lenses to all cameras; ones without use the median camera's. */
 static void assign_lenses(struct seed *s, double *work)
 {
     struct solve_problem *p = s->p;

@@ -18,7 +18,7 @@ struct share {
 struct build {
     const struct solve_problem *p;
     struct solve_layout layout;
-    struct share *share; /* [views]: those of one frame */
+    struct share *share; /* [views]: of one frame */
     const struct solve_detection **at;
     int size;
     double *s;    /* [size][size], lower */

@@ -10,7 +10,7 @@
 
 #define LEAST_FRAMES  4
 #define REGIONS       5    /* of the picture, along each side */
-#define LEAST_REGIONS 8    /* of those, with corners */
+#define LEAST_REGIONS 8    /* of the regions, with corners */
 #define MOST_FOCAL    0.01 /* relative sigma of a focal length */
 
 int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...)

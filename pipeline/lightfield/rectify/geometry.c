@@ -200,7 +200,7 @@ static const char *mirrored(const struct lattice *l, const struct centres *c)
     return "rows and columns are exchanged";
 }
 
-/* A lattice whose steps are less than 30 degrees apart. */
+/* A lattice with steps less than 30 degrees apart. */
 static bool one_line(const struct lattice *l)
 {
     double n[3];
@@ -226,7 +226,7 @@ static void swap_centres(struct centres *c, int i, int j)
     memcpy(c->at[j], at, sizeof(at));
 }
 
-/* The best pair of cameras whose exchange gives a lattice. */
+/* The best pair of cameras that, exchanged, gives a lattice. */
 static bool find_swap(struct centres *c, int *a, int *b)
 {
     double best = INFINITY;

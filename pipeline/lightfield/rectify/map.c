@@ -205,7 +205,7 @@ static int make_cells(struct sst_rectify_map *map)
     return 0;
 }
 
-/* What the map is made from, and what it says where it is smooth: elsewhere, pixels behind the camera have no place. */
+/* Source of the map, and its places where it is smooth: elsewhere, pixels behind the camera have no place. */
 static void check_border(const struct sst_rectify_map *map, const struct sst_rectified *to, const struct sst_calib_camera *c,
                          int view)
 {
@@ -424,7 +424,7 @@ static void set_bicubic(struct sst_place_patch *patch, const struct sst_rectify_
     }
 }
 
-/* Append the exact places of a cell's whole positions, those at its end included. */
+/* Append the exact places of a cell's whole positions, its end included. */
 static int list_corners(const struct sst_rectify_map *map, int i, int j, struct sst_rectify_list *list)
 {
     const int side = 1 << map->shift;

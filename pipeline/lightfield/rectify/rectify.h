@@ -84,11 +84,11 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
 
-/** What resampling of a view reads, for a device; pointers are borrowed from the map. */
+/** Tables that resampling of a view reads, for a device; pointers are borrowed from the map. */
 struct sst_rectify_tables {
     int width, height, raw_width, raw_height; /* of the view and of its raw frame */
     int cell_shift, cells,
-        cell_rows; /* pieces of a row, of 1 << cell_shift columns each; pieces of a column likewise */
+        cell_rows; /* pieces of a row, and of a column, of 1 << cell_shift columns or rows each */
     int taps;
     const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps], as of struct sst_resample */
     /* Light: the factor of colour c is gain[c] times the fall-off's, which is bilinear between nodes 1 << light_shift
@@ -106,7 +106,7 @@ struct sst_rectify_list {
 };
 
 /**
- * The places of a row as cubics of the column within a piece, whose column k is at x0 + k.
+ * The places of a row as cubics of the column within a piece, with its column k at x0 + k.
  *
  * @param x0, y   as for sst_rectify_map_row(); x0 is 0..1
  * @param cells   out, of sst_rectify_map_tables(); enum sst_places_kind where a piece is none

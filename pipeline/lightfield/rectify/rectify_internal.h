@@ -9,10 +9,10 @@
 
 /*
  * The factor at a rectified pixel is 1 / (gain falloff) at its position in the raw picture, in linear light. The common
- * target is the mean camera of the array at its principal point: what that camera shows unclipped stays unclipped in
- * all views, and a view clips only what the mean camera would clip. Samples near white stay near white where the factor
- * is below 1 (see sst_light_row_fn), so that clipped samples of a sensitive camera do not become a tinted grey. Factors
- * are limited to 1/8 .. 8.
+ * target is the mean camera of the array at its principal point: light that this camera shows unclipped stays unclipped
+ * in all views, and a view clips only light that the mean camera would clip. Samples near white stay near white where
+ * the factor is below 1 (see sst_light_row_fn), so that clipped samples of a sensitive camera do not become a tinted
+ * grey. Factors are limited to 1/8 .. 8.
  *
  * Use: resample a row to values in 1/128, get the row's factors, and combine both to bytes with the kernel light_row,
  * colour by colour.
