@@ -24,9 +24,9 @@
 #include "config/sstd.h"
 #include "daemon/service/service.h"
 
-/* What stays flat for months: a thread a client comes and goes, so there is no arena for each; and blocks from this
- * size on come from the system and go back to it whole, wherever what lies beside them is. Without it malloc() raises
- * the size as it goes (to 32 MiB), and holes stay between blocks of all sizes. */
+/* Memory that stays flat for months: threads come and go with clients, so there is no arena for each; and blocks from
+ * this size on come from the system and go back to it whole, whatever lies beside them. Without it malloc() raises the
+ * size as it goes (to 32 MiB), and holes stay between blocks of all sizes. */
 #define ARENAS      4
 #define LARGE_BYTES (256 * 1024)
 #define TICK_MS     250
@@ -81,7 +81,7 @@ static int64_t watchdog_ns(void)
 /* --- signals ------------------------------------------------------------------------------------------------------ */
 
 static int signal_pipe[2];
-static atomic_bool stop_asked; /* overtakes what waits in the pipe, which may be full of reloads */
+static atomic_bool stop_asked; /* overtakes the pipe, which may be full of reloads */
 
 static void on_alarm(int sig SST_UNUSED)
 {
@@ -89,7 +89,7 @@ static void on_alarm(int sig SST_UNUSED)
     struct pollfd log = { .fd = STDERR_FILENO, .events = POLLOUT };
 
     if (poll(&log, 1, 0) == 1 && write(STDERR_FILENO, text, sizeof(text) - 1) < 0) {
-        /* no reader of the log: that may be what hangs */
+        /* no reader of the log: it may hang */
     }
     _exit(0);
 }
@@ -132,8 +132,8 @@ static void *wait_for_signals(void *arg SST_UNUSED)
 
 /**
  * Have signals go through a pipe. Handlers, not a mask and signalfd: libraries start threads before main() (OpenBLAS
- * does), which no mask reaches, and a signal without a handler that meets one of them ends the process at once.
- * In all threads of ours but one they are blocked. @return what to read from, or -errno
+ * does), which no mask reaches, and a signal without a handler that meets one ends the process at once.
+ * In all threads of ours but one they are blocked. @return descriptor to read from, or -errno
  */
 static int catch_signals(void)
 {

@@ -122,7 +122,7 @@ static void show(const struct sst_events *e, enum sst_event_level level, const c
     (void)type;
     (void)data;
 #endif
-    char *held = sst_log_hold_errors(NULL); /* an event is no sentence of what its thread does */
+    char *held = sst_log_hold_errors(NULL); /* an event is no message of its thread's work */
 
     if (level == SST_EVENT_ERROR)
         sst_log_error("%s", message);

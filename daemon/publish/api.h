@@ -12,7 +12,7 @@
 /** Answer to a request: on success an object (never NULL), else an error in one sentence. */
 struct sst_api_answer {
     json_t *body;    /* on success; owned by the receiver */
-    char error[512]; /* on failure: what, where, remedy */
+    char error[512]; /* on failure: fault, place, remedy */
 };
 
 /** Pictures by name. */
@@ -20,7 +20,7 @@ enum sst_api_picture {
     SST_PICTURE_VIEW = 0,      /* rendered; name: id of a view, "main" always exists */
     SST_PICTURE_CAMERA = 1,    /* untouched JPEG of a camera (other formats: encoded); name: "rRcC" */
     SST_PICTURE_LABELS = 2,    /* of the reference view, coloured */
-    SST_PICTURE_DISPARITY = 3, /* likewise */
+    SST_PICTURE_DISPARITY = 3, /* of the reference view, coloured */
 };
 
 /**
@@ -31,11 +31,11 @@ enum sst_api_picture {
  */
 struct sst_api {
     void *arg;
-    void *live; /* first argument of the verbs whose parameter is `live` */
+    void *live; /* first argument of the verbs with the parameter `live` */
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, labels in view */
-    int (*tracks)(void *live, struct sst_api_answer *out); /* what moves */
+    int (*tracks)(void *live, struct sst_api_answer *out); /* moving objects */
     int (*visits)(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out);
     /** {"keep": true} or false, or {"delete": true}. */
     int (*visit_change)(void *arg, const char *visit, const json_t *request, struct sst_api_answer *out);
@@ -43,8 +43,9 @@ struct sst_api {
     int (*visit_picture)(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size);
     int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */
     int (*views)(void *live, struct sst_api_answer *out);
-    /** @param client  whose view it is or may be, so that nobody changes those of others or has all; "": one that controls,
-     *  which may. The same for the verbs below */
+    /** @param client  owner of the view, so that no client changes others' views or has all; "": one that controls,
+     * which
+     *  may. The other verbs with `client` follow it */
     int (*view_create)(void *live, const char *client, const json_t *settings, struct sst_api_answer *out);
     /** -EPERM: it is another client's */
     int (*view_change)(void *live, const char *client, const char *id, const json_t *settings, struct sst_api_answer *out);
@@ -69,7 +70,7 @@ struct sst_api {
      *  @param out  owned by the caller @return 0, -EINPROGRESS (being made: call again), -ENOENT, -ENODATA (nothing
      * of it was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */
     int (*download)(void *arg, const char *name, struct sst_download **out);
-    /* A recording that is played, for all who watch. Its pictures come from the verbs with the parameter `live`. */
+    /* A recording that is played, for all viewers. Its pictures come from the verbs with the parameter `live`. */
     void *replayed; /* first argument of the verbs below */
     int (*replay)(void *replayed, struct sst_api_answer *out);
     int (*replay_change)(void *replayed, const json_t *request, struct sst_api_answer *out);

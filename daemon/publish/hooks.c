@@ -1,7 +1,8 @@
 /* Thread of the hooks: it waits for an event, the end of a program, or the request to stop.
  *
- * Programs are killed with their groups. What a program starts in a session of its own becomes a child of this process
- * when its parent ends (PR_SET_CHILD_SUBREAPER), and is killed when no program runs that may have started it.
+ * Programs are killed with their groups. A process that a program starts in a session of its own becomes a child of
+ * this process when its parent ends (PR_SET_CHILD_SUBREAPER), and is killed when no program runs that may have started
+ * it.
  */
 #include "daemon/publish/hooks.h"
 
@@ -134,7 +135,7 @@ static void end(struct sst_hooks *h, struct run *r)
     char what[160];
     int status = 0;
 
-    kill(-pid, SIGKILL); /* what it left behind */
+    kill(-pid, SIGKILL); /* processes that it left behind */
     while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
         ;
     r->pid = 0;
@@ -201,7 +202,7 @@ static bool may_live(const struct sst_hooks *h, pid_t pid, uint64_t started)
     return started < h->opened;
 }
 
-/* Kill what programs that ended left behind. What that has started in turn is there the next time. @return some was
+/* Kill processes left behind by programs that ended. Their own children are there the next time. @return some were
  * there */
 static bool kill_orphans(const struct sst_hooks *h)
 {
@@ -287,7 +288,7 @@ static void handle_events(struct sst_hooks *h)
     }
 }
 
-/* Runs of hooks that are no more are dropped; those that go on no longer stand for a hook. */
+/* Waiting runs of removed hooks are dropped; running ones no longer stand for a hook. */
 static void follow_settings(struct sst_hooks *h, unsigned *generation)
 {
     unsigned now;

@@ -6,7 +6,7 @@
 #include "daemon/events/events.h"
 
 #define SST_HOOKS_AT_ONCE 4  /* programs that run at a time */
-#define SST_HOOKS_WAITING 64 /* runs that wait for one of them to end; further ones are dropped and counted */
+#define SST_HOOKS_WAITING 64 /* runs that wait for a free one; further runs are dropped and counted */
 
 struct sst_hooks; /* opaque; open, configure and close on one thread */
 

@@ -34,7 +34,7 @@ static int add(struct env *e, const char *name, const char *value)
     return 0;
 }
 
-/* What programs need of the service's own environment; secrets and systemd's variables are not for them. */
+/* Variables of the service's environment that programs need; secrets and systemd's variables are not for them. */
 static bool is_inherited(const char *variable)
 {
     static const char *const names[] = { "PATH=", "HOME=", "USER=", "LOGNAME=", "SHELL=",

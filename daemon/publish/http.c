@@ -45,7 +45,7 @@ static size_t unescape(void *cls SST_UNUSED, struct MHD_Connection *connection S
     return strstr(text, "%00") ? strlen(text) : MHD_http_unescape(text);
 }
 
-/* A library that does not start closes its socket after most of its errors, but not after all of them. The number may
+/* A library that does not start closes its socket after most of its errors, but not after all. The number may
  * have been reused by then. */
 static void close_if_left(int fd, const struct stat *was)
 {

@@ -64,7 +64,8 @@ int http_wrong_token(struct http_request *q, int *retry_s)
     return *retry_s ? MHD_HTTP_TOO_MANY_REQUESTS : MHD_HTTP_UNAUTHORIZED;
 }
 
-/* Is a name under which a client of TCP reaches us one of ours? Others are a foreign page whose name leads here. */
+/* Is a name under which a client of TCP reaches us one of ours? Others belong to a foreign page with a name that leads
+ * here. */
 static bool host_is_ours(struct http_request *q, const char *host)
 {
     struct sockaddr_storage at = { 0 };
@@ -195,7 +196,7 @@ static int check_role(struct http_request *q)
                             "this token only looks; the one that controls is in the file that web.token_file names");
 }
 
-/* What a request says about its own form. */
+/* Form of a request by its own headers. */
 struct form {
     int count[6]; /* of `single` */
     bool plain;   /* names and values have only characters that they may have */
@@ -217,7 +218,7 @@ static enum MHD_Result look_at_header(void *arg, enum MHD_ValueKind kind SST_UNU
     return MHD_YES;
 }
 
-/* A request that a proxy before us may delimit otherwise than the library does. @return NULL: none; else what it has */
+/* A request that a proxy before us may delimit otherwise than the library does. @return NULL: none; else its fault */
 static const char *ambiguity(struct http_request *q, const char *method, const char *version)
 {
     const char *length = http_header(q, "Content-Length"), *coding = http_header(q, "Transfer-Encoding");
@@ -278,7 +279,7 @@ static bool is_login(const struct http_request *q)
     return !strcmp(q->route->path, "/login");
 }
 
-/* What a POST must bear. @return -1: it does; else answered */
+/* Conditions of a POST. @return -1: fulfilled; else answered */
 static int check_post(struct http_request *q)
 {
     const char *type = http_header(q, "Content-Type"), *length = http_header(q, "Content-Length");

@@ -1,7 +1,7 @@
 /* Downloads: whole, or the part that a Range asks for (RFC 9110).
  *
  * Each connection has a thread of its own, which reads from the disk as the client does from the connection: a slow
- * client costs a descriptor. An answer whose bytes end too early is broken off, never finished as if whole. */
+ * client costs a descriptor. An answer with too few bytes is broken off, never finished as if whole. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
@@ -153,7 +153,7 @@ static int refuse(struct http_request *q, int err)
     return http_reply_answer(q, err == -ENODATA ? -ENOENT : err, &out, "download");
 }
 
-/* What has to be made first is waited for as long as the client does. */
+/* A file that has to be made first is waited for as long as the client does. */
 int http_do_download(struct http_request *q)
 {
     const struct sst_api *api = q->http->cfg.api;

@@ -136,7 +136,7 @@ bool http_is_type(const char *content_type, const char *type)
     return !strncasecmp(content_type, type, n) && strchr("; \t", content_type[n]); /* the NUL counts */
 }
 
-/* The digits at the start; ERANGE: what does not fit is as much as fits. @return behind them */
+/* The digits at the start; ERANGE: too large, the largest value. @return behind them */
 static const char *read_place(const char *text, uint64_t *value)
 {
     char *end = (char *)(uintptr_t)text;

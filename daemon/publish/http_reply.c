@@ -19,13 +19,13 @@ void http_set(struct MHD_Response *response, const char *name, const char *fmt, 
     va_start(args, fmt);
     vsnprintf(text, sizeof(text), fmt, args);
     va_end(args);
-    /* Without memory the answer goes out with a header less; none of them carries the protection alone. */
+    /* Without memory the answer goes out with a header less; none carries the protection alone. */
     if (MHD_add_response_header(response, name, text) != MHD_YES)
         sst_log_debug("http: header %s does not fit", name);
 }
 
-/* What to come with. Recorders and players send a password only when asked for one; a browser that is asked shows a
- * window of its own, so not for what the page does. */
+/* Credentials to come with. Recorders and players send a password only when asked for one; a browser that is asked
+ * shows a window of its own, so not for requests of the page. */
 static void challenge(struct http_request *q, struct MHD_Response *response)
 {
     http_set(response, "WWW-Authenticate", "Bearer realm=\"sst\"");
@@ -123,7 +123,7 @@ int http_reply_error(struct http_request *q, int status, const char *fmt, ...)
         atomic_fetch_add(&q->http->count->refused, 1);
         sst_log_debug("http: %s: %d: %s", q->who, status, text);
     }
-    /* A sentence may quote what the client sent: bytes that are not UTF-8 are replaced. */
+    /* A sentence may quote the client: bytes that are not UTF-8 are replaced. */
     for (char *c = text; *c; c++) {
         if ((unsigned char)*c < 0x20 || (unsigned char)*c >= 0x7f)
             *c = '?';

@@ -32,7 +32,8 @@ bool http_crowded(struct http_request *q)
     return true;
 }
 
-/* Who waits for a picture or an event sends and gets nothing for long: the kernel finds out whether it is still there. */
+/* A client that waits for a picture or an event sends and gets nothing for long: the kernel finds out whether it is
+ * still there. */
 static void notice_dead_peers(int fd)
 {
     const int on = 1, idle_s = 15, interval_s = 5, probes = 4, unread_ms = 60000;
@@ -217,7 +218,7 @@ void http_on_done(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UN
 
     if (!q)
         return;
-    /* An idle connection goes earlier, and what comes after it has its time from its first byte on. */
+    /* An idle connection goes earlier, and the next request has its time from its first byte on. */
     atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (q->http->cfg.idle_s + HTTP_REQUEST_S) * SECOND_NS);
     json_decref(q->body);
     free(q->data);

@@ -78,7 +78,7 @@ static const struct sst_api *api_of(struct http_request *q)
     return q->http->cfg.api;
 }
 
-/* Anyone may ask, as often as they like: the status is composed for one of them, a few times a second. */
+/* Anyone may ask, as often as they like: the status is composed for one request, a few times a second. */
 static int healthz(struct http_request *q)
 {
     struct http_health *h = &q->http->health;
@@ -157,7 +157,7 @@ static int calibration_check(struct http_request *q)
     return http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->live, &out), &out, "calibration check");
 }
 
-/* Calls whose argument is the body. */
+/* Calls with the body as argument. */
 #define WITH_BODY(name, call, arg, what)                                                                               \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
@@ -185,7 +185,7 @@ static int publishers(struct http_request *q)
     return http_reply_answer(q, err, &out, "publisher");
 }
 
-/* Whose views a request may change: those of its session, else of its address. */
+/* Owner of the views that a request may change: its session, else its address. */
 static const char *client_of(const struct http_request *q)
 {
     return q->role == SST_ROLE_CONTROL ? "" : q->session[0] ? q->session : q->who;

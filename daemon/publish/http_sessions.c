@@ -175,7 +175,7 @@ static bool make_secret(char out[HTTP_SECRET + 1])
     return true;
 }
 
-/* Text of a client: what it may not be in a list is left out. */
+/* Text of a client, without characters that a list cannot have. */
 static void copy_plain(char *out, size_t size, const char *text)
 {
     size_t n = 0;
@@ -186,7 +186,7 @@ static void copy_plain(char *out, size_t size, const char *text)
     out[n] = 0;
 }
 
-/* Where a new session goes: who logs in often ends sessions of the own address and role. */
+/* Place of a new session: frequent logins end sessions of the same address and role. */
 static struct http_session *make_room_locked(struct http_sessions *s, enum sst_role role, const char *address,
                                              int64_t now_ns)
 {

@@ -65,7 +65,7 @@ static void pause_until(struct stream *s, int64_t due_ns)
     }
 }
 
-/* Wait for what to send next: a newer picture, or the same again after a while. */
+/* Wait for the next picture to send: a newer one, or the same again after a while. */
 static bool next_picture(struct stream *s)
 {
     int64_t now_ns;
@@ -81,7 +81,7 @@ static bool next_picture(struct stream *s)
             !http_session_lasts(&s->http->auth.sessions, s->session))
             return false;
         now_ns = sst_clock_now_ns();
-        if (!s->jpeg) /* else the one up to which those that were missed are counted */
+        if (!s->jpeg) /* else the one up to which missed ones are counted */
             s->jpeg = sst_slot_get(s->slot, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
         if (s->jpeg)
             break;
@@ -102,7 +102,7 @@ static bool next_picture(struct stream *s)
     return true;
 }
 
-/* Copy what fits of a part that lies at `start` of head, picture, tail. */
+/* Copy as much as fits of a part at `start` of head, picture, tail. */
 static size_t copy_part(size_t at, size_t start, const void *part, size_t bytes, char *buf, size_t room)
 {
     size_t n;

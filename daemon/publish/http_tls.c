@@ -1,7 +1,7 @@
 /* Certificate and key: read, judged, and renewed while connections are open.
  *
  * microhttpd keeps the pair that it was started with. Each connection gets the newest one when it begins, before
- * its handshake, and keeps it until it ends; the pair goes with the last of them. */
+ * its handshake, and keeps it until it ends; the pair goes with the last connection. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
@@ -119,7 +119,8 @@ static bool same_pair(const struct http_pair *a, const struct http_pair *b)
     return true;
 }
 
-/* Of a file, by which a change shows; zeros without one. Links are followed: renewals often change those alone. */
+/* Stamp of a file, by which a change shows; zeros without one. Links are followed: renewals often change links alone.
+ */
 static struct http_stamp stamp_of(const char *path)
 {
     struct stat st;

@@ -64,7 +64,7 @@ int http_socket_port(int fd);
 
 /* --- pure parsing (http_parse.c) ---------------------------------------------------------------------------------- */
 
-/** Does a path fit a pattern? @param name  out [HTTP_NAME_MAX + 1], what stands for {name}; "" without one */
+/** Does a path fit a pattern? @param name  out [HTTP_NAME_MAX + 1], the text in place of {name}; "" without one */
 bool http_path_matches(const char *pattern, const char *path, char *name);
 
 /** Split "host", "host:port", "[v6]:port". @param host  out [256], in small letters, without brackets and final dot
@@ -104,8 +104,8 @@ bool http_number(const char *text, uint64_t max, uint64_t *out);
 #define HTTP_SESSIONS_ADDRESS 32 /* ... of one address and role: then one of these */
 #define HTTP_SESSIONS_MAX     (2 * HTTP_SESSIONS_ROLE)
 #define HTTP_SESSION_S    INT64_C(2592000) /* 30 days after the login */
-#define HTTP_SECRET       64 /* hex digits of what a cookie holds: random, 256 bits */
-#define HTTP_SESSION_NAME 12 /* the first of them name it; too few to guess the rest */
+#define HTTP_SECRET       64 /* hex digits of a cookie's secret: random, 256 bits */
+#define HTTP_SESSION_NAME 12 /* its first digits name it; too few to guess the rest */
 
 struct http_session {
     char secret[HTTP_SECRET + 1]; /* "": none */
@@ -117,10 +117,10 @@ struct http_session {
 
 struct http_sessions {
     char path[SST_PATH_MAX]; /* fixed after init; "": they end with the service */
-    uint64_t tag[2];         /* likewise; of the view token, of the control token */
+    uint64_t tag[2];         /* fixed after init; of the view token, of the control token */
     pthread_mutex_t lock;
     struct http_session session[HTTP_SESSIONS_MAX]; /* under lock */
-    uint64_t changes;                               /* likewise */
+    uint64_t changes;                               /* under lock */
     pthread_mutex_t writing;                        /* before lock */
     uint64_t written;                               /* under writing: the changes that the file has */
     bool failed;                                    /* under writing: they could not be written */
@@ -132,7 +132,7 @@ void http_sessions_fini(struct http_sessions *s);
 /** A token was right. @param secret  out, for the cookie @return false: no random bytes */
 SST_MUST_CHECK bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address,
                                        const char *agent, char secret[HTTP_SECRET + 1]);
-/** What a cookie is worth, which is noted as its last use. @param name  out, "" with SST_ROLE_ANYONE */
+/** Role of a cookie, noted as its last use. @param name  out, "" with SST_ROLE_ANYONE */
 enum sst_role http_session_check(struct http_sessions *s, const char *secret, char name[HTTP_SESSION_NAME + 1]);
 /** Has it not ended meanwhile? @param name  "": none, which lasts */
 bool http_session_lasts(struct http_sessions *s, const char *name);
@@ -189,7 +189,7 @@ struct http_tls {
 void http_tls_init(struct http_tls *t, struct sst_counters *count);
 void http_tls_fini(struct http_tls *t);
 
-/** Read the first pair. @return 0, -ENOTSUP, -EINVAL and what sst_file_read() returns; logged */
+/** Read the first pair. @return 0, -ENOTSUP, -EINVAL and errors of sst_file_read(); logged */
 SST_MUST_CHECK int http_tls_open(struct http_tls *t, const struct sst_http_config *cfg);
 
 /** A reference to the newest pair, for starting the library; released by http_tls_end(). @return NULL: no TLS */
@@ -277,7 +277,7 @@ struct http_request {
     enum sst_role role;
     char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
     char who[96];                 /* the client, for messages */
-    char session[HTTP_SESSION_NAME + 1]; /* whose cookie it has; "": none */
+    char session[HTTP_SESSION_NAME + 1]; /* session of its cookie; "": none */
     char allow[24];               /* answer 405: methods */
     int retry_s;                  /* answer 429: seconds until a retry */
     int silence_s;                /* the answer ends when the client has read nothing for that long */
@@ -305,7 +305,7 @@ void http_name_peer(struct http_request *q);
 bool http_crowded(struct http_request *q);
 
 #if WITH_HTTPD
-/* What microhttpd calls (http_request.c); cls is a struct http_listener. */
+/* Callbacks of microhttpd (http_request.c); cls is a struct http_listener. */
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
                                 const char *version, const char *data, size_t *size, void **state);
 void *http_on_uri(void *cls, const char *uri, struct MHD_Connection *connection);
@@ -346,7 +346,7 @@ int http_do_logout(struct http_request *q);
 int http_wrong_token(struct http_request *q, int *retry_s);
 
 /** Begin the silence of a client now: the library counts the time that a callback or handler waits, too, and would close
- *  the connection before it sends what was waited for. */
+ *  the connection before it sends the answer. */
 void http_awake(struct MHD_Connection *connection, int silence_s);
 
 /** Has the peer of a connection gone? */
@@ -369,7 +369,7 @@ extern const struct web_file web_files[]; /* up to one without a name */
  * @param fd   [fds]; descriptors to become 0, 1 ...; none may be below its new number, except 2, standard error; -1:
  *             /dev/null to read. All others are closed
  * @param env  environ, or another one
- * @return 0, or a negative errno, also of what keeps the program itself from being run. Thread: any
+ * @return 0, or a negative errno, also if the program itself cannot be run. Thread: any
  */
 SST_MUST_CHECK int spawn_program(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd,
                                  int fds);

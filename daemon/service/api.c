@@ -19,7 +19,7 @@ static int answer_name(struct sst_api_answer *out, const char *name)
     return out->body ? 0 : -ENOMEM;
 }
 
-/** What a failure of the disk or a lack of sets means here. */
+/** Status of a failure of the disk or a lack of sets. */
 static int explain(struct sst_service *s, int err, struct sst_api_answer *out)
 {
     json_t *status = err == -ENOSPC || err == -EROFS || err == -EIO ? sst_storage_status(s->storage) : NULL;

@@ -25,7 +25,7 @@ struct service_array {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     /* capturing thread */
-    struct sst_array_config config; /* of this opening, with what it found */
+    struct sst_array_config config; /* of this opening, with its findings */
     uint64_t told_skewed, told_sets;
     int64_t told_ns;
     bool skew_over, trigger_away;
@@ -271,7 +271,7 @@ static void clear_cameras_locked(struct service_array *a)
     }
 }
 
-/** What was learned by opening: where which camera sits. */
+/** Facts learned by opening: the place of each camera. */
 static void begin_locked(struct service_array *a, struct sst_capture *capture)
 {
     struct sst_ring_counters ring;
@@ -306,7 +306,7 @@ static void begin_locked(struct service_array *a, struct sst_capture *capture)
     }
 }
 
-/* On a node: the head learns what was opened. */
+/* On a node: the head learns of the opening. */
 static void announce(struct service_array *a, struct sst_capture *capture)
 {
     sst_link_node_cameras(a->node, &a->config);

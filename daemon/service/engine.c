@@ -19,11 +19,11 @@
  * one is processed, for at most as long as the last set took: sets lose half of their time at most. */
 #define DRAG_NS            INT64_C(150000000)
 #define INTERACTION_MAX_NS INT64_C(500000000)
-/* How old maps may get while they are not needed: the first viewer has to wait until what has changed since is
+/* Age that maps may reach while they are not needed: the first viewer has to wait until the changes since are
  * computed. */
 #define KEEP_NS   INT64_C(5000000000)
 #define EVENTS_NS INT64_C(500000000)
-/* Capturing comes first: this thread and those that it starts use all processors. */
+/* Capturing comes first: this thread and its loops use all processors. */
 #define LIVE_NICE 5
 /* One part in this number of the device's memory is the network's. */
 #define LABELS_SHARE 4
@@ -131,7 +131,7 @@ static int describe(struct live_engine *v, const struct sst_config *c)
     return err;
 }
 
-/** Where the array is and what is wanted of it is known: follow it. */
+/** The array and its settings are known: follow it. */
 static void open_live(struct live_engine *v)
 {
     struct sst_config *c = malloc(sizeof(*c));
@@ -220,7 +220,7 @@ static bool follow(struct live_engine *v)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-/** Recording on event follows what was seen. */
+/** Recording on event follows the changes. */
 static void notify_storage(struct live_engine *v, const struct sst_kept *kept, const struct sst_live_report *r)
 {
     struct sst_seen seen = { .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
@@ -297,8 +297,9 @@ static bool update_due(const struct live_engine *v, enum engine_demand demand)
            (demand == ENGINE_EVENTS && v->moved && age_ns >= EVENTS_NS);
 }
 
-/** Watch one view of a set; all of it only if it is time for that. Changes are those from watched set to watched set,
- *  whether or not the light field is brought up to date.
+/** Watch one view of a set; all views only if it is time. Changes are counted from watched set to watched set, whether
+ * or
+ *  not the light field is brought up to date.
  *  @return 0, or an error: logged, or stopped */
 static int watch(struct live_engine *v, const struct sst_kept *kept, enum engine_demand demand)
 {
@@ -332,11 +333,11 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
     fill_input(v, kept);
     if (demand != ENGINE_PICTURES)
         err = watch(v, kept, demand);
-    if (err == -ENOTSUP) /* also of frames whose changes only decoding shows */
+    if (err == -ENOTSUP) /* also of frames with changes that only decoding shows */
         err = update(v, kept, dropped);
     if (!err)
         notify_storage(v, kept, &v->report);
-    if (!err && v->events) /* of what is there, not of a recording */
+    if (!err && v->events) /* of the present, not of a recording */
         engine_notice_follow(v);
 }
 
@@ -367,7 +368,7 @@ static void serve_clients(struct live_engine *v, int64_t took_ns)
     } while (more);
 }
 
-/** What pictures and maps are needed for now. */
+/** Present need of pictures and maps. */
 static enum engine_demand find_demand(struct live_engine *v)
 {
     enum engine_demand demand = ENGINE_UNUSED;
@@ -387,7 +388,7 @@ static enum engine_demand find_demand(struct live_engine *v)
     return demand;
 }
 
-/** Zones that were changed apply from the next set on; what visits have been in before counts no more. */
+/** Changed zones apply from the next set on; former zones of visits count no more. */
 static void follow_zones(struct live_engine *v)
 {
     struct sst_live_zone zone[SST_LIVE_ZONES];
@@ -410,7 +411,7 @@ static void follow_zones(struct live_engine *v)
 static int64_t step(struct live_engine *v)
 {
     const enum engine_demand demand = find_demand(v);
-    /* A viewer who comes sees the set that has only been watched. */
+    /* A new viewer sees the set that has only been watched. */
     const uint64_t after = v->last - (demand == ENGINE_PICTURES && v->behind);
     const struct sst_kept *kept = NULL;
     uint64_t dropped = 0;
@@ -428,7 +429,7 @@ static int64_t step(struct live_engine *v)
     else if (sst_ring_wait(v->ring, after, POLL_MS))
         kept = sst_ring_newest(v->ring, after, &dropped);
     pthread_mutex_lock(&v->lock);
-    restart = v->config_seen != v->config_count; /* asked for before that set came: it is of what comes after */
+    restart = v->config_seen != v->config_count; /* requested before the set came: it applies to later ones */
     pthread_mutex_unlock(&v->lock);
     if (kept && restart)
         sst_ring_unref(v->ring, kept);
@@ -440,7 +441,7 @@ static int64_t step(struct live_engine *v)
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }
-    /* Also where sets come faster than they are processed: what the background holds is large. */
+    /* Also where sets come faster than they are processed: the background's memory is large. */
     if (sst_live_unsettled(v->live) && sst_live_settle(v->live)) {
         engine_note_scene(v, true);
         pthread_mutex_lock(&v->lock);

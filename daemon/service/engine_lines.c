@@ -26,7 +26,7 @@ static struct line line_of(const struct live_engine *v, const struct sst_zone *z
     return l;
 }
 
-/* Distance to the right of a line, whose picture has y downwards, and where along it: 0..1 between its ends. */
+/* Distance to the right of a line in a picture with y downwards, and position along it: 0..1 between its ends. */
 static double right_of(const struct live_engine *v, const struct line *l, const struct visit_point *p, double *along)
 {
     const double x = p->x * sst_max_int(v->state.width, 1) - l->x, y = p->y * sst_max_int(v->state.height, 1) - l->y;

@@ -46,7 +46,7 @@ static void *run(void *arg)
     return NULL;
 }
 
-/* The next view that gives a picture, those first that were not measured. @return -1: none */
+/* The next view that gives a picture, unmeasured ones first. @return -1: none */
 static int next_view(const struct live_engine *v, const struct sst_lightfield *lf)
 {
     const int views = lf->rows * lf->cols;
@@ -109,7 +109,7 @@ static bool has(const struct sst_notices *n, const char *what)
     return false;
 }
 
-/* Log what is new, and what is no longer so. */
+/* Log notices that begin, and that end. */
 static void log_changes(const struct sst_notices *before, const struct sst_notices *now)
 {
     for (int i = 0; i < now->count; i++) {
@@ -148,7 +148,7 @@ static void sum_up(struct live_engine *v, const struct sst_lightfield *lf)
     }
     v->notice_whole = whole;
     pthread_mutex_unlock(&v->lock);
-    if (whole && v->events) /* not what a recording shows */
+    if (whole && v->events) /* not of a recording */
         log_changes(&before, &now);
 }
 
@@ -182,7 +182,7 @@ void engine_notice_forget(struct live_engine *v)
     pthread_mutex_lock(&v->lock);
     if (!v->notice_runs)
         v->notice_ended = true;
-    v->notice_count++; /* what is being measured comes too late */
+    v->notice_count++; /* a measurement in progress comes too late */
     memset(v->noticed_view, 0, sizeof(v->noticed_view));
     v->state.noticed = (struct sst_notices){ .edge_px = NAN, .jpeg_quality = NAN, .softest = -1, .first_blank = -1 };
     v->state.noticed_views = 0;

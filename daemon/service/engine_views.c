@@ -424,7 +424,7 @@ void engine_publish(struct live_engine *v)
     v->latency_due = false;
 }
 
-/* --- what is asked from outside ----------------------------------------------------------------------------------- */
+/* --- requests from outside ---------------------------------------------------------------------------------------- */
 
 bool engine_wanted(struct sst_slot *slot, int64_t used_ns)
 {
@@ -461,7 +461,7 @@ static int64_t end_of_wait(void)
     return sst_clock_now_ns() + FRESH_MS * INT64_C(1000000);
 }
 
-/** Wait, a little, until the picture shows what is there now: it may not have been made for long. */
+/** Wait, a little, until the picture shows the present: it may not have been made for long. */
 static void await_view_locked(struct live_engine *v, const char *id)
 {
     const int64_t end_ns = end_of_wait();
@@ -602,7 +602,7 @@ void engine_serve(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
 }
 
-/* What the failure of a request means to a client. */
+/* Status for a client of a failed request. */
 static int explain_locked(struct live_engine *v, struct sst_api_answer *out)
 {
     switch (v->request.err) {

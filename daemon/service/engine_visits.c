@@ -16,10 +16,10 @@
 #define PICTURE_BETTER  1.25 /* times larger than in the picture before */
 #define PICTURES_MOST   5
 #define PICTURE_NS      INT64_C(500000000)
-#define DEEPER          0.15 /* logarithm of a ratio of distances: who is that much nearer or farther has come or gone */
-#define DEEPER_HIDDEN   0.45 /* behind leaves depths are those of a few planes */
+#define DEEPER          0.15 /* logarithm of a ratio of distances from which a visitor has come nearer or gone farther */
+#define DEEPER_HIDDEN   0.45 /* behind leaves depths come from a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
-#define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from those within this */
+#define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)
 {
@@ -60,7 +60,7 @@ const char *engine_label_name(const struct live_engine *v, int label)
     return label ? sst_classes_name(&v->classes, label) : "";
 }
 
-/* The zones that a point is in, by their labels and depths; and whether one of them is a mask. */
+/* The zones that a point is in, by their labels and depths; and whether one is a mask. */
 static unsigned zones_at(struct live_engine *v, struct visit_point p, int label, bool *masked)
 {
     const char *name = engine_label_name(v, label);
@@ -143,7 +143,7 @@ static struct visit_point path_point(const struct visit *a, int i)
         if (apart_ns <= PATH_NS)
             y[n++] = other->y;
         if (apart_ns <= PATH_NS && apart_ns <= before_ns &&
-            apart_ns <= after_ns) { /* as far before as after: who walks stays in place */
+            apart_ns <= after_ns) { /* as far before as after: a walker stays in place */
             x += other->x;
             middles++;
         }
@@ -237,7 +237,7 @@ static double seen_at(const struct live_engine *v, const struct sst_live_track *
     return (box[2] - box[0]) * (box[3] - box[1]);
 }
 
-/* Has the camera of a view delivered its picture of this set? What it showed before stays in the light field. */
+/* Has the camera of a view delivered its picture of this set? Its former picture stays in the light field. */
 static bool is_fresh(const struct live_engine *v, int view)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
@@ -245,7 +245,7 @@ static bool is_fresh(const struct live_engine *v, int view)
     return v->input.frame[view].bytes && lf->views[view].present && lf->views[view].image.plane[0];
 }
 
-/* A better picture than the one before: what the reference camera sees, and see-through with the focus on the visitor.
+/* A better picture than the one before: the reference camera's, and see-through with the focus on the visitor.
  * Both, and the box, are of one set. */
 static void take_pictures(struct live_engine *v, struct visit *a, const struct sst_live_track *t)
 {
@@ -262,7 +262,7 @@ static void take_pictures(struct live_engine *v, struct visit *a, const struct s
         (a->pictures && v->set_t_ns - a->picture_ns < PICTURE_NS))
         return;
     lf = sst_live_lightfield(v->live);
-    if (a->of_camera && !is_fresh(v, lf->ref_view)) /* that of another set stays, and its box */
+    if (a->of_camera && !is_fresh(v, lf->ref_view)) /* the picture of another set stays, and its box */
         return;
     pthread_mutex_lock(&v->lock);
     view_settings_defaults(&settings, &v->config.live);

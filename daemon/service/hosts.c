@@ -89,7 +89,7 @@ json_t *service_hosts_json(struct service_array *a)
     return o ? o : json_null();
 }
 
-/* --- what is wrong ------------------------------------------------------------------------------------------------ */
+/* --- problems ----------------------------------------------------------------------------------------------------- */
 
 /** A clock that is wrong by more than this part of a period may name a set wrongly when its node joins. */
 #define CLOCK_PART 10

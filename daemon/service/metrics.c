@@ -131,7 +131,7 @@ static void write_live(FILE *f, const struct engine_state *v)
                 v->stage_ms[i].sum / 1e3);
 }
 
-/* 1 for what is noticed now, of all that can be. */
+/* Notices: 1 for a present one, of all possible ones. */
 static void write_noticed(FILE *f, const struct engine_state *v, const struct array_state *a)
 {
     static const char *const what[] = { "noise",         "blur",        "soft-views", "jpeg",

@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "daemon/service/service_internal.h"
 
-/** What all changes together restart. */
+/** Parts that all changes together restart. */
 struct consequences {
     bool cameras, picture; /* are restarted */
     int later;             /* keys that wait for a restart */
@@ -56,7 +56,7 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     return 0;
 }
 
-/* A renewed certificate behind the same names is a change, too. @return 0 or what sst_http_renew() returns */
+/* A renewed certificate behind the same names is a change, too. @return 0 or the error of sst_http_renew() */
 static int renew(struct sst_service *s, const struct sst_config *to, bool dry_run, json_t *changes)
 {
     struct sst_http_certificate before, after;
@@ -80,7 +80,8 @@ static int renew(struct sst_service *s, const struct sst_config *to, bool dry_ru
     return 0;
 }
 
-/** Apply a configuration, or report what it would change. @return 0 (out->body is made) or an error, logged */
+/** Apply a configuration, or report the changes that it would make. @return 0 (out->body is made) or an error, logged
+ */
 static int change(struct sst_service *s, struct sst_config *to, const struct sst_config *from, bool dry_run,
                   struct sst_api_answer *out)
 {

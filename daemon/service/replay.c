@@ -1,5 +1,5 @@
 /* A recording that is played (service_internal.h). Its thread alone reads the recording, opens and closes the engine;
- * calls only leave what they want. Locks: that of the engine before that of the replay. */
+ * calls only leave their wishes. Locks: the engine's before the replay's. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -26,7 +26,7 @@
 #define SPEED_MIN 0.1
 #define SPEED_MAX 16.0
 
-/* What a call wants of the thread. */
+/* Wishes of calls to the thread. */
 struct wish {
     bool open, seek, close;
     char recording[64]; /* "": the one that holds the moment */
@@ -42,12 +42,12 @@ struct service_replay {
     bool stop, ended;
     struct sst_config config; /* of the service */
     struct wish wish;
-    char id[16];             /* of what is played; "": nothing */
+    char id[16];             /* of the recording played; "": none */
     int64_t used_ns;         /* time of the last request of its client */
     bool playing, restarted; /* restarted: playing or its speed changed */
     bool computing;          /* the picture of at_ns after a jump is not there yet */
     double speed;
-    unsigned asked, answered; /* requests, and those of them that the thread has carried out */
+    unsigned asked, answered; /* requests, and how many the thread has carried out */
     char recording[64];
     int64_t from_ns, to_ns, at_ns; /* wall times */
     int err;                       /* why it could not be opened */
@@ -63,8 +63,8 @@ struct service_replay {
     int at; /* the set that is shown */
     int64_t zero_ns, zero_wall_ns,
         stamp_ns; /* stamps of sets: zero_ns when their wall time is zero_wall_ns; the last */
-    int64_t awaited_ns, computed_ns; /* stamp of the set whose picture the clock waits for, 0: it runs; since when it is there */
-    int64_t clock_ns, clock_wall_ns, next_ns; /* of playing: the wall time that was due then; that of the next set */
+    int64_t awaited_ns, computed_ns; /* stamp of the set with the picture that the clock waits for, 0: it runs; since when it is there */
+    int64_t clock_ns, clock_wall_ns, next_ns; /* of playing: the wall time that was due then; the next set's */
     struct sst_recording_set set;
     struct sst_frame frame[SST_CAMERAS_MAX];
 };
@@ -122,7 +122,7 @@ static int read_frames(struct service_replay *r, struct sst_frameset *set, uint8
     return present;
 }
 
-/* Stamps grow as the wall time of the sets does, and by 1 us where that goes back: what moves keeps its speed. */
+/* Stamps grow as the wall time of the sets does, and by 1 us where that goes back: objects keep their speed. */
 static int64_t stamp(struct service_replay *r, int64_t wall_ns, bool jump)
 {
     int64_t t_ns;
@@ -136,7 +136,7 @@ static int64_t stamp(struct service_replay *r, int64_t wall_ns, bool jump)
     return r->stamp_ns;
 }
 
-/* Give set i to the engine. After a jump that forgets what it has seen. @return 0, or why it cannot be read */
+/* Give set i to the engine. After a jump the engine forgets the scene. @return 0, or why it cannot be read */
 static int show_set(struct service_replay *r, int i, bool jump)
 {
     const int cameras = sst_recording_info(r->reader)->cameras;
@@ -336,7 +336,7 @@ static bool close_session(struct service_replay *r, int64_t until_ns)
 
     pthread_mutex_lock(&r->lock);
     engine = r->engine;
-    r->engine = NULL; /* who opens another recording may want to play it: `playing` stays */
+    r->engine = NULL; /* another recording may be opened to be played: `playing` stays */
     memcpy(name, r->recording, sizeof(name));
     r->recording[0] = 0;
     pthread_mutex_unlock(&r->lock);
@@ -605,7 +605,7 @@ int replay_state(void *replay, struct sst_api_answer *out)
     return describe_state(replay, "", out);
 }
 
-/* What a request wants, checked. */
+/* Wishes of a request, checked. */
 struct order {
     const char *id;
     struct wish wish;

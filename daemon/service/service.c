@@ -211,7 +211,7 @@ int sst_service_open(struct sst_service **out, const struct sst_config *config, 
 
 /* --- states ------------------------------------------------------------------------------------------------------- */
 
-/** What is missing, of what works. */
+/** Missing parts of a working service. */
 static void name_missing(struct sst_service *s, const struct array_state *a, char *why, size_t size)
 {
     struct array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
@@ -372,14 +372,14 @@ bool sst_service_alive(struct sst_service *s, int64_t ns)
 
     array_state(s->array, a);
     engine_state(s->engine, v);
-    /* The capturing thread runs; cameras that do not answer hold up its opening of them for long ... */
+    /* The capturing thread runs; silent cameras hold up its opening for long ... */
     alive = now_ns - a->beat_ns < (a->open ? ns : 3 * ns);
     if (alive && a->open && a->present && !a->report.trigger_away) { /* ... frames come, in sets or not ... */
         const int64_t frame_ns = a->frame_ns > a->unused_ns ? a->frame_ns : a->unused_ns;
 
         alive = now_ns - (frame_ns > s->start_ns ? frame_ns : s->start_ns) < ns + START_NS + 3 * a->period_ns;
     }
-    if (alive) /* ... and pictures are made, however slowly: capturing is not to be ended for those */
+    if (alive) /* ... and pictures are made, however slowly: capturing is not to be ended for slow pictures */
         alive = now_ns - v->beat_ns < (3 * ns > LIVE_NS ? 3 * ns : LIVE_NS);
     return alive;
 }

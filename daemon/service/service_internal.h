@@ -41,7 +41,7 @@ struct array_camera {
     int row, col;
     enum sst_grab_state state;
     char serial[64], port[64], name[64];
-    char reason[256]; /* of a state other than streaming; of that one: what is odd about its frames, or "" */
+    char reason[256]; /* of a state other than streaming; of streaming: a remark on its frames, or "" */
     struct sst_grab_counters grab;
     uint64_t bucket[SST_BUCKETS];
     double rate_hz;  /* frames in sets, over the last second */
@@ -53,14 +53,14 @@ struct array_state {
     bool open;   /* cameras and trigger are open */
     bool failed; /* opening or running ended with `reason`, which stays until sets arrive; it is retried */
     char reason[512];
-    int cameras, present;                  /* bound; of them streaming */
+    int cameras, present;                  /* bound; streaming */
     double rate_hz;                        /* sets per second */
     int64_t period_ns;                     /* between sets, as configured; 0: never open */
     int64_t beat_ns;                       /* when the capturing thread was last seen alive */
     int64_t frame_ns;                      /* when a set with a frame last came; 0: never */
     int64_t unused_ns;                     /* when a frame last ended outside a set; 0: never */
     int unused_s;                          /* seconds for which nearly all frames have ended outside sets ... */
-    enum sst_bucket unused_bucket;         /* ... most of them in this one */
+    enum sst_bucket unused_bucket;         /* ... most in this one */
     uint64_t sets, complete, ring_refused; /* of all openings */
     struct sst_capture_report report;      /* of this one */
     struct sst_histogram delay_ns;         /* from the trigger until its set is in the ring, of this opening */
@@ -98,7 +98,7 @@ struct hosts_now {
 
 /** @return false: this host is the only one */
 bool array_hosts(struct service_array *a, struct hosts_now *out);
-/** Also what it refers to. NULL is fine. */
+/** Frees its references, too. NULL is fine. */
 void array_hosts_free(struct hosts_now *now);
 /** Where the head is; "": this host is the only one. */
 const char *array_head_address(const struct service_array *a);
@@ -139,13 +139,13 @@ struct live_engine; /* opaque; any thread, but open and close */
 /** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), rendering, encoding. */
 enum engine_stage {
     ENGINE_WAIT = 0,                     /* from the trigger until the set is processed */
-    ENGINE_LIVE = 1,                     /* SST_LIVE_STAGES of them */
+    ENGINE_LIVE = 1,                     /* SST_LIVE_STAGES stages */
     ENGINE_RENDER = 1 + SST_LIVE_STAGES, /* of all requested pictures */
     ENGINE_ENCODE = 2 + SST_LIVE_STAGES,
     ENGINE_STAGES = 3 + SST_LIVE_STAGES,
 };
 
-/** What the pictures are needed for; less need, less is computed. */
+/** Need of the pictures; less need, less is computed. */
 enum engine_demand {
     ENGINE_UNUSED = 0, /* one view is watched for changes; all is brought up to date every few seconds */
     ENGINE_EVENTS =
@@ -165,7 +165,7 @@ struct engine_state {
     double rate_hz;               /* sets per second, over the last ten */
     uint64_t sets, dropped, idle; /* processed; skipped for newer ones; processed without any change */
     uint64_t relit;               /* sets in which the light or exposure of a view changed */
-    uint64_t watched;             /* only one view of them was watched for changes */
+    uint64_t watched;             /* only one of their views was watched for changes */
     enum engine_demand demand;
     uint64_t pictures;      /* encoded */
     uint64_t visits;        /* begun */
@@ -184,7 +184,7 @@ struct engine_state {
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */
     double searched_min_px, searched_max_px;     /* disparities; NaN: none yet */
-    int64_t settles_ns;                          /* when that range or the cut became what it is */
+    int64_t settles_ns;                          /* when the range or the cut got its value */
     bool counted;                                /* the histogram is known */
     double share_min_px, share_max_px;
     float share[SST_LIVE_HISTOGRAM]; /* of the disparities in that range */
@@ -210,7 +210,7 @@ struct engine_config {
     const struct sst_config *config; /* copied */
     struct sst_ring *ring;           /* this and all below must outlive the engine */
     struct engine_source source;
-    /* NULL: what the sets show is neither recorded nor reported, for they are those of a recording */
+    /* NULL: the sets are a recording's, and are neither recorded nor reported */
     struct sst_storage *storage;
     struct sst_visits *visits;
     struct sst_events *events;
@@ -225,7 +225,7 @@ void engine_zones(struct sst_live_zone *out, const struct sst_config *c);
 void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart);
 
 void engine_state(struct live_engine *v, struct engine_state *out);
-/** Whether all who watch have their pictures of the set of that stamp or a later one, as far as there can be any.
+/** Whether all viewers have their pictures of the set of a stamp or a later one, as far as there can be any.
  *  @param watched  out: there is a viewer */
 bool engine_has_shown(struct live_engine *v, int64_t t_ns, bool *watched);
 
@@ -250,7 +250,7 @@ void engine_close(struct live_engine *v);
 
 /* --- replay ---
  * plays a recording: its sets go through a live engine of its own, so that clients see its pictures with settings of
- * their own, as they see those of now. One recording at a time. */
+ * their own, as in the live view. One recording at a time. */
 
 struct service_replay; /* opaque; any thread, but open and close */
 
@@ -258,7 +258,7 @@ struct service_replay; /* opaque; any thread, but open and close */
 SST_MUST_CHECK int replay_open(struct service_replay **out, struct sst_storage *storage,
                                const struct sst_config *config);
 
-/** Follow other settings; the recording that is played keeps those of before. */
+/** Follow other settings; the recording that is played keeps the former ones. */
 void replay_configure(struct service_replay *r, const struct sst_config *config);
 
 /* Verbs of struct sst_api; `replay` is a struct service_replay. */
@@ -320,7 +320,7 @@ bool service_read_time(const char *text, int64_t *wall_ns);
 json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings);
 int service_status(void *arg, struct sst_api_answer *out);
 
-/** What is wrong with the pictures, as in the status: [{what, text}]. @param skew_us  of half of the sets */
+/** Notices about the pictures, as in the status: [{what, text}]. @param skew_us  of half of the sets */
 json_t *service_noticed_json(const struct engine_state *v, double skew_us);
 int service_cameras(void *arg, struct sst_api_answer *out);
 
@@ -340,7 +340,7 @@ int service_metrics(void *arg, char **text);
 /* reload.c */
 int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 
-/* zones.c: what is drawn on the page, kept in web.zones_file */
+/* zones.c: zones drawn on the page, kept in web.zones_file */
 int service_zones(void *arg, struct sst_api_answer *out);
 int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
 
@@ -359,7 +359,7 @@ struct view_settings {
     char focus_label[SST_CLASS_NAME_MAX];  /* "": none */
     bool follow;                           /* the focus tracks that label */
     uint32_t follow_track;                 /* ... or this track, as long as it is there; 0: none */
-    char remove_label[SST_CLASS_NAME_MAX]; /* likewise of clear pictures; their cut_px NaN: the automatic one */
+    char remove_label[SST_CLASS_NAME_MAX]; /* of clear pictures; their cut_px NaN: the automatic one */
     bool outline, tint;                    /* of clear pictures */
 };
 
@@ -381,18 +381,18 @@ json_t *view_settings_json(const struct view_settings *s);
 
 /* --- state behind live_engine; used by the files of live_engine only --- */
 
-#define VIEWS_MAX  17                   /* "main" and those of viewers */
+#define VIEWS_MAX  17                   /* "main" and the viewers' */
 #define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
 #define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
 #define FRESH_MS   800                  /* a picture is waited for no longer */
-#define STARTED_MS 2000                 /* and what the live thread has begun, for this long in addition */
+#define STARTED_MS 2000                 /* and the set begun by the live thread, for this long in addition */
 #define RATE_SLOTS 16                   /* seconds that rates are averaged over, and some */
 
 /** One view. */
 struct view {
     bool used;
     char id[16];
-    char client[96]; /* that may change it; "": only those that control */
+    char client[96]; /* client that may change it; "": only controlling ones */
     struct view_settings settings;
     unsigned version;       /* of the settings */
     unsigned shown_version; /* version that its picture shows */
@@ -431,7 +431,7 @@ struct request {
     int objects;
 };
 
-/** What happened in one second. */
+/** Counts of one second. */
 struct second {
     int64_t s;
     uint64_t sets, tiles, changed;
@@ -474,10 +474,10 @@ struct visit {
     double nearest_px;
     struct visit_point path[VISIT_POINTS], last; /* where it stood */
     int points;
-    double box[4]; /* fractions of the picture, in that of its best picture */
+    double box[4]; /* fractions of the picture, in the set of its best picture */
     double best;   /* share of the picture that it took there */
     int pictures;
-    bool of_camera; /* one of them is the reference camera's */
+    bool of_camera; /* one picture is the reference camera's */
     int64_t picture_ns;
 };
 
@@ -521,7 +521,7 @@ struct live_engine {
     /* under lock */
     struct sst_config config;
     unsigned config_count, config_seen;
-    bool zones_changed; /* those of `config` are not in `live` yet */
+    bool zones_changed; /* zones of `config` are not in `live` yet */
     bool stop, ended, camera_ended, check_runs, check_ended, notice_runs, notice_ended;
     unsigned notice_count; /* light fields */
     struct sst_notice_view noticed_view[SST_MAX_VIEWS];
@@ -544,12 +544,12 @@ struct live_engine {
 };
 
 /* engine_state.c */
-/** Note what the devices of pictures and labels have done since the last call, and the events of a loss or return. Live
+/** Note the work of the devices of pictures and labels since the last call, and the events of a loss or return. Live
  *  thread. */
 void engine_follow_device(struct live_engine *v);
-/** Count sets that were processed, 0 or 1, and what they cost, to the second that they fall into. */
+/** Count processed sets, 0 or 1, and their processor time in their second. */
 void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets);
-/** Note what a set brought. @param wait_ns  from its trigger until it was processed */
+/** Note the results of a set. @param wait_ns  from its trigger until it was processed */
 void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
 /** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
 void engine_note_scene(struct live_engine *v, bool changed);
@@ -570,7 +570,7 @@ void engine_forget_pictures(struct live_engine *v);
 void engine_serve(struct live_engine *v);
 
 /* engine_tracks.c */
-/** Tracks of the last set, and the events of those that came or went. Live thread. */
+/** Tracks of the last set, and the events of new and ended ones. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
@@ -582,7 +582,7 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
 void engine_visits_follow(struct live_engine *v, const struct sst_live_track *track, int n);
 /** Is there a visit now that a trigger asks for? Live thread. */
 bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t);
-/** The zones are others: what visits have been in and have crossed counts no more. Live thread. */
+/** The zones are others: zones and lines that visits have met count no more. Live thread. */
 void engine_visits_forget_zones(struct live_engine *v);
 /** NaN: not known without a calibration. */
 double engine_distance_m(const struct live_engine *v, double disp_px);

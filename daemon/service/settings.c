@@ -8,7 +8,7 @@
 
 #include "daemon/publish/api.h"
 
-/* Numbers, with what they may be. */
+/* Numbers, with their ranges. */
 static const struct {
     const char *key;
     size_t member; /* of struct view_settings */

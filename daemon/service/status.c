@@ -85,7 +85,7 @@ static double share(uint64_t done, uint64_t skipped)
     return skipped ? (double)skipped / (double)(done + skipped) : 0;
 }
 
-/* What is left out (design.md, 5.5). */
+/* Skips (design.md, 5.5). */
 static json_t *skips_json(const struct engine_state *v, const struct sst_live_settings *s)
 {
     const double changed = share(v->tiles_changed, v->tiles - v->tiles_changed);
@@ -127,7 +127,7 @@ static json_t *cpu_steps_json(const struct engine_state *v)
     return list;
 }
 
-/* What a device does of the live picture; null: all is on the CPU, as configured. */
+/* Steps of the live picture on a device; null: all on the CPU, as configured. */
 static json_t *device_json(const struct engine_state *v)
 {
     const struct sst_render_device_report *d = &v->device;

@@ -82,7 +82,7 @@ int service_zones(void *arg, struct sst_api_answer *out)
     return err;
 }
 
-/* --- from JSON: only types and sizes; what the values mean the configuration's own reader checks --- */
+/* --- from JSON: only types and sizes; the configuration's own reader checks the values --- */
 
 static int read_points(struct sst_zone *z, const json_t *points, char error[512])
 {

@@ -141,7 +141,7 @@ static void describe_video(struct download *o, const struct store_entry *e)
         set_tag(o, tag);
 }
 
-/* Only what the catalog knows can be opened. */
+/* Only entries of the catalog can be opened. */
 static int reserve(struct sst_storage *s, struct download *o)
 {
     struct store_entry *e;

@@ -134,7 +134,7 @@ static bool has(const char *dir, const char *name)
     return !sst_path_join(path, dir, name) && !access(path, F_OK);
 }
 
-/* Correct what storage.json cannot know: after a kill it dates from the recording's beginning, or from before its
+/* Correct facts that storage.json cannot know: after a kill it dates from the recording's beginning, or from before its
  * oldest segments were removed. */
 static void refine_entry(const char *path, struct store_entry *e)
 {
@@ -266,7 +266,7 @@ static void read_range(const struct sst_recording *r, struct store_entry *e)
     free(set);
 }
 
-/* Resuming a recording removes what is half-written. */
+/* Resuming a recording removes half-written parts. */
 static int remove_torn(const char *dir, const struct sst_recording_info *info)
 {
     struct sst_recorder_config cfg;

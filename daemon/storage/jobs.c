@@ -228,7 +228,7 @@ void *store_jobs_run(void *storage)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-/* A job, unless nothing may be added; sst-retention removes what then exceeds the limits. */
+/* A job, unless nothing may be added; sst-retention removes the excess then. */
 static int new_job(struct sst_storage *s, enum store_kind kind, struct store_job **out)
 {
     int err;

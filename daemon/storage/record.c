@@ -44,7 +44,7 @@ struct active {
     char said[SST_LOG_MAX];
 };
 
-/* A copy of what is wanted, made under the lock. */
+/* Copy of the wishes, made under the lock. */
 struct wanted {
     bool stop, ready, blocked, lost, wanted, continuous, reduced, asked, checked;
     int64_t stop_ns, part_bytes;
@@ -374,7 +374,7 @@ static void follow_view(struct active *a)
     }
 }
 
-/* Copy what retention removed of it while it was written. */
+/* Copy the removals by retention while it was written. */
 static void copy_trimmed_locked(struct active *a)
 {
     const struct store_entry *e = catalog_find(&a->s->catalog, a->entry.name);
@@ -616,7 +616,7 @@ static bool follow(struct active *a, const struct wanted *p)
     if (k->set.cameras == p->settings.array.cameras && /* others were captured with another array */
         (p->reduced ? is_due(a, p, k) : is_wanted(s, k))) {
         err = write_set(a, p, k);
-        if (err != -EAGAIN && !p->reduced) /* who asks wants every set */
+        if (err != -EAGAIN && !p->reduced) /* recordings on demand want every set */
             answer(s, err);
         if (err && err != -EAGAIN)
             count_dropped(s, 1);

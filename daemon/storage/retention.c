@@ -1,4 +1,4 @@
-/* The retention thread: creates and locks the folder, measures usage, removes what exceeds the limits, repairs torn
+/* Retention thread: creates and locks the folder, measures usage, removes entries beyond the limits, repairs torn
  * recordings. */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -22,7 +22,7 @@
 #define STEADY_NS   600000000000 /* without a step of the wall clock before ages count */
 #define STEP_NS     2000000000
 #define MARGIN_S    2  /* of sets that may arrive between two passes */
-#define PARTS       10 /* of the room: at most one of them is removed at once */
+#define PARTS       10 /* of the room: at most one part is removed at once */
 #define PART_MIN    ((int64_t)1 << 20)
 #define PROBE_BYTES ((size_t)256 << 10)
 
@@ -69,7 +69,7 @@ static void report_folder(struct retention *r, int err, const char *path)
     set_folder_error(r, err, text);
 }
 
-/* Another service in the same folder would remove and repair what this one writes. */
+/* Another service in the same folder would remove and repair the files that this one writes. */
 static int lock_folder(struct retention *r)
 {
     char path[SST_PATH_MAX], text[SST_STORE_TEXT], pid[32] = "";
@@ -209,7 +209,7 @@ static uint64_t unsettled_order(struct sst_storage *s)
     return order;
 }
 
-/* Add new entries and drop those whose folders were removed. */
+/* Add new entries and drop the ones with removed folders. */
 static void merge_locked(struct sst_storage *s, const struct catalog *found, bool first, uint64_t unsettled)
 {
     bool empty;
@@ -265,7 +265,7 @@ static int scan(struct retention *r)
     return err;
 }
 
-/* Bytes and segments of the active recording as they are on disk; its thread adds what is written meanwhile. */
+/* Bytes and segments of the active recording as they are on disk; its thread adds the bytes written meanwhile. */
 static void measure_active(struct retention *r)
 {
     struct sst_storage *s = r->s;

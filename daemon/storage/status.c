@@ -1,4 +1,4 @@
-/* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
+/* State and status of storage, from reports of the threads; nothing here waits for a disk. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -191,7 +191,7 @@ static double bytes_per_day_locked(const struct sst_storage *s, enum store_class
     return all * (double)DAY_NS / (double)(now_ns - oldest_ns);
 }
 
-/* What there is of full and of reduced recordings, and for how many days there is room at the present rate. */
+/* Full and reduced recordings, and for how many days there is room at the present rate. */
 static json_t *class_json_locked(const struct sst_storage *s, enum store_class class_)
 {
     const struct store_limits *l = &s->settings.limits;

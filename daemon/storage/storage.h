@@ -34,7 +34,7 @@ struct sst_storage_config {
 };
 
 /**
- * Create the folders, repair what a killed daemon left, and start the threads that record and clean up. A disk that
+ * Create the folders, repair remains of a killed daemon, and start the threads that record and clean up. A disk that
  * cannot be written is a state, not an error: storage retries without limit.
  * @return 0, -EINVAL, -ENOMEM
  */
@@ -85,7 +85,7 @@ SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jp
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
 /** Open a download: "NAME.tar" is the whole folder; "NAME" or "NAME.jpg" the picture of a snapshot; "NAME.r0c5.mkv"
- *  the video of a camera of a recording, "NAME.mkv" that of the see-through view. A video is first made as a file that
+ *  the video of a camera of a recording, "NAME.mkv" the see-through view's. A video is first made as a file that
  *  counts towards the limits; one of the active recording has the frames so far. Waits for the disk.
  *  @param name  validated here; out: must be closed before the storage is
  *  @return 0, -EINPROGRESS (it is being made: call again, after 0.2 s already), -ENOENT, -ENODATA (nothing of it was
@@ -108,8 +108,9 @@ SST_MUST_CHECK int sst_storage_delete(struct sst_storage *s, const char *name);
  * sets, dropped}, ring: {bytes, sets, seconds, pictures}, recordings, snapshots, exports, by_hand_bytes,
  * by_hand_limit_bytes, removed, shortened, deleted, downloads}. NULL: no memory. */
 json_t *sst_storage_status(struct sst_storage *s);
-/** {recordings: [{name, from, to, sets, bytes, why, by_hand, view, active}], snapshots: [{name, time, bytes, picture,
- *  active}], exports: likewise}, the oldest of each first. view: the see-through view was recorded. NULL: no memory. */
+/** {recordings: [{name, from, to, sets, bytes, why, by_hand, view, active}], snapshots and exports: [{name, time,
+ * bytes,
+ *  picture, active}]}, the oldest of each first. view: the see-through view was recorded. NULL: no memory. */
 json_t *sst_storage_list(struct sst_storage *s);
 
 enum sst_storage_state sst_storage_state(struct sst_storage *s);

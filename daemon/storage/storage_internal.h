@@ -19,7 +19,7 @@
  * list of the recordings, snapshots and exports in the storage folder.
  *
  * Our recordings have storage.json beside their sets, written before the first set and again at the end; folders
- * without one are foreign and are neither counted nor touched. Snapshots and exports have one, too; those
+ * without one are foreign and are neither counted nor touched. Snapshots and exports have one, too; ones
  * without (a daemon was killed in between) are recognized by lightfield.json and count as the oldest. */
 
 #define SST_STORE_NAME 64 /* bytes of a name with its end */
@@ -57,7 +57,7 @@ struct store_entry {
     int segments;         /* of the active recording, at the last scan; else 0 */
 };
 
-/** In their order; those of the same order by made_ns. Zeroed: empty. One thread at a time. */
+/** In their order; within one order by made_ns. Zeroed: empty. One thread at a time. */
 struct catalog {
     struct store_entry *entry;
     int count, capacity;
@@ -81,10 +81,10 @@ bool store_name_good(const char *name);
 #define SST_STORE_ON_DEMAND   "on demand" /* `why` of a recording that a client requested */
 #define SST_STORE_REDUCED_WHY "reduced"   /* of one of some sets */
 
-/** Snapshots, exports, recordings on demand: retention keeps them longer than what is recorded automatically. */
+/** Snapshots, exports, recordings on demand: retention keeps them longer than automatic recordings. */
 bool store_is_manual(const struct store_entry *entry);
 
-/** What is kept and removed apart from the others. */
+/** Classes that are kept and removed apart from the others. */
 enum store_class {
     SST_STORE_FULL = 0,    /* recorded automatically, every set */
     SST_STORE_REDUCED = 1, /* recorded automatically, some sets */
@@ -112,7 +112,7 @@ SST_MUST_CHECK int store_read(const char *dir, struct store_entry *entry);
  * List a folder of recordings, snapshots or exports, optionally after removing left-overs of a killed daemon (*.tmp-*,
  * empty folders with names of ours).
  *
- * @param tidy  remove those
+ * @param tidy  remove the left-overs
  * @param c     out, zeroed by the caller
  * @return 0, -ENOMEM or -errno of reading the folder; not logged
  */
@@ -121,18 +121,18 @@ SST_MUST_CHECK int store_scan(const char *folder, enum store_kind kind, bool tid
 /** Bytes of all files below a folder, in whole blocks of 4 KiB. */
 int64_t store_bytes(const char *dir);
 
-/** Repair a torn recording: remove what is half-written and write its storage.json.
+/** Repair a torn recording: remove half-written parts and write its storage.json.
  *  @return 0, -ENODATA (it has no set), -EBUSY (another process records there), -EBADMSG, -EIO ...; logged */
 SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
-/* --- what is removed next ----------------------------------------------------------------------------------------- */
+/* --- order of removal --------------------------------------------------------------------------------------------- */
 
 struct store_limits {
     int64_t quota_bytes, min_free_bytes;   /* 0: none */
     int64_t max_age_ns[SST_STORE_CLASSES]; /* 0: none */
-    int64_t manual_bytes;                  /* up to this what was made by hand is kept longer; 0: half of the room */
-    int64_t reduced_bytes;                 /* likewise reduced recordings; 0: a third */
-    int64_t margin_bytes;                  /* kept free within quota and free space, for what is written meanwhile */
+    int64_t manual_bytes;                  /* up to this entries made by hand are kept longer; 0: half of the room */
+    int64_t reduced_bytes;                 /* up to this reduced recordings are kept longer; 0: a third */
+    int64_t margin_bytes;                  /* kept free within quota and free space, for bytes written meanwhile */
 };
 
 struct store_room {
@@ -149,10 +149,10 @@ enum store_verdict {
     SST_STORE_NO_ROOM = 3,  /* and nothing is left to remove */
 };
 
-/** The total room: the smaller of what quota and free space allow. */
+/** The total room, by the smaller of quota and free space. */
 int64_t store_room_bytes(const struct store_limits *limits, const struct store_room *room);
 
-/* --- parts.c: sets of which only what changed is recorded --- */
+/* --- parts.c: sets recorded by their changes alone --- */
 
 /** Frames of the last whole set, and the set that was made with them. Zeroed: none yet. Recording thread. */
 struct set_parts {
@@ -164,25 +164,25 @@ struct set_parts {
     uint8_t *made[SST_CAMERAS_MAX];
 };
 
-/** What to record of a set: its parts, or itself if a whole one is due. Valid until the next call. */
+/** Form of a set to record: its parts, or itself if a whole one is due. Valid until the next call. */
 const struct sst_frameset *set_parts_of(struct set_parts *p, const struct sst_frameset *set);
-/** A set has been written: those that follow have parts if it was whole. */
+/** A set has been written: later ones have parts if it was whole. */
 void set_parts_written(struct set_parts *p, const struct sst_frameset *set);
 /** The next set is whole. */
 void set_parts_forget(struct set_parts *p);
 
-/** Up to this many bytes, what was made by hand is removed last, and reduced recordings after full ones. */
+/** Up to this many bytes, entries made by hand are removed last, and reduced recordings after full ones. */
 int64_t store_manual_bytes(const struct store_limits *limits, const struct store_room *room);
 int64_t store_reduced_bytes(const struct store_limits *limits, const struct store_room *room);
 
-/** Most bytes of another video for downloads, with made_bytes of them already: what the limits leave, or what all of
- *  them together may take of the room, a tenth; never the margin of the disk. */
+/** Most bytes of another video for downloads, with made_bytes of them already: the room within the limits, or a tenth
+ *  of the room for all such videos; never the margin of the disk. */
 int64_t store_download_bytes(const struct store_limits *limits, const struct store_room *room, int64_t made_bytes);
 
 /**
- * Choose what is removed next. Beyond a limit that is the oldest full automatic recording; the oldest reduced one, or
- * the oldest entry made by hand, if those take more than their part or nothing else is left. Entries that are being downloaded come after others, and the
- * active recording last: it loses its oldest segment.
+ * Choose the next entry to remove. Beyond a limit it is the oldest full automatic recording; the oldest reduced one, or
+ * the oldest entry made by hand, if that class exceeds its part or nothing else is left. Entries that are being
+ * downloaded come after others, and the active recording last: it loses its oldest segment.
  * The newest of each class is never removed for its age. An entry with an impossible time (before 2026, in the future,
  * or an hour before the beginning of one that is older by its order) is as old as the next one.
  * @param victim  out, index of it with TOO_OLD and TOO_MUCH
@@ -192,9 +192,9 @@ enum store_verdict store_judge(const struct catalog *c, const struct store_limit
 
 /* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. - */
 
-/* A trigger has hysteresis: its condition holds from its share up, and down to half of that. It becomes active when the
- * condition held for begin_s, inactive when it did not for end_s, in two sets at least. Sets to the contrary subtract
- * their time, and a single one never changes anything. */
+/* A trigger has hysteresis: its condition holds from its share up, and down to half of the share. It becomes active
+ * when the condition held for begin_s, inactive when it did not for end_s, in two sets at least. Sets to the contrary
+ * subtract their time, and a single one never changes anything. */
 #define EVENT_TRIGGER_BEGIN_S 0.3
 #define EVENT_TRIGGER_END_S   1.0
 #define EVENT_TRIGGER_KEEPS   0.5
@@ -212,7 +212,7 @@ struct event_trigger {
     int trigger;              /* of the configuration: it is recorded; -1: only reported */
     int index;                /* of the zone in sst_seen; -1: the whole picture */
     double share;
-    double begin_s, end_s; /* above 0; else those above */
+    double begin_s, end_s; /* above 0; else the common ones */
     /* the state that recordings follow */
     bool active;
     int sets;          /* in favour of the other state, in a row but for single ones */
@@ -235,7 +235,7 @@ struct event_triggers {
     struct event_trigger list[EVENT_TRIGGERS_MAX];
 };
 
-/** The configuration's triggers, and changes in every zone that none of them names, all inactive. */
+/** The configuration's triggers, and changes in every zone that no trigger names, all inactive. */
 void event_triggers_init(struct event_triggers *w, const struct sst_config *config);
 
 /** A value in a set; NaN counts as 0. @return true: active changed */
@@ -263,7 +263,7 @@ struct view_history {
     size_t bytes;
 };
 
-/** Add a picture, whose reference becomes the history's; drop those before keep_ns but the last of them. */
+/** Add a picture; its reference becomes the history's. Pictures before keep_ns are dropped, but the last one. */
 void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns);
 /** The first with a number above `after`, referenced; NULL: none. */
 const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after);
@@ -288,7 +288,7 @@ SST_MUST_CHECK int view_write(struct view_files *f, const struct sst_jpeg *jpeg,
 int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
 
 /* --- parts ---
- * what the threads of storage share.
+ * common state of the threads of storage.
  *
  * sst-record     writes sets (record.c)                 waits for the disk
  * sst-retention  free space, limits, repairs (retention.c) waits for the disk
@@ -334,7 +334,7 @@ struct store_want {
     char why[SST_STORE_WHY], zone[32], label[64];
 };
 
-/** What prevents recording. */
+/** Obstacle to recording. */
 enum store_trouble {
     SST_TROUBLE_NONE = 0,
     SST_TROUBLE_LIMIT_LOW = 1, /* LOW; from here on FULL */
@@ -349,7 +349,7 @@ struct store_job; /* jobs.c */
 enum video_stage {
     VIDEO_NONE = 0, /* the rest is zero */
     VIDEO_WANTED = 1,
-    VIDEO_AT_WORK = 2, /* sst-video alone changes what is fixed */
+    VIDEO_AT_WORK = 2, /* sst-video alone changes the fixed fields */
     VIDEO_MADE = 3,    /* or not: err */
 };
 
@@ -360,7 +360,7 @@ struct video_file {
     char name[SST_STORE_NAME]; /* of the recording */
     int row, col;              /* row -1: the see-through view */
     bool active;               /* the recording was being written ... */
-    uint64_t sets, gone;       /* ... else what it held */
+    uint64_t sets, gone;       /* ... else its content */
     int64_t asked_ns;
     /* fixed when MADE */
     int fd, err;
@@ -381,7 +381,7 @@ struct sst_storage {
     pthread_cond_t answered; /* something was done */
     /* under lock */
     bool stop;
-    int64_t stop_ns; /* what the ring holds is written until then */
+    int64_t stop_ns; /* sets in the ring are written until then */
     int threads;     /* that run */
     int downloads;
     struct store_settings settings;
@@ -409,11 +409,11 @@ struct sst_storage {
     bool blocked;              /* nothing may be written */
     int folder_err, write_err; /* negative errno */
     enum store_trouble limit;  /* NONE, LIMIT_LOW, LIMIT */
-    bool limit_quota;          /* it is the quota's, not that of the free space */
+    bool limit_quota;          /* it is the quota's, not the free space's */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
     int64_t aside_bytes;                        /* of others, in the quota */
-    int64_t manual_bytes;                       /* up to this what was made by hand is removed last */
+    int64_t manual_bytes;                       /* up to this entries made by hand are removed last */
     uint64_t removed[SST_STORE_KINDS], deleted; /* because of the limits; by hand */
     uint64_t trimmed;                           /* segments removed from recordings because of the limits */
     int64_t record_busy_ns,
@@ -459,10 +459,11 @@ SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, in
 /** Remove an entry from disk and catalog because of the limits. sst-retention only. @return 0 or -errno: it stays, as
  *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
-/** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only those
+/** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only
+ * segments
  *  that must stay are left) or an error of sst_recording_trim(): nothing was removed */
 int store_trim(struct sst_storage *s, const struct store_entry *entry);
-/** Remove what clients deleted. sst-retention only. */
+/** Remove entries that clients deleted. sst-retention only. */
 void store_remove_deleted(struct sst_storage *s);
 
 /**
@@ -476,7 +477,7 @@ void store_remove_deleted(struct sst_storage *s);
 SST_MUST_CHECK int video_file_open_locked(struct sst_storage *s, struct store_entry *e, int row, int col,
                                           struct video_file **out);
 void video_file_close_locked(struct video_file *f);
-/** Bytes of all of them, with what is reserved. */
+/** Bytes of all videos, with reserved ones. */
 int64_t video_files_bytes_locked(const struct sst_storage *s);
 void video_files_fini(struct sst_storage *s);
 
@@ -528,7 +529,7 @@ SST_MUST_CHECK ssize_t tar_read(struct tar *t, int64_t at, void *out, size_t n);
 
 void tar_close(struct tar *t);
 
-/** Open a file below a folder for reading, without following links or waiting for what is no file.
+/** Open a file below a folder for reading, without following links or waiting for an entry that is no file.
  *  @return descriptor or -errno */
 SST_MUST_CHECK int open_below(int folder, const char *path);
 
@@ -555,7 +556,7 @@ size_t video_write_line(char out[SST_VIDEO_LINE_MAX], const struct video_line *l
 /** @return false: not such a line, or torn */
 bool video_read_line(const char *text, struct video_line *line);
 
-/** The frames of a video, and what describes them. Zeroed: none. */
+/** Frames of a video, and their description. Zeroed: none. */
 struct video {
     char dir[SST_PATH_MAX], title[128], track[96];
     struct sst_mkv_config format;
@@ -565,17 +566,18 @@ struct video {
 };
 
 /**
- * List the frames that a recording has of a camera; one that is being written gives what it holds by now.
+ * List the frames that a recording has of a camera; one that is being written gives its frames by now.
  *
  * @param dir  of the recording
- * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; what reads
+ * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; the reader
+ * of
  *         recordings logs. video_fini() follows in any case. Waits for the disk.
  */
 SST_MUST_CHECK int video_of_camera(struct video *v, const char *dir, int row, int col);
 
 /** Wall time of the view's first picture; 0: it cannot be read. */
 int64_t video_view_from(const char *dir);
-/** Likewise of the see-through view. @return as above; -ENOENT: none was recorded */
+/** List the frames of the see-through view. @return as of video_of_camera(); -ENOENT: none was recorded */
 SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
 
 /** @return true: the file is no longer wanted */

@@ -14,7 +14,7 @@
 #include "capture/recording/recording.h"
 
 #define STAMP_MAX (INT64_MAX / 4) /* differences of stamps fit */
-#define VIEW_FILE (-1)            /* SST_VIDEO_PICTURES; other numbers are those of segments */
+#define VIEW_FILE (-1)            /* SST_VIDEO_PICTURES; other numbers are segments */
 
 static int add_frame(struct video *v, struct sst_mkv_frame made, int64_t wall_ns)
 {
@@ -161,7 +161,7 @@ static int read_size(struct video *v)
     return -EBADMSG;
 }
 
-/* The last picture of what was removed stays: it was visible where the rest begins. */
+/* The last picture of the removed part stays: it was visible where the rest begins. */
 static int add_lines(struct video *v, FILE *f, const struct sst_recording_removed *removed)
 {
     const int64_t size = size_of(v->dir, VIEW_FILE);

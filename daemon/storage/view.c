@@ -68,7 +68,7 @@ static bool is_needed_locked(const struct sst_storage *s)
     return s->settings.view && !s->stop && !s->blocked && s->active_name[0];
 }
 
-/* Something may be recorded at any moment: what is shown is kept, which is less often than for viewers. */
+/* A recording may begin at any moment: shown pictures are kept, less often than for viewers. */
 static bool is_armed_locked(const struct sst_storage *s)
 {
     return s->settings.view && !s->stop && !s->blocked && s->settings.mode != SST_RECORD_OFF;

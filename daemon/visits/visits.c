@@ -26,7 +26,7 @@
 #define PICTURE_MOST ((size_t)64 << 20)
 #define KEEP         "-keep" /* an empty file of this ending: the visit stays when its day is removed */
 #define BUSY_MS      3000
-#define SHARE        10 /* one part in this of the room is that of visits */
+#define SHARE        10 /* one part in this of the room is for visits */
 #define SLACK        20 /* one part in this of the share is free after a removal */
 
 struct job {
@@ -41,7 +41,7 @@ struct sst_visits {
     char start[SST_CLOCK_TEXT];
     pthread_t thread;
     bool failed;           /* writer's: the last file could not be written */
-    int64_t bytes;         /* under files: of all visits; and whether those kept for good fill the share: */
+    int64_t bytes;         /* under files: of all visits; and whether visits kept for good fill the share: */
     bool full;
     char swept[DAY + 1];   /* writer's: day of the last removal of old ones */
     pthread_mutex_t files; /* held while files are written or removed */
@@ -50,7 +50,7 @@ struct sst_visits {
     /* under lock */
     struct job job[WAITING];
     int jobs, days;
-    int64_t room_bytes; /* 0: that of the disk */
+    int64_t room_bytes; /* 0: the disk's */
     void (*report)(void *arg, int64_t bytes);
     void *report_arg;
     bool limited, relimited; /* there is a share; it is another one, or visits were deleted */
@@ -198,8 +198,8 @@ static int64_t remove_files(struct sst_visits *v, const char *visit)
     return freed;
 }
 
-/* Write a day's lines again without those of one visit, or (visit NULL) with those of kept ones only, and remove the
- * others' files. @param least  remove the oldest others only, until this number of bytes is free @param kept  out, lines
+/* Write a day's lines again without one visit's, or (visit NULL) with kept ones' only, and remove the others' files.
+ * @param least  remove the oldest others only, until this number of bytes is free @param kept  out, lines
  * that stay @return 0, or of reading or writing; not logged */
 static int thin(struct sst_visits *v, const char *day, const char *visit, int64_t least, int *kept)
 {
@@ -571,7 +571,7 @@ static void add_pictures(const struct sst_visits *v, json_t *data)
         json_object_set_new(data, "active", json_false());
 }
 
-/* Add those of a day that fit, the newest first. */
+/* Add visits of a day that fit, the newest first. */
 static void add_day(const struct sst_visits *v, const char *day, const struct sst_visits_query *q, json_t *out)
 {
     json_t *all = read_day(v, day), *data;

@@ -52,7 +52,7 @@ struct sst_visits_query {
 json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *query);
 
 /** Keep a visit for good, or no longer than others. @return 0, -ENOENT, -EINVAL (not a name), -EBUSY (the disk hangs),
- * or that of the write; not logged */
+ * or the error of the write; not logged */
 SST_MUST_CHECK int sst_visits_keep(struct sst_visits *v, const char *visit, bool keep);
 
 /** Remove a visit's line and pictures for good. @return 0, -EINPROGRESS (it has not gone yet), or as sst_visits_keep()
@@ -63,7 +63,7 @@ SST_MUST_CHECK int sst_visits_delete(struct sst_visits *v, const char *visit);
 SST_MUST_CHECK int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind,
                                            uint8_t **data, size_t *size);
 
-/** Write what waits, for `wait_ms` at most, and free. NULL is fine. */
+/** Write waiting visits, for `wait_ms` at most, and free. NULL is fine. */
 void sst_visits_close(struct sst_visits *v, int wait_ms);
 
 #endif

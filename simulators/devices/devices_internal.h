@@ -22,7 +22,7 @@ struct sim_faults; /* opaque; simulator's thread */
 struct sim_fault {
     const char *name; /* "late_ms" */
     double min, max;
-    const char *help; /* one line, with the unit and what the value means */
+    const char *help; /* one line, with the unit and the meaning of the value */
 };
 
 /** A kind of devices with faults. Tables are const and never freed. */
@@ -52,7 +52,7 @@ void sim_fault_reset(struct sim_faults *f, int scope, int instance, int fault);
 /**
  * "camera.3.late_ms=20", "camera.*.eio=0.1", "gpio.busy=1".
  * @param message  out, [size], on failure: one sentence with value and remedy
- * @return 0, -EINVAL (no such name), -ERANGE, or what `changed` returned.
+ * @return 0, -EINVAL (no such name), -ERANGE, or the error of `changed`.
  */
 SST_MUST_CHECK int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t size);
 
@@ -96,7 +96,7 @@ void sim_timer_stop(struct sim_server *s, struct sim_timer *timer);
 struct sim_handle {
     struct sim_server *server;
     const struct sim_ops *ops;
-    void *device;   /* what sim_node_add() or sim_handle_create() was given */
+    void *device;   /* argument of sim_node_add() or sim_handle_create() */
     void *state;    /* the device's, per open file */
     int open_flags; /* of open() */
     uint32_t id;
@@ -182,7 +182,7 @@ void sim_node_remove(struct sim_server *s, struct sim_node *node);
 /** A link in the session's /dev: "/dev/v4l/by-id/x" to "../../video0"; target NULL removes it. @return 0 or -errno. */
 SST_MUST_CHECK int sim_link(struct sim_server *s, const char *path, const char *target);
 
-/** Create the parent folders of a path, whose first `base` bytes exist. @return 0 or -errno */
+/** Create the parent folders of a path; its first `base` bytes exist. @return 0 or -errno */
 SST_MUST_CHECK int sim_make_parents(char *path, size_t base);
 
 /* --- the server --------------------------------------------------------------------------------------------------- */
@@ -538,7 +538,7 @@ void sim_usb_front_close(struct sim_usb_front *front);
  */
 bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node);
 
-/** What a program reaches by usbfs beside descriptors: endpoints and class requests of the still camera. */
+/** Parts of usbfs beside descriptors: endpoints and class requests of the still camera. */
 struct sim_usb_pipes {
     void *arg;
     /** A class request. @param data  [wLength] @return bytes of the answer, or -EPIPE */
@@ -638,7 +638,7 @@ extern const struct sim_ops usb_attribute_ops, usb_driver_ops;
 
 /* usbfs.c */
 extern const struct sim_ops usb_file_ops;
-/** Complete transfers of a device whose endpoints have something now. */
+/** Complete transfers of a device with data at its endpoints. */
 void usb_file_serve(struct usb_shown *shown);
 
 #endif

@@ -130,7 +130,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
     return 0;
 }
 
-/* As sst: 3 for bad input, 4 for what cannot be written, 1 for the rest. */
+/* Exit codes as sst's: 3 for bad input, 4 for failed output, 1 for the rest. */
 static int exit_status(int err)
 {
     switch (-err) {
@@ -283,7 +283,7 @@ static int ask(const char *dir, unsigned op)
     return err < 0 ? exit_status(err) : 0;
 }
 
-/* Without a session: what there is. */
+/* Without a session: all faults. */
 static int list_faults(void)
 {
     const struct sim_fault_scope *const kinds[] = { &sim_world_faults, &sim_camera_faults, &sim_gpio_faults,

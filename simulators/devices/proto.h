@@ -56,7 +56,7 @@ struct sst_sim_call {
 #define SST_SIM_UEVENTS "/uevents"
 
 #define SST_SIM_USB_TRANSFER_MAX 4096  /* bytes that a control transfer carries */
-#define SST_SIM_USB_BULK_MAX     16384 /* and one of another endpoint; libusb splits what is longer */
+#define SST_SIM_USB_BULK_MAX     16384 /* and one of another endpoint; libusb splits longer ones */
 
 /** A USB transfer between program and simulator, followed by its data. */
 struct sst_sim_usb_transfer {
@@ -73,7 +73,7 @@ enum sst_sim_answer_flag {
 };
 
 struct sst_sim_answer {
-    int32_t result; /* negative errno, or what the call returns */
+    int32_t result; /* negative errno, or the result of the call */
     uint32_t drain; /* bytes to drain from the descriptor: their events are consumed */
     uint32_t flags, pid;
     uint64_t arg;

@@ -92,7 +92,7 @@ static int expose(void *arg, const struct sst_sim_ptp_exposure *e, bool raw, uin
     return err;
 }
 
-/** A line of the truth log: what the camera holds. */
+/** A line of the truth log: contents of the camera. */
 static void stored(void *arg, int shot, const char *name, const uint8_t *data, size_t bytes)
 {
     struct sim_still *s = arg;

@@ -37,7 +37,7 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
 
 /* --- transfers ---------------------------------------------------------------------------------------------------- */
 
-/** Bytes that the program gets back: none of what it sent. */
+/** Bytes that the program gets back: none of its own. */
 static size_t received(const struct transfer *t)
 {
     const bool in = t->t.type == USBDEVFS_URB_TYPE_CONTROL ? t->t.setup[0] & 0x80 : t->t.endpoint & 0x80;
@@ -162,7 +162,7 @@ static int ask_control(struct usb_file *f, const uint8_t setup[8], uint8_t *data
     return sst_sim_usb_control(f->shown->front->usb, f->shown->device, setup, data);
 }
 
-/** A transfer with a copy of what is sent, at the end of the list. NULL: no memory */
+/** A transfer with a copy of its data, at the end of the list. NULL: no memory */
 static struct transfer *append(struct usb_file *f, const struct sst_sim_usb_transfer *asked, size_t room,
                                const uint8_t *data, size_t bytes)
 {

@@ -109,7 +109,7 @@ static int answer_registers(struct sim_axis *a, int unit, const uint8_t *pdu, ui
     return 0;
 }
 
-/* Coils are the bits of the control word, discrete inputs those of the status word. */
+/* Coils are the bits of the control word, discrete inputs the status word's. */
 static int answer_bits(const struct sim_axis *a, const uint8_t *pdu, uint8_t *reply, size_t *n)
 {
     const unsigned first = word(pdu + 1), count = word(pdu + 3);

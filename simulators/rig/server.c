@@ -251,8 +251,8 @@ static void send_reply(struct sst_sim_drive *d, struct line *l)
 }
 
 /*
- * A terminal has no parity, and tcsetattr() with parity fails where it changes nothing else: after a client that was
- * killed, whose rate is still set. Rates have no effect here, so set one that no client asks for.
+ * A terminal has no parity, and tcsetattr() with parity fails where it changes nothing else: after a killed client,
+ * with its rate still set. Rates have no effect here, so set one that no client asks for.
  */
 static void forget_rate(const struct sst_sim_drive *d)
 {

@@ -90,7 +90,7 @@ uint32_t hedge_colour(double r, double g, double b)
     return level(r) | (uint32_t)level(g) << 8 | (uint32_t)level(b) << 16;
 }
 
-/* --- what does not move ------------------------------------------------------------------------------------------- */
+/* --- wall and ground ---------------------------------------------------------------------------------------------- */
 
 /* Smooth in cells of `cell` px, -1..1. */
 static double cloud(int x, int y, double cell, uint32_t seed)
@@ -330,7 +330,7 @@ int sst_hedge_create(struct sst_hedge **out, const struct sst_hedge_config *cfg)
     return err;
 }
 
-/* --- what moves --------------------------------------------------------------------------------------------------- */
+/* --- leaves and person -------------------------------------------------------------------------------------------- */
 
 /* Strength of the wind at a place: calm and gusts of some seconds, which pass from left to right. */
 static double gust(const struct sst_hedge *h, double t_s, double x)

@@ -1,7 +1,7 @@
 /*
  * Fixed surfaces are coloured once per camera, not once per picture: the samples of all fixed opaque surfaces are kept,
  * and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that they
- * touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
+ * touch. Translucent surfaces blend with their background, so in these columns all surfaces are drawn again.
  */
 #include <errno.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* Procedural textures of general use; those of single objects are in paint_objects.c. */
+/* Procedural textures of general use; paint_objects.c has the ones of single objects. */
 #include "simulators/scene/scene_internal.h"
 
 static struct sst_vec3 scaled(const struct sst_scene_hit *h, double x_mm, double y_mm)

@@ -55,7 +55,7 @@ static void set_plane(struct cover *c, struct photo_sprite *p, double x, double 
     p->front = true;
 }
 
-/* A random place, in all views together; more of them where the clumps are. */
+/* A random place, in all views together; more places where the clumps are. */
 static void place(struct cover *c, double d, double *x, double *y)
 {
     const double margin = c->s->reach * d;

@@ -60,7 +60,7 @@ static void area(const struct sst_image *image, double x, double y, double step_
         rgb[c] /= (float)(n * n);
 }
 
-/* The patch of the quilt at (x, y): that of the nearest of jittered lattice points. */
+/* The patch of the quilt at (x, y), the one of the nearest jittered lattice point. */
 static struct photo_point patch_at(const struct photo_texture *t, double x, double y)
 {
     const int cx = (int)floor(x / t->cell), cy = (int)floor(y / t->cell);

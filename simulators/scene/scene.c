@@ -114,7 +114,7 @@ static int probe_view(const struct sst_scene *s, double bx, double by, unsigned 
     return sst_scene_raster_run(&r);
 }
 
-/* The extremes are visible from the corners of the grid; half a pixel of margin covers what lies between the points. */
+/* The extremes are visible from the corners of the grid; half a pixel of margin covers surfaces between the points. */
 static int find_range(struct sst_scene *s)
 {
     const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
@@ -238,7 +238,7 @@ static int find_photo_range(struct sst_scene *s)
     return err;
 }
 
-/* The nearest sprite covers what all views see of its plane, at most. */
+/* The nearest sprite covers the part of its plane that all views see, at most. */
 static int check_photo(const struct sst_scene_config *c)
 {
     const double margin = 2.0 * sst_max_int(c->rows, c->cols) * (c->width / 480.0 * PHOTO_DISP_MAX + 8);

@@ -68,7 +68,7 @@ sst_scene_paint_fn paint_cloth; /* plaid; k: 0 plaid, 1 stripes along y, 2 denim
 sst_scene_paint_fn paint_brick; /* bricks a, mortar b; scale: length of a brick */
 sst_scene_paint_fn paint_slabs; /* square slabs with joints */
 sst_scene_paint_fn paint_leaf;
-sst_scene_paint_fn paint_face;   /* skin a, hair b, on a head whose w points forward and v down */
+sst_scene_paint_fn paint_face;   /* skin a, hair b, on a head with w forward and v down */
 sst_scene_paint_fn paint_text;   /* the text in b on a, with a border; k: lines of the same text */
 sst_scene_paint_fn paint_facade; /* bricks a with windows, joints and frames b; scale: length of a brick, k: bricks from
                                   window to window */
@@ -252,7 +252,7 @@ void photo_texture_at(const struct photo_texture *t, double x, double y, float r
 struct photo_sprite {
     double x, y; /* of texel (0, 0) in the reference view */
     double d0, gx, gy;
-    double order; /* sprites are in front of those of a lower order */
+    double order; /* sprites are in front of ones of a lower order */
     int width, height, label;
     bool front;      /* one of the occluder */
     uint8_t *rgba;   /* premultiplied, [height][width][4] */

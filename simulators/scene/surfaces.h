@@ -9,7 +9,7 @@
 #include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 
-/* Positions are mm in the frame of the reference view: x right, y down, z forward. Design pixels are those of a picture
+/* Positions are mm in the frame of the reference view: x right, y down, z forward. Design pixels belong to a picture
  * 1000 px wide, counted from the principal point; every other size is the same picture scaled. */
 
 struct sst_scene_rgb {
@@ -42,7 +42,7 @@ struct sst_scene_material {
 
 struct sst_scene_surface {
     bool ellipsoid;
-    bool translucent; /* blended with what is behind; such surfaces are added from far to near */
+    bool translucent; /* blended with its background; such surfaces are added from far to near */
     bool round;       /* patch lit like the cylinder with axis u */
     bool unlit;
     uint8_t label;

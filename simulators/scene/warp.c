@@ -77,7 +77,7 @@ static int tile_of(double v, int count)
     return (int)sst_clamp_double(floor(v / TILE), 0, count - 1);
 }
 
-/* First with the bounds of the whole picture, then with those of the remaining tiles. */
+/* First with the bounds of the whole picture, then with the remaining tiles'. */
 void sst_scene_warp_box(const struct sst_scene_warp *w, double *lo_x, double *hi_x, double *lo_y, double *hi_y)
 {
     const double in[4] = { *lo_x, *hi_x, *lo_y, *hi_y };

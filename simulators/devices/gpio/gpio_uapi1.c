@@ -7,7 +7,7 @@
 #define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one entry */
 #define EVENT_EVENTS  16 /* the kernel's queue of a line event */
 
-/** A flag of version 2, and in version 1 that of a request and that of a line's info; 0: there is none. */
+/** A flag of version 2, and its form in version 1 in a request and in a line's info; 0: there is none. */
 static const struct {
     uint64_t v2;
     uint32_t request, info;

@@ -187,7 +187,7 @@ HOOK char *realpath(const char *restrict path, char *restrict out)
     return result;
 }
 
-/* That of programs built with _FORTIFY_SOURCE. */
+/* The one of programs built with _FORTIFY_SOURCE. */
 char *__realpath_chk(const char *path, char *out, size_t room);
 
 HOOK char *__realpath_chk(const char *path, char *out, size_t room SST_UNUSED)

@@ -153,7 +153,7 @@ extern const struct sim_class sim_class_uevent;    /* uevent.c: netlink sockets 
 
 #define HOOK __attribute__((visibility("default")))
 
-/* `next`: the interposed function of that name; looked up once. */
+/* `next`: the interposed function; looked up once. */
 #define NEXT(type, name, ...)                                                                                          \
     static type (*next)(__VA_ARGS__);                                                                                  \
     if (!__atomic_load_n(&next, __ATOMIC_RELAXED)) {                                                                   \

@@ -144,7 +144,7 @@ static int planar_format(int fd, const struct sim_id *id, unsigned long request,
     return result;
 }
 
-/* Buffers and formats of the multi-planar API; those begin with other members. */
+/* Buffers and formats of the multi-planar API, which begin with other members. */
 static bool is_planar(unsigned long request, const void *arg)
 {
     struct v4l2_buffer b;

@@ -34,7 +34,7 @@ static void put_linearisation(struct ptp_bytes *b)
     }
 }
 
-/** From XYZ to the camera's colours, which are those of sRGB, in ten-thousandths. */
+/** From XYZ to the camera's colours, which are sRGB's, in ten-thousandths. */
 static void put_matrix(struct ptp_bytes *b)
 {
     static const int matrix[9] = { 32405, -15371, -4985, -9693, 18760, 416, 556, -2040, 10572 };

@@ -78,7 +78,7 @@ enum ptp_property {
     PTP_EXPOSURE_INDEX = 0x500f,
 };
 
-/** Values of PTP_COMPRESSION, which vendors define: those of a widespread one. */
+/** Values of PTP_COMPRESSION, as a widespread vendor defines them. */
 enum ptp_files {
     PTP_FILES_JPEG = 1,
     PTP_FILES_RAW = 4,
@@ -209,7 +209,7 @@ struct sst_sim_ptp {
     struct ptp_command command; /* waits for its data phase if `collecting` */
     bool collecting;
     struct ptp_bytes collected;
-    struct ptp_phase *out; /* what is sent, in order */
+    struct ptp_phase *out; /* phases to send, in order */
     uint8_t event[PTP_EVENTS][PTP_HEADER_BYTES + 4];
     int events;
     /* exposures */

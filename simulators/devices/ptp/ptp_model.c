@@ -341,7 +341,7 @@ int sst_sim_ptp_out(struct sst_sim_ptp *p, const uint8_t *data, size_t bytes, in
         return -EPIPE;
     if (!data_phase)
         while (p->out)
-            drop_phase(p); /* the host gave up what it has not read */
+            drop_phase(p); /* the host gave up the unread rest */
     if (!data_phase && ptp_fault(p, SST_SIM_PTP_SILENCE) > 0) {
         (void)ptp_fault_take(p, SST_SIM_PTP_SILENCE);
         p->silent = true;

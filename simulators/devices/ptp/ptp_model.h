@@ -12,7 +12,7 @@ struct sst_sim_ptp; /* opaque; one thread */
 
 /** Faults of the camera; a value of 0 is none. */
 enum sst_sim_ptp_fault {
-    SST_SIM_PTP_BUSY = 0,       /* the next request to capture, and those within this time in ms after it: DeviceBusy */
+    SST_SIM_PTP_BUSY = 0,       /* the next request to capture, and more within this time in ms after it: DeviceBusy */
     SST_SIM_PTP_CARD_FULL = 1,  /* 1: the card has no space */
     SST_SIM_PTP_BATTERY = 2,    /* level of the battery in percent */
     SST_SIM_PTP_REFUSE = 3,     /* this many settings are refused: AccessDenied */
@@ -27,7 +27,7 @@ enum sst_sim_ptp_fault {
     SST_SIM_PTP_FAULTS = 11,
 };
 
-/** What an exposure depends on. */
+/** Conditions of an exposure. */
 struct sst_sim_ptp_exposure {
     int shot;      /* from 1 */
     int64_t t_ns;  /* start of exposure, CLOCK_MONOTONIC */
@@ -63,11 +63,11 @@ void sst_sim_ptp_destroy(struct sst_sim_ptp *p);
 SST_MUST_CHECK int sst_sim_ptp_out(struct sst_sim_ptp *p, const uint8_t *data, size_t bytes, int64_t now_ns);
 /** The next bytes of the bulk endpoint. @return bytes, less than size at the end of a phase; -EAGAIN: none */
 SST_MUST_CHECK int sst_sim_ptp_in(struct sst_sim_ptp *p, uint8_t *out, size_t size);
-/** The next event of the interrupt endpoint; likewise. */
+/** The next event of the interrupt endpoint, @return as of the bulk endpoint. */
 SST_MUST_CHECK int sst_sim_ptp_event(struct sst_sim_ptp *p, uint8_t *out, size_t size);
 /** A class request: cancel, reset, status. @param data  [wLength] @return bytes of the answer, or -EPIPE */
 SST_MUST_CHECK int sst_sim_ptp_request(struct sst_sim_ptp *p, const uint8_t setup[8], uint8_t *data);
-/** The host let go of the interface: the session and what is in flight end; the card and the settings stay. */
+/** The host let go of the interface: the session and transfers in flight end; the card and the settings stay. */
 void sst_sim_ptp_released(struct sst_sim_ptp *p);
 
 /** Somebody presses the button on the camera, unless an exposure starts already. */

@@ -1,4 +1,4 @@
-/* simulators/devices/ptp/ptp_props.c - settings of the camera: values, choices, and what may be written. */
+/* simulators/devices/ptp/ptp_props.c - settings of the camera: values, choices, and access. */
 #include <stdio.h>
 #include <string.h>
 

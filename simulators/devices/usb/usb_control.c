@@ -1,4 +1,4 @@
-/* simulators/devices/usb/usb_control.c - control transfers: standard requests, and those of hubs. */
+/* simulators/devices/usb/usb_control.c - control transfers: standard requests, and requests of hubs. */
 #include <errno.h>
 #include <string.h>
 

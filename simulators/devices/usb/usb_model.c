@@ -82,7 +82,7 @@ static void leave(struct sst_sim_usb *usb, int device)
     d->address = 0;
 }
 
-/** Update states from what is plugged, powered and enabled. Parents come first in the list: arrivals are reported in
+/** Update states by plugs, power and authorisation. Parents come first in the list: arrivals are reported in
  *  order, removals from the leaves up. */
 static void refresh(struct sst_sim_usb *usb)
 {

@@ -182,7 +182,7 @@ static void fill_layer(struct sst_sim_board *b, int first, int n, double share, 
         struct sst_sim_pose *p = &b->pose[first + i];
         double at[2] = { cols > 1 ? 2.0 * col / (cols - 1) - 1 : 0, rows > 1 ? 2.0 * row / (rows - 1) - 1 : 0 };
 
-        for (int c = 0; c < 2 && row >= rows; c++) /* those that no grid needs */
+        for (int c = 0; c < 2 && row >= rows; c++) /* rows that no grid needs */
             at[c] = sst_random_in(rng, -0.5, 0.5);
         p->position_mm[0] = at[0] * x + ((s->cols - 1) / 2.0 - (s->cols - 1) / 2) * w->spacing_mm;
         p->position_mm[1] = at[1] * y + ((s->rows - 1) / 2.0 - (s->rows - 1) / 2) * w->spacing_mm - w->shift * mm;

@@ -210,7 +210,7 @@ static void sample_all(struct drawing *d, int width, int height, double *rows)
     }
 }
 
-/* Mean over `blur` fine pixels of each row, pixels at the ends of them by their share. */
+/* Mean over `blur` fine pixels of each row, pixels at the ends by their share. */
 static void blur_rows(float *map, int width, int height, double blur, double *sums)
 {
     for (int y = 0; y < height; y++) {

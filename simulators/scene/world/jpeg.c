@@ -203,7 +203,7 @@ int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exp
                   size_t capacity, size_t *bytes)
 {
     const int rows = exposure ? strip_height(width) / MCU_HEIGHT : 0;
-    /* At most 9 + 11 + 4 bits for each luma block and 8 for the chroma, all of them stuffed, and a marker. */
+    /* At most 9 + 11 + 4 bits for each luma block and 8 for the chroma, all stuffed, and a marker. */
     const size_t row_most = (size_t)(width / MCU_WIDTH + 1) * 14 + 4;
     const size_t tail = in->bytes - (exposure ? in->rest : in->scan);
     uint8_t bits[SST_STRIP_BYTES], *at = out + in->scan;

@@ -258,7 +258,7 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->hedge = !strcmp(settings->scene, SIM_HEDGE);
     s->frames = s->steps = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
-    err = build(s, 0, 0, &s->first); /* without the board, whose poses may depend on the scene's size */
+    err = build(s, 0, 0, &s->first); /* without the board: its poses may depend on the scene's size */
     if (err)
         goto fail;
     find_optics(s);

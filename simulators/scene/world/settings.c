@@ -277,7 +277,7 @@ static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *list, struc
     }
 }
 
-/* "faults": what the still camera does wrong before which exposure; sst-sim knows the names. */
+/* "faults": faults of the still camera, each before a given exposure; sst-sim knows the names. */
 static void read_still_faults(struct sst_yaml *doc, struct sst_yaml_node *list, struct sst_sim_still *still)
 {
     if (list && list->type != SST_YAML_LIST) {

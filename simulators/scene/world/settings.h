@@ -94,7 +94,7 @@ struct sst_sim_settings {
     double line_us;       /* rolling shutter: delay from row to row */
     double light_percent; /* amplitude of the light's variation, once per loop */
     /* optics: */
-    char optics_scene[32]; /* scene whose focal length, principal point and spacing are used; "": its own */
+    char optics_scene[32]; /* scene that gives focal length, principal point and spacing; "": its own */
     double distortion[5], distortion_spread[5]; /* k1 k2 p1 p2 k3 */
     double focal_spread_percent, principal_spread_px;
     double vignetting; /* light lost in the corners, 0..1 */

@@ -18,7 +18,7 @@
 #define SIZES_MAX  4
 #define MADE_BYTES ((size_t)256 << 20)
 #define LIGHT_ONE  1024
-#define TRIGGERS   64 /* triggers whose loop frame is remembered */
+#define TRIGGERS   64 /* triggers with a remembered loop frame */
 
 struct sst_sim_world {
     struct sst_sim_settings settings;
@@ -91,7 +91,7 @@ int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache)
 
 struct encoding {
     const struct sst_sim_settings *settings;
-    struct sim_jpeg *frames; /* the first of them is the loop's frame `first` */
+    struct sim_jpeg *frames; /* the first one is the loop's frame `first` */
     int first;
 };
 

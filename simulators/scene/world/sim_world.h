@@ -13,7 +13,7 @@ struct sst_sim_world; /* opaque; frames from one thread at a time */
 /** Timing of a camera relative to the trigger. */
 struct sst_sim_timing {
     int64_t delay_ns;        /* from the trigger's edge to start of exposure */
-    int64_t jitter_ns;       /* standard deviation of that delay */
+    int64_t jitter_ns;       /* standard deviation of the delay */
     int64_t latency_ns;      /* from the end of exposure to the finished buffer */
     int64_t clock_offset_ns; /* offset of its time stamps ... */
     double clock_drift_ppm;  /* ... and drift since the start of the world */
@@ -69,14 +69,14 @@ SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
  * (docs/integrate/formats.md) in the reference camera's axes.
  *
  * @param world  as for sst_sim_world_open()
- * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or what a failed output returns; logged
+ * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or the error of the output; logged
  */
 SST_MUST_CHECK int sst_sim_world_parameters(const char *world, const char *path);
 
 /**
  * Write all true parameters as JSON (docs/use/simulation.md explains it): cameras, loop, board.
  *
- * @return 0, -ENOMEM, or what a failed output returns; logged
+ * @return 0, -ENOMEM, or the error of the output; logged
  */
 SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const char *path);
 
@@ -87,9 +87,9 @@ int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2
  * Render the bytes that a camera delivers for an exposure. MJPEG at native size is copied from the prepared loop with
  * the strip drawn into it; other formats and sizes, and light other than nominal (exposure_us of the world at gain 1),
  * are decoded, scaled and converted from it, and cached. The loop's frame depends only on t_ns (with a rig the board
- * stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger index whose exposures
- * begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered on demand, which takes
- * most of a second.
+ * stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger index and exposures
+ * that begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered on demand, which
+ * takes most of a second.
  *
  * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB
  * @param out     [capacity]; *bytes of it are written

@@ -12,7 +12,7 @@
 #include "base/stats.h"
 #include "pipeline/camera/calib.h"
 
-/* jansson's pack functions take ownership of their arguments and return NULL if any of them is NULL. */
+/* jansson's pack functions take ownership of their arguments and return NULL if any is NULL. */
 static json_t *row3(const double v[3])
 {
     return json_pack("[f, f, f]", v[0], v[1], v[2]);
@@ -190,7 +190,7 @@ static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, cons
     double reference_at[3];
 
     memcpy(reference_at, reference->position_mm, sizeof(reference_at));
-    if (s->rig) { /* whose pose 0 is view (0, 0) */
+    if (s->rig) { /* its pose 0 is view (0, 0) */
         reference_at[0] += step * (calib->reference % s->cols);
         reference_at[1] += step * (calib->reference / s->cols);
     }

@@ -59,7 +59,7 @@ void sim_board_add(struct sst_scene_world *w, const struct sst_sim_board *board,
 /** Depth of the wall behind boards: larger for longer focal lengths. */
 double sim_board_wall_mm(double focal);
 
-/** Add an empty room for boards to a world whose focal length is set. */
+/** Add an empty room for boards to a world with a focal length. */
 void sim_board_room(struct sst_scene_world *w);
 
 /** A camera and a board in the empty room. */
@@ -143,7 +143,7 @@ void sim_pack_luma(const uint8_t *luma, int width, int height, uint32_t fourcc, 
 
 /*
  * Cells of 8x8 px, black (luma 16) for 0 and white (240) for 1, in rows from the upper left; after the last bit black.
- * Each cell is one block of a JPEG. Numbers are unsigned, high bit first, and clamped to what fits:
+ * Each cell is one block of a JPEG. Numbers are unsigned, high bit first, and clamped to their bits:
  *   camera 8 | trigger 40 | start of exposure, ns 56 | exposure, us 20 | gain in 1/64 12 | pose x, y, z in um, two's
  *   complement 3 x 24 | CRC-32 (IEEE 802.3) of the 26 bytes before 32
  */
@@ -169,7 +169,7 @@ static inline bool strip_cell(const uint8_t bits[SST_STRIP_BYTES], int i)
 void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *exposure);
 
 /**
- * Read a strip from decoded luma; the height may be that of the strip alone.
+ * Read a strip from decoded luma; the height may be the strip's alone.
  *
  * @return 0 or -EBADMSG (no strip, a cell neither black nor white, or the checksum is wrong)
  */
@@ -224,7 +224,7 @@ struct sim_loop; /* opaque; read-only after open */
  *
  * @param folder  of the cache, created if missing
  * @param name    of the world, for progress on a terminal
- * @return 0, -ENOMEM, -EIO/-ENOSPC/-EROFS/-EACCES (cache), or what render returned; logged
+ * @return 0, -ENOMEM, -EIO/-ENOSPC/-EROFS/-EACCES (cache), or the error of render; logged
  */
 SST_MUST_CHECK int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
                                  const char *name, int cams, int frames, sim_render_fn *render, void *arg);
@@ -302,7 +302,7 @@ const struct sim_camera *sim_stage_camera(const struct sim_stage *stage, int cam
 const struct sim_camera *sim_stage_moved(const struct sim_stage *stage, int cam, int *at);
 /** The board with all its poses; kind SST_SIM_NO_BOARD: none. */
 const struct sst_sim_board *sim_stage_board(const struct sim_stage *stage);
-/** Number of frames that are rendered, and of those that are shown in a loop: some are shown several times. */
+/** Number of frames that are rendered, and that are shown in a loop: some are shown several times. */
 int sim_stage_frames(const struct sim_stage *stage);
 int sim_stage_steps(const struct sim_stage *stage);
 /** The frame at a step of the loop. */
@@ -312,7 +312,7 @@ int sim_stage_frame_at(const struct sim_stage *stage, int step);
  *  stop */
 typedef int sim_picture_fn(void *arg, int frame, const struct sst_image *image);
 
-/** Render the whole loop of a camera of an array. @return 0, -ENOMEM or what fn returned.   Thread: any. */
+/** Render the whole loop of a camera of an array. @return 0, -ENOMEM or the error of fn.   Thread: any. */
 SST_MUST_CHECK int sim_stage_loop(const struct sim_stage *stage, int cam, sim_picture_fn *fn, void *arg);
 
 /** Render one picture of the rig's camera. @return as above.   Thread: any. */
@@ -331,7 +331,7 @@ SST_MUST_CHECK int sim_stage_look(const struct sim_stage *stage, int frame, cons
 
 /* --- truth: true parameters of a world as JSON or as a calibration. --- */
 
-/** @return 0, -ENOMEM, or what a failed output returns; logged */
+/** @return 0, -ENOMEM, or the error of the output; logged */
 SST_MUST_CHECK int sim_truth_write(const struct sst_sim_settings *settings, const struct sim_stage *stage,
                                    const char *path);
 
