@@ -16,7 +16,7 @@ size_t sst_border_doubles(const char *what, const double *v, size_t n);
 
 size_t sst_border_floats(const char *what, const float *v, size_t n);
 
-/** The same of floats of which infinity means unknown: only NaN counts. */
+/** Check floats with infinity for unknown, as sst_border_floats(): only NaN counts. */
 size_t sst_border_unknown(const char *what, const float *v, size_t n);
 
 /** Values counted since the start of the process. */

@@ -37,7 +37,7 @@ SST_MUST_CHECK int sst_file_open(const char *path);
  */
 SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size);
 
-/** The same for a text in UTF-8, of which a byte order mark is left out. @return also -EBADMSG for UTF-16 and UTF-32,
+/** Read a text in UTF-8 without its byte order mark. @return as sst_file_read(), also -EBADMSG for UTF-16 and UTF-32,
  *  logged */
 SST_MUST_CHECK int sst_file_read_text(const char *path, size_t limit_bytes, uint8_t **text, size_t *size);
 

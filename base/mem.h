@@ -12,7 +12,7 @@
  *  NULL on overflow or without memory. Free with sst_mem_free(). */
 void *sst_mem_alloc(size_t count, size_t size) SST_MUST_CHECK;
 
-/** The same without zeroing. */
+/** Memory as of sst_mem_alloc(), not zeroed. */
 void *sst_mem_alloc_raw(size_t count, size_t size) SST_MUST_CHECK;
 
 /** NULL is fine. */

@@ -74,7 +74,7 @@ struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc);
  */
 struct sst_yaml_node *sst_yaml_get(struct sst_yaml_node *map, const char *key);
 
-/** The same for a required key: a missing one is a fault. */
+/** Value of a required key, as sst_yaml_get(): a missing one is a fault. */
 struct sst_yaml_node *sst_yaml_need(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key);
 
 /** Mark all keys of the mapping as known, because the user chooses their names. */

@@ -114,7 +114,7 @@ int cli_read_skips(const struct cli_command *cmd, const char *list, const struct
 /** Print an object on standard output with jansson's flags and a newline, and release it. @param root  NULL: out of
  *  memory @return exit code */
 int cli_dump_json(json_t *root, size_t flags);
-/** The same, indented, 9 digits per number. */
+/** Print an object as cli_dump_json(), indented, 9 digits per number. */
 int cli_print_json(json_t *root);
 
 /** A number; null if it is not finite. */
@@ -200,7 +200,8 @@ SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, 
  */
 pid_t cli_start_program(const char *const argv[], const char *out, const char *log);
 
-/** The same, to its end. @return its exit code, 128 + the signal that ended it, or -errno */
+/** Run a program to its end, as cli_start_program(). @return its exit code, 128 + the signal that ended it, or -errno
+ */
 int cli_run_program(const char *const argv[], const char *out, const char *log);
 
 /** The last error that an `sst` program wrote to a log; "": none. */

@@ -26,7 +26,7 @@ struct sst_numbering_edge {
     int64_t wall_ns; /* its wall clock then */
 };
 
-/** The same edge for all sources. */
+/** An edge as all sources name it. */
 struct sst_numbering_place {
     uint64_t index;
     int64_t t_ns; /* on this host's CLOCK_MONOTONIC */

@@ -90,7 +90,8 @@ SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording,
  *  @param i  out @return 0, -ENOENT, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_near(const struct sst_recording *recording, int64_t wall_ns, int64_t within_ns, int *i);
 
-/** The line of set i, unchanged, without its newline. *text to free with free(). The same errors. */
+/** The line of set i, unchanged, without its newline. *text to free with free(). @return as
+ *  sst_recording_near() */
 SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);
 
 /**

@@ -105,7 +105,7 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
     return err;
 }
 
-/* The same for a recording's manifest. Not logged. */
+/* Find the sets after a segment in a recording's manifest. Not logged. */
 static int rest_of(const char *dir, int behind, struct sst_recording_removed *out)
 {
     char path[SST_PATH_MAX];

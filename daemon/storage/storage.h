@@ -123,7 +123,8 @@ void sst_storage_shut(struct sst_storage *s, int timeout_ms);
  * after timeout_ms (its threads still run: the process must end by _exit(); acknowledged data is on disk) */
 SST_MUST_CHECK bool sst_storage_finish(struct sst_storage *s, int timeout_ms);
 
-/** The same, and free it; no other calls may follow. @return as above; false: it is not freed */
+/** Finish all writing and free the storage; no other calls may follow. @return as sst_storage_finish(); false: not
+ * freed */
 SST_MUST_CHECK bool sst_storage_close(struct sst_storage *s, int timeout_ms);
 
 #endif

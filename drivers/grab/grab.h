@@ -24,7 +24,7 @@ struct sst_grab_device {
     int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: no error */
     bool busy;                          /* a program streams from it */
     char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; truncated to fit */
-    uint32_t fourcc[SST_GRAB_FOURCC_MAX]; /* the same, 0 terminated or full; empty: it could not be asked */
+    uint32_t fourcc[SST_GRAB_FOURCC_MAX]; /* of formats, 0 terminated or full; empty: it could not be asked */
     int nth;                              /* which of the capture nodes of its port, from 1 */
     char left_out[SST_GRAB_NAME_MAX];     /* why it is no camera of the array; "" if it is one */
 };
@@ -33,7 +33,8 @@ struct sst_grab_device {
  *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 
-/** The same, with the nodes that are no capture nodes behind the others, from *count to *all; they have `left_out` set. */
+/** List all nodes, as sst_grab_list(): ones that are no capture nodes come last, from *count to *all, with `left_out`
+ * set. */
 SST_MUST_CHECK int sst_grab_list_all(struct sst_grab_device **devices, int *count, int *all);
 
 /**

@@ -105,7 +105,7 @@ SST_MUST_CHECK int still_know(struct sst_still *s, const struct still_path *path
 SST_MUST_CHECK int still_drain(struct sst_still *s, int timeout_ms, int64_t until_ns);
 /** Wait until the camera has announced as many files as an exposure has: s->path. @return 0 or -errno, logged */
 SST_MUST_CHECK int still_wait_files(struct sst_still *s, int wanted, int64_t release_ns);
-/** The same bytes were downloaded before. */
+/** Were these bytes downloaded before? */
 bool still_seen(const struct sst_still *s, const uint8_t *data, size_t bytes);
 void still_see(struct sst_still *s, const uint8_t *data, size_t bytes);
 

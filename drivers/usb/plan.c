@@ -70,7 +70,7 @@ static double port_mbit(int packet_bytes, int interval_us)
     return blocks * BLOCK_MBIT * 125 / interval_us;
 }
 
-/* The same source: 16-byte blocks, 8 more for each packet of 1024 bytes and 32 for each burst. */
+/* Intel's xHCI, SuperSpeed: 16-byte blocks, 8 more for each packet of 1024 bytes and 32 for each burst. */
 static double super_speed_mbit(int packet_bytes, int interval_us)
 {
     const int packets = (packet_bytes + 1023) / 1024;

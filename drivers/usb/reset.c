@@ -138,7 +138,7 @@ static int find_port(struct power_port *p)
     return err;
 }
 
-/* The same port of the companion hub (USB 2 and 3), which shares connector and power. @return false: there is none */
+/* Port of the companion hub (USB 2 and 3) that shares connector and power. @return false: there is none */
 static bool find_twin(struct power_port *twin, const struct power_port *port)
 {
     char link[SST_PATH_MAX], target[SST_PATH_MAX];

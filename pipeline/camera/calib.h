@@ -57,7 +57,7 @@ void sst_calib_fini(struct sst_calib *calib);
  *  this thread's next call. */
 const char *sst_calib_fault(const struct sst_calib *calib);
 
-/** The same for one known camera, as a clause; the text is static. */
+/** The first fault of one known camera, as a clause; the text is static. */
 const char *sst_camera_fault(const struct sst_calib_camera *cam);
 
 /**

@@ -15,10 +15,11 @@ bool sst_image_is_picture(const char *name);
  *  is dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 
-/** The same from memory; name is only used in messages. */
+/** Read a PNG or JPEG in memory, as sst_image_read(); name is only used in messages. */
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
-/** The same, 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and rounded. Pictures of 8
+/** Read a PNG or JPEG with 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and
+ * rounded. Pictures of 8
  *  bits do not depend on it. */
 SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                             struct sst_samples samples);
@@ -30,7 +31,7 @@ SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint
 /** True if a file in memory begins as a JPEG. */
 bool sst_image_is_jpeg(const uint8_t *data, size_t size);
 
-/** Width and height of a PNG or JPEG in memory, without decoding its pixels. The same errors. */
+/** Width and height of a PNG or JPEG in memory, without decoding its pixels. @return as sst_image_decode() */
 SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
 /** Decode a JPEG in memory to R, G, B and an unused byte a pixel; with the colours of sst_image_decode().
@@ -79,7 +80,7 @@ SST_MUST_CHECK int sst_image_read_upright(struct sst_image *img, const char *pat
  *  sst_image_read_upright() applies it: geometry is by the pixels as they are stored. */
 int sst_image_orientation(const uint8_t *data, size_t size);
 
-/** The same of a file, of which only the beginning is read; 1 where it cannot be read. */
+/** EXIF's orientation of a file, of which only the beginning is read; 1 where it cannot be read. */
 int sst_image_read_orientation(const char *path);
 
 /** Turn and mirror a picture as its orientation says: upright afterwards. @return 0 or -ENOMEM (unchanged; not logged) */

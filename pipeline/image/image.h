@@ -94,7 +94,7 @@ void sst_map_f32_fini(struct sst_map_f32 *map);
 /** Half the size: means of 2x2 pixels, the last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
 
-/** The same for columns x0 .. x1-1 and rows y0 .. y1-1 of out, which has that size. */
+/** Halve into columns x0 .. x1-1 and rows y0 .. y1-1 of out, which has half the size. */
 void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, int x0, int y0, int x1, int y1);
 
 /** Halve in place until it is at most max_width wide. @return 0, or as sst_image_init() with the last size */
@@ -103,7 +103,7 @@ SST_MUST_CHECK int sst_image_shrink(struct sst_image *img, int max_width);
 /** Luma: 0.299 R + 0.587 G + 0.114 B in 1/256. @param luma  out, initialised here. @return as sst_map_u8_init() */
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
-/** The same for columns x0 .. x1-1 and rows y0 .. y1-1; luma has the same size. */
+/** Luma of columns x0 .. x1-1 and rows y0 .. y1-1; luma has the picture's size. */
 void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, int x0, int y0, int x1, int y1);
 
 static inline uint8_t *sst_image_row(const struct sst_image *img, int channel, int y)

@@ -223,7 +223,7 @@ static void deliver_row(const struct png_plain *p, int y, void *out)
         sst_map_u16_row(out, y)[x] = (uint16_t)(row[2 * x] << 8 | row[2 * x + 1]);
 }
 
-/* The same for the common kinds of files. @return false: libpng's turn */
+/* Decode the common kinds of files without libpng. @return false: libpng's turn */
 static bool decode_plain(const uint8_t *data, size_t size, enum sample sample, void *out)
 {
     struct png_plain p;

@@ -34,7 +34,7 @@ SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path
  */
 SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
 
-/** The same of a frame that may be a JPEG, which must have the frame's size. @return as above; not logged */
+/** Convert a frame that may be a JPEG, which must have the frame's size. @return as sst_raw_to_image(); not logged */
 SST_MUST_CHECK int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw);
 
 /** Is a format JPEG, one picture per frame? */

@@ -45,7 +45,7 @@ bool sst_correction_valid(const struct sst_correction *c);
 SST_MUST_CHECK int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction,
                                           int threads);
 
-/** The same, the views shared with other processes. @param share  or NULL */
+/** Correct the loaded pictures, the views shared with other processes. @param share  or NULL */
 SST_MUST_CHECK int sst_lightfield_shared_correct(struct sst_share *share, struct sst_lightfield *lf,
                                                  const struct sst_correction *correction, int threads);
 

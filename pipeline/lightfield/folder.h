@@ -19,7 +19,7 @@ struct sst_lightfield_files {
     struct sst_lightfield_file view[];        /* [rows * cols] */
 };
 
-/** sst_lightfield_init() with lf->files allocated: for light fields that are loaded or written. The same errors. */
+/** sst_lightfield_init() with lf->files allocated: for light fields that are loaded or written. @return as that */
 SST_MUST_CHECK int sst_lightfield_init_files(struct sst_lightfield *lf, int rows, int cols);
 
 #endif

@@ -30,14 +30,14 @@ struct sst_export_config {
     const char *format;    /* "stanford", "hci", "colmap", "nerfstudio" */
     const char *dir, *out; /* light field; folder to create */
     double focal_px, spacing_mm; /* replace the light field's, which has no calibration; 0: its own */
-    double focus_mm;             /* the same for where its views converge, INFINITY: nowhere; ... */
-    const double *infinity_px;   /* ... or for the disparity of infinity; NULL */
+    double focus_mm;             /* where its views converge, in place of the light field's, INFINITY: nowhere; */
+    const double *infinity_px;   /* or the disparity of infinity; NULL */
     bool lossy;                  /* nerfstudio: accept lenses that its model misses by over 0.05 px */
     bool force;     /* replace an earlier export */
     int threads;
 };
 
-/** Write a light field in another format. The same errors. */
+/** Write a light field in another format. @return as sst_import() */
 SST_MUST_CHECK int sst_export(const struct sst_export_config *cfg);
 
 #endif

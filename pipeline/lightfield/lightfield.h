@@ -122,7 +122,7 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
  */
 SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads);
 
-/** The same, the views shared with other processes that load it (share.h). @param share  or NULL */
+/** Load a light field, the views shared with other processes that load it (share.h). @param share  or NULL */
 SST_MUST_CHECK int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *lf, const char *dir,
                                               unsigned what, int threads);
 
@@ -139,11 +139,14 @@ SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const 
                                          int *after);
 
 /** Samples of the views' files, which all have 16 bits: red, green and blue of each view. @param plane  out, [rows * cols][3],
- *  zeroed before; to be freed by the caller also after failures. The same errors, -EBADMSG: fewer bits, another size */
+ *  zeroed before; to be freed by the caller also after failures. @return as sst_lightfield_choose_samples(), -EBADMSG:
+ * fewer bits,
+ *  another size */
 SST_MUST_CHECK int sst_lightfield_read_deep(struct sst_map_u16 (*plane)[3], const struct sst_lightfield *lf, const char *dir,
                                             int threads);
 
-/** Qualities of the views' files (sst_jpeg_quality()). @param quality  out, [rows * cols]; NAN: no JPEG. The same errors. */
+/** Qualities of the views' files (sst_jpeg_quality()). @param quality  out, [rows * cols]; NAN: no JPEG.
+ *  @return as sst_lightfield_choose_samples() */
 SST_MUST_CHECK int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf, const char *dir);
 
 /** Compare each view's bytes with the hash in lightfield.json. @return 0 or -EBADMSG (logged: which view). */

@@ -113,7 +113,7 @@ struct sst_live_track {
     bool hidden;           /* behind leaves: found by hidden/ */
     int label;             /* 0: none */
     double x0, y0, x1, y1; /* in the reference view, px; may lie beyond its edges; a mean over time */
-    double at[4];          /* the same as measured in the set in which it was last seen */
+    double at[4];          /* x0, y0, x1, y1 as measured in the set in which it was last seen */
     double vx_px_s, vy_px_s;
     double disp_px;
     int64_t first_ns, seen_ns; /* times of the first set with it, and of the last one in which it was seen */

@@ -123,7 +123,7 @@ void mqtt_configure(struct mqtt *m, struct sst_config *next);
 
 /** Publish a message. @param topic  below mqtt.topic @return false: not accepted; try again later */
 bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
-/** The same with the whole topic. */
+/** Publish a message by its whole topic, as mqtt_publish(). */
 bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
 /** Subscribe to the retained announcements: mqtt_on_announced() gets them. @return false: try again later */
 bool mqtt_subscribe(struct mqtt *m, const char *pattern);

@@ -311,7 +311,7 @@ void sim_sysfs_close(struct sim_sysfs *fs);
  *  atomically. */
 SST_PRINTF(4, 5)
 void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...);
-/** The same with raw bytes. */
+/** Write an attribute of raw bytes. */
 void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
 /** Make an existing attribute writable for programs. node: removed by the caller. */
 void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,

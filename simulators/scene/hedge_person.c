@@ -91,7 +91,7 @@ int hedge_figure_create(struct hedge_figure **out)
     return err;
 }
 
-/* The same as flat_at(). */
+/* Opacity and colour of the figure at (u, v), as flat_at(). */
 static bool figure_at(const struct hedge_figure *f, const struct sst_hedge_person *p, double u, double v, double rgb[3])
 {
     const int phase = (int)((llround(p->stride / (2 * M_PI) * PHASES) % PHASES + PHASES) % PHASES);

@@ -47,7 +47,7 @@ static void box(const struct model *m, struct sst_vec3 c, double hx, double hy, 
 {
     const double k = m->scale;
 
-    /* The same from the left or right: the first axis runs along the picture. */
+    /* Equal from the left and the right: the first axis runs along the picture. */
     add_box(m->w, c, vec3_mul(m->front, hx * k), vec3(0, hy * k, 0), vec3_mul(m->left, hz * k), mat);
 }
 

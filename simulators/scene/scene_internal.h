@@ -292,7 +292,7 @@ struct photo_sprite *photo_sprite_object(struct photo_scene *s, const struct pho
                                          double scale);
 /** A random texture of any photo. */
 struct photo_texture photo_texture_random(struct photo_scene *s);
-/** The same of a place with leaves. */
+/** A random texture of a place with leaves. */
 struct photo_texture photo_texture_leaf(struct photo_scene *s);
 double photo_random(struct photo_scene *s, double lo, double hi);
 int photo_pick(struct photo_scene *s, int n);

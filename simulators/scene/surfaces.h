@@ -19,7 +19,7 @@ struct sst_scene_rgb {
 /** Intersection of a ray with a surface. Depends only on the surface point: all views see the same. */
 struct sst_scene_hit {
     struct sst_vec3 t; /* mm along the surface's axes; z is 0 on a patch */
-    struct sst_vec3 q; /* the same with the half-axes as units: -1..1 on a patch, length 1 on an ellipsoid */
+    struct sst_vec3 q; /* t with the half-axes as units: -1..1 on a patch, length 1 on an ellipsoid */
     struct sst_vec3 n; /* unit normal */
 };
 
@@ -152,7 +152,7 @@ struct sst_scene_warp {
     int width, height, columns, rows;
     float *x, *y;      /* [height][width]: position of a pixel's centre in the ideal picture */
     float (*tiles)[4]; /* [rows][columns]: minimum and maximum of x - column and y - row in a tile of pixels */
-    float all[4];      /* the same for the whole picture */
+    float all[4];      /* minima and maxima of the whole picture */
 };
 
 /** Allocate the positions, which the caller fills in. @return 0 or -ENOMEM */

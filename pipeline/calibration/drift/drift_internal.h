@@ -84,7 +84,7 @@ struct drift_search {
 struct drift_match {
     enum drift_outcome outcome;
     double dx, dy;        /* place in b less place in a, px */
-    double along, across; /* the same along u and n */
+    double along, across; /* dx, dy along u and n */
     bool small;           /* window */
     double residual;      /* variance of the windows' difference, grey levels^2 */
     double energy;        /* of the window itself */

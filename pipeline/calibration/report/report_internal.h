@@ -43,7 +43,7 @@ void report_utf8(char *out, const char *text);
 struct report_region {
     int corners;
     double mean[2]; /* NAN without corners */
-    double rms_px;  /* per point; likewise */
+    double rms_px;  /* per point; NAN without corners */
 };
 
 struct report_camera {

@@ -51,7 +51,7 @@ struct picture_behind {
     uint64_t serial;          /* of the light field when stale cells were marked */
     struct sst_image image;   /* empty until the first picture */
     struct sst_map_u8 agreed; /* as of struct sst_render_plan; 0 in cells that are not shown */
-    struct sst_image trial;   /* the same of cells on another plane */
+    struct sst_image trial;   /* image of cells on another plane */
     struct sst_map_u8 trial_agreed;
     int cols, rows;
     struct picture_cell *cell; /* [rows][cols] */

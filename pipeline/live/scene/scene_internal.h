@@ -390,7 +390,7 @@ SST_MUST_CHECK int scene_find_range(struct sst_livescene *s);
  * @return 0, -ENOMEM; the range stays
  */
 SST_MUST_CHECK int scene_follow_range(struct sst_livescene *s, bool *wider);
-/** The same in a set without a change. */
+/** Follow the range in a set without a change. */
 void scene_rest_range(struct sst_livescene *s);
 
 /** Set the searched range: matchers, and range and zero of the light field. @return 0, -ENOMEM */
