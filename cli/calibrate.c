@@ -377,7 +377,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "board", 'b', CLI_STRING, &o.board, "BOARD",
           "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file" },
         { "report", 0, CLI_FILE, &o.report, "FILE", "also write an acceptance report (one HTML file)" },
-        { "coverage", 0, CLI_FILE, &o.coverage, "FILE", "picture of each camera's coverage and what is missing (PNG)" },
+        { "coverage", 0, CLI_FILE, &o.coverage, "FILE", "picture of each camera's coverage and its gaps (PNG)" },
         { "corners", 0, CLI_FILE, &o.corners, "FILE", "write the corners (JSON); a later run can start from them" },
         { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns, where names do not give them", 1,
           SST_CAMERAS_MAX },

@@ -208,7 +208,7 @@ const struct cli_command cli_calibration = {
         "  multical       calibration.json\n"
         "  mrcal          a folder of rr_cc.cameramodel, or one file of one camera (written only)\n"
         "The name of OUT suggests the format: *camchain* kalibr, *.json multical, *.cameramodel mrcal, *.yml and\n"
-        "folders opencv, other *.yaml sst. docs/integrate/calibration-formats.md lists what each cannot hold.",
+        "folders opencv, other *.yaml sst. docs/integrate/calibration-formats.md lists the limits of each.",
     .example = "sst calibration show calib.yaml\n"
                "  sst calibration convert calib.yaml -o camchain.yaml\n"
                "  sst calibration convert calibration.json -o calib.yaml --grid 6x6",

@@ -412,7 +412,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "camera", 0, CLI_STRING, &o.camera, "ID",
           "serial or port of the camera, the only one connected; still or still:ID: a still camera" },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; cameras: in the configuration", 1, 32768 },
-        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; of a still camera its own name; likewise" },
+        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; of a still camera its own name; cameras: in the configuration" },
         { "files", 0, CLI_STRING, &o.still_options.files, "F", "still camera: jpeg, raw or raw+jpeg; still: files" },
         { "exposure", 0, CLI_STRING, &o.still_options.exposure, "T", "still camera: seconds, 1/125; still: exposure" },
         { "aperture", 0, CLI_STRING, &o.still_options.aperture, "N", "still camera: 8; still: aperture" },

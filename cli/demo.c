@@ -237,7 +237,7 @@ const struct cli_command cli_demo = {
         "address of its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C\n"
         "ends it.\n"
         "In the scene hedge a person passes behind leaves once a minute: a visit, which is recorded.\n"
-        "--once renders a scene as an array sees it, computes labels and disparities, renders what is behind the\n"
+        "--once renders a scene as an array sees it, computes labels and disparities, renders the scene behind the\n"
         "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"
         "prints. An earlier one in the folder is replaced.",
     .example = "sst demo\n  sst demo --scene hedge\n  sst demo --scene pedestrian --once",

@@ -208,9 +208,9 @@ const struct cli_command cli_eval = {
     .name = "eval",
     .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--verify-rays W] [--threads N]",
     .summary = "disparity, labels and see-through pictures against the truth",
-    .detail = "Measures what the folder has truth for: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
+    .detail = "Measures against the truth in the folder: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
               "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares\n"
-              "in percent. What does not exist is a dash, or null.",
+              "in percent. Missing figures are a dash, or null.",
     .example = "sst scene bush -o LF && sst process LF && sst eval LF --truth LF/truth --json",
     .run = run,
 };

@@ -118,7 +118,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     double after = -1;
     const struct cli_option options[] = {
         { "follow", 'f', CLI_FLAG, &go_on, NULL, "the last ten, and then all as they come" },
-        { "after", 0, CLI_DOUBLE, &after, "ID", "those after this one; --follow then begins there", 0, 9e15 },
+        { "after", 0, CLI_DOUBLE, &after, "ID", "events after this one; --follow then begins there", 0, 9e15 },
         { "type", 0, CLI_STRING, &s.type, "TYPE",
           "only of this type: camera-lost, record-start ... (docs/integrate/api.md)" },
         { "json", 0, CLI_FLAG, &s.json, NULL, "a line of JSON each, as the service sends them" },
@@ -146,7 +146,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_events = {
     .name = "events",
     .usage = "[--follow] [--after ID] [--type TYPE] [--json]",
-    .summary = "what happened in the service: cameras lost and found, recordings, storage",
+    .summary = "events of the service: cameras lost and found, recordings, storage",
     .detail = "Times are UTC. Ids count from 1 at each start of the service. With --follow exit code 5 means that the\n"
               "service ended.",
     .example = "sst events --follow\n  sst events --type camera-lost --json",

@@ -15,7 +15,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "focus-mm", 0, CLI_DOUBLE, &cfg.focus_mm, "Z",
           "distance at which the views converge (disparity 0) if LF has none; inf: parallel", 1e-3, (double)INFINITY },
         { "infinity-px", 0, CLI_DOUBLE, &infinity_px, "D",
-          "instead: disparity of what is infinitely far; 0: parallel, below 0: converging", -32768, 32768 },
+          "instead: disparity of infinity; 0: parallel, below 0: converging", -32768, 32768 },
         { "lossy", 0, CLI_FLAG, &cfg.lossy, NULL, "nerfstudio: accept lenses that its model misses by over 0.05 px" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export" },

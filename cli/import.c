@@ -39,10 +39,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
         { "infinity-px", 0, CLI_DOUBLE, &infinity_px, "D",
-          "disparity of what is infinitely far; 0: parallel views, below 0: they converge", -32768, 32768 },
+          "disparity of infinity; 0: parallel views, below 0: they converge", -32768, 32768 },
         { "calib", 0, CLI_STRING, &calib, "FILE",
           "recording, folder: the array's calibration; views are then rectified" },
-        { "filter", 0, CLI_STRING, &filter, "F", "of that: bilinear, bicubic (default) or lanczos", 0, 0, "bilinear bicubic lanczos" },
+        { "filter", 0, CLI_STRING, &filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0, "bilinear bicubic lanczos" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
     };
@@ -98,8 +98,8 @@ const struct cli_command cli_import = {
               "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
               "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels add external maps\n"
               "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents. Several: "
-              "those of\n"
-              "            the hosts of one array, joined by trigger; sets are then counted from 0 over all of them",
+              "of the\n"
+              "            hosts of one array, joined by trigger; sets are then counted from 0 over all",
     .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
                "  sst import recording night --sets 0,10-19 -o night.lf\n"
                "  sst import recording night --sets 0 --calib calib.yaml -o true.lf\n"

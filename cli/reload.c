@@ -44,7 +44,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_client_service where = { 0 };
     bool dry_run = false, json = false;
     const struct cli_option options[] = {
-        { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "print only what would change, and what it restarts" },
+        { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "print only the changes, and the parts that they restart" },
         { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/integrate/api.md)" },
         CLI_SERVICE_OPTIONS(where),
     };

@@ -206,14 +206,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool samples = false;
     struct cli_option options[RENDER_OPTIONS + 7] = {
         { "focus", 'f', CLI_AUTO, &focus, "D",
-          "disparity to focus on, px per spacing, or auto: behind what stands in front (default)" },
+          "disparity to focus on, px per spacing, or auto: behind the foreground (default)" },
         { "output", 'o', CLI_FILE, &out, "FILE", "picture, .png or .jpg" },
         { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
-        { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
+        { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of support by rays: 255 seen, 64 filled, 0 none", 0,
           0 },
         { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
         { "explain", 0, CLI_MADE, &explain, "DIR", "write maps and weights that explain the picture" },
-        { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "whose rays are explained (the centre)" },
+        { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "pixel with the rays to explain (the centre)" },
     };
     int r, err, pixel[2] = { 0, 0 };
 
@@ -259,33 +259,33 @@ const struct cli_command cli_render = {
     .usage = "LF [--focus D] [--label NAME] [options] -o out.png | LF --method clear [--cut D] [options] -o out.png",
     .summary = "render one picture that sees through occluders",
     .detail =
-        "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
-        "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
-        "nearer. Without --focus it is found as the service finds it: behind what hides most of the rest.\n"
+        "Every ray is weighted by its disparity and by the depth range of its label: rays from surfaces in front\n"
+        "of the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
+        "nearer. Without --focus it is chosen automatically: the largest surface behind the foreground.\n"
         "`--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
         "\n"
-        "--method clear needs no focus: every surface behind the cut is sharp and what stands in front is gone. The\n"
+        "--method clear needs no focus: every surface behind the cut is sharp and the foreground is gone. The\n"
         "cut is a disparity (--cut), a label (--remove-label) or the object at a pixel of the reference view\n"
-        "(--remove-at); without any of them it is the gap between what stands in front and the rest, and where\n"
+        "(--remove-at); without any it is the gap between the foreground and the rest, and where\n"
         "there is no gap nothing is removed. Pixels that fewer than two views show are filled from their\n"
         "surroundings; --valid shows which.\n"
         "\n"
         "Disparities of the preset preview are not tested against other views. Where they are wrong, as behind\n"
-        "dense leaves, and hardly any ray supports the focus, the picture uses rays whose colours agree at the\n"
-        "focus (--verify-rays auto). Those of other presets and external ones are trusted; on verifies these as\n"
-        "well, off weights rays by disparity and label alone.\n"
+        "dense leaves, and hardly any ray supports the focus, the picture uses rays with colours that agree at\n"
+        "the focus (--verify-rays auto). Maps of other presets and external ones are trusted; on verifies these\n"
+        "as well, off weights rays by disparity and label alone.\n"
         "\n"
         "A light field with a calibration holds raw frames. --sampling raw samples the rays directly from them,\n"
         "which is sharper, and cheaper for few views or pictures; rectified rectifies all views first; auto\n"
-        "(default) chooses the cheaper one. Likewise with views that `sst process` has corrected: raw samples the\n"
-        "files, which makes clear pictures sharper by up to 3 dB, and is their default.\n"
+        "(default) chooses the cheaper one. Of views that `sst process` has corrected raw samples the files, which\n"
+        "makes clear pictures sharper by up to 3 dB, and is their default.\n"
         "\n"
         "--device sums the rays on a GPU: gpu is the fastest one that passes its self-test, auto does without one\n"
         "where there is none; software devices are used only by name (lavapipe). `sst version` lists the devices.\n"
-        "Pictures differ from the CPU's by one level at most. What a device cannot do, or fails at, is done on the\n"
+        "Pictures differ from the CPU's by one level at most. Steps that a device cannot do, or fails at, fall back to the\n"
         "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once. Raw\n"
-        "frames are rectified there, or their rays sampled, unless something else needs the views: rays that are\n"
-        "verified, --explain, --remove-at.\n"
+        "frames are rectified there, or their rays sampled, unless something else needs the views: verified rays,\n"
+        "--explain, --remove-at.\n"
         "\n"
         "--skip leaves rays out where the picture hardly changes: views takes a quarter or half of the views where\n"
         "sampled rows show that it suffices, tiles leaves out or simplifies weights that the bounds of a tile's\n"
@@ -295,7 +295,7 @@ const struct cli_command cli_render = {
         "\n"
         "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"
-        "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
+        "the light field has them; rays.png shows the ray of each view at the pixel and, as a bar, its share\n"
         "in the picture; explain.json holds the legend and the same rays as numbers.",
     .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf -o person.png\n"
                "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png\n"

@@ -316,7 +316,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "prob", 0, CLI_MADE, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
         { "entropy", 0, CLI_MADE, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold" },
-        { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
+        { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels with an entropy not below V", 0, 1e9 },
         { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size" },
         { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size" },
         { "device", 0, CLI_STRING, &o.device, "D",
@@ -348,8 +348,8 @@ const struct cli_command cli_segment = {
         "Results have the image's size: the network's are enlarged with the image as a guide, so that labels end at its\n"
         "edges. So also --prob is not the network's own output, not even at --scale 1 of an image of its size: at edges\n"
         "neighbouring cells mix.\n"
-        "--device runs the network on a GPU; what it has no shader for, or fails at, is done on the CPU, logged and\n"
-        "counted in `device` of --json. Software devices are used only by name (lavapipe).",
+        "--device runs the network on a GPU; steps without a shader, or that it fails at, fall back to the CPU, logged\n"
+        "and counted in `device` of --json. Software devices are used only by name (lavapipe).",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
     .run = run,
 };

@@ -44,7 +44,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
         { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },
-        { "skip", 0, CLI_STRING, &skip, "LIST", "what to search in part only: ranges (default), all or none" },
+        { "skip", 0, CLI_STRING, &skip, "LIST", "searches in part only: ranges (default), all or none" },
         { "device", 0, CLI_STRING, &device, "D",
           "where the features of the mccnn cost are computed: cpu (default), gpu, auto or a part of a device's name" },
         { "device-memory", 0, CLI_INT, &device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
@@ -101,8 +101,8 @@ const struct cli_command cli_stereo = {
     .usage = "LEFT RIGHT --max-disparity N -o out.pfm [--preset P]",
     .summary = "disparity of one rectified pair",
     .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
-              "Disparities are searched around those of a match at a quarter of the size (--skip none: all of them).\n"
-              "--device computes the features of --cost mccnn on a GPU; what it fails at is the CPU's, and logged.\n"
+              "Disparities are searched around a match at a quarter of the size (--skip none: all disparities).\n"
+              "--device computes the features of --cost mccnn on a GPU; a failure falls back to the CPU, and is logged.\n"
               "--raw skips everything after the matching cost, to compare costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,

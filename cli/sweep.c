@@ -228,7 +228,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "from", 0, CLI_DOUBLE, &s.from, "A",
           "first focus (or cut), disparity in px per spacing; default: the whole range" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
-        { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)", 0, 0, "focus cut view-x view-y" },
+        { "over", 0, CLI_STRING, &over, "W", "setting that changes: focus, cut, view-x or view-y (focus; clear: cut)", 0, 0, "focus cut view-x view-y" },
         { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_MADE, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
@@ -283,9 +283,9 @@ const struct cli_command cli_sweep = {
     .summary = "render a sweep over focus, cut or viewpoint as pictures or as a video",
     .detail = "The focus moves from A to B in N pictures, by default from the farthest to the nearest disparity. A "
               "folder gets 0000.png, 0001.png, ... and sweep.json with\n"
-              "the focus of each. --over cut moves the cut of clear pictures, from what stands in front into the\n"
+              "the focus of each. --over cut moves the cut of clear pictures, from the foreground into the\n"
               "scene; --over view-x or view-y moves the viewpoint, in spacings from the reference view, with --focus\n"
-              "or --method clear. The other options are those of `sst render`.",
+              "or --method clear. The other options are as of `sst render`.",
     .example = "sst sweep bush.lf --steps 60 --bounce -o sweep.mp4\n"
                "  sst sweep bush.lf --method clear --over view-x --bounce -o around.mp4",
     .run = run,

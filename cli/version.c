@@ -154,9 +154,9 @@ const struct cli_command cli_version = {
     .usage = "[--json]",
     .summary = "version, CPU level, optional parts, models and devices",
     .detail =
-        "Devices are those that `--device` of other commands can name, the one that `gpu` tries first on top;\n"
-        "shaders are what runs there. `sst doctor` tests them. live.device lists what the service computes on the\n"
-        "device that its configuration names, and what on the CPU.",
+        "Devices can be named by `--device` of other commands; `gpu` tries the first one first. shaders lists the\n"
+        "programs that run there. `sst doctor` tests devices. live.device lists the steps of the service on the\n"
+        "device that its configuration names, and on the CPU.",
     .example = "sst version --json",
     .run = run,
 };

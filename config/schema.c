@@ -66,9 +66,9 @@ static const struct sst_key zone_keys[] = {
             "two ends"),
       KIND(POINTS) },
     { FIELD(struct sst_zone, near_px, DOUBLE, "none",
-            "what is nearer is not in the zone, px per spacing; none: no limit"),
+            "the zone ends there towards the cameras, px per spacing; none: no limit"),
       RANGE(-1000, 1000), WORD("none", INFINITY) },
-    { FIELD(struct sst_zone, far_px, DOUBLE, "none", "what is farther is not in the zone; none: no limit"),
+    { FIELD(struct sst_zone, far_px, DOUBLE, "none", "the zone ends there away from the cameras, px per spacing; none: no limit"),
       RANGE(-1000, 1000), WORD("none", -INFINITY) },
     { .section = "",
       .name = "labels",
@@ -79,7 +79,7 @@ static const struct sst_key zone_keys[] = {
       .standard = "[]",
       .help = "visits of these labels alone are in the zone, for example [Pedestrian]; default: all" },
     { FIELD(struct sst_zone, mask, BOOL, "false",
-            "what is in the zone is ignored: no visits, no motion in other zones where they overlap") },
+            "the zone is ignored: no visits in it, no motion in other zones where they overlap") },
     { FIELD(struct sst_zone, line, BOOL, "false",
             "the zone is a line between two points; a visit that crosses it is reported, and is in the zone from then "
             "on") },
@@ -156,8 +156,7 @@ static const struct sst_key keys[] = {
 
     { KEY("trigger", "source", CHOICE, array.source, "free-run", CAMERAS,
           "gpio: pulses on lines; software: timer ticks for cameras that run on their own; free-run: none; external: "
-          "pulses "
-          "of another host or a generator, whose edges come in on the line loopback"),
+          "pulses of another host or a generator, with edges on the line loopback"),
       CHOICE(sources) },
     { KEY("trigger", "chip", TEXT, array.chip, "", CAMERAS,
           "GPIO chip: its label, its device in sysfs (path or name, such as 1-2:1.0) or its path in /dev; not needed "
@@ -193,7 +192,7 @@ static const struct sst_key keys[] = {
     { KEY("rig", "travel_min_mm", DOUBLES, array.rig_travel_min_mm, "0", LIVE,
           "start of the travel; one number, or one per axis"),
       RANGE(-1e5, 1e5), COUNT(array.rig_axes), STRIDE(array.rig_travel_min_mm) },
-    { KEY("rig", "travel_max_mm", DOUBLES, array.rig_travel_max_mm, "400", LIVE, "end of the travel; likewise"),
+    { KEY("rig", "travel_max_mm", DOUBLES, array.rig_travel_max_mm, "400", LIVE, "end of the travel; one number, or one per axis"),
       RANGE(-1e5, 1e5), COUNT(array.rig_axes), STRIDE(array.rig_travel_max_mm) },
     { KEY("rig", "um_per_count", DOUBLES, array.rig_um_per_count, "1", LIVE,
           "travel per count of the drive; one number, or one per axis; negative: the axis is mounted the other way "
@@ -202,7 +201,7 @@ static const struct sst_key keys[] = {
     { KEY("rig", "speed_mm_s", DOUBLE, array.rig_speed_mm_s, "0", LIVE,
           "speed of all axes; 0: the setting of the drives"),
       RANGE(0, 1e5) },
-    { KEY("rig", "accel_mm_s2", DOUBLE, array.rig_accel_mm_s2, "0", LIVE, "acceleration of all axes; likewise"),
+    { KEY("rig", "accel_mm_s2", DOUBLE, array.rig_accel_mm_s2, "0", LIVE, "acceleration of all axes; 0: the setting of the drives"),
       RANGE(0, 1e6) },
     { KEY("rig", "tolerance_um", DOUBLE, array.rig_tolerance_um, "10", LIVE,
           "a target is reached when the position read back is this close to it"),
@@ -271,7 +270,7 @@ static const struct sst_key keys[] = {
           "PEM file: the authority that signed the certificates of all hosts"),
       KIND(FILE) },
     { KEY("hosts", "certificate", TEXT, array.hosts.certificate, "", DAEMON,
-          "PEM file: certificate of this host, whose common name is its name"),
+          "PEM file: certificate of this host, with its name as common name"),
       KIND(FILE) },
     { KEY("hosts", "key", TEXT, array.hosts.key, "", DAEMON, "PEM file: its private key"), KIND(FILE) },
     { KEY("hosts", "datagrams", BOOL, array.hosts.datagrams, "true", DAEMON,
@@ -310,38 +309,38 @@ static const struct sst_key keys[] = {
     { KEY("live", "threads", INT, live.threads, "0", PICTURE, "number of threads; 0: one per processor"),
       RANGE(0, 256) },
     { KEY("live", "skip_change", BOOL, live.skip_change, "true", PICTURE,
-          "compute only what changed; false: everything for each set") },
+          "compute only changed tiles; false: everything for each set") },
     { KEY("live", "skip_labels", BOOL, live.skip_labels, "true", PICTURE,
           "label key views only, and again after changes") },
     { KEY("live", "skip_ranges", BOOL, live.skip_ranges, "false", PICTURE,
-          "search disparities around those of the last set; what appears elsewhere is found up to 8 sets later") },
+          "search disparities around the last set's; surfaces at other depths are found up to 8 sets later") },
     { KEY("live", "skip_views", BOOL, live.skip_views, "false", PICTURE,
           "see-through and refocused pictures that are rendered whole take fewer views where sampled rows allow it") },
     { KEY("live", "skip_tiles", BOOL, live.skip_tiles, "false", PICTURE,
-          "likewise leave out or simplify weights that the disparities and labels of a tile limit") },
+          "see-through and refocused pictures leave out or simplify weights within the limits of a tile's maps") },
     { KEY("live", "skip_error_db", DOUBLE, live.skip_error_db, "50", PICTURE,
           "least PSNR of these pictures against the exact ones"),
       RANGE(20, 100) },
     { KEY(
         "live", "device", TEXT, live.device, "cpu", PICTURE,
         "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "
-        "likewise, if there is one; or a part of a device's name, which a software device needs. What it fails at is "
-        "done on the CPU") },
+        "such a GPU, if there is one; or a part of a device's name, which a software device needs. Work that it fails "
+        "at falls back to the CPU") },
     { KEY("live", "device_memory_mb", INT, live.device_memory_mb, "0", PICTURE,
           "memory of the device to use at most, MiB, a quarter of it for the network; 0: three quarters of the "
           "device's"),
       RANGE(0, 1 << 24) },
     { KEY("live", "method", CHOICE, live.method, "clear", LIVE,
-          "picture of the main view: clear: all in focus, without what stands in front; sst: one plane, seen through "
-          "what is in front of it; refocus: one plane"),
+          "picture of the main view: clear: all in focus, without the foreground; sst: one plane, seen through "
+          "the foreground; refocus: one plane"),
       CHOICE(methods) },
     { KEY("live", "cut_px", DOUBLE, live.cut_px, "auto", LIVE,
-          "clear: what is nearer is removed, px per spacing; auto: a gap in depth, if there is one"),
+          "clear: nearer surfaces are removed, px per spacing; auto: a gap in depth, if there is one"),
       RANGE(-1000, 1000), WORD("auto", NAN) },
     { KEY("live", "remove_label", TEXT, live.remove_label, "", LIVE,
-          "clear: what has this label is removed, for example Pedestrian; \"\": nothing") },
-    { KEY("live", "outline", BOOL, live.outline, "false", LIVE, "clear: draw a faint outline of what was removed") },
-    { KEY("live", "tint", BOOL, live.tint, "false", LIVE, "clear: tint what was last seen more than a second ago") },
+          "clear: objects with this label are removed, for example Pedestrian; \"\": none") },
+    { KEY("live", "outline", BOOL, live.outline, "false", LIVE, "clear: draw a faint outline of removed objects") },
+    { KEY("live", "tint", BOOL, live.tint, "false", LIVE, "clear: tint pixels that were last seen more than a second ago") },
     { KEY("live", "focus_px", DOUBLE, live.focus_px, "auto", LIVE,
           "focus of the main view, px per spacing; auto: behind the foreground"),
       RANGE(-1000, 1000), WORD("auto", NAN) },
@@ -437,7 +436,7 @@ static const struct sst_key keys[] = {
           "reduced recordings older than this are deleted; 0: no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "visits_days", INT, storage.visits_days, "30", LIVE,
-          "how long visits (what came into view, with two pictures) are kept; 0: they are not; about 100 kB each, in "
+          "how long visits (an object that came into view, with two pictures) are kept; 0: they are not; about 100 kB each, in "
           "quota_gb, of which a tenth is theirs"),
       RANGE(0, 36500) },
     { KEY("storage", "quota_gb", DOUBLE, storage.quota_gb, "0", LIVE,
@@ -446,9 +445,8 @@ static const struct sst_key keys[] = {
     { KEY("storage", "min_free_gb", DOUBLE, storage.min_free_gb, "2", LIVE, "disk space that is left free"),
       RANGE(0, 1e6) },
     { KEY("storage", "max_age_days", DOUBLE, storage.max_age_days, "0", LIVE,
-          "automatic recordings of all sets older than this are deleted, those made on demand and reduced ones are "
-          "not; 0: "
-          "no limit"),
+          "automatic recordings of all sets older than this are deleted, but not recordings on demand and reduced ones; "
+          "0: no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "by_hand_gb", DOUBLE, storage.by_hand_gb, "0", LIVE,
           "up to this size, recordings on demand, snapshots and exports are kept longer than automatic recordings; 0: "
@@ -540,7 +538,7 @@ const char *sst_schema_section_help(const char *section)
         { "control", "The UNIX socket through which local clients control the service." },
         { "web", "The page, the API and the video streams over TCP, with a token." },
         { "rtsp", "The main view for video recorders." },
-        { "storage", "What is recorded, and the disk space for it." },
+        { "storage", "Recordings, and the disk space for them." },
         { "mqtt", "Events and state for home automation and other programs, through an MQTT broker." },
     };
 

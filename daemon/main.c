@@ -246,7 +246,7 @@ static const char help[] =
     "Captures from the camera array, shows the live see-through picture and records: the service behind sst status.\n\n"
     "  --config FILE   configuration; /etc/sst/sstd.yaml, and conf.d/*.yaml beside it\n"
     "  --check         check the configuration, print its faults, and exit (0: valid, 78: not)\n"
-    "  --socket PATH   control socket instead of that of the configuration\n"
+    "  --socket PATH   control socket instead of the configuration's\n"
     "  -v, --verbose   log more (twice: everything)\n"
     "      --version   print the version\n"
     "  -h, --help      this\n\n"

@@ -27,7 +27,7 @@ static void print_help(const char *name, const char *what)
 {
     printf("sst-%s [--config FILE] [--socket PATH] [-v]\n\n%s\n\n"
            "  --config FILE   configuration of the service; /etc/sst/sstd.yaml, and conf.d/*.yaml beside it\n"
-           "  --socket PATH   control socket of the service instead of that of the configuration\n"
+           "  --socket PATH   control socket of the service instead of the configuration's\n"
            "  -v, --verbose   log more (twice: everything)\n"
            "      --version   print the version\n"
            "  -h, --help      this\n\n"
