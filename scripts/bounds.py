@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Write docs/measured/bounds.md: run the tests that hold kernels and formulas to their bounds, and list what they saw."""
+"""Write docs/measured/bounds.md: run the tests that hold kernels and formulas to their bounds, and list the largest errors."""
 import argparse
 import os
 import pathlib
@@ -14,10 +14,12 @@ HEAD = """# Bounds
 
 Made by `make bounds` on {machine}. Do not edit: the next run overwrites this page.
 
-What may be wrong with a number, and what was seen. References are the formulas of [design.md](../design/design.md) in wider
-numbers (`tests/reference/`: 64 bits of mantissa, 113 where sums cancel). Every level of every kernel gives the bytes of its plain
-reference (`tests/kernels/`), so one line stands for all. `make check` fails where a bound is exceeded, with floating-point
-exceptions (invalid, division by zero, overflow) ending the program (`tests/traps.h`).
+Largest errors and their bounds. References are the formulas of [design.md](../design/design.md) in wider numbers
+(`tests/reference/`: 64 bits of mantissa, 113 where sums cancel). Every level of every kernel gives the bytes of its plain reference
+(`tests/kernels/`), so one line stands for all. `make check` fails where a bound is exceeded, with floating-point exceptions
+(invalid, division by zero, overflow) ending the program (`tests/traps.h`).
+
+Exact kernels on whole numbers, each with its largest value and the limit of its type: {exact}.
 
 | kernel or formula | precision | bound | from | worst seen | cases | caused by |
 | --- | --- | --: | --- | --: | --: | --- |
@@ -25,7 +27,7 @@ exceptions (invalid, division by zero, overflow) ending the program (`tests/trap
 CASES = """
 ## Degenerate inputs
 
-What has no answer of its own, and what comes out (`tests/unit/degenerate.c`, which fails where it is anything else).
+Inputs without an answer of their own, and their result (`tests/unit/degenerate.c` fails where it differs).
 
 | input | result |
 | --- | --- |
@@ -35,7 +37,7 @@ CHAINS = """
 
 `make soak-chain HOURS=1` draws random grids, pictures, faults of views, displaced and darkened pictures, labels, disparities and settings,
 runs alignment, processing and three pictures on each, and compares the bytes by threads, pixels with the sums in double, and all results with
-what they may be; no NaN may cross a module's border (`tests/tools/chain.c`). A failure prints the seed that repeats it.
+their ranges; no NaN may cross a module's border (`tests/tools/chain.c`). A failure prints the seed that repeats it.
 """
 
 
@@ -56,8 +58,10 @@ def main():
                 sys.exit(f"{test} failed:\n{run.stdout}{run.stderr}")
         bounds = [line.split("\t") for line in files["SST_BOUNDS"].read_text().splitlines()]
         cases = [line.split("\t") for line in files["SST_BOUNDS_CASES"].read_text().splitlines()]
-    page = HEAD.format(machine=platform.machine())
-    for name, precision, bound, why, worst, count, cause in bounds:
+    exact = [row for row in bounds if row[2].startswith("0 error")]
+    page = HEAD.format(machine=platform.machine(),
+                       exact=", ".join(f"`{row[0]}` {row[6].removeprefix('largest value ')}" for row in exact))
+    for name, precision, bound, why, worst, count, cause in (row for row in bounds if row not in exact):
         page += f"| {cell(name)} | {precision} | {bound} | {cell(why)} | {worst} | {count} | {cell(cause)} |\n"
     page += CASES + "".join(f"| {cell(what)} | {cell(result)} |\n" for what, result in cases) + CHAINS
     out = ROOT / "docs/measured/bounds.md"
