@@ -1,5 +1,6 @@
-/* simulators/devices/devices_internal.h - what the devices of a session share: the server and its faults (server/), the
- * cameras as an array (camera/), and the files of this folder; code outside of it includes the public headers. */
+/* simulators/devices/devices_internal.h - common parts of the devices of a session: the server and its faults
+ * (server/), the cameras as an array (camera/), and the files of this folder; code outside of it includes the public
+ * headers. */
 #ifndef SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 

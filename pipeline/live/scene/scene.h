@@ -1,4 +1,4 @@
-/* pipeline/live/scene/scene.h - updates disparities and labels of all views: key views are matched and labelled where
+/* pipeline/live/scene/scene.h - disparities and labels of all views: key views are matched and labelled where
  * something changed, and their maps are warped to the other views. */
 #ifndef SST_PIPELINE_LIVE_SCENE_SCENE_H
 #define SST_PIPELINE_LIVE_SCENE_SCENE_H
