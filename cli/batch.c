@@ -302,7 +302,7 @@ const struct cli_command cli_batch = {
         "and of each set: lightfield/ (a copy with its maps), clear.png, see-through.png, sweep.mp4 (or sweep/), and\n"
         "the commands' reports as JSON; figures.csv has a line of each, also with errors where the source has a\n"
         "truth/.\n"
-        "Finished pieces are skipped when the command is repeated. --shard shares the work with other processes that see\n"
+        "A repeated command skips finished pieces. --shard shares the work with other processes that see\n"
         "the same folders, on this machine or a cluster (docs/use/cluster.md); --status shows how far it is.",
     .example = "sst batch campaign -o results\n  sst batch campaign -o results --shard auto --threads 4\n"
                "  sst batch campaign -o results --status",

@@ -42,7 +42,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "disparity of infinity; 0: parallel views, below 0: they converge", -32768, 32768 },
         { "calib", 0, CLI_STRING, &calib, "FILE",
           "recording, folder: the array's calibration; views are then rectified" },
-        { "filter", 0, CLI_STRING, &filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0, "bilinear bicubic lanczos" },
+        { "filter", 0, CLI_STRING, &filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0,
+          "bilinear bicubic lanczos" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
     };

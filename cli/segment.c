@@ -348,8 +348,8 @@ const struct cli_command cli_segment = {
         "Results have the image's size: the network's are enlarged with the image as a guide, so that labels end at its\n"
         "edges. So also --prob is not the network's own output, not even at --scale 1 of an image of its size: at edges\n"
         "neighbouring cells mix.\n"
-        "--device runs the network on a GPU; steps without a shader, or that it fails at, fall back to the CPU, logged\n"
-        "and counted in `device` of --json. Software devices are used only by name (lavapipe).",
+        "--device runs the network on a GPU; steps without a shader, or that it fails at, fall back to the CPU,\n"
+        "logged and counted in `device` of --json. Software devices are used only by name (lavapipe).",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
     .run = run,
 };

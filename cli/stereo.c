@@ -102,7 +102,7 @@ const struct cli_command cli_stereo = {
     .summary = "disparity of one rectified pair",
     .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
               "Disparities are searched around a match at a quarter of the size (--skip none: all disparities).\n"
-              "--device computes the features of --cost mccnn on a GPU; a failure falls back to the CPU, and is logged.\n"
+              "--device computes the features of --cost mccnn on a GPU; failures fall back to the CPU and are logged.\n"
               "--raw skips everything after the matching cost, to compare costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,

@@ -68,7 +68,8 @@ static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, near_px, DOUBLE, "none",
             "the zone ends there towards the cameras, px per spacing; none: no limit"),
       RANGE(-1000, 1000), WORD("none", INFINITY) },
-    { FIELD(struct sst_zone, far_px, DOUBLE, "none", "the zone ends there away from the cameras, px per spacing; none: no limit"),
+    { FIELD(struct sst_zone, far_px, DOUBLE, "none",
+            "the zone ends there away from the cameras, px per spacing; none: no limit"),
       RANGE(-1000, 1000), WORD("none", -INFINITY) },
     { .section = "",
       .name = "labels",
@@ -192,7 +193,8 @@ static const struct sst_key keys[] = {
     { KEY("rig", "travel_min_mm", DOUBLES, array.rig_travel_min_mm, "0", LIVE,
           "start of the travel; one number, or one per axis"),
       RANGE(-1e5, 1e5), COUNT(array.rig_axes), STRIDE(array.rig_travel_min_mm) },
-    { KEY("rig", "travel_max_mm", DOUBLES, array.rig_travel_max_mm, "400", LIVE, "end of the travel; one number, or one per axis"),
+    { KEY("rig", "travel_max_mm", DOUBLES, array.rig_travel_max_mm, "400", LIVE,
+          "end of the travel; one number, or one per axis"),
       RANGE(-1e5, 1e5), COUNT(array.rig_axes), STRIDE(array.rig_travel_max_mm) },
     { KEY("rig", "um_per_count", DOUBLES, array.rig_um_per_count, "1", LIVE,
           "travel per count of the drive; one number, or one per axis; negative: the axis is mounted the other way "
@@ -201,7 +203,8 @@ static const struct sst_key keys[] = {
     { KEY("rig", "speed_mm_s", DOUBLE, array.rig_speed_mm_s, "0", LIVE,
           "speed of all axes; 0: the setting of the drives"),
       RANGE(0, 1e5) },
-    { KEY("rig", "accel_mm_s2", DOUBLE, array.rig_accel_mm_s2, "0", LIVE, "acceleration of all axes; 0: the setting of the drives"),
+    { KEY("rig", "accel_mm_s2", DOUBLE, array.rig_accel_mm_s2, "0", LIVE,
+          "acceleration of all axes; 0: the setting of the drives"),
       RANGE(0, 1e6) },
     { KEY("rig", "tolerance_um", DOUBLE, array.rig_tolerance_um, "10", LIVE,
           "a target is reached when the position read back is this close to it"),
@@ -340,7 +343,8 @@ static const struct sst_key keys[] = {
     { KEY("live", "remove_label", TEXT, live.remove_label, "", LIVE,
           "clear: objects with this label are removed, for example Pedestrian; \"\": none") },
     { KEY("live", "outline", BOOL, live.outline, "false", LIVE, "clear: draw a faint outline of removed objects") },
-    { KEY("live", "tint", BOOL, live.tint, "false", LIVE, "clear: tint pixels that were last seen more than a second ago") },
+    { KEY("live", "tint", BOOL, live.tint, "false", LIVE,
+          "clear: tint pixels that were last seen more than a second ago") },
     { KEY("live", "focus_px", DOUBLE, live.focus_px, "auto", LIVE,
           "focus of the main view, px per spacing; auto: behind the foreground"),
       RANGE(-1000, 1000), WORD("auto", NAN) },
@@ -436,8 +440,8 @@ static const struct sst_key keys[] = {
           "reduced recordings older than this are deleted; 0: no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "visits_days", INT, storage.visits_days, "30", LIVE,
-          "how long visits (an object that came into view, with two pictures) are kept; 0: they are not; about 100 kB each, in "
-          "quota_gb, of which a tenth is theirs"),
+          "how long visits (an object that came into view, with two pictures) are kept; 0: they are not; about 100 kB "
+          "each, in quota_gb, of which a tenth is theirs"),
       RANGE(0, 36500) },
     { KEY("storage", "quota_gb", DOUBLE, storage.quota_gb, "0", LIVE,
           "maximum disk space of recordings, snapshots, exports and visits; beyond it the oldest are deleted; 0: no limit"),
@@ -445,8 +449,8 @@ static const struct sst_key keys[] = {
     { KEY("storage", "min_free_gb", DOUBLE, storage.min_free_gb, "2", LIVE, "disk space that is left free"),
       RANGE(0, 1e6) },
     { KEY("storage", "max_age_days", DOUBLE, storage.max_age_days, "0", LIVE,
-          "automatic recordings of all sets older than this are deleted, but not recordings on demand and reduced ones; "
-          "0: no limit"),
+          "automatic recordings of all sets older than this are deleted, but not recordings on demand and reduced "
+          "ones; 0: no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "by_hand_gb", DOUBLE, storage.by_hand_gb, "0", LIVE,
           "up to this size, recordings on demand, snapshots and exports are kept longer than automatic recordings; 0: "

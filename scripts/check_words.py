@@ -95,8 +95,8 @@ def judge(name, texts, limit, least):
     found, words = count(texts)
     rate = 1000 * found / max(words, 1)
     bad = rate > limit and found >= least
-    print(f"{'error: ' if bad else ''}{name}: {found} stand-ins for nouns in {words} words of comments, {rate:.1f} of 1,000 (limit {limit:g})",
-          file=sys.stderr if bad else sys.stdout)
+    print(f"{'error: ' if bad else ''}{name}: {found} stand-ins for nouns in {words} words of comments, {rate:.1f} of 1,000 "
+          f"(limit {limit:g})", file=sys.stderr if bad else sys.stdout)
     return not bad
 
 

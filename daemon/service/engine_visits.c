@@ -16,7 +16,7 @@
 #define PICTURE_BETTER  1.25 /* times larger than in the picture before */
 #define PICTURES_MOST   5
 #define PICTURE_NS      INT64_C(500000000)
-#define DEEPER          0.15 /* logarithm of a ratio of distances from which a visitor has come nearer or gone farther */
+#define DEEPER          0.15 /* logarithm of a ratio of distances: nearer or farther by this, a visitor has moved */
 #define DEEPER_HIDDEN   0.45 /* behind leaves depths come from a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
 #define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */

@@ -63,7 +63,8 @@ struct service_replay {
     int at; /* the set that is shown */
     int64_t zero_ns, zero_wall_ns,
         stamp_ns; /* stamps of sets: zero_ns when their wall time is zero_wall_ns; the last */
-    int64_t awaited_ns, computed_ns; /* stamp of the set with the picture that the clock waits for, 0: it runs; since when it is there */
+    int64_t awaited_ns; /* stamp of the set with the picture that the clock waits for; 0: it runs */
+    int64_t computed_ns; /* since when that picture is there */
     int64_t clock_ns, clock_wall_ns, next_ns; /* of playing: the wall time that was due then; the next set's */
     struct sst_recording_set set;
     struct sst_frame frame[SST_CAMERAS_MAX];

@@ -22,7 +22,7 @@ struct sst_correction {
     double roll_deg;               /* clockwise */
     double scale;                  /* size of the picture minus 1 */
     double gain[3];                /* of linear red, green, blue, as in a calibration; 1: the array's mean */
-    double falloff;                /* light at r from the picture's centre is exp(falloff r2) of the light at it, r in half
+    double falloff;                /* light at r from the picture's centre is exp(falloff r2) of the centre's, r in half
                                       diagonals */
     double exponent;               /* linear light is (gain times the true light) to this power; 1: none; not with a
                                       calibration */

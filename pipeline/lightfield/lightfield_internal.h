@@ -123,7 +123,7 @@ void correction_calibrate(struct sst_lightfield *lf);
 
 #define SST_LIGHTFIELD_VERSION 2                 /* the newest; a light field without a calibration is written as 1 */
 #define SST_DISP_ABS_MAX_PX    32768.0           /* no disparity is larger than an image */
-#define SST_RANGE_MAX_PX       1023.0            /* largest disparity in 16 bits of 1/64 px, without the value for unknown */
+#define SST_RANGE_MAX_PX       1023.0            /* of 16 bits of 1/64 px, without the value for unknown */
 #define SST_VIEW_FILE_MAX      ((size_t)1 << 30) /* bytes of one view's file */
 
 /** Create the folder dir/name; an existing one is fine. */

@@ -47,7 +47,7 @@ struct sst_drift_camera {
     double roll_sigma_deg, scale_sigma;
     double gain[3];    /* of linear red, green, blue, from the matches' light; geometric mean of all cameras 1 */
     double gain_sigma; /* relative, of the worst colour; NAN: no matches that are bright enough */
-    double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of the light at it, r in half
+    double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of the centre's, r in half
                                       diagonals; NAN sigma: not measured */
     double even_gain[3];           /* gains at the centres of pictures that fall off like this */
     double exponent, exponent_sigma; /* light is (gain times the array's mean camera's) to this power; mean 1; NAN
@@ -73,7 +73,7 @@ struct sst_drift {
                                           matches, largest pair mean; NAN: nothing was measured */
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
                                           seen in both, px per spacing; NAN: none */
-    double contradiction_px; /* matches of one pair about the displacements' prediction: robust sigma, of the worst tenth
+    double contradiction_px; /* matches of one pair about the displacements: robust sigma, of the worst tenth
                                 of the pairs; fences and rows of windows are matched a period off; 0 without matches.
                                 Above SST_DRIFT_CONTRADICTION_PX no displacement is to be believed. */
     double rough_px; /* robust sigma of each match about the next one: residuals of lenses are smooth */

@@ -54,8 +54,8 @@ struct report_camera {
     int used, outliers; /* corners with a residual that count; all that do not */
     struct report_region region[REPORT_ROWS][REPORT_COLS];
     int seen[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]; /* corners, outliers included */
-    double systematic_px;                                 /* RMS of the regions' mean residuals less what random residuals
-                                                             would leave; NAN unknown */
+    double systematic_px;                                 /* RMS of the regions' mean residuals less the share of
+                                                             random ones; NAN unknown */
     double lens_px, transfer_px[2];                       /* RMS over the solution's maps; NAN unknown */
     char lacking[160]; /* missing part of its coverage, from sst_coverage_missing(); "" none */
 };
