@@ -24,8 +24,8 @@ struct sst_mem_kept {
     size_t bytes;
 };
 
-/** At least count * size bytes, aligned as above; the old content may be lost. NULL as above; then the buffer is
- *  unchanged. */
+/** At least count * size bytes, aligned as by sst_mem_alloc(); the old content may be lost. NULL on overflow or without
+ *  memory; then the buffer is unchanged. */
 void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size) SST_MUST_CHECK;
 void sst_mem_kept_fini(struct sst_mem_kept *kept);
 

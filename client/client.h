@@ -37,16 +37,17 @@ SST_MUST_CHECK int sst_client_open(struct sst_client **out, const struct sst_cli
 SST_MUST_CHECK int sst_client_json(struct sst_client *client, const char *path, const json_t *post, json_t **out);
 
 /** GET into a file, which appears whole or not at all. @param type  required Content-Type, "image/jpeg"
- *  @return as above (-EPROTO also: another type), and errors of sst_outfile_commit() */
+ *  @return as sst_client_json() (-EPROTO also: another type), and errors of sst_outfile_commit() */
 SST_MUST_CHECK int sst_client_save(struct sst_client *client, const char *path, const char *type, const char *file);
 
-/** GET into memory. @param data  out, to free with free() @return as above */
+/** GET into memory. @param data  out, to free with free() @return as sst_client_json() */
 SST_MUST_CHECK int sst_client_bytes(struct sst_client *client, const char *path, uint8_t **data, size_t *bytes);
 
 /** Receives a line without its end; a value other than 0 ends the transfer with it. */
 typedef int sst_client_line_fn(void *arg, const char *line);
 
-/** GET lines as they arrive, without a time limit if `endless`. @return as above; 0: the service ended it */
+/** GET lines as they arrive, without a time limit if `endless`. @return as sst_client_json(); 0: the service ended it
+ */
 SST_MUST_CHECK int sst_client_lines(struct sst_client *client, const char *path, bool endless, sst_client_line_fn *fn,
                                     void *arg);
 
@@ -61,7 +62,7 @@ struct sst_client_picture {
 /** Receives a picture; a value other than 0 ends the transfer with it. */
 typedef int sst_client_picture_fn(void *arg, const struct sst_client_picture *picture);
 
-/** GET a multipart stream of JPEGs until it ends. @return as above; 0: the service ended it */
+/** GET a multipart stream of JPEGs until it ends. @return as sst_client_json(); 0: the service ended it */
 SST_MUST_CHECK int sst_client_stream(struct sst_client *client, const char *path, sst_client_picture_fn *fn, void *arg);
 
 /** Called about once a second during each transfer; false ends it with -ECANCELED. */

@@ -52,7 +52,8 @@ static void write_capture(FILE *f, const struct array_state *a)
         fprintf(f, "sst_set_delay_seconds{quantile=\"%g\"} %.9g\n", quantiles[i],
                 (double)sst_histogram_quantile(&a->delay_ns, quantiles[i]) / 1e9);
     fprintf(f, "sst_set_delay_seconds_count %llu\n", (unsigned long long)a->delay_ns.count);
-    metric(f, "skewed_sets", "gauge", "Sets with more skew than the limit, likewise.", (double)r->skewed);
+    metric(f, "skewed_sets", "gauge", "Sets with more skew than the limit, since the cameras were opened.",
+           (double)r->skewed);
 }
 
 static void write_cameras(FILE *f, struct sst_service *s)

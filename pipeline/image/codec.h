@@ -25,7 +25,7 @@ SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t
                                             struct sst_samples samples);
 
 /** The samples themselves of a 16-bit PNG in memory: red, green, blue, or grey in all three. @param plane  out, initialised here
- *  @return as above; -EBADMSG where it has fewer bits */
+ *  @return as sst_image_decode(); -EBADMSG where it has fewer bits */
 SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name);
 
 /** True if a file in memory begins as a JPEG. */
@@ -37,7 +37,7 @@ SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t 
 /** Decode a JPEG in memory to R, G, B and an unused byte a pixel; with the colours of sst_image_decode().
  *  @param rgbx  rows `stride` bytes apart, written once and not read: may be mapped memory of a device; undefined on
  * failure
- *  @return as above; -EBADMSG: no JPEG, or another size */
+ *  @return as sst_image_decode(); -EBADMSG: no JPEG, or another size */
 SST_MUST_CHECK int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data,
                                          size_t size, const char *name);
 
@@ -46,7 +46,8 @@ struct sst_sample_counts {
     uint64_t of[65536];
 };
 
-/** Add the samples of a 16-bit PNG in memory. @return 1, 0 (8 bits, a JPEG: nothing is added), or the same errors */
+/** Add the samples of a 16-bit PNG in memory. @return 1, 0 (8 bits, a JPEG: nothing is added), or errors of
+ *  sst_image_decode() */
 SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
                                            const char *name);
 
@@ -69,7 +70,8 @@ void sst_samples_levels(int *before, int *after, const struct sst_sample_counts 
 void sst_image_report_depth(const char *path);
 
 /** Read pictures that are compared with each other: 16 bits are scaled alike in all, and the loss is reported. Where
- *  only some have 16 bits, they are read as by sst_image_read(). @param count  1 or 2 @return as above; on failure
+ *  only some have 16 bits, they are read as by sst_image_read(). @param count  1 or 2 @return as sst_image_read(); on
+ * failure
  *  none is read */
 SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count);
 

@@ -28,7 +28,7 @@ SST_MUST_CHECK int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_n
 /** @return whether a JPEG has parts alone, and of which base */
 bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns);
 
-/** The inverse. @return 0, -EINVAL (as above, or not parts), -ENOMEM; not logged */
+/** Join parts with their base, the inverse of sst_jpeg_parts_cut(). @return as that, -EINVAL also: not parts */
 SST_MUST_CHECK int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, int width, int height,
                                        uint8_t **out, size_t *bytes);
 

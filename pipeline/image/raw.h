@@ -44,7 +44,7 @@ bool sst_raw_is_jpeg(uint32_t fourcc);
  * sst_raw_to_image() for columns x0 .. x1-1 of rows y0 .. y1-1, with the same bytes as the conversion of the whole
  * frame; the rest of the picture is unchanged.
  * @param img  initialised by the caller to the frame's size; contains the part
- * @return 0, -EINVAL, -EBADMSG (as above, or img has another size); not logged
+ * @return 0, -EINVAL, -EBADMSG (as sst_raw_to_image(), or img has another size); not logged
  */
 SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1);
 

@@ -105,7 +105,8 @@ SST_MUST_CHECK int sst_lightfield_decode_frame(struct sst_image *out, const stru
 /**
  * Write the view's raw frame, or the source of its corrected picture, as R, G, B and an unused byte a pixel;
  * an encoded one is decoded straight to there.
- * @param rgbx  rows `stride` bytes apart, of the frame's size; may be memory that is slow to read @return as above
+ * @param rgbx  rows `stride` bytes apart, of the frame's size; may be memory that is slow to read
+ * @return as sst_lightfield_decode_frame()
  */
 SST_MUST_CHECK int sst_lightfield_put_frame(uint8_t *rgbx, size_t stride, const struct sst_lightfield *lf, int view);
 
@@ -163,7 +164,8 @@ SST_MUST_CHECK int sst_lightfield_write(const struct sst_lightfield *lf, const c
 /**
  * Replace the derived maps (disparity/, labels/, confidence/) and lightfield.json of an existing folder. Every file is
  * written beside the old ones first, then swapped in; a failure leaves the old state. Folders of maps that no view has
- * in memory are kept; the others are replaced as a whole. The same errors.
+ * in memory are kept; the others are replaced as a whole.
+ * @return as sst_lightfield_write()
  */
 SST_MUST_CHECK int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads);
 

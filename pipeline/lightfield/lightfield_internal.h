@@ -105,7 +105,7 @@ int distinct(int *v, int n);
  */
 SST_MUST_CHECK int params_number(const char *text, const char *path, const char *key, double *value);
 
-/** The principal point that our own exports add: off_centre_x_px, off_centre_y_px. @return as above */
+/** The principal point that our own exports add: off_centre_x_px, off_centre_y_px. @return as params_number() */
 SST_MUST_CHECK int params_off_centre(struct sst_lightfield *lf, const char *text, const char *path);
 
 /* --- correction --- */

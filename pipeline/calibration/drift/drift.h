@@ -40,8 +40,8 @@ struct sst_drift_camera {
     bool known;                    /* false: no view, or too few matches tie it to the others (sigma above ok_px) */
     double shift_x_px, shift_y_px; /* right and down positive, at the picture's centre; NAN: no pair sees it */
     double sigma_px;               /* of either, the larger */
-    double roll_deg;               /* clockwise, about the picture's centre; NAN as above */
-    double scale;                  /* size of the picture relative to the array's, minus 1; NAN as above */
+    double roll_deg;               /* clockwise, about the picture's centre; NAN: no pair sees it */
+    double scale;                  /* size of the picture relative to the array's, minus 1; NAN: no pair sees it */
     double off_px;                 /* all of these as one displacement: RMS over the picture */
     double off_sigma_px;
     double roll_sigma_deg, scale_sigma;

@@ -6,7 +6,7 @@
  *
  * With a fall-off, the mean of the colours is g_b + f_b r_b^2 - g_a - f_a r_a^2: differences between cameras show all
  * over the picture, the common part by the disparity alone, which moves a surface to another distance from the centre.
- * The gains at the centres follow as above from the light without the fall-off.
+ * The gains at the centres follow from the light without the fall-off.
  *
  * With exponents (another gamma), a camera's log light is (1 + e) l + a constant: g_b + e_b (l - m) - g_a - e_a (l - m), l the
  * mean log light of the match, m of all matches. The common part is not observable, and is not undone. */

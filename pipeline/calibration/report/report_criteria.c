@@ -73,9 +73,12 @@ static const struct report_criterion thresholds[] = {
                      "epipolar error of neighbours (across the line between them): mean over pairs of the "
                      "magnitude of their mean",
                      "px", 0.05, 0.10, 0.20, false, PAIR_REMEDY },
-    [PAIRS_P95] = { "pairs_p95", "likewise, 95 % of the regions of a picture (with 20 corners and more) are below",
+    [PAIRS_P95] = { "pairs_p95",
+                    "epipolar error of neighbours: 95 % of the regions of a picture (with 20 corners and more) are "
+                    "below",
                     "px", 0.12, 0.25, 0.5, false, PAIR_REMEDY },
-    [PAIRS_MAX] = { "pairs_max", "likewise, the worst pair", "px", 0.25, 0.5, 1, false, PAIR_REMEDY },
+    [PAIRS_MAX] = { "pairs_max", "epipolar error of neighbours: the worst pair", "px", 0.25, 0.5, 1, false,
+                    PAIR_REMEDY },
     /* Input accepted by --force may fit well nevertheless: two swapped cameras, for example. */
     [OVERRIDDEN] = { "overridden", "reasons to refuse the calibration that were overridden", "", 0, 0, INFINITY, true,
                      "the warnings name what to correct; then solve without --force" },

@@ -108,7 +108,7 @@ struct report_figures {
     /* Directions: Rayleigh's test in each region, all together. */
     int regions, regions_off; /* tested; of these with a probability below 0.001 */
     double direction_z;       /* standard normal if all directions are random; NAN unknown */
-    double systematic_px;     /* over all cameras, as above */
+    double systematic_px;     /* over all cameras, as of one camera */
     int systematic_camera;    /* the worst, -1 */
     /* Neighbours in rows and columns: difference of their residuals across the line between them (epipolar error). */
     int pairs, pair_worst[2];

@@ -73,9 +73,9 @@ struct decoder_part {
 };
 
 /**
- * Decode parts of a JPEG frame whose index is valid: as decoder_decode(), without the rest of the frame.
+ * Decode parts of a JPEG frame with a valid index: as decoder_decode(), without the rest of the frame.
  * @param part  in: boxes that lie apart; out: pixels
- * @return as there, or -ENOTSUP (also: they take more memory than a frame)
+ * @return as decoder_decode(), or -ENOTSUP (also: they take more memory than a frame)
  */
 SST_MUST_CHECK int decoder_decode_parts(struct decoder *d, const struct decoder_frame *frame,
                                         struct sst_jpeg_index *index, struct decoder_part *part, int parts);
@@ -247,9 +247,9 @@ void frames_reject(struct live_view *v, const struct decoder *d);
 
 /** Step 1: detect changed tiles of all views. @return 0, -ECANCELED, -ENOMEM */
 SST_MUST_CHECK int frames_scan(struct sst_liveframes *f);
-/** Step 2: decode the changed tiles. @return as above */
+/** Step 2: decode the changed tiles. @return as frames_scan() */
 SST_MUST_CHECK int frames_decode(struct sst_liveframes *f);
-/** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as above */
+/** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as frames_scan() */
 SST_MUST_CHECK int frames_rectify(struct sst_liveframes *f);
 
 /** Mark the rectified tiles of view k that depend on dirty raw tiles. @param dirty  [raw tiles] @param map  out,

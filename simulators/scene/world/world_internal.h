@@ -315,7 +315,7 @@ typedef int sim_picture_fn(void *arg, int frame, const struct sst_image *image);
 /** Render the whole loop of a camera of an array. @return 0, -ENOMEM or the error of fn.   Thread: any. */
 SST_MUST_CHECK int sim_stage_loop(const struct sim_stage *stage, int cam, sim_picture_fn *fn, void *arg);
 
-/** Render one picture of the rig's camera. @return as above.   Thread: any. */
+/** Render one picture of the rig's camera. @return as sim_stage_loop().   Thread: any. */
 SST_MUST_CHECK int sim_stage_pose(const struct sim_stage *stage, const int32_t pose_um[3], int frame,
                                   sim_picture_fn *fn, void *arg);
 
@@ -336,10 +336,10 @@ SST_MUST_CHECK int sim_truth_write(const struct sst_sim_settings *settings, cons
                                    const char *path);
 
 /**
- * The same as a calibration in the reference camera's axes (pipeline/camera/calib.h): of an array's cameras before they
- * move; of a rig at the positions one spacing apart of its light field, pointing straight ahead. A calibration's
- * fall-off is about the principal point, the world's about the picture's centre: exact where both agree.
- * @return as above, -EINVAL (not finite)
+ * Write the true parameters as a calibration in the reference camera's axes (pipeline/camera/calib.h): of an array's
+ * cameras before they move; of a rig at the positions one spacing apart of its light field, pointing straight ahead. A
+ * calibration's fall-off is about the principal point, the world's about the picture's centre: exact where both agree.
+ * @return as sim_truth_write(), -EINVAL (not finite)
  */
 SST_MUST_CHECK int sim_truth_calib(const struct sst_sim_settings *settings, const struct sim_stage *stage,
                                    const char *path);
