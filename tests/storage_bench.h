@@ -83,10 +83,19 @@ static inline void bench_put(struct bench *b, int64_t t_ns)
     assert_int_equal(sst_ring_put(b->ring, &set), 0);
 }
 
+/* Storage of the status. */
+static inline json_t *bench_status(struct bench *b)
+{
+    struct sst_storage_report report;
+
+    sst_storage_report(b->storage, &report);
+    return sst_fields_json(sst_storage_fields, &report);
+}
+
 /* A number of the status, or of its recording. */
 static inline int64_t bench_number(struct bench *b, const char *part, const char *key)
 {
-    json_t *o = sst_storage_status(b->storage), *of = part ? json_object_get(o, part) : o;
+    json_t *o = bench_status(b), *of = part ? json_object_get(o, part) : o;
     const json_t *v = json_object_get(of, key);
     const int64_t n = json_is_boolean(v) ? json_is_true(v) : json_integer_value(v);
 
@@ -108,7 +117,7 @@ static inline void bench_assert_before(struct bench *b, int64_t end_ns)
 
     if (sst_clock_now_ns() < end_ns)
         return;
-    o = sst_storage_status(b->storage);
+    o = bench_status(b);
     fputs("error: the status is ", stderr);
     json_dumpf(o, stderr, JSON_COMPACT);
     fputc('\n', stderr);
@@ -154,7 +163,7 @@ static inline void bench_wait_ready(struct bench *b)
     bool ready = false;
 
     while (!ready) {
-        json_t *o = sst_storage_status(b->storage);
+        json_t *o = bench_status(b);
 
         ready = json_integer_value(json_object_get(o, "free_bytes")) > 0;
         json_decref(o);

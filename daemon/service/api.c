@@ -22,17 +22,17 @@ static int answer_name(struct sst_api_answer *out, const char *name)
 /** Status of a failure of the disk or a lack of sets. */
 static int explain(struct sst_service *s, int err, struct sst_api_answer *out)
 {
-    json_t *status = err == -ENOSPC || err == -EROFS || err == -EIO ? sst_storage_status(s->storage) : NULL;
-    const char *reason = json_string_value(json_object_get(status, "reason"));
+    struct sst_storage_report storage;
 
-    if (status)
-        snprintf(out->error, sizeof(out->error), "nothing can be stored: %s",
-                 reason && reason[0] ? reason : strerror(-err));
-    else if (err == -ENODATA)
+    if (err == -ENOSPC || err == -EROFS || err == -EIO) {
+        sst_storage_report(s->storage, &storage);
+        snprintf(out->error, sizeof(out->error), "nothing can be stored: %.480s",
+                 storage.reason[0] ? storage.reason : strerror(-err));
+    } else if (err == -ENODATA) {
         snprintf(out->error, sizeof(out->error), "nothing has been captured yet");
-    else if (err)
+    } else if (err) {
         snprintf(out->error, sizeof(out->error), "the request failed: %s", strerror(-err));
-    json_decref(status);
+    }
     return err;
 }
 

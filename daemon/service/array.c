@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/kernel_clock.h"
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
@@ -42,12 +43,7 @@ struct service_array {
     uint64_t frames[SST_CAMERAS_MAX], told_frames[SST_CAMERAS_MAX]; /* in sets */
 };
 
-const char *array_state_name(enum sst_grab_state state)
-{
-    static const char *const names[] = { "absent", "streaming", "recovering", "refused", "ready" };
-
-    return names[state];
-}
+const char *const array_state_names[] = { "absent", "streaming", "recovering", "refused", "ready" };
 
 /* --- events of capture -------------------------------------------------------------------------------------------- */
 
@@ -549,17 +545,29 @@ void array_tracks(struct service_array *a, struct sst_recorder_track *out)
 
 bool array_hosts(struct service_array *a, struct hosts_now *out)
 {
+    struct sst_link_peer peer[SST_NUMBERING_SOURCES];
+    struct sst_kernel_clock clock;
+
+    sst_kernel_clock(&clock);
+    out->synchronised = clock.synchronised;
+    out->error_ms = clock.error_us / 1e3;
+    out->address = a->address;
     pthread_mutex_lock(&a->lock);
     out->role = a->wanted.role;
+    out->role_name = out->role == SST_CONFIG_NODE ? "node" : "head";
     out->period_ns = period_ns(&a->wanted);
     if (a->head) {
-        out->peers = sst_link_head_peers(a->head, out->peer);
+        out->peers = sst_link_head_peers(a->head, peer);
+        for (int i = 0; i < out->peers; i++)
+            out->peer[i] = (struct hosts_peer){ .link = peer[i],
+                                                .clock_ms = (double)peer[i].numbering.clock_ns / 1e6,
+                                                .edge_us = (double)peer[i].numbering.residual_ns / 1e3 };
         out->overflows = sst_link_head_overflows(a->head);
         for (int i = 0; i < a->layout.config.bound; i++) {
             const int owner = sst_link_head_owner(a->head, i);
 
             for (int k = 0; owner >= 0 && k < SST_BUCKETS; k++)
-                out->bucket[owner][k] += a->camera[i].bucket[k];
+                out->peer[owner].bucket[k] += a->camera[i].bucket[k];
         }
     }
     pthread_mutex_unlock(&a->lock);
@@ -568,16 +576,10 @@ bool array_hosts(struct service_array *a, struct hosts_now *out)
     return out->role != SST_CONFIG_SINGLE;
 }
 
-void array_hosts_free(struct hosts_now *now)
+void array_hosts_forget(struct hosts_now *now)
 {
-    for (int i = 0; now && i < now->peers; i++)
-        json_decref(now->peer[i].reported);
-    free(now);
-}
-
-const char *array_head_address(const struct service_array *a)
-{
-    return a->address;
+    for (int i = 0; i < now->peers; i++)
+        json_decref(now->peer[i].link.reported);
 }
 
 void array_stop(struct service_array *a)

@@ -11,20 +11,9 @@
 /* How long the range of disparities and the cut have to stay until the picture counts as settled. */
 #define SETTLE_NS INT64_C(3000000000)
 
-const char *engine_stage_name(enum engine_stage stage)
-{
-    static const char *const names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
-                                                      "labels", "refine", "render", "encode" };
-
-    return names[stage];
-}
-
-const char *engine_demand_name(enum engine_demand demand)
-{
-    static const char *const names[] = { "none", "events", "pictures" };
-
-    return names[demand];
-}
+const char *const engine_stage_names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
+                                                       "labels", "refine", "render", "encode" };
+const char *const engine_demand_names[] = { "none", "events", "pictures" };
 
 /* @param work, done  "pictures" "rendered" @param failure  NULL: the device works again */
 static void emit_device(struct live_engine *v, const char *work, const char *done, const char *name,

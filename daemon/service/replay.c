@@ -576,20 +576,16 @@ static json_t *time_json(int64_t wall_ns)
 static int describe_state(struct service_replay *r, const char *id, struct sst_api_answer *out)
 {
     struct live_engine *engine = replay_take(r);
-    struct engine_state *state = engine ? malloc(sizeof(*state)) : NULL;
     struct sst_live_settings settings;
     json_t *live = NULL;
 
     pthread_mutex_lock(&r->lock);
     settings = r->config.live;
     pthread_mutex_unlock(&r->lock);
-    if (state) {
-        engine_state(engine, state);
-        live = service_live_json(state, &settings);
-    }
-    free(state);
-    if (engine)
+    if (engine) {
+        live = engine_live_json(engine, &settings);
         replay_release(r);
+    }
     pthread_mutex_lock(&r->lock);
     out->body =
         json_pack("{s:o, s:b, s:s, s:o, s:o, s:o, s:b, s:b, s:f, s:s, s:o}", "replay",

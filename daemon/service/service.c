@@ -25,12 +25,7 @@
 #define UNUSED_S      3                     /* frames that end outside sets for this long are a fault */
 #define LIVE_NS       INT64_C(180000000000) /* the first set of a large array is slow on a small machine */
 
-const char *sst_service_phase_name(enum sst_service_phase phase)
-{
-    static const char *const names[] = { "starting", "armed", "capturing", "degraded", "draining", "failed" };
-
-    return names[phase];
-}
+const char *const service_phase_names[] = { "starting", "armed", "capturing", "degraded", "draining", "failed" };
 
 /* --- start -------------------------------------------------------------------------------------------------------- */
 
@@ -226,7 +221,7 @@ static void name_missing(struct sst_service *s, const struct array_state *a, cha
             sst_text_add(why, size, " ...");
             break;
         }
-        sst_text_add(why, size, " r%dc%d (%s)", c[i].row, c[i].col, array_state_name(c[i].state));
+        sst_text_add(why, size, " r%dc%d (%s)", c[i].row, c[i].col, array_state_names[c[i].state]);
     }
     free(c);
 }
@@ -347,7 +342,7 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
     if (!isnan(latency_ms))
         snprintf(latency, sizeof(latency), ", latency %.0f ms", latency_ms);
     snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s%s%s%.300s",
-             sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz, latency, why[0] ? "; " : "",
+             service_phase_names[phase], a->present, a->cameras, a->rate_hz, v->rate_hz, latency, why[0] ? "; " : "",
              why);
     pthread_mutex_lock(&s->lock);
     s->phase = phase;
@@ -358,8 +353,8 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
                         phase == SST_SERVICE_FAILED     ? SST_EVENT_ERROR
                         : phase == SST_SERVICE_DEGRADED ? SST_EVENT_WARNING
                                                         : SST_EVENT_INFO,
-                        "state", json_pack("{s:s, s:s}", "state", sst_service_phase_name(phase), "reason", why),
-                        "%s%s%.480s", sst_service_phase_name(phase), why[0] ? ": " : "", why);
+                        "state", json_pack("{s:s, s:s}", "state", service_phase_names[phase], "reason", why),
+                        "%s%s%.480s", service_phase_names[phase], why[0] ? ": " : "", why);
     return phase;
 }
 

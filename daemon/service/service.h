@@ -3,6 +3,7 @@
 #define SST_DAEMON_SERVICE_SERVICE_H
 
 #include "config/sstd.h"
+#include "daemon/fields/fields.h"
 
 struct sst_service; /* opaque; open, tick, reload, stop on the main thread */
 
@@ -49,6 +50,7 @@ void sst_service_address(struct sst_service *s, char *out, size_t size);
  *          process must end by _exit() */
 SST_MUST_CHECK bool sst_service_stop(struct sst_service *s);
 
-const char *sst_service_phase_name(enum sst_service_phase phase);
+/** Tables of GET /api/v1/status and /metrics, and of GET /api/v1/cameras. */
+extern const struct sst_field sst_service_status_fields[], sst_service_cameras_fields[];
 
 #endif

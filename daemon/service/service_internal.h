@@ -15,6 +15,7 @@
 #include "config/sstd.h"
 #include "daemon/counters/counters.h"
 #include "daemon/events/events.h"
+#include "daemon/fields/fields.h"
 #include "daemon/publish/api.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/http.h"
@@ -85,23 +86,31 @@ void array_layout(void *array, struct array_layout *out);
 /** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
 
+/** A node, as the head sees it. */
+struct hosts_peer {
+    struct sst_link_peer link;
+    uint64_t bucket[SST_BUCKETS]; /* where the frames passed to capture ended */
+    double clock_ms, edge_us;     /* of link.numbering */
+};
+
 /** The other hosts of the array, now. */
 struct hosts_now {
     enum sst_config_role role;
+    const char *role_name; /* "node", "head" */
     int64_t period_ns;
+    const char *address; /* where the head is */
+    bool synchronised;   /* this host's clock, by its kernel */
+    double error_ms;
     struct sst_link_node_state node; /* of a node */
     int peers;                       /* of a head, while it is open */
     uint64_t overflows;              /* ... datagrams that the kernel had no room for */
-    struct sst_link_peer peer[SST_NUMBERING_SOURCES];
-    uint64_t bucket[SST_NUMBERING_SOURCES][SST_BUCKETS]; /* where the frames passed to capture ended */
+    struct hosts_peer peer[SST_NUMBERING_SOURCES];
 };
 
-/** @return false: this host is the only one */
+/** @param out  zeroed @return false: this host is the only one */
 bool array_hosts(struct service_array *a, struct hosts_now *out);
-/** Frees its references, too. NULL is fine. */
-void array_hosts_free(struct hosts_now *now);
-/** Where the head is; "": this host is the only one. */
-const char *array_head_address(const struct service_array *a);
+/** Release what it refers to. A zeroed one is fine. */
+void array_hosts_forget(struct hosts_now *now);
 
 /** Make the thread end; does not wait. */
 void array_stop(struct service_array *a);
@@ -110,8 +119,8 @@ SST_MUST_CHECK bool array_join(struct service_array *a, int64_t until_ns);
 /** After a join. NULL is fine. */
 void array_close(struct service_array *a);
 
-/** "streaming", "absent" ... */
-const char *array_state_name(enum sst_grab_state state);
+/** "streaming", "absent" ...; by enum sst_grab_state. */
+extern const char *const array_state_names[];
 
 /* --- window: percentiles of the last minute of a repeated measurement. --- */
 
@@ -154,10 +163,10 @@ enum engine_demand {
 };
 
 /** "none", "events", "pictures" */
-const char *engine_demand_name(enum engine_demand demand);
+extern const char *const engine_demand_names[];
 
 /** "wait", "change" ... */
-const char *engine_stage_name(enum engine_stage stage);
+extern const char *const engine_stage_names[ENGINE_STAGES];
 
 struct engine_state {
     bool enabled, ready;          /* ready: see-through pictures can be made */
@@ -316,26 +325,44 @@ void service_api(struct sst_service *s);
 /** "2026-11-21T18:05:00Z", with a fraction if need be. */
 bool service_read_time(const char *text, int64_t *wall_ns);
 
+/* engine_status.c */
+/** A skip of the live picture (design.md, 5.5). */
+struct live_skip {
+    bool on;
+    double percent, error;
+};
+
+/** The state of an engine, and what follows from it; engine_live_fields explains the members. */
+struct live_now {
+    struct engine_state engine;
+    struct live_skip skip[5];
+    bool settling, verify_rays, ranged, device_up, labels_up;
+    double range_px[2];
+    struct sst_spread latency_ms, stage_ms[ENGINE_STAGES];
+    double stage_sum_ms[ENGINE_STAGES];
+    const char *device_reason, *labels_reason, *on_cpu[16];
+    int on_cpu_count;
+    uint64_t not_finite;
+};
+
+extern const struct sst_field engine_live_fields[];
+/** @param now  zeroed */
+void engine_live(struct live_now *now, struct live_engine *engine, const struct sst_live_settings *settings);
+/** Figures of a live picture, as in the status. NULL: no memory. */
+json_t *engine_live_json(struct live_engine *engine, const struct sst_live_settings *settings);
+
 /* status.c */
-json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings);
+/** "starting", "armed" ... */
+extern const char *const service_phase_names[];
 int service_status(void *arg, struct sst_api_answer *out);
-
-/** Notices about the pictures, as in the status: [{what, text}]. @param skew_us  of half of the sets */
-json_t *service_noticed_json(const struct engine_state *v, double skew_us);
 int service_cameras(void *arg, struct sst_api_answer *out);
-
-/** Expiry of the HTTPS certificate. @param days  out, days left; negative: it has expired
- *  @return time of expiry, seconds since 1970; 0: there is none */
-int64_t service_certificate(const struct sst_service *s, double *days);
+int service_metrics(void *arg, char **text);
 
 /* hosts.c */
-json_t *service_hosts_json(struct service_array *array);
+/** Of a struct hosts_now of a node, and of a head. */
+extern const struct sst_field hosts_node_fields[], hosts_head_fields[];
 /** @return true: something is wrong with another host or its clock; why: one clause */
 bool service_hosts_problem(struct service_array *array, char *why, size_t size);
-void service_hosts_metrics(FILE *f, struct service_array *array);
-
-/* metrics.c */
-int service_metrics(void *arg, char **text);
 
 /* reload.c */
 int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
@@ -343,9 +370,6 @@ int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 /* zones.c: zones drawn on the page, kept in web.zones_file */
 int service_zones(void *arg, struct sst_api_answer *out);
 int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
-
-/** Resident memory and open descriptors of this process. */
-void service_process(uint64_t *rss_bytes, int *descriptors);
 
 /** Pass the JPEG slot of the main view to storage, once there is one. */
 void service_record_view(struct sst_service *s);

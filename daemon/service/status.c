@@ -1,4 +1,4 @@
-/* The status as JSON (docs/integrate/api.md). */
+/* Status, cameras and metrics: one table of fields each for JSON, Prometheus and the descriptions of both. */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
@@ -11,223 +11,225 @@
 #include "base/clock.h"
 #include "daemon/service/service_internal.h"
 
-static json_t *count(uint64_t n)
-{
-    return json_integer((json_int_t)n);
-}
+#define ROW    SST_FIELD
+#define GROUP  SST_FIELD_GROUP
+#define NAMES  SST_FIELD_NAMES
+#define COUNTS SST_FIELD_COUNTS
 
 static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
 static const char *const source_names[] = { "gpio", "software", "free-run", "external" };
+static const char *const notice_names[] = { "noise",         "blur",        "soft-views", "jpeg",
+                                            "missing-views", "blank-views", "misaligned", "time-offsets" };
+static const char *const level_names[] = { "info", "warning", "error" };
+static const char *const versions[] = { SST_VERSION };
 
-static json_t *counts(const char *const *keys, const uint64_t *n, int size)
+/* --- status ------------------------------------------------------------------------------------------------------- */
+
+struct certificate {
+    int64_t until_ns;
+    double days;
+};
+
+struct notice {
+    const char *what, *text;
+};
+
+/** All that the status and the metrics are about; large, and not for a stack of a server's thread. */
+struct status_now {
+    const char *version;
+    bool one; /* true */
+    enum sst_service_phase phase;
+    char reason[512], skew_text[320], worst[16];
+    double uptime_s;
+    int64_t wall_ns;
+    struct array_state array;
+    struct array_layout layout;
+    struct sst_spread skew_us, delay_ms;
+    struct live_now live;
+    struct sst_storage_report storage;
+    int http, streams, listeners, rtsp;
+    unsigned rtsp_restarts;
+    uint64_t requests, refused, skipped, slow, sent_bytes, events[3], rss_bytes;
+    struct certificate *certificate, expiry;
+    double cpu_percent, cpu_s;
+    int descriptors, notices;
+    struct notice notice[SST_NOTICES + 2];
+    bool noticed[ARRAY_LEN(notice_names)];
+    struct hosts_now hosts, *node, *head; /* of node and head one, or none */
+};
+
+#define IN struct certificate
+static const struct sst_field certificate_fields[] = {
+    ROW("until", TIME, until_ns, "Its end"),
+    ROW("days", REAL, days, "Days that are left of the certificate of HTTPS", "certificate_days"),
+    { 0 },
+};
+#undef IN
+
+#define IN struct notice
+static const struct sst_field notice_fields[] = {
+    ROW("what", NAME, what, "Kind of the fault", NAMES(notice_names)),
+    ROW("text", NAME, text, "One sentence: what, how much, what helps"),
+    { 0 },
+};
+#undef IN
+
+#define IN struct status_now
+const struct sst_field sst_service_status_fields[] = {
+    ROW("version", NAME, version, "The version that runs"),
+    ROW(NULL, MAP, one, "The version that runs", "info", .label = "version", .item = SST_FIELD_BOOL, NAMES(versions)),
+    ROW("state", CHOICE, phase, "State of the service", "state", .label = "state", .names = service_phase_names,
+        SST_SERVICE_FAILED + 1),
+    ROW("reason", TEXT, reason, "Cause of a state other than capturing, or \"\""),
+    ROW("uptime_s", REAL, uptime_s, "Since the start", "uptime_seconds"),
+    ROW("time", TIME, wall_ns, "Time of this answer"),
+    GROUP(
+        "capture", "Capturing of the array",
+        ROW("cameras", INTEGER, array.cameras, "Cameras that the array has", "cameras"),
+        ROW("present", INTEGER, array.present, "Cameras that deliver", "cameras_present"),
+        ROW("rate_hz", REAL, array.rate_hz, "Sets per second", "capture_rate_hz"),
+        ROW("sets", INTEGER, array.sets, "Sets captured", "sets_total"),
+        ROW("complete", INTEGER, array.complete, "Sets with a frame of every camera", "sets_complete_total"),
+        ROW("dropped", INTEGER, array.report.sets.dropped, "Triggers for which no set was free"),
+        ROW("refused", INTEGER, array.ring_refused, "Sets for which there was no memory", "sets_refused_total"),
+        GROUP(
+            "trigger", "The trigger of the cameras",
+            ROW("source", CHOICE, layout.config.source, "trigger.source of the configuration", NAMES(source_names)),
+            ROW("edges", INTEGER, array.report.edges, "Triggers fired since the cameras were opened", "trigger_edges"),
+            ROW("stamped", INTEGER, array.report.edges_stamped, "Triggers with a time stamp of the loop-back line"),
+            ROW("skipped", INTEGER, array.report.ticks_skipped, "Triggers that were too late to fire"),
+            ROW("away", BOOL, array.report.trigger_away, "Its GPIO chip is gone")),
+        GROUP("frames", "Frames by where they ended",
+              ROW("", MAP, array.report.sets.bucket, "Frames since the cameras were opened, by where they ended",
+                  "frames", .label = "bucket", COUNTS(sst_bucket_keys)),
+              ROW("delivered", INTEGER, array.report.grab.frames, "Frames that the cameras delivered"),
+              ROW("lost_by_drivers", INTEGER, array.report.grab.lost, "Frames missing from the drivers' sequence"),
+              ROW("unexplained", INTEGER, array.report.unexplained, "Frames that ended nowhere or twice: 0, or a bug",
+                  "frames_unexplained")),
+        GROUP("skew_us", "Spread of the exposures of a set",
+              ROW("", SPREAD, skew_us, "Spread of the exposures of a set since the cameras were opened", "skew_seconds",
+                  .per = 1e6),
+              ROW("limit", INTEGER, layout.config.skew_limit_us, "trigger.skew_limit_us of the configuration"),
+              ROW("worst", TEXT, worst, "Camera of the set with the largest spread, or \"\""),
+              ROW("over", INTEGER, array.report.skewed,
+                  "Sets with more skew than the limit since the cameras were opened", "skewed_sets")),
+        ROW("delay_ms", SPREAD, delay_ms, "From the trigger until its set is there, since the cameras were opened",
+            "set_delay_seconds", .per = 1e3),
+        ROW("recovery", MAP, array.report.grab.rung, "Attempts to recover a camera, by their kind", COUNTS(rung_keys))),
+    ROW("live", OBJECT, live, "The live picture", .of = engine_live_fields),
+    ROW("storage", OBJECT, storage, "Recordings, snapshots and exports", .of = sst_storage_fields),
+    GROUP("clients", "Clients of HTTP and RTSP", ROW("http", INTEGER, http, "Connections", "http_clients"),
+          ROW("streams", INTEGER, streams, "Moving pictures that are watched over HTTP", "http_streams"),
+          ROW("listeners", INTEGER, listeners, "Listeners of the event stream"),
+          ROW("rtsp", INTEGER, rtsp, "Clients that watch over RTSP", "rtsp_clients"),
+          ROW("rtsp_restarts", INTEGER, rtsp_restarts, "Times that sst-rtsp was started again", "rtsp_restarts_total"),
+          ROW("requests", INTEGER, requests, "Requests", "http_requests_total"),
+          ROW("refused", INTEGER, refused, "Requests that were refused", "http_refused_total"),
+          ROW(NULL, INTEGER, sent_bytes, "Bytes sent", "http_sent_bytes_total"),
+          ROW("skipped_pictures", INTEGER, skipped, "Pictures that slow viewers did not get",
+              "http_pictures_skipped_total"),
+          ROW("slow_downloads", INTEGER, slow, "Always 0: slow downloads no longer end for others",
+              "http_slow_downloads_total")),
+    ROW("certificate", POINTER, certificate, "Certificate of HTTPS; null: none", .of = certificate_fields),
+    GROUP("process", "The process of the service",
+          ROW("rss_bytes", INTEGER, rss_bytes, "Resident memory", "process_resident_memory_bytes"),
+          ROW("cpu_percent", REAL, cpu_percent, "CPU time over the last seconds, of one core"),
+          ROW("descriptors", INTEGER, descriptors, "Open descriptors", "process_open_fds"),
+          ROW(NULL, REAL, cpu_s, "CPU time", "process_cpu_seconds_total")),
+    ROW("noticed", LIST, notice,
+        "What is wrong with the pictures now; of all views once after the start, then of one view every ten seconds",
+        .of = notice_fields, .stride = sizeof(struct notice), .count_at = offsetof(struct status_now, notices)),
+    ROW(NULL, MAP, noticed, "1 while this is wrong with the pictures", "noticed", .label = "what",
+        .item = SST_FIELD_BOOL, NAMES(notice_names), sizeof(bool)),
+    ROW("hosts", POINTER, node,
+        "Several hosts with one array (docs/use/hosts.md): of a node its head and where its "
+        "frames ended, of a head its nodes; null on a single host",
+        .of = hosts_node_fields),
+    ROW("hosts", POINTER, head, "Several hosts with one array", .of = hosts_head_fields),
+    ROW(NULL, MAP, events, "Events by level", "events_total", .label = "level", COUNTS(level_names)),
+    { 0 },
+};
+#undef IN
+
+/* --- cameras ------------------------------------------------------------------------------------------------------ */
+
+struct camera {
+    char place[16];
+    bool up;
+    double last_s;
+    struct array_camera c;
+};
+
+struct cameras_now {
+    struct array_layout layout;
+    int count;
+    struct array_camera now[SST_CAMERAS_MAX];
+    struct camera camera[SST_CAMERAS_MAX]; /* with what follows from it */
+};
+
+#define IN struct camera
+static const struct sst_field camera_fields[] = {
+    ROW("name", TEXT, place, "Its place, \"r0c5\""),
+    ROW("row", INTEGER, c.row, "Row of the grid, from the top"),
+    ROW("col", INTEGER, c.col, "Column of the grid, from the left"),
+    ROW("state", CHOICE, c.state, "Its state", .names = array_state_names, SST_GRAB_READY + 1),
+    ROW(NULL, BOOL, up, "The camera delivers", "camera_up"),
+    ROW("serial", TEXT, c.serial, "Serial number, or \"\""),
+    ROW("port", TEXT, c.port, "USB port"),
+    ROW("device", TEXT, c.name, "Name of the device"),
+    ROW("frames", INTEGER, c.grab.frames, "Frames of the camera since it was opened", "camera_frames"),
+    ROW("bad", INTEGER, c.grab.bad, "Damaged ones among them", "camera_bad_frames"),
+    ROW("lost", INTEGER, c.grab.lost, "Frames missing from the driver's sequence"),
+    ROW("rate_hz", REAL, c.rate_hz, "Frames in sets, over the last second"),
+    ROW("skew_us", REAL, c.skew_us, "Its exposure against the median of its sets, smoothed", "camera_skew_seconds",
+        .per = 1e6),
+    ROW("last_s", REAL, last_s, "Since its last frame in a set; null: none yet", .nullable = true),
+    ROW("buckets", MAP, c.bucket, "Its frames, by where they ended", COUNTS(sst_bucket_keys)),
+    ROW("recovery", MAP, c.grab.rung, "Attempts to recover it, by their kind", COUNTS(rung_keys)),
+    ROW("reason", TEXT, c.reason, "Reason why it does not stream, or what is odd about its frames, or \"\""),
+    { 0 },
+};
+#undef IN
+
+#define IN struct cameras_now
+const struct sst_field sst_service_cameras_fields[] = {
+    ROW("rows", INTEGER, layout.config.rows, "Rows of the grid"),
+    ROW("cols", INTEGER, layout.config.cols, "Columns of the grid"),
+    ROW("cameras", LIST, camera, "Cameras of the array", .label = "camera", .of = camera_fields,
+        .stride = sizeof(struct camera), .count_at = offsetof(struct cameras_now, count)),
+    { 0 },
+};
+#undef IN
+
+/* --- state now ---------------------------------------------------------------------------------------------------- */
+
+static struct sst_spread histogram_spread(const struct sst_histogram *h, double per)
 {
-    json_t *o = json_object();
-
-    for (int i = 0; i < size; i++)
-        json_object_set_new(o, keys[i], count(n[i]));
-    return o;
+    return (struct sst_spread){ (double)sst_histogram_quantile(h, 0.5) / per,
+                                (double)sst_histogram_quantile(h, 0.99) / per, (double)h->max / per, NAN, h->count };
 }
 
-static json_t *skew_json(const struct array_layout *layout, const struct sst_capture_report *r)
+static void add_notice(struct status_now *now, const char *what, const char *text)
 {
-    const struct sst_config_camera *worst = r->worst_cam >= 0 ? &layout->config.camera[r->worst_cam] : NULL;
-    char name[16] = "";
-
-    if (worst)
-        snprintf(name, sizeof(name), "r%dc%d", worst->row, worst->col);
-    return json_pack("{s:f, s:f, s:f, s:i, s:s, s:I}", "p50", (double)sst_histogram_quantile(&r->skew_ns, 0.5) / 1e3,
-                     "p99", (double)sst_histogram_quantile(&r->skew_ns, 0.99) / 1e3, "max",
-                     (double)r->skew_ns.max / 1e3, "limit", layout->config.skew_limit_us, "worst", name, "over",
-                     (json_int_t)r->skewed);
+    now->notice[now->notices++] = (struct notice){ what, text };
+    for (size_t i = 0; i < ARRAY_LEN(notice_names); i++)
+        now->noticed[i] |= !strcmp(what, notice_names[i]);
 }
 
-static json_t *delay_json(const struct sst_histogram *h)
+static void gather_notices(struct status_now *now)
 {
-    return json_pack("{s:f, s:f, s:f}", "p50", (double)sst_histogram_quantile(h, 0.5) / 1e6, "p99",
-                     (double)sst_histogram_quantile(h, 0.99) / 1e6, "max", (double)h->max / 1e6);
-}
+    const struct engine_state *v = &now->live.engine;
 
-static json_t *capture_json(const struct array_state *a, const struct array_layout *layout)
-{
-    const struct sst_capture_report *r = &a->report;
-    json_t *frames = counts(sst_bucket_keys, r->sets.bucket, SST_BUCKETS);
-
-    json_object_set_new(frames, "delivered", count(r->grab.frames));
-    json_object_set_new(frames, "lost_by_drivers", count(r->grab.lost));
-    json_object_set_new(frames, "unexplained", count(r->unexplained));
-    return json_pack(
-        "{s:i, s:i, s:f, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o, s:o}", "cameras", a->cameras, "present", a->present,
-        "rate_hz", a->rate_hz, "sets", (json_int_t)a->sets, "complete", (json_int_t)a->complete, "dropped",
-        (json_int_t)r->sets.dropped, "refused", (json_int_t)a->ring_refused, "trigger",
-        json_pack("{s:s, s:I, s:I, s:I, s:b}", "source", source_names[layout->config.source], "edges",
-                  (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped, "skipped",
-                  (json_int_t)r->ticks_skipped, "away", r->trigger_away),
-        "frames", frames, "skew_us", skew_json(layout, r), "delay_ms",
-        delay_json(&a->delay_ns), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
-}
-
-static json_t *window_json(const struct time_window *w)
-{
-    const int64_t now_ns = sst_clock_now_ns();
-
-    return json_pack("{s:o, s:o, s:o}", "p50", sst_api_real(window_quantile(w, 0.5, now_ns)), "p99",
-                     sst_api_real(window_quantile(w, 0.99, now_ns)), "max",
-                     sst_api_real(window_quantile(w, 1, now_ns)));
-}
-
-static json_t *skip_json(bool on, double skipped, double error)
-{
-    return json_pack("{s:b, s:f, s:o}", "on", on, "skipped_percent", 100 * skipped, "error", sst_api_real(error));
-}
-
-static double share(uint64_t done, uint64_t skipped)
-{
-    return skipped ? (double)skipped / (double)(done + skipped) : 0;
-}
-
-/* Skips (design.md, 5.5). */
-static json_t *skips_json(const struct engine_state *v, const struct sst_live_settings *s)
-{
-    const double changed = share(v->tiles_changed, v->tiles - v->tiles_changed);
-
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "change", skip_json(s->skip_change, changed, v->error_change), "labels",
-                     skip_json(s->skip_labels, share(v->label_runs, v->label_runs_skipped), v->error_labels), "ranges",
-                     skip_json(s->skip_ranges, share(v->disps, v->disps_skipped), v->error_ranges), "views",
-                     skip_json(s->skip_views, v->rays.rays_skipped, v->rays.error_levels), "tiles",
-                     skip_json(s->skip_tiles, v->rays.rays_even, v->rays.error_levels));
-}
-
-/* Where the network runs; null: on the CPU, or there is none. */
-static json_t *label_device_json(const struct engine_state *v)
-{
-    const struct sst_network_device_report *d = &v->label_device;
-
-    if (!v->labels_on_device)
-        return json_null();
-    return json_pack("{s:b, s:I, s:I, s:I, s:s}", "failing", d->failing, "runs", (json_int_t)d->runs, "on_cpu",
-                     (json_int_t)d->on_cpu, "failures", (json_int_t)d->failures, "reason",
-                     d->failing ? d->failure : d->why);
-}
-
-/* Steps of the live picture that the CPU does now, beside the device. */
-static json_t *cpu_steps_json(const struct engine_state *v)
-{
-    /* A device that has run nothing has no form for this network. */
-    const bool labels =
-        v->labels_on_device && !v->label_device.failing && (v->label_device.runs || !v->label_device.on_cpu);
-    const bool pictures = v->on_device && !v->device.failing && (v->device.pictures || !v->device.on_cpu);
-    const bool rectified = v->on_device && !v->device.failing && v->device.rectifies;
-    json_t *list = json_array();
-
-    for (const char *const *step = sst_live_device_steps; *step; step++)
-        if (!(!strcmp(*step, "labels") ? labels : !strcmp(*step, "rectify") ? rectified : pictures))
-            json_array_append_new(list, json_string(*step));
-    for (const char *const *step = sst_live_cpu_steps; *step; step++)
-        json_array_append_new(list, json_string(*step));
-    return list;
-}
-
-/* Steps of the live picture on a device; null: all on the CPU, as configured. */
-static json_t *device_json(const struct engine_state *v)
-{
-    const struct sst_render_device_report *d = &v->device;
-    json_t *root;
-
-    if (!v->on_device)
-        return json_null();
-    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver,
-                     "failing", d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
-                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "filled_on_cpu", (json_int_t)d->filled_on_cpu,
-                     "rectified", (json_int_t)d->rectified, "rectified_on_cpu", (json_int_t)d->rectified_on_cpu,
-                     "failures", (json_int_t)d->failures, "reason",
-                     d->failing         ? d->failure
-                     : *d->why          ? d->why
-                     : *d->why_verified ? d->why_verified
-                     : *d->why_filled   ? d->why_filled
-                                        : d->why_rectified);
-    json_object_set_new(root, "labels", label_device_json(v));
-    json_object_set_new(root, "stages_on_cpu", cpu_steps_json(v));
-    return root;
-}
-
-/* Shares of the reference view's disparities, for the slider of the cut; zeros until they are known. */
-static json_t *histogram_json(const struct engine_state *v)
-{
-    json_t *share = json_array();
-
-    for (int i = 0; i < SST_LIVE_HISTOGRAM; i++)
-        json_array_append_new(share, json_real(v->counted ? (double)v->share[i] : 0));
-    return json_pack("{s:o, s:o, s:o}", "min_px", v->counted ? json_real(v->share_min_px) : json_null(), "max_px",
-                     v->counted ? json_real(v->share_max_px) : json_null(), "share", share);
-}
-
-static void add_noticed(json_t *list, const char *what, const char *text)
-{
-    json_array_append_new(list, json_pack("{s:s, s:s}", "what", what, "text", text));
-}
-
-json_t *service_noticed_json(const struct engine_state *v, double skew_us)
-{
-    const struct sst_notices *n = &v->noticed;
-    json_t *list = json_array();
-    char text[320];
-
-    for (int i = 0; i < n->count; i++)
-        add_noticed(list, n->notice[i].what, n->notice[i].text);
+    for (int i = 0; i < v->noticed.count; i++)
+        add_notice(now, v->noticed.notice[i].what, v->noticed.notice[i].text);
     if (v->misaligned)
-        add_noticed(list, "misaligned", v->check);
-    if (sst_notice_skew(text, skew_us))
-        add_noticed(list, "time-offsets", text);
-    return list;
+        add_notice(now, "misaligned", v->check);
+    if (sst_notice_skew(now->skew_text, now->skew_us.p50))
+        add_notice(now, "time-offsets", now->skew_text);
 }
 
-/* Figures of the pictures, of as many views as were measured. */
-static json_t *quality_json(const struct engine_state *v)
-{
-    const struct sst_notices *n = &v->noticed;
-
-    return json_pack("{s:i, s:o, s:o, s:o, s:i}", "views", v->noticed_views, "noise_levels",
-                     sst_api_real(v->noticed_views ? n->noise_levels : NAN), "edge_px", sst_api_real(n->edge_px),
-                     "jpeg_quality", sst_api_real(n->jpeg_quality), "soft_views", n->soft);
-}
-
-json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings)
-{
-    json_t *stages = json_object(), *live;
-
-    for (int i = 0; i < ENGINE_STAGES; i++)
-        json_object_set_new(stages, engine_stage_name((enum engine_stage)i), window_json(&v->stage_ms[i]));
-    live = json_pack("{s:b, s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled,
-                     "ready", v->ready, "settling", engine_settling(v), "reason", v->reason, "rate_hz", v->rate_hz,
-                     "sets", (json_int_t)v->sets, "dropped", (json_int_t)v->dropped, "idle", (json_int_t)v->idle,
-                     "pictures", (json_int_t)v->pictures, "changed_percent", v->changed_percent, "cpu_percent",
-                     v->cpu_percent, "views", v->views, "present", v->present);
-    if (!live)
-        return NULL;
-    json_object_set_new(live, "demand", json_string(engine_demand_name(v->demand)));
-    json_object_set_new(live, "light_changes", json_integer((json_int_t)v->relit));
-    json_object_set_new(live, "watched", json_integer((json_int_t)v->watched));
-    json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
-    json_object_set_new(live, "stages_ms", stages);
-    json_object_set_new(live, "skips", skips_json(v, settings));
-    json_object_set_new(live, "device", device_json(v));
-    json_object_set_new(live, "verify_rays", json_boolean(settings->verify_rays));
-    json_object_set_new(live, "size", json_pack("[i, i]", v->width, v->height));
-    json_object_set_new(live, "range_px",
-                        isfinite(v->range_min_px) && isfinite(v->range_max_px)
-                            ? json_pack("[f, f]", v->range_min_px, v->range_max_px)
-                            : json_null());
-    json_object_set_new(live, "focus_px", sst_api_real(v->focus_px));
-    json_object_set_new(live, "cut_px", sst_api_real(v->cut_px));
-    json_object_set_new(live, "histogram", histogram_json(v));
-    json_object_set_new(live, "focal_px", v->focal_px > 0 ? json_real(v->focal_px) : json_null());
-    json_object_set_new(live, "spacing_mm", v->spacing_mm > 0 ? json_real(v->spacing_mm) : json_null());
-    json_object_set_new(live, "calibration", json_string(v->check));
-    json_object_set_new(live, "quality", quality_json(v));
-    return live;
-}
-
-void service_process(uint64_t *rss_bytes, int *descriptors)
+/** Resident memory and open descriptors of this process. */
+static void gather_process(struct status_now *now)
 {
     FILE *f = fopen("/proc/self/statm", "re");
     DIR *dir = opendir("/proc/self/fd");
@@ -237,140 +239,140 @@ void service_process(uint64_t *rss_bytes, int *descriptors)
         pages = 0;
     if (f)
         fclose(f);
-    *rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE);
-    *descriptors = -3; /* ".", ".." and this folder itself */
+    now->rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE);
+    now->descriptors = -3; /* ".", ".." and this folder itself */
     while (dir && readdir(dir))
-        ++*descriptors;
+        now->descriptors++;
     if (dir)
         closedir(dir);
+    now->cpu_s = (double)sst_clock_cpu_ns() / 1e9;
 }
 
-int64_t service_certificate(const struct sst_service *s, double *days)
+static void gather_clients(struct status_now *now, struct sst_counters *c)
 {
-    const int64_t until_s = atomic_load(&s->counters.certificate_until_s);
-
-    *days = (double)(until_s - sst_clock_wall_ns() / 1000000000) / 86400;
-    return until_s;
+    now->http = atomic_load(&c->clients);
+    now->streams = atomic_load(&c->streams);
+    now->listeners = atomic_load(&c->listeners);
+    now->requests = atomic_load(&c->requests);
+    now->refused = atomic_load(&c->refused);
+    now->skipped = atomic_load(&c->skipped);
+    now->slow = atomic_load(&c->slow);
+    now->sent_bytes = atomic_load(&c->bytes);
+    now->rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &now->rtsp_restarts);
+    now->expiry.until_ns = atomic_load(&c->certificate_until_s) * 1000000000;
+    now->expiry.days = (double)(now->expiry.until_ns - now->wall_ns) / 86400e9;
+    now->certificate = now->expiry.until_ns ? &now->expiry : NULL;
 }
 
-static json_t *certificate_json(const struct sst_service *s)
+static void gather_array(struct status_now *now)
 {
-    char text[SST_CLOCK_TEXT];
-    double days;
-    const int64_t until_s = service_certificate(s, &days);
+    const struct sst_capture_report *r = &now->array.report;
+    const struct sst_config_camera *worst = r->worst_cam >= 0 ? &now->layout.config.camera[r->worst_cam] : NULL;
 
-    if (!until_s)
-        return json_null();
-    sst_clock_text(text, until_s * 1000000000);
-    return json_pack("{s:s, s:f}", "until", text, "days", days);
+    now->skew_us = histogram_spread(&r->skew_ns, 1e3);
+    now->delay_ms = histogram_spread(&now->array.delay_ns, 1e6);
+    if (worst)
+        snprintf(now->worst, sizeof(now->worst), "r%dc%d", worst->row, worst->col);
 }
 
-static json_t *clients_json(struct sst_service *s)
+static void free_status(struct status_now *now)
 {
-    struct sst_counters *c = &s->counters;
-    unsigned restarts;
-    const int rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &restarts);
-
-    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", atomic_load(&c->clients), "streams",
-                     atomic_load(&c->streams), "listeners", atomic_load(&c->listeners), "rtsp", rtsp, "rtsp_restarts",
-                     (json_int_t)restarts, "requests", (json_int_t)atomic_load(&c->requests), "refused",
-                     (json_int_t)atomic_load(&c->refused), "skipped_pictures", (json_int_t)atomic_load(&c->skipped),
-                     "slow_downloads", (json_int_t)atomic_load(&c->slow));
+    if (now)
+        array_hosts_forget(&now->hosts);
+    free(now);
 }
 
-static json_t *process_json(double cpu_percent)
+/** @return NULL: no memory */
+static struct status_now *gather_status(struct sst_service *s)
 {
-    uint64_t rss_bytes;
-    int descriptors;
-
-    service_process(&rss_bytes, &descriptors);
-    return json_pack("{s:I, s:f, s:i}", "rss_bytes", (json_int_t)rss_bytes, "cpu_percent", cpu_percent, "descriptors",
-                     descriptors);
-}
-
-/* Large together, and not for a stack of a server's thread. */
-struct gathered {
-    struct array_state array;
-    struct engine_state engine;
-    struct array_layout layout;
+    struct status_now *now = calloc(1, sizeof(*now));
     struct sst_live_settings live;
-    enum sst_service_phase phase;
-    char reason[512];
-    double cpu_percent;
-};
+
+    if (!now)
+        return NULL;
+    now->version = SST_VERSION;
+    now->one = true;
+    array_state(s->array, &now->array);
+    array_layout(s->array, &now->layout);
+    pthread_mutex_lock(&s->lock);
+    live = s->config.live;
+    now->phase = s->phase;
+    now->cpu_percent = s->cpu_percent;
+    memcpy(now->reason, s->reason, sizeof(now->reason));
+    if (!now->layout.generation)
+        now->layout.config = s->config.array;
+    pthread_mutex_unlock(&s->lock);
+    now->uptime_s = (double)(sst_clock_now_ns() - s->start_ns) / 1e9;
+    now->wall_ns = sst_clock_wall_ns();
+    gather_array(now);
+    engine_live(&now->live, s->engine, &live);
+    gather_notices(now);
+    gather_clients(now, &s->counters);
+    gather_process(now);
+    sst_storage_report(s->storage, &now->storage);
+    sst_events_counts(s->events, now->events);
+    if (array_hosts(s->array, &now->hosts))
+        *(now->hosts.role == SST_CONFIG_NODE ? &now->node : &now->head) = &now->hosts;
+    return now;
+}
 
 int service_status(void *arg, struct sst_api_answer *out)
 {
-    struct sst_service *s = arg;
-    struct gathered *g = calloc(1, sizeof(*g));
-    const int64_t now_ns = sst_clock_now_ns();
-    char time[SST_CLOCK_TEXT];
+    struct status_now *now = gather_status(arg);
 
-    if (!g)
-        return -ENOMEM;
-    array_state(s->array, &g->array);
-    array_layout(s->array, &g->layout);
-    engine_state(s->engine, &g->engine);
-    pthread_mutex_lock(&s->lock);
-    g->live = s->config.live;
-    g->phase = s->phase;
-    g->cpu_percent = s->cpu_percent;
-    memcpy(g->reason, s->reason, sizeof(g->reason));
-    if (!g->layout.generation)
-        g->layout.config = s->config.array;
-    pthread_mutex_unlock(&s->lock);
-    sst_clock_text(time, sst_clock_wall_ns());
-    out->body =
-        json_pack("{s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "version", SST_VERSION, "state",
-                  sst_service_phase_name(g->phase), "reason", g->reason, "uptime_s",
-                  (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
-                  "live", service_live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
-                  clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
-    if (out->body) {
-        const double skew_ns = (double)sst_histogram_quantile(&g->array.report.skew_ns, 0.5);
-
-        json_object_set_new(out->body, "noticed", service_noticed_json(&g->engine, skew_ns / 1e3));
-        json_object_set_new(out->body, "hosts", service_hosts_json(s->array));
-    }
-    free(g);
+    out->body = now ? sst_fields_json(sst_service_status_fields, now) : NULL;
+    free_status(now);
     return out->body ? 0 : -ENOMEM;
 }
 
-/* --- cameras ------------------------------------------------------------------------------------------------------ */
-
-static json_t *camera_json(const struct array_camera *c, int64_t now_ns)
+/** @return NULL: no memory */
+static struct cameras_now *gather_cameras(struct sst_service *s)
 {
-    char name[32];
+    struct cameras_now *now = calloc(1, sizeof(*now));
+    const int64_t now_ns = sst_clock_now_ns();
 
-    snprintf(name, sizeof(name), "r%dc%d", c->row, c->col);
-    return json_pack("{s:s, s:i, s:i, s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:f, s:f, s:o, s:o, s:o, s:s}", "name", name,
-                     "row", c->row, "col", c->col, "state", array_state_name(c->state), "serial", c->serial, "port",
-                     c->port, "device", c->name, "frames", (json_int_t)c->grab.frames, "bad", (json_int_t)c->grab.bad,
-                     "lost", (json_int_t)c->grab.lost, "rate_hz", c->rate_hz, "skew_us", c->skew_us, "last_s",
-                     c->last_ns ? json_real((double)(now_ns - c->last_ns) / 1e9) : json_null(), "buckets",
-                     counts(sst_bucket_keys, c->bucket, SST_BUCKETS), "recovery",
-                     counts(rung_keys, c->grab.rung, SST_GRAB_RUNGS), "reason", c->reason);
+    if (!now)
+        return NULL;
+    now->count = array_cameras(s->array, now->now);
+    array_layout(s->array, &now->layout);
+    for (int i = 0; i < now->count; i++) {
+        const struct array_camera *c = &now->now[i];
+
+        now->camera[i] = (struct camera){ .up = c->state == SST_GRAB_STREAMING,
+                                          .c = *c,
+                                          .last_s = c->last_ns ? (double)(now_ns - c->last_ns) / 1e9 : NAN };
+        snprintf(now->camera[i].place, sizeof(now->camera[i].place), "r%dc%d", c->row, c->col);
+    }
+    return now;
 }
 
 int service_cameras(void *arg, struct sst_api_answer *out)
 {
-    struct sst_service *s = arg;
-    struct array_camera *cameras = calloc(SST_CAMERAS_MAX, sizeof(*cameras));
-    struct array_layout *layout = calloc(1, sizeof(*layout));
-    json_t *list = json_array();
-    int n = 0;
+    struct cameras_now *now = gather_cameras(arg);
 
-    if (cameras && layout) {
-        n = array_cameras(s->array, cameras);
-        array_layout(s->array, layout);
-    }
-    for (int i = 0; i < n; i++)
-        json_array_append_new(list, camera_json(&cameras[i], sst_clock_now_ns()));
-    if (layout)
-        out->body =
-            json_pack("{s:i, s:i, s:O}", "rows", layout->config.rows, "cols", layout->config.cols, "cameras", list);
-    json_decref(list);
-    free(cameras);
-    free(layout);
+    out->body = now ? sst_fields_json(sst_service_cameras_fields, now) : NULL;
+    free(now);
     return out->body ? 0 : -ENOMEM;
+}
+
+int service_metrics(void *arg, char **text)
+{
+    struct status_now *now = gather_status(arg);
+    struct cameras_now *cameras = gather_cameras(arg);
+    char *out = NULL;
+    size_t size;
+    FILE *f = now && cameras ? open_memstream(&out, &size) : NULL;
+
+    if (f) {
+        sst_fields_metrics(f, sst_service_status_fields, now);
+        sst_fields_metrics(f, sst_service_cameras_fields, cameras);
+        if (fclose(f)) {
+            free(out);
+            out = NULL;
+        }
+    }
+    free(cameras);
+    free_status(now);
+    *text = out;
+    return out ? 0 : -ENOMEM;
 }

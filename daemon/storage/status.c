@@ -6,6 +6,9 @@
 #include "base/clock.h"
 #include "daemon/storage/storage_internal.h"
 
+#define ROW   SST_FIELD
+#define GROUP SST_FIELD_GROUP
+
 #define DAY_NS   INT64_C(86400000000000)
 #define LEAST_NS INT64_C(60000000000) /* of recordings, before their rate is known */
 
@@ -43,18 +46,10 @@ static bool update_state_locked(struct sst_storage *s)
     return changed;
 }
 
-static const char *state_name(enum sst_storage_state state)
-{
-    return state == SST_STORAGE_OK ? "OK" : state == SST_STORAGE_LOW ? "LOW" : "FULL";
-}
-
-/* Which limit the state is about. */
-static const char *limit_name_locked(const struct sst_storage *s)
-{
-    const bool limit = s->trouble == SST_TROUBLE_LIMIT || s->trouble == SST_TROUBLE_LIMIT_LOW;
-
-    return !limit ? "" : s->limit_quota ? "quota" : "disk";
-}
+static const char *const state_names[] = { "OK", "LOW", "FULL" };
+static const char *const limit_names[] = { "", "quota", "disk" };
+static const char *const kind_names[] = { "recordings", "snapshots", "exports" };
+static const char *const mode_names[] = { "off", "continuous", "event" };
 
 static void report(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
                    int64_t used_bytes)
@@ -62,9 +57,9 @@ static void report(struct sst_storage *s, enum sst_storage_state state, const ch
     const enum sst_event_level level = state == SST_STORAGE_FULL ? SST_EVENT_ERROR : SST_EVENT_INFO;
 
     sst_events_emit(s->events, level, "storage",
-                    json_pack("{s:s, s:s, s:I, s:I}", "state", state_name(state), "reason", reason, "free_bytes",
+                    json_pack("{s:s, s:s, s:I, s:I}", "state", state_names[state], "reason", reason, "free_bytes",
                               (json_int_t)free_bytes, "used_bytes", (json_int_t)used_bytes),
-                    "storage is %s%s%s", state_name(state), reason[0] ? ": " : "", reason);
+                    "storage is %s%s%s", state_names[state], reason[0] ? ": " : "", reason);
 }
 
 void *status_run(void *storage)
@@ -102,63 +97,60 @@ enum sst_storage_state sst_storage_state(struct sst_storage *s)
 
 /* --- status ------------------------------------------------------------------------------------------------- */
 
-static json_t *time_json(int64_t wall_ns)
-{
-    char text[SST_CLOCK_TEXT] = "";
+#define IN struct sst_storage_class
+static const struct sst_field class_fields[] = {
+    ROW("recordings", INTEGER, recordings, "Number of recordings"),
+    ROW("bytes", INTEGER, bytes, "Size of them"),
+    ROW("oldest", TIME, oldest_ns, "Beginning of the oldest, or \"\""),
+    ROW("bytes_per_day", REAL, bytes_per_day, "Growth over the last 24 hours", .nullable = true),
+    ROW("fits_days", REAL, fits_days, "Days for which there is room at this rate", .nullable = true),
+    { 0 },
+};
+#undef IN
 
-    if (wall_ns)
-        sst_clock_text(text, wall_ns);
-    return json_string(text);
-}
-
-static const char *mode_name(enum sst_record_mode mode)
-{
-    return mode == SST_RECORD_CONTINUOUS ? "continuous" : mode == SST_RECORD_EVENT ? "event" : "off";
-}
-
-static json_t *ring_json(struct sst_storage *s)
-{
-    struct sst_ring_counters c;
-    double seconds;
-    int pictures;
-
-    sst_ring_counters(s->ring, &c);
-    pthread_mutex_lock(&s->lock);
-    pictures = s->history.count;
-    pthread_mutex_unlock(&s->lock);
-    seconds = c.oldest_ns ? (double)(sst_clock_now_ns() - c.oldest_ns) * 1e-9 : 0;
-    return json_pack("{s:I, s:i, s:f, s:i}", "bytes", (json_int_t)c.bytes, "sets", c.sets, "seconds",
-                     seconds > 0 ? seconds : 0.0, "pictures", pictures);
-}
-
-static json_t *recording_json_locked(const struct sst_storage *s)
-{
-    struct catalog catalog = s->catalog;
-    const struct store_entry *e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
-
-    return json_pack("{s:s, s:b, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active",
-                     e != NULL, "reduced", e && store_class_of(e) == SST_STORE_REDUCED, "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0),
-                     "sets", (json_int_t)s->active_sets, "dropped", (json_int_t)s->dropped);
-}
-
-/* Counts of the catalog, by the keys of the status. */
-static json_t *counts_json_locked(const struct sst_storage *s)
-{
-    int64_t count[SST_STORE_KINDS] = { 0 }, manual_bytes = 0, removed = 0;
-
-    for (int i = 0; i < s->catalog.count; i++) {
-        const struct store_entry *e = &s->catalog.entry[i];
-
-        count[e->kind]++;
-        manual_bytes += store_is_manual(e) ? e->bytes : 0;
-    }
-    for (int i = 0; i < SST_STORE_KINDS; i++)
-        removed += (int64_t)s->removed[i];
-    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:i}", "recordings", (json_int_t)count[0], "snapshots",
-                     (json_int_t)count[1], "exports", (json_int_t)count[2], "by_hand_bytes", (json_int_t)manual_bytes,
-                     "by_hand_limit_bytes", (json_int_t)s->manual_bytes, "removed", (json_int_t)removed, "shortened",
-                     (json_int_t)s->trimmed, "deleted", (json_int_t)s->deleted, "downloads", s->downloads);
-}
+#define IN struct sst_storage_report
+const struct sst_field sst_storage_fields[] = {
+    ROW("state", CHOICE, state, "State of storage", "storage_state", .label = "state", .names = state_names,
+        ARRAY_LEN(state_names)),
+    ROW("limit", CHOICE, limit,
+        "The limit that LOW or FULL is about: storage.quota_gb or storage.min_free_gb. LOW by "
+        "quota is the usual state of a loop of recordings",
+        .names = limit_names, ARRAY_LEN(limit_names)),
+    ROW("reason", TEXT, reason, "Cause of a state other than OK, or \"\""),
+    ROW("dir", NAME, dir, "storage.dir of the configuration"),
+    ROW("free_bytes", INTEGER, free_bytes, "Free space", "storage_free_bytes"),
+    ROW("used_bytes", INTEGER, used_bytes, "Taken by recordings, snapshots and exports", "storage_used_bytes"),
+    ROW("quota_bytes", INTEGER, quota_bytes, "storage.quota_gb of the configuration; 0: no limit"),
+    ROW("oldest", TIME, oldest_ns, "Beginning of the oldest recording, or \"\""),
+    ROW("age_s", REAL, age_s, "Seconds since the disk was last looked at"),
+    GROUP("recording", "The recording being made",
+          ROW("mode", CHOICE, mode, "storage.mode of the configuration", .names = mode_names, ARRAY_LEN(mode_names)),
+          ROW("active", BOOL, active, "Something is recorded", "recording"),
+          ROW("reduced", BOOL, is_reduced, "One of some sets, which goes on while no other is made"),
+          ROW("name", TEXT, name, "Name of the recording, or \"\""),
+          ROW("why", TEXT, why, "Reason for the recording, or \"\""),
+          ROW("since", TIME, since_ns, "Time of its first set, or \"\""),
+          ROW("sets", INTEGER, sets, "Sets in it", "recording_sets"),
+          ROW("dropped", INTEGER, dropped, "Sets that it lacks", "recording_dropped")),
+    GROUP("ring", "Sets in memory, from which recordings on event begin",
+          ROW("bytes", INTEGER, ring.bytes, "Memory in use"), ROW("sets", INTEGER, ring.sets, "Sets in memory"),
+          ROW("seconds", REAL, ring_s, "Age of the oldest set"),
+          ROW("pictures", INTEGER, pictures, "Pictures of the main view in memory")),
+    ROW("", MAP, kind, "What is kept, by kind", "storage_kept", .label = "kind", .item = SST_FIELD_INTEGER,
+        .names = kind_names, ARRAY_LEN(kind_names), sizeof(int64_t)),
+    ROW("by_hand_bytes", INTEGER, manual_bytes, "Taken by what was made by hand", "storage_by_hand_bytes"),
+    ROW("by_hand_limit_bytes", INTEGER, manual_limit_bytes, "Up to this it outlives the rest",
+        "storage_by_hand_limit_bytes"),
+    ROW("removed", INTEGER, removed, "Removed to keep within the limits", "storage_removed_total"),
+    ROW("shortened", INTEGER, trimmed,
+        "Segments of recordings removed because of the limits, while the rest of the recording stays"),
+    ROW("deleted", INTEGER, deleted, "Deleted by hand", "storage_deleted_total"),
+    ROW("downloads", INTEGER, downloads, "Downloads at work", "storage_downloads"),
+    ROW("full", OBJECT, full, "Automatic recordings of all sets", .of = class_fields),
+    ROW("reduced", OBJECT, reduced, "Automatic recordings of some sets (storage.reduced)", .of = class_fields),
+    { 0 },
+};
+#undef IN
 
 static int64_t smaller(int64_t a, int64_t b)
 {
@@ -192,59 +184,102 @@ static double bytes_per_day_locked(const struct sst_storage *s, enum store_class
 }
 
 /* Full and reduced recordings, and for how many days there is room at the present rate. */
-static json_t *class_json_locked(const struct sst_storage *s, enum store_class class_)
+static struct sst_storage_class class_of_locked(const struct sst_storage *s, enum store_class class_)
 {
     const struct store_limits *l = &s->settings.limits;
     const struct store_room room = { .used_bytes = s->used_bytes, .free_bytes = s->free_bytes };
     const int64_t now_ns = sst_clock_wall_ns(), reduced_bytes = store_reduced_bytes(l, &room);
     const double per_day = bytes_per_day_locked(s, class_, now_ns), age = (double)l->max_age_ns[class_] / DAY_NS;
-    int64_t bytes[SST_STORE_CLASSES] = { 0 }, space = store_room_bytes(l, &room), count = 0, oldest_ns = 0;
-    double days = NAN;
+    struct sst_storage_class out = { .bytes_per_day = per_day > 0 ? per_day : NAN, .fits_days = NAN };
+    int64_t bytes[SST_STORE_CLASSES] = { 0 }, space = store_room_bytes(l, &room);
 
     for (int i = 0; i < s->catalog.count; i++) {
         const struct store_entry *e = &s->catalog.entry[i];
+        const bool mine = store_class_of(e) == class_;
 
         bytes[store_class_of(e)] += e->bytes;
-        count += store_class_of(e) == class_;
-        oldest_ns = store_class_of(e) == class_ && !oldest_ns ? e->from_ns : oldest_ns;
+        out.recordings += mine;
+        out.oldest_ns = mine && !out.oldest_ns ? e->from_ns : out.oldest_ns;
     }
     space -= bytes[SST_STORE_MANUAL];
     if (class_ == SST_STORE_FULL)
         space -= smaller(bytes[SST_STORE_REDUCED], reduced_bytes);
     else if (bytes[SST_STORE_FULL])
         space = smaller(space, reduced_bytes);
+    out.bytes = bytes[class_];
     if (per_day > 0 && s->checked_ns)
-        days = fmax((double)space, 0) / per_day;
-    if (age > 0 && days > age)
-        days = age;
-    return json_pack("{s:I, s:I, s:o, s:o, s:o}", "recordings", (json_int_t)count, "bytes", (json_int_t)bytes[class_],
-                     "oldest", time_json(oldest_ns), "bytes_per_day", per_day > 0 ? json_real(per_day) : json_null(),
-                     "fits_days", isnan(days) ? json_null() : json_real(days));
+        out.fits_days = fmax((double)space, 0) / per_day;
+    if (age > 0 && out.fits_days > age)
+        out.fits_days = age;
+    return out;
 }
 
-json_t *sst_storage_status(struct sst_storage *s)
+static void count_locked(const struct sst_storage *s, struct sst_storage_report *out)
 {
-    json_t *o, *counts, *ring = ring_json(s);
-    const struct store_entry *oldest = NULL;
+    for (int i = 0; i < s->catalog.count; i++) {
+        const struct store_entry *e = &s->catalog.entry[i];
 
-    pthread_mutex_lock(&s->lock);
-    for (int i = 0; i < s->catalog.count && !oldest; i++) {
-        if (s->catalog.entry[i].kind == SST_STORE_RECORDING)
-            oldest = &s->catalog.entry[i];
+        if (e->kind == SST_STORE_RECORDING && !out->kind[SST_STORE_RECORDING]++)
+            out->oldest_ns = e->from_ns;
+        else if (e->kind != SST_STORE_RECORDING)
+            out->kind[e->kind]++;
+        out->manual_bytes += store_is_manual(e) ? e->bytes : 0;
     }
-    o = json_pack("{s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:o, s:f, s:o, s:o}", "state", state_name(s->state), "limit",
-                  limit_name_locked(s), "reason", s->reason, "dir", s->dir, "free_bytes", (json_int_t)s->free_bytes,
-                  "used_bytes", (json_int_t)s->used_bytes, "quota_bytes", (json_int_t)s->settings.limits.quota_bytes,
-                  "oldest", time_json(oldest ? oldest->from_ns : 0), "age_s",
-                  s->checked_ns ? (double)(sst_clock_now_ns() - s->checked_ns) * 1e-9 : 0.0, "recording",
-                  recording_json_locked(s), "ring", ring);
-    counts = counts_json_locked(s);
-    json_object_set_new(counts, "full", class_json_locked(s, SST_STORE_FULL));
-    json_object_set_new(counts, "reduced", class_json_locked(s, SST_STORE_REDUCED));
+    for (int i = 0; i < SST_STORE_KINDS; i++)
+        out->removed += s->removed[i];
+    out->full = class_of_locked(s, SST_STORE_FULL);
+    out->reduced = class_of_locked(s, SST_STORE_REDUCED);
+}
+
+void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out)
+{
+    const struct store_entry *e;
+    struct catalog catalog;
+    int64_t now_ns;
+    bool limit;
+
+    *out = (struct sst_storage_report){ .dir = s->dir };
+    sst_ring_counters(s->ring, &out->ring);
+    pthread_mutex_lock(&s->lock);
+    now_ns = sst_clock_now_ns();
+    if (out->ring.oldest_ns && out->ring.oldest_ns < now_ns)
+        out->ring_s = (double)(now_ns - out->ring.oldest_ns) * 1e-9;
+    catalog = s->catalog;
+    e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
+    limit = s->trouble == SST_TROUBLE_LIMIT || s->trouble == SST_TROUBLE_LIMIT_LOW;
+    out->state = s->state;
+    out->limit = !limit ? 0 : s->limit_quota ? 1 : 2;
+    memcpy(out->reason, s->reason, sizeof(out->reason));
+    out->free_bytes = s->free_bytes;
+    out->used_bytes = s->used_bytes;
+    out->quota_bytes = s->settings.limits.quota_bytes;
+    out->age_s = s->checked_ns ? (double)(now_ns - s->checked_ns) * 1e-9 : 0;
+    out->mode = s->settings.mode;
+    out->active = e != NULL;
+    out->is_reduced = e && store_class_of(e) == SST_STORE_REDUCED;
+    snprintf(out->name, sizeof(out->name), "%s", s->active_name);
+    snprintf(out->why, sizeof(out->why), "%s", e ? s->active_why : "");
+    out->since_ns = e ? e->from_ns : 0;
+    out->sets = s->active_sets;
+    out->dropped = s->dropped;
+    out->pictures = s->history.count;
+    out->manual_limit_bytes = s->manual_bytes;
+    out->trimmed = s->trimmed;
+    out->deleted = s->deleted;
+    out->downloads = s->downloads;
+    count_locked(s, out);
     pthread_mutex_unlock(&s->lock);
-    json_object_update(o, counts);
-    json_decref(counts);
-    return o;
+}
+
+/* --- what is kept --------------------------------------------------------------------------------------------- */
+
+static json_t *time_json(int64_t wall_ns)
+{
+    char text[SST_CLOCK_TEXT] = "";
+
+    if (wall_ns)
+        sst_clock_text(text, wall_ns);
+    return json_string(text);
 }
 
 /* The beginning may have been removed since. */

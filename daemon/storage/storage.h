@@ -10,6 +10,7 @@
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/events/events.h"
+#include "daemon/fields/fields.h"
 #include "daemon/storage/download.h"
 
 /* storage.dir:
@@ -104,13 +105,42 @@ void sst_storage_release(struct sst_storage *s, const char *name);
  * 0.8 s even if the removal continues. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */
 SST_MUST_CHECK int sst_storage_delete(struct sst_storage *s, const char *name);
 
-/** {state, reason, dir, free_bytes, used_bytes, quota_bytes, oldest, age_s, recording: {mode, active, name, why, since,
- * sets, dropped}, ring: {bytes, sets, seconds, pictures}, recordings, snapshots, exports, by_hand_bytes,
- * by_hand_limit_bytes, removed, shortened, deleted, downloads}. NULL: no memory. */
-json_t *sst_storage_status(struct sst_storage *s);
+/** Automatic recordings of one class. */
+struct sst_storage_class {
+    int64_t recordings, bytes, oldest_ns; /* wall time; 0: none */
+    double bytes_per_day, fits_days;      /* NaN: not known */
+};
+
+/** State of storage; sst_storage_fields explains the members. */
+struct sst_storage_report {
+    enum sst_storage_state state;
+    int limit;        /* 0: none, 1: quota, 2: disk */
+    char reason[512];
+    const char *dir;  /* of the storage */
+    int64_t free_bytes, used_bytes, quota_bytes, oldest_ns, kind[3], manual_bytes, manual_limit_bytes;
+    double age_s;
+    uint64_t removed, trimmed, deleted;
+    int downloads;
+    struct sst_storage_class full, reduced;
+    /* the recording that is made */
+    enum sst_record_mode mode;
+    bool active, is_reduced;
+    char name[64], why[112];
+    int64_t since_ns;
+    uint64_t sets, dropped;
+    /* memory */
+    struct sst_ring_counters ring;
+    double ring_s;
+    int pictures;
+};
+
+/** Never waits for a disk. */
+void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out);
+/** Of a struct sst_storage_report: storage of the status, and metrics. */
+extern const struct sst_field sst_storage_fields[];
+
 /** {recordings: [{name, from, to, sets, bytes, why, by_hand, view, active}], snapshots and exports: [{name, time,
- * bytes,
- *  picture, active}]}, the oldest of each first. view: the see-through view was recorded. NULL: no memory. */
+ *  bytes, picture, active}]}, the oldest of each first. view: the see-through view was recorded. NULL: no memory. */
 json_t *sst_storage_list(struct sst_storage *s);
 
 enum sst_storage_state sst_storage_state(struct sst_storage *s);

@@ -430,7 +430,7 @@ static void reduced_recordings_fill_the_time_between(void **state)
         put_and_see(&b, start_ns, i, i >= 60 && i < 70 ? 0.5 : 0.01);
     bench_wait_event(&b, "record-start", "reduced", 2);
     bench_wait(&b, "recording", "sets", 6);
-    status = sst_storage_status(b.storage);
+    status = bench_status(&b);
     assert_true(json_is_true(json_object_get(json_object_get(status, "recording"), "reduced")));
     assert_int_equal(json_integer_value(json_object_get(json_object_get(status, "reduced"), "recordings")), 2);
     assert_int_equal(json_integer_value(json_object_get(json_object_get(status, "full"), "recordings")), 1);
@@ -610,7 +610,7 @@ static void the_quota_holds_while_sets_come(void **state)
     assert_true(most <= 12000000 && most > 8000000 && all > 40000000);
     assert_int_equal(sst_storage_state(b.storage), SST_STORAGE_LOW);
     {
-        json_t *o = sst_storage_status(b.storage);
+        json_t *o = bench_status(&b);
 
         assert_string_equal(json_string_value(json_object_get(o, "limit")), "quota");
         json_decref(o);
