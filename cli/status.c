@@ -9,9 +9,160 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 
-#define TEXT      300
-#define NOTICED_MAX 140 /* bytes of a sentence: one line */
-#define NAMED_MAX 12 /* cameras named; more are counted */
+#define TEXT      512
+#define SHORT_MAX 140 /* bytes of a sentence: one line */
+#define NAMED_MAX 12  /* cameras named; more are counted */
+
+/* --- lines -------------------------------------------------------------------------------------------------------- */
+
+/** Lines of text about an object of the status, each element of a list, or nothing where there is none. */
+struct line {
+    const char *of, *text; /* "": the whole status */
+};
+
+/* {member} is a text, a list, or a number without fraction; {member:%.1f} by that conversion of printf; {member:bytes},
+ * {member:duration}, {member:short} (of a sentence). The text in [member?...] is shown where the member is true, more
+ * than 0 or not empty, that in [member!...] where it is not; in [member+...] of more than 1, in [member#...] of any
+ * number, in [member=word?...] of that word. */
+static const struct line head_lines[] = {
+    { "", "[reason?: {reason}] (sst {version}, up {uptime_s:duration})\n" },
+    { "capture",
+      "  capture    {present} of {cameras} cameras at {rate_hz:%.1f} Hz, trigger {trigger.source}; {sets} sets"
+      "[complete_percent#, {complete_percent:%.4g} % complete][dropped?, {dropped} dropped]"
+      "[refused?, {refused} refused for want of memory]\n" },
+    { 0 },
+};
+
+static const struct line lines[] = {
+    { "capture.skew_us",
+      "[p50#  skew       p50 {p50} us, p99 {p99}, max {max}; limit {limit}[over?, exceeded by {over} sets]"
+      "[worst?; farthest off: {worst}]\n]" },
+    { "hosts",
+      "[head?  head       {head.address} [head.connected?connected][head.connected!NOT CONNECTED[head.reason?: "
+      "{head.reason}]]; of {frames.captured} frames {frames.dropped} dropped, {frames.away} while it was away\n"
+      "[head.connected?[datagrams.used!             pictures go over TLS[datagrams.reason?: {datagrams.reason}]\n"
+      "]]]" },
+    { "hosts.nodes",
+      "  node       {name} [connected?connected, {cameras} cameras, clock {clock_ms:%+.1f} ms, {slips} slips "
+      "put right][connected!NOT CONNECTED[reason?: {reason}]]\n" },
+    { "live",
+      "  live       [enabled!off][enabled?[ready!not ready[reason?: {reason}][reason! yet]; {sets} sets seen]"
+      "[ready?{rate_hz:%.1f} sets/s[demand=none?, as there are no viewers; one view is watched for changes]"
+      "[demand=events?, for events; there are no viewers]"
+      "[latency_ms.p50#, latency p50 {latency_ms.p50} ms, p99 {latency_ms.p99} ms]; {changed_percent:%.3g} % of the "
+      "scene changed[settling?; settling][focus_px#; focus {focus_px:%.4g} px]]]\n" },
+    { "noticed", "  noticed    {text:short}\n" },
+    { "live.device",
+      "  device     {name}[failing? FAILS]: {pictures} pictures, {on_cpu} on the CPU instead[reason?: {reason}]; "
+      "{failures} failures\n" },
+    { "live.device.labels",
+      "             labels[failing? FAIL]: {runs} runs of the network, {on_cpu} on the CPU instead"
+      "[reason?: {reason}]; {failures} failures\n" },
+    { "live.device", "[stages_on_cpu?             on the CPU: {stages_on_cpu}\n]" },
+    { "storage",
+      "[state?  storage    {state}: {used_bytes:bytes} used[quota_bytes? of {quota_bytes:bytes}], "
+      "{free_bytes:bytes} free in {dir}[recordings?; {recordings} recording[recordings+s][oldest? since {oldest}]]"
+      "[reason?; {reason}]\n]" },
+    { "storage.recording",
+      "  recording  [active!no (mode {mode})][active?{name}[why? ({why})]: {sets} sets since {since}"
+      "[dropped?; {dropped} sets LOST since the service started: the disk was too slow or full]]\n" },
+    { "certificate", "  TLS        certificate until {until:%.10s}, {days} days\n" },
+    { "clients", "  clients    {http} on HTTP, {streams} moving pictures, {rtsp} on RTSP; {requests} requests"
+                 "[refused?, {refused} refused]\n" },
+    { "process", "  process    {rss_bytes:bytes} of memory, {cpu_percent} % of a processor\n" },
+    { 0 },
+};
+
+static void print_list(const json_t *list)
+{
+    char text[TEXT];
+
+    for (size_t i = 0; i < json_array_size(list); i++)
+        printf("%s%s", i ? ", " : "", cli_text(json_array_get(list, i), "", text, sizeof(text)));
+}
+
+/* @param form  of the number or text; "": as it is */
+static void print_member(const json_t *o, const char *path, const char *form)
+{
+    const json_t *member = cli_member(o, path);
+    const double n = cli_number(o, path);
+    char text[TEXT], brief[CLI_SHORT];
+
+    cli_text(o, path, text, sizeof(text));
+    if (json_is_array(member))
+        print_list(member);
+    else if (!strcmp(form, "bytes"))
+        printf("%s", cli_bytes_text(brief, n));
+    else if (!strcmp(form, "duration"))
+        printf("%s", cli_duration_text(brief, n));
+    else if (!strcmp(form, "short"))
+        printf("%.*s%s", SHORT_MAX, text, strlen(text) > SHORT_MAX ? " ..." : "");
+    else if (json_is_number(member))
+        printf(*form ? form : "%.0f", n);
+    else
+        printf(*form == '%' && json_is_string(member) ? form : "%s", json_is_string(member) ? text : "?");
+}
+
+static bool holds(const json_t *o, const char *path, char operator, const char * word)
+{
+    const json_t *member = cli_member(o, path);
+    const double n = cli_number(o, path);
+    const char *text = json_string_value(member);
+    const bool some = n > 0 || (text && *text) || json_is_object(member) || json_array_size(member);
+
+    return operator== '?' ? some :
+           operator== '!' ? !some
+           :
+           operator== '+' ? n > 1
+           :
+           operator== '#' ? !isnan(n)
+                          : text && !strcmp(text, word);
+}
+
+/** @return end: "" or the bracket that closes the text */
+static const char *print_text(const json_t *o, const char *t, bool shown)
+{
+    char path[64], word[16] = "";
+
+    for (; *t && *t != ']'; t++) {
+        if (*t == '{') {
+            (void)sscanf(t + 1, "%63[^:}]:%15[^}]", path, word);
+            if (shown)
+                print_member(o, path, word);
+            t = strchr(t, '}');
+            word[0] = 0;
+        } else if (*t == '[') {
+            const size_t n = strcspn(t + 1, "?!+#=");
+            const char operator= t[1 + n];
+
+            snprintf(path, sizeof(path), "%.*s", (int)n, t + 1);
+            t += n + 2;
+            if (operator== '=') {
+                (void)sscanf(t, "%15[^?]", word);
+                t = strchr(t, '?') + 1;
+            }
+            t = print_text(o, t, shown && holds(o, path, operator, word));
+            word[0] = 0;
+        } else if (shown) {
+            putchar(*t);
+        }
+    }
+    return t;
+}
+
+static void print_lines(const json_t *status, const struct line *line)
+{
+    for (; line->text; line++) {
+        const json_t *of = cli_member(status, line->of);
+
+        for (size_t i = 0; i < json_array_size(of); i++)
+            print_text(json_array_get(of, i), line->text, true);
+        if (json_is_object(of))
+            print_text(of, line->text, true);
+    }
+}
+
+/* --- state and cameras -------------------------------------------------------------------------------------------- */
 
 static bool coloured(void)
 {
@@ -20,16 +171,12 @@ static bool coloured(void)
     return isatty(STDOUT_FILENO) && !(no && *no) && term && strcmp(term, "dumb") != 0;
 }
 
-/* --- lines ---------------------------------------------------------------------------------------------------------
- */
-
-static void print_head(const json_t *s)
+static void print_state(const json_t *s)
 {
-    char version[TEXT], state[TEXT], reason[TEXT], up[CLI_SHORT];
+    char state[TEXT];
     const char *colour = "33"; /* yellow */
 
     cli_text(s, "state", state, sizeof(state));
-    cli_text(s, "reason", reason, sizeof(reason));
     if (!strcmp(state, "capturing"))
         colour = "32"; /* green */
     else if (!strcmp(state, "failed"))
@@ -38,8 +185,6 @@ static void print_head(const json_t *s)
         printf("%s", *state ? state : "?");
     else
         printf("\033[1;%sm%s\033[0m", colour, *state ? state : "?");
-    printf("%s%s (sst %s, up %s)\n", *reason ? ": " : "", reason, cli_text(s, "version", version, sizeof(version)),
-           cli_duration_text(up, cli_number(s, "uptime_s")));
 }
 
 static bool streams(const json_t *cam)
@@ -97,25 +242,7 @@ static void print_missing(const json_t *cameras)
         printf("\n");
 }
 
-static void print_capture(const json_t *s)
-{
-    const double sets = cli_number(s, "capture.sets"), complete = cli_number(s, "capture.complete");
-    const double dropped = cli_number(s, "capture.dropped"), refused = cli_number(s, "capture.refused");
-    char source[TEXT];
-
-    printf("  capture    %.0f of %.0f cameras at %.1f Hz, trigger %s; %.0f sets", cli_number(s, "capture.present"),
-           cli_number(s, "capture.cameras"), cli_number(s, "capture.rate_hz"),
-           cli_text(s, "capture.trigger.source", source, sizeof(source)), sets);
-    if (sets > 0)
-        printf(", %.4g %% complete", 100 * complete / sets);
-    if (dropped > 0)
-        printf(", %.0f dropped", dropped);
-    if (refused > 0)
-        printf(", %.0f refused for want of memory", refused);
-    printf("\n");
-}
-
-/* Frames that are in no set, by why. */
+/* Frames that are in no set, by reason. */
 static void print_frames(const json_t *s)
 {
     static const char *const why[] = { "late", "duplicate", "stray", "corrupt", "flagged", "dropped", "unexplained" };
@@ -135,195 +262,18 @@ static void print_frames(const json_t *s)
         printf("; of %.0f\n", cli_number(s, "capture.frames.delivered"));
 }
 
-static void print_skew(const json_t *s)
+static void print_status(json_t *status, const json_t *cameras)
 {
-    const double over = cli_number(s, "capture.skew_us.over");
-    char worst[TEXT];
+    const double sets = cli_number(status, "capture.sets");
 
-    if (isnan(cli_number(s, "capture.skew_us.p50")))
-        return;
-    printf("  skew       p50 %.0f us, p99 %.0f, max %.0f; limit %.0f", cli_number(s, "capture.skew_us.p50"),
-           cli_number(s, "capture.skew_us.p99"), cli_number(s, "capture.skew_us.max"),
-           cli_number(s, "capture.skew_us.limit"));
-    cli_text(s, "capture.skew_us.worst", worst, sizeof(worst));
-    if (over > 0)
-        printf(", exceeded by %.0f sets", over);
-    printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
-}
-
-/* The device of the live picture, and the steps that fall back to the CPU. */
-static void print_device(const json_t *s)
-{
-    const json_t *steps = cli_member(s, "live.device.stages_on_cpu");
-    char name[SST_GPU_NAME], reason[512];
-
-    if (!json_is_object(cli_member(s, "live.device")))
-        return;
-    cli_text(s, "live.device.reason", reason, sizeof(reason));
-    printf("  device     %s%s: %.0f pictures, %.0f on the CPU instead%s%s; %.0f failures\n",
-           cli_text(s, "live.device.name", name, sizeof(name)),
-           cli_number(s, "live.device.failing") > 0 ? " FAILS" : "", cli_number(s, "live.device.pictures"),
-           cli_number(s, "live.device.on_cpu"), *reason ? ": " : "", reason, cli_number(s, "live.device.failures"));
-    if (json_is_object(cli_member(s, "live.device.labels"))) {
-        cli_text(s, "live.device.labels.reason", reason, sizeof(reason));
-        printf("             labels%s: %.0f runs of the network, %.0f on the CPU instead%s%s; %.0f failures\n",
-               cli_number(s, "live.device.labels.failing") > 0 ? " FAIL" : "", cli_number(s, "live.device.labels.runs"),
-               cli_number(s, "live.device.labels.on_cpu"), *reason ? ": " : "", reason,
-               cli_number(s, "live.device.labels.failures"));
-    }
-    for (size_t i = 0; i < json_array_size(steps); i++)
-        printf("%s%s", i ? ", " : "             on the CPU: ", json_string_value(json_array_get(steps, i)));
-    if (json_array_size(steps))
-        printf("\n");
-}
-
-/* Connections between several hosts of one array. */
-static void print_hosts(const json_t *s)
-{
-    const json_t *nodes = cli_member(s, "hosts.nodes");
-    char role[TEXT], name[TEXT], reason[TEXT];
-
-    cli_text(s, "hosts.role", role, sizeof(role));
-    if (!strcmp(role, "node")) {
-        const bool connected = cli_number(s, "hosts.head.connected") > 0;
-
-        cli_text(s, "hosts.head.reason", reason, sizeof(reason));
-        printf("  head       %s %s%s%s; of %.0f frames %.0f dropped, %.0f while it was away\n",
-               cli_text(s, "hosts.head.address", name, sizeof(name)), connected ? "connected" : "NOT CONNECTED",
-               connected || !*reason ? "" : ": ", connected ? "" : reason, cli_number(s, "hosts.frames.captured"),
-               cli_number(s, "hosts.frames.dropped"), cli_number(s, "hosts.frames.away"));
-        cli_text(s, "hosts.datagrams.reason", reason, sizeof(reason));
-        if (connected && !(cli_number(s, "hosts.datagrams.used") > 0))
-            printf("             pictures go over TLS%s%s\n", *reason ? ": " : "", reason);
-    }
-    for (size_t i = 0; i < json_array_size(nodes); i++) {
-        const json_t *node = json_array_get(nodes, i);
-        const bool connected = cli_number(node, "connected") > 0;
-
-        cli_text(node, "reason", reason, sizeof(reason));
-        printf("  node       %s %s%s%s", cli_text(node, "name", name, sizeof(name)),
-               connected ? "connected" : "NOT CONNECTED", connected || !*reason ? "" : ": ", connected ? "" : reason);
-        if (connected)
-            printf(", %.0f cameras, clock %+.1f ms, %.0f slips put right", cli_number(node, "cameras"),
-                   cli_number(node, "clock_ms"), cli_number(node, "slips"));
-        printf("\n");
-    }
-}
-
-static void print_live(const json_t *s)
-{
-    const double focus = cli_number(s, "live.focus_px"), latency_ms = cli_number(s, "live.latency_ms.p50");
-    char reason[TEXT], demand[TEXT];
-
-    if (!(cli_number(s, "live.enabled") > 0)) {
-        printf("  live       off\n");
-        return;
-    }
-    if (!(cli_number(s, "live.ready") > 0)) {
-        cli_text(s, "live.reason", reason, sizeof(reason));
-        printf("  live       not ready%s%s; %.0f sets seen\n", *reason ? ": " : " yet", reason,
-               cli_number(s, "live.sets"));
-        return;
-    }
-    cli_text(s, "live.demand", demand, sizeof(demand));
-    printf("  live       %.1f sets/s", cli_number(s, "live.rate_hz"));
-    if (!strcmp(demand, "none"))
-        printf(", as there are no viewers; one view is watched for changes");
-    else if (!strcmp(demand, "events"))
-        printf(", for events; there are no viewers");
-    if (!isnan(latency_ms))
-        printf(", latency p50 %.0f ms, p99 %.0f ms", latency_ms, cli_number(s, "live.latency_ms.p99"));
-    printf("; %.3g %% of the scene changed", cli_number(s, "live.changed_percent"));
-    if (cli_number(s, "live.settling") > 0)
-        printf("; settling");
-    if (!isnan(focus))
-        printf("; focus %.4g px", focus);
-    printf("\n");
-}
-
-/* Faults of the pictures; --json has the whole sentences. */
-static void print_noticed(const json_t *s)
-{
-    const json_t *list = cli_member(s, "noticed");
-
-    for (size_t i = 0; i < json_array_size(list); i++) {
-        char text[2 * TEXT];
-
-        cli_text(json_array_get(list, i), "text", text, sizeof(text));
-        printf("  noticed    %.*s%s\n", NOTICED_MAX, text, strlen(text) > NOTICED_MAX ? " ..." : "");
-    }
-}
-
-static void print_storage(const json_t *s)
-{
-    const double quota = cli_number(s, "storage.quota_bytes"), recordings = cli_number(s, "storage.recordings");
-    char state[TEXT], reason[TEXT], dir[TEXT], oldest[TEXT], used[CLI_SHORT], of[CLI_SHORT], left[CLI_SHORT];
-
-    cli_text(s, "storage.state", state, sizeof(state));
-    if (!*state)
-        return;
-    cli_text(s, "storage.reason", reason, sizeof(reason));
-    cli_text(s, "storage.oldest", oldest, sizeof(oldest));
-    printf("  storage    %s: %s used%s%s, %s free in %s", state,
-           cli_bytes_text(used, cli_number(s, "storage.used_bytes")), quota > 0 ? " of " : "",
-           quota > 0 ? cli_bytes_text(of, quota) : "", cli_bytes_text(left, cli_number(s, "storage.free_bytes")),
-           cli_text(s, "storage.dir", dir, sizeof(dir)));
-    if (recordings > 0)
-        printf("; %.0f recording%s", recordings, recordings > 1 ? "s" : "");
-    printf("%s%s%s%s\n", recordings > 0 && *oldest ? " since " : "", recordings > 0 ? oldest : "", *reason ? "; " : "",
-           reason);
-}
-
-static void print_recording(const json_t *s)
-{
-    const json_t *r = cli_member(s, "storage.recording");
-    char mode[TEXT], name[TEXT], why[TEXT], since[TEXT];
-
-    if (!r)
-        return;
-    cli_text(r, "mode", mode, sizeof(mode));
-    if (!(cli_number(r, "active") > 0)) {
-        printf("  recording  no (mode %s)\n", mode);
-        return;
-    }
-    cli_text(r, "why", why, sizeof(why));
-    printf("  recording  %s%s%s%s: %.0f sets since %s", cli_text(r, "name", name, sizeof(name)), *why ? " (" : "", why,
-           *why ? ")" : "", cli_number(r, "sets"), cli_text(r, "since", since, sizeof(since)));
-    if (cli_number(r, "dropped") > 0)
-        printf("; %.0f sets LOST since the service started: the disk was too slow or full", cli_number(r, "dropped"));
-    printf("\n");
-}
-
-static void print_process(const json_t *s)
-{
-    char memory[CLI_SHORT], until[TEXT];
-
-    cli_text(s, "certificate.until", until, sizeof(until));
-    if (*until)
-        printf("  TLS        certificate until %.10s, %.0f days\n", until, cli_number(s, "certificate.days"));
-    printf("  clients    %.0f on HTTP, %.0f moving pictures, %.0f on RTSP; %.0f requests",
-           cli_number(s, "clients.http"), cli_number(s, "clients.streams"), cli_number(s, "clients.rtsp"),
-           cli_number(s, "clients.requests"));
-    if (cli_number(s, "clients.refused") > 0)
-        printf(", %.0f refused", cli_number(s, "clients.refused"));
-    printf("\n  process    %s of memory, %.0f %% of a processor\n",
-           cli_bytes_text(memory, cli_number(s, "process.rss_bytes")), cli_number(s, "process.cpu_percent"));
-}
-
-static void print_status(const json_t *status, const json_t *cameras)
-{
-    print_head(status);
-    print_capture(status);
+    if (sets > 0)
+        json_object_set_new(json_object_get(status, "capture"), "complete_percent",
+                            json_real(100 * cli_number(status, "capture.complete") / sets));
+    print_state(status);
+    print_lines(status, head_lines);
     print_missing(cameras);
     print_frames(status);
-    print_skew(status);
-    print_hosts(status);
-    print_live(status);
-    print_noticed(status);
-    print_device(status);
-    print_storage(status);
-    print_recording(status);
-    print_process(status);
+    print_lines(status, lines);
 }
 
 /* --- command -------------------------------------------------------------------------------------------------------
