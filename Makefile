@@ -264,7 +264,8 @@ $(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libss
 	@$(CC) $(LDFLAGS_ALL) $(filter %.o,$^) $(filter %.a,$^) $(LIBS) -o $@
 
 # The manual page of the configuration comes from the table of its keys; a test compares it with the committed one.
-$(BUILD)/config_man: $(BUILD)/obj/scripts/config_man.o $(BUILD)/libsst.a
+# So do openapi.json and status.md from those of routes and fields.
+$(BUILD)/config_man $(BUILD)/api_tables: $(BUILD)/%: $(BUILD)/obj/scripts/%.o $(BUILD)/libsst.a
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
@@ -301,12 +302,12 @@ check-timing: deps ## tests that measure time, with their limits; one that a bus
 	JOBS=3 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
-built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/config_man
+built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/config_man $(BUILD)/api_tables
 built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built fuzzers
 
-check-tests: built $(BUILD)/config_man
+check-tests: built $(BUILD)/config_man $(BUILD)/api_tables
 	@$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
@@ -361,7 +362,7 @@ check-kernel: $(BUILD)/sst $(PLUGINS) $(GUEST_TESTS) ## boot a stock Debian kern
 # Statement and branch coverage by all tests but those that measure time; per folder to build-coverage/coverage.txt.
 coverage: deps ## measure which lines and branches the tests run, about a quarter of an hour
 	rm -rf build-coverage && mkdir build-coverage
-	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man
+	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man build-coverage/api_tables
 	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
 	$(PYTHON) scripts/coverage.py build-coverage | tee build-coverage/coverage.txt
 
@@ -457,10 +458,11 @@ install-built: ## the same without building
 uninstall: ## remove what install put there, changed configuration excepted
 	$(INSTALL) uninstall
 
-man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completions for bash from their tables
+man: $(BUILD)/sst $(BUILD)/config_man $(BUILD)/api_tables ## write man pages, completions, openapi.json and status.md from their tables
 	scripts/man.py --build $(BUILD)
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
+	scripts/openapi.py --build $(BUILD)
 
 .PHONY: check-docs api-index release-check
 release-check: ## version, changelog, man pages and docs name one release
@@ -481,4 +483,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

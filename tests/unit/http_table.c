@@ -1,5 +1,4 @@
-/* The table of routes, openapi.json and docs/integrate/api.md name exactly the same; texts of clients are taken apart
- * rightly. */
+/* The table of routes and docs/integrate/api.md name exactly the same; texts of clients are taken apart rightly. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,43 +8,6 @@
 #include "tests/test.h"
 
 static const char *const roles[] = { "anyone", "view", "control" };
-
-static const char *method_name(const char *member)
-{
-    return !strcmp(member, "get") ? "GET" : !strcmp(member, "post") ? "POST" : "?";
-}
-
-static void openapi_is_the_table(void **state)
-{
-    json_t *doc = json_load_file("daemon/web/openapi.json", JSON_REJECT_DUPLICATES, NULL), *path, *operation;
-    const struct sst_route *routes;
-    const char *name, *method;
-    int count, named = 0;
-
-    (void)state;
-    assert_non_null(doc);
-    routes = sst_http_routes(&count);
-    json_object_foreach(json_object_get(doc, "paths"), name, path)
-    {
-        json_object_foreach(path, method, operation)
-        {
-            int found = 0;
-
-            for (int i = 0; i < count; i++) {
-                if (strcmp(routes[i].path, name) || strcmp(routes[i].method, method_name(method)))
-                    continue;
-                found++;
-                assert_string_equal(json_string_value(json_object_get(operation, "x-role")), roles[routes[i].role]);
-                assert_string_equal(json_string_value(json_object_get(operation, "summary")), routes[i].what);
-            }
-            if (found != 1)
-                fail_msg("%s %s stands %d times in the table", method, name, found);
-            named++;
-        }
-    }
-    assert_int_equal(named, count);
-    json_decref(doc);
-}
 
 /* Table lines of docs/integrate/api.md: | `METHOD /path?query`, `METHOD /path` or `/path` | role | ... */
 static int check_line(char *line, const struct sst_route *routes, int count, int *seen)
@@ -202,7 +164,6 @@ static void texts(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(openapi_is_the_table),
         cmocka_unit_test(document_is_the_table),
         cmocka_unit_test(paths),
         cmocka_unit_test(hosts),

@@ -1,0 +1,43 @@
+/* Prints the tables of routes and of fields as JSON, for scripts/openapi.py. */
+#include <jansson.h>
+
+#include "daemon/publish/http.h"
+#include "daemon/service/service.h"
+
+static json_t *fields_json(const struct sst_field *row)
+{
+    static const char *const types[] = { "",       "bool",   "integer", "real",    "text", "name", "time",
+                                         "choice", "spread", "object",  "pointer", "map",  "list", "json" };
+    json_t *list = json_array();
+
+    for (; row->type; row++) {
+        json_t *names = json_array();
+
+        for (size_t i = 0; row->names && i < row->count; i++)
+            json_array_append_new(names, json_string(row->names[i]));
+        json_array_append_new(list, json_pack("{s:s?, s:s, s:s, s:s?, s:s?, s:s?, s:o, s:i, s:b, s:o}", "key", row->key,
+                                              "type", types[row->type], "item", types[row->item], "help", row->help,
+                                              "metric", row->metric, "label", row->label, "names", names, "count",
+                                              row->count_at ? 0 : (int)row->count, "nullable",
+                                              row->nullable || row->given || row->type == SST_FIELD_POINTER, "of",
+                                              row->of ? fields_json(row->of) : json_null()));
+    }
+    return list;
+}
+
+int main(void)
+{
+    static const char *const roles[] = { "anyone", "view", "control" };
+    json_t *list = json_array();
+    const struct sst_route *routes;
+    int count;
+
+    routes = sst_http_routes(&count);
+    for (int i = 0; i < count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s}", "method", routes[i].method, "path",
+                                              routes[i].path, "role", roles[routes[i].role], "what", routes[i].what));
+    return json_dumpf(json_pack("{s:o, s:o, s:o}", "routes", list, "status", fields_json(sst_service_status_fields),
+                                "cameras", fields_json(sst_service_cameras_fields)),
+                      stdout, JSON_INDENT(1)) ||
+           fflush(stdout);
+}
