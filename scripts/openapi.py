@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Write what comes from the tables of fields and routes: daemon/web/openapi.json, with the hand-written part
-daemon/publish/openapi.in.json, and docs/integrate/status.md.
+"""Write daemon/web/openapi.json and docs/integrate/status.md from the tables of fields and routes, and from the
+hand-written part daemon/publish/openapi.in.json.
 
 `make man` runs it. With --check nothing is written: exit 1 if a file is not what it would be.
 
 A schema in openapi.in.json is a text "type: description", an object of its members, or {"$is": "type: description",
-"minimum": 0 ...}. Types: string, number, integer, boolean, object, array, time, binary, "@schema", "[of]"; with "?" it may
-be null. An object's "$required", "$closed", "$help" are about itself. Operations have "id", "path", "query", "header" (with
-"!" required), "body" or "body?", "form", "says" (of the answer 200), "answer" or "content", "more" answers, "errors", and
-"like" for what several share."""
+"minimum": 0 ...}. Types: string, number, integer, boolean, object, array, time, binary, "@schema", "[of]"; with "?" it
+may be null. "$required", "$closed", "$help" are about the object itself. Operations have "id", "path", "query",
+"header" (with "!" required), "body" or "body?", "form", "says" (of the answer 200), "answer" or "content", "more"
+answers, "errors", and "like" for the part that several share."""
 import argparse
 import json
 import re
@@ -17,13 +17,14 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TYPES = {"bool": "boolean", "integer": "integer", "real": "number", "text": "string", "name": "string", "time": "string",
-         "choice": "string", "spread": "object", "object": "object", "pointer": "object", "map": "object", "list": "array",
-         "json": "object"}
+TYPES = {"bool": "boolean", "integer": "integer", "real": "number", "text": "string", "name": "string",
+         "time": "string", "choice": "string", "spread": "object", "object": "object", "pointer": "object",
+         "map": "object", "list": "array", "json": "object"}
+BODIES = {"body": "application/json", "body?": "application/json", "form": "application/x-www-form-urlencoded"}
 SPREAD = ("p50", "p99", "max")
 
 
-# --- schemas of the hand-written part -------------------------------------------------------------------------------------
+# --- schemas of the hand-written part ---------------------------------------------------------------------------------
 
 def typed(text):
     name, _, nullable = text.partition("?") if text.endswith("?") else (text, "", None)
@@ -56,7 +57,7 @@ def schema(short):
     return out
 
 
-# --- schemas of fields ----------------------------------------------------------------------------------------------------
+# --- schemas of fields ------------------------------------------------------------------------------------------------
 
 def members(rows):
     """Members of an object, by the rows of its table."""
@@ -74,7 +75,8 @@ def members(rows):
 
 def element(row):
     if row["item"]:
-        return field({**row, "type": row["item"], "help": None, "names": [], "nullable": row["nullable"] and row["type"] == "map"})
+        return field({**row, "type": row["item"], "item": "", "help": None, "names": [],
+                      "nullable": row["nullable"] and row["type"] == "map"})
     return {"type": "object", "properties": members(row["of"])}
 
 
@@ -102,7 +104,7 @@ def field(row):
     return out
 
 
-# --- openapi.json ---------------------------------------------------------------------------------------------------------
+# --- openapi.json -----------------------------------------------------------------------------------------------------
 
 def dump(value, depth=0, key=""):
     """JSON, on one line where it fits."""
@@ -111,7 +113,8 @@ def dump(value, depth=0, key=""):
         return text
     items = [dump(v, depth + 1, json.dumps(k) + ": ") for k, v in value.items()] if isinstance(value, dict) else \
         [dump(v, depth + 1) for v in value]
-    return f"{key}{text[len(key)]}\n" + ",\n".join(" " * (depth + 1) + item for item in items) + f"\n{' ' * depth}{text[-1]}"
+    inside = ",\n".join(" " * (depth + 1) + item for item in items)
+    return f"{key}{text[len(key)]}\n{inside}\n{' ' * depth}{text[-1]}"
 
 
 def answer(more):
@@ -138,12 +141,13 @@ def operation(route, op, like):
     params = [p for where in ("path", "query", "header") for p in parameters(where, op.get(where, {}))]
     if params:
         out["parameters"] = params
-    for key, kind in (("body", "application/json"), ("body?", "application/json"), ("form", "application/x-www-form-urlencoded")):
+    for key, kind in BODIES.items():
         if key in op:
             out["requestBody"] = {"required": key != "body?", "content": {kind: {"schema": schema(op[key])}}}
     answers = dict(op.get("more", {}))
     if "answer" in op or "content" in op:
-        answers["200"] = {"says": op.get("says", "Done"), "content": op.get("content") or {"application/json": op["answer"]}}
+        answers["200"] = {"says": op.get("says", "Done"),
+                          "content": op.get("content") or {"application/json": op["answer"]}}
     errors = set(op.get("errors", [])) | ({413, 415} if route["method"] == "POST" else set())
     errors |= set() if route["role"] == "anyone" else {401, 403}
     out["responses"] = {code: answer(answers[code]) for code in sorted(answers)}
@@ -173,7 +177,7 @@ def openapi(tables, source):
     return dump(doc) + "\n"
 
 
-# --- status.md ------------------------------------------------------------------------------------------------------------
+# --- status.md --------------------------------------------------------------------------------------------------------
 
 def kind_of(row):
     kind = row["type"]
@@ -211,9 +215,9 @@ def table(rows):
 
 def page(tables):
     out = ["# Status, cameras, metrics", "",
-           "Made by `make man` from the tables in `daemon/service/` and `daemon/storage/status.c`. Units are the ends of names;",
-           "metrics have base units (seconds, bytes). A metric without a member is in `/metrics` alone. `[]` is each element of a",
-           "list, `*` each member.",
+           "Made by `make man` from the tables in `daemon/service/` and `daemon/storage/status.c`. Names end in their",
+           "units; metrics have base units (seconds, bytes). A metric without a member is in `/metrics` alone. `[]` is each",
+           "element of a list, `*` each member.",
            "",
            "## `GET /api/v1/status`, `GET /metrics`", "", *table(tables["status"]), "",
            "## `GET /api/v1/cameras`", "", *table(tables["cameras"])]
@@ -228,7 +232,8 @@ def main():
     tables = json.loads(subprocess.run([ROOT / args.build / "api_tables"], check=True, capture_output=True).stdout)
     source = json.loads((ROOT / "daemon/publish/openapi.in.json").read_text(encoding="utf8"))
     stale = False
-    for name, text in (("daemon/web/openapi.json", openapi(tables, source)), ("docs/integrate/status.md", page(tables))):
+    for name, text in (("daemon/web/openapi.json", openapi(tables, source)),
+                       ("docs/integrate/status.md", page(tables))):
         path = ROOT / name
         if args.check and (not path.exists() or path.read_text(encoding="utf8") != text):
             print(f"{name} is not what the tables give: run make man")

@@ -1,4 +1,4 @@
-/* daemon/fields/fields.h - tables of fields: members of a structure as JSON, as metrics, and what they mean. */
+/* daemon/fields/fields.h - tables of fields: members of a structure as JSON and as metrics, with their help. */
 #ifndef SST_DAEMON_FIELDS_FIELDS_H
 #define SST_DAEMON_FIELDS_FIELDS_H
 

@@ -42,7 +42,7 @@ const struct sst_field engine_live_fields[] = {
     ROW("views", INTEGER, engine.views, "Views of the light field"),
     ROW("present", INTEGER, engine.present, "Views of the last set"),
     ROW("demand", CHOICE, engine.demand,
-        "What pictures are computed for: none (all is brought up to date every 5 s), "
+        "Use of the pictures: none (all is brought up to date every 5 s), "
         "events (visits to zones, triggers on labels, the time before a recorded event: and up to twice a second after "
         "changes), pictures (viewers, a recorded view: every set)",
         .names = engine_demand_names, 3),
@@ -58,7 +58,7 @@ const struct sst_field engine_live_fields[] = {
         .nullable = true),
     ROW(NULL, MAP, stage_sum_ms, "Time spent in each stage", "live_stage_seconds_total", .per = 1e3, .label = "stage",
         .item = SST_FIELD_REAL, .names = engine_stage_names, ENGINE_STAGES, sizeof(double)),
-    ROW("skips", MAP, skip, "What is left out (design.md, 5.5)", .of = skip_fields, NAMES(skip_names),
+    ROW("skips", MAP, skip, "Work that is left out (design.md, 5.5)", .of = skip_fields, NAMES(skip_names),
         sizeof(struct live_skip)),
     ROW(NULL, INTEGER, engine.tiles, "Tiles of the sets taken in", "live_tiles_total"),
     ROW(NULL, INTEGER, engine.tiles_changed, "Tiles of them that were recomputed", "live_tiles_changed_total"),
@@ -144,13 +144,13 @@ static double share(uint64_t done, uint64_t skipped)
     return skipped ? 100 * ((double)skipped / (double)(done + skipped)) : 0;
 }
 
-/** Which of two sentences explains the last work on the CPU. */
+/** The first sentence that is not empty. */
 static const char *either(const char *a, const char *b)
 {
     return a[0] ? a : b;
 }
 
-/* What a device does of the live picture, and what the CPU does beside it. */
+/* Work of a device on the live picture, and the steps of the CPU beside it. */
 static void gather_device(struct live_now *now)
 {
     const struct engine_state *v = &now->engine;

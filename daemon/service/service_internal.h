@@ -109,7 +109,7 @@ struct hosts_now {
 
 /** @param out  zeroed @return false: this host is the only one */
 bool array_hosts(struct service_array *a, struct hosts_now *out);
-/** Release what it refers to. A zeroed one is fine. */
+/** Release the reports of its nodes. A zeroed one is fine. */
 void array_hosts_forget(struct hosts_now *now);
 
 /** Make the thread end; does not wait. */
@@ -332,7 +332,7 @@ struct live_skip {
     double percent, error;
 };
 
-/** The state of an engine, and what follows from it; engine_live_fields explains the members. */
+/** The state of an engine with derived figures; engine_live_fields explains the members. */
 struct live_now {
     struct engine_state engine;
     struct live_skip skip[5];

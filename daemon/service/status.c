@@ -34,7 +34,7 @@ struct notice {
     const char *what, *text;
 };
 
-/** All that the status and the metrics are about; large, and not for a stack of a server's thread. */
+/** Values of the status and of the metrics; too large for a stack of a server's thread. */
 struct status_now {
     const char *version;
     bool one; /* true */
@@ -137,9 +137,9 @@ const struct sst_field sst_service_status_fields[] = {
           ROW("descriptors", INTEGER, descriptors, "Open descriptors", "process_open_fds"),
           ROW(NULL, REAL, cpu_s, "CPU time", "process_cpu_seconds_total")),
     ROW("noticed", LIST, notice,
-        "What is wrong with the pictures now; of all views once after the start, then of one view every ten seconds",
+        "Faults of the pictures now; of all views once after the start, then of one view every ten seconds",
         .of = notice_fields, .stride = sizeof(struct notice), .count_at = offsetof(struct status_now, notices)),
-    ROW(NULL, MAP, noticed, "1 while this is wrong with the pictures", "noticed", .label = "what",
+    ROW(NULL, MAP, noticed, "Fault of the pictures", "noticed", .label = "what",
         .item = SST_FIELD_BOOL, NAMES(notice_names), sizeof(bool)),
     ROW("hosts", POINTER, node,
         "Several hosts with one array (docs/use/hosts.md): of a node its head and where its "
@@ -164,7 +164,7 @@ struct cameras_now {
     struct array_layout layout;
     int count;
     struct array_camera now[SST_CAMERAS_MAX];
-    struct camera camera[SST_CAMERAS_MAX]; /* with what follows from it */
+    struct camera camera[SST_CAMERAS_MAX]; /* the same with derived values */
 };
 
 #define IN struct camera

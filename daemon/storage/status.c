@@ -136,9 +136,9 @@ const struct sst_field sst_storage_fields[] = {
           ROW("bytes", INTEGER, ring.bytes, "Memory in use"), ROW("sets", INTEGER, ring.sets, "Sets in memory"),
           ROW("seconds", REAL, ring_s, "Age of the oldest set"),
           ROW("pictures", INTEGER, pictures, "Pictures of the main view in memory")),
-    ROW("", MAP, kind, "What is kept, by kind", "storage_kept", .label = "kind", .item = SST_FIELD_INTEGER,
+    ROW("", MAP, kind, "Stored items, by kind", "storage_kept", .label = "kind", .item = SST_FIELD_INTEGER,
         .names = kind_names, ARRAY_LEN(kind_names), sizeof(int64_t)),
-    ROW("by_hand_bytes", INTEGER, manual_bytes, "Taken by what was made by hand", "storage_by_hand_bytes"),
+    ROW("by_hand_bytes", INTEGER, manual_bytes, "Taken by items made by hand", "storage_by_hand_bytes"),
     ROW("by_hand_limit_bytes", INTEGER, manual_limit_bytes, "Up to this it outlives the rest",
         "storage_by_hand_limit_bytes"),
     ROW("removed", INTEGER, removed, "Removed to keep within the limits", "storage_removed_total"),
@@ -271,7 +271,7 @@ void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* --- what is kept --------------------------------------------------------------------------------------------- */
+/* --- stored items --------------------------------------------------------------------------------------------- */
 
 static json_t *time_json(int64_t wall_ns)
 {
