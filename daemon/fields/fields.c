@@ -58,6 +58,17 @@ static json_t *time_json(int64_t wall_ns)
     return json_string(text);
 }
 
+/* Text from outside may end within a character, or be none. */
+static json_t *text_json(const char *text)
+{
+    const size_t n = strlen(text);
+    json_t *json = NULL;
+
+    for (size_t cut = 0; !json && cut < 4 && cut <= n; cut++)
+        json = json_stringn(text, n - cut);
+    return json ? json : json_string("?");
+}
+
 static json_t *value_json(const struct sst_field *f, const char *base);
 
 static json_t *element_json(const struct sst_field *f, const char *at)
@@ -129,9 +140,9 @@ static json_t *value_json(const struct sst_field *f, const char *base)
     case SST_FIELD_REAL:
         return real_json(real_at(f->size, at));
     case SST_FIELD_TEXT:
-        return json_string(at);
+        return text_json(at);
     case SST_FIELD_NAME:
-        return json_string(pointer_at(at));
+        return text_json(pointer_at(at));
     case SST_FIELD_TIME:
         return time_json(integer_at(f->size, at));
     case SST_FIELD_CHOICE:

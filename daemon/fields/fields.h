@@ -67,7 +67,7 @@ struct sst_field {
     { .key = key_, .type = SST_FIELD_OBJECT, .help = help_, .of = SST_FIELD_TABLE(__VA_ARGS__),                        \
       .given = offsetof(IN, given_) }
 
-/** Members of a structure as an object. @return NULL: no memory, or a text is not UTF-8 */
+/** Members of a structure as an object. Text that is not UTF-8 is "?". @return NULL: no memory */
 json_t *sst_fields_json(const struct sst_field *table, const void *structure);
 
 /** Metrics of a structure in Prometheus' text format 0.0.4. Rows with one name of a metric must follow each other. */

@@ -113,11 +113,33 @@ static void metrics_of_one_name_are_together(void **state)
     free(text);
 }
 
+static void text_is_utf8(void **state)
+{
+    static const struct {
+        const char *word, *json;
+    } cases[] = { { "caf\xc3\xa9", "caf\xc3\xa9" },
+                  { "caf\xc3", "caf" },
+                  { "a\xff"
+                    "bcde",
+                    "?" },
+                  { "\xf0\x9f\x98", "" } };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const struct all all = { .word = cases[i].word };
+        json_t *o = sst_fields_json(all_fields, &all);
+
+        assert_string_equal(json_string_value(json_object_get(o, "word")), cases[i].json);
+        json_decref(o);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(members_are_those_of_the_table),
         cmocka_unit_test(metrics_of_one_name_are_together),
+        cmocka_unit_test(text_is_utf8),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
