@@ -20,10 +20,10 @@ struct line {
     const char *of, *text; /* "": the whole status */
 };
 
-/* {member} is a text, a list, or a number without fraction; {member:%.1f} by that conversion of printf; {member:bytes},
- * {member:duration}, {member:short} (of a sentence). The text in [member?...] is shown where the member is true, more
- * than 0 or not empty, that in [member!...] where it is not; in [member+...] of more than 1, in [member#...] of any
- * number, in [member=word?...] of that word. */
+/* {member} is a text, a list, or a number without fraction; {member:%.1f} is converted by printf; forms of other names:
+ * bytes, duration, and short for a sentence. [member?text] shows the text where the member is true, more than 0 or not
+ * empty, [member!text] where it is not, [member+text] where it is more than 1, [member#text] where it is a number, and
+ * [member=word?text] where it is this word. */
 static const struct line head_lines[] = {
     { "", "[reason?: {reason}] (sst {version}, up {uptime_s:duration})\n" },
     { "capture",

@@ -257,7 +257,7 @@ static void write_row(struct writer *w, const struct sst_field *f, const char *b
     }
 }
 
-/** @param level  of the chain, whose row is in the structure at `base` */
+/** @param level  of the chain @param base  structure of the row there */
 static void write_samples(struct writer *w, int level, const char *base, const char *labels)
 {
     const struct sst_field *f = w->chain[level];

@@ -34,7 +34,7 @@ struct sst_spread {
 
 /** One row of a table, which ends with a zeroed row. Of rows with the same key the one that is not null counts. */
 struct sst_field {
-    const char *key; /* "": members of a map or spread are those of the object around it; NULL: a metric alone */
+    const char *key; /* "": members of a map or spread belong to the object around it; NULL: a metric alone */
     enum sst_field_type type;
     size_t at, size;    /* in the structure */
     const char *help;   /* for people: one clause without a full stop */
@@ -59,7 +59,7 @@ struct sst_field {
 #define SST_FIELD_NAMES(array)  .names = array, ARRAY_LEN(array)
 #define SST_FIELD_COUNTS(array) .item = SST_FIELD_INTEGER, SST_FIELD_NAMES(array), sizeof(uint64_t)
 #define SST_FIELD_TABLE(...)    (const struct sst_field[]){ __VA_ARGS__, { 0 } }
-/** An object whose members are in the same structure. */
+/** An object with members of the same structure. */
 #define SST_FIELD_GROUP(key_, help_, ...)                                                                              \
     { .key = key_, .type = SST_FIELD_OBJECT, .help = help_, .of = SST_FIELD_TABLE(__VA_ARGS__) }
 /** The same; null unless a bool of the structure is true. */

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The committed openapi.json and status.md are those that the tables give, and `sst status` names members of the status only.
+# The committed openapi.json and status.md match the tables, and `sst status` names members of the status only.
 set -u
 . "$(dirname "$0")/../lib.sh"
 "$root/scripts/openapi.py" --build "${SST_BUILD:-build}" --check >out 2>&1 || fail "openapi.py: $(cat out)"
