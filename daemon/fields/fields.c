@@ -238,6 +238,8 @@ static void write_row(struct writer *w, const struct sst_field *f, const char *b
 {
     const char *at = base + f->at;
 
+    if (f->type == SST_FIELD_REAL && isnan(real_at(f->size, at)))
+        return;
     write_head(w, f);
     if (f->type == SST_FIELD_SPREAD) {
         write_spread(w, f, (const void *)at, labels);

@@ -13,7 +13,7 @@ enum sst_field_type {
     SST_FIELD_END = 0, /* of a table: a zeroed row */
     SST_FIELD_BOOL = 1,
     SST_FIELD_INTEGER = 2,  /* of 4 or 8 bytes */
-    SST_FIELD_REAL = 3,     /* double or float; not finite: null */
+    SST_FIELD_REAL = 3,     /* double or float; not finite: null, and NaN: no metric */
     SST_FIELD_TEXT = 4,     /* an array of char */
     SST_FIELD_NAME = 5,     /* const char * */
     SST_FIELD_TIME = 6,     /* int64_t, wall time in ns; 0: "" */

@@ -11,10 +11,11 @@
 #include "base/clock.h"
 #include "daemon/service/service_internal.h"
 
-#define ROW    SST_FIELD
-#define GROUP  SST_FIELD_GROUP
-#define NAMES  SST_FIELD_NAMES
-#define COUNTS SST_FIELD_COUNTS
+#define ROW      SST_FIELD
+#define GROUP    SST_FIELD_GROUP
+#define GROUP_IF SST_FIELD_GROUP_IF
+#define NAMES    SST_FIELD_NAMES
+#define COUNTS   SST_FIELD_COUNTS
 
 static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
 static const char *const source_names[] = { "gpio", "software", "free-run", "external" };
@@ -24,11 +25,6 @@ static const char *const level_names[] = { "info", "warning", "error" };
 static const char *const versions[] = { SST_VERSION };
 
 /* --- status ------------------------------------------------------------------------------------------------------- */
-
-struct certificate {
-    int64_t until_ns;
-    double days;
-};
 
 struct notice {
     const char *what, *text;
@@ -50,21 +46,14 @@ struct status_now {
     int http, streams, listeners, rtsp;
     unsigned rtsp_restarts;
     uint64_t requests, refused, skipped, slow, sent_bytes, events[3], rss_bytes;
-    struct certificate *certificate, expiry;
-    double cpu_percent, cpu_s;
+    bool certificate;
+    int64_t until_ns;
+    double days, cpu_percent, cpu_s;
     int descriptors, notices;
     struct notice notice[SST_NOTICES + 2];
     bool noticed[ARRAY_LEN(notice_names)];
     struct hosts_now hosts, *node, *head; /* of node and head one, or none */
 };
-
-#define IN struct certificate
-static const struct sst_field certificate_fields[] = {
-    ROW("until", TIME, until_ns, "Its end"),
-    ROW("days", REAL, days, "Days that are left of the certificate of HTTPS", "certificate_days"),
-    { 0 },
-};
-#undef IN
 
 #define IN struct notice
 static const struct sst_field notice_fields[] = {
@@ -130,7 +119,8 @@ const struct sst_field sst_service_status_fields[] = {
               "http_pictures_skipped_total"),
           ROW("slow_downloads", INTEGER, slow, "Always 0: slow downloads no longer end for others",
               "http_slow_downloads_total")),
-    ROW("certificate", POINTER, certificate, "Certificate of HTTPS; null: none", .of = certificate_fields),
+    GROUP_IF("certificate", certificate, "Certificate of HTTPS; null: none", ROW("until", TIME, until_ns, "Its end"),
+             ROW("days", REAL, days, "Days that are left of the certificate of HTTPS", "certificate_days")),
     GROUP("process", "The process of the service",
           ROW("rss_bytes", INTEGER, rss_bytes, "Resident memory", "process_resident_memory_bytes"),
           ROW("cpu_percent", REAL, cpu_percent, "CPU time over the last seconds, of one core"),
@@ -139,8 +129,8 @@ const struct sst_field sst_service_status_fields[] = {
     ROW("noticed", LIST, notice,
         "Faults of the pictures now; of all views once after the start, then of one view every ten seconds",
         .of = notice_fields, .stride = sizeof(struct notice), .count_at = offsetof(struct status_now, notices)),
-    ROW(NULL, MAP, noticed, "Fault of the pictures", "noticed", .label = "what",
-        .item = SST_FIELD_BOOL, NAMES(notice_names), sizeof(bool)),
+    ROW(NULL, MAP, noticed, "Fault of the pictures", "noticed", .label = "what", .item = SST_FIELD_BOOL,
+        NAMES(notice_names), sizeof(bool)),
     ROW("hosts", POINTER, node,
         "Several hosts with one array (docs/use/hosts.md): of a node its head and where its "
         "frames ended, of a head its nodes; null on a single host",
@@ -259,9 +249,9 @@ static void gather_clients(struct status_now *now, struct sst_counters *c)
     now->slow = atomic_load(&c->slow);
     now->sent_bytes = atomic_load(&c->bytes);
     now->rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &now->rtsp_restarts);
-    now->expiry.until_ns = atomic_load(&c->certificate_until_s) * 1000000000;
-    now->expiry.days = (double)(now->expiry.until_ns - now->wall_ns) / 86400e9;
-    now->certificate = now->expiry.until_ns ? &now->expiry : NULL;
+    now->until_ns = atomic_load(&c->certificate_until_s) * 1000000000;
+    now->certificate = now->until_ns != 0;
+    now->days = now->certificate ? (double)(now->until_ns - now->wall_ns) / 86400e9 : NAN;
 }
 
 static void gather_array(struct status_now *now)
