@@ -5,6 +5,7 @@
 
 #include "config/config_internal.h"
 
+#include "base/log.h"
 #include "base/text.h"
 
 /* Empty, as "live:" with all its keys commented out. */
@@ -306,6 +307,32 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
     return NULL;
 }
 
+/* Keys of earlier versions: a service starts with them after an upgrade, and says what to remove. */
+static const struct {
+    const char *section, *name, *instead;
+} retired[] = {
+    { "live", "skip_ranges", "all disparities of the range are searched" },
+    { "live", "skip_views", "live pictures sum all rays" },
+    { "live", "skip_tiles", "live pictures sum all rays" },
+    { "live", "skip_error_db", "live pictures sum all rays" },
+};
+
+/* Siblings are compared here, since sst_yaml_get() would make a retired key a suggestion for misspelt ones. */
+static void warn_retired(struct sst_yaml *doc, struct sst_yaml_node *root)
+{
+    for (size_t i = 0; i < ARRAY_LEN(retired); i++) {
+        struct sst_yaml_node *section = sst_yaml_get(root, retired[i].section);
+
+        for (struct sst_yaml_node *n = section ? section->first : NULL; n; n = n->next) {
+            if (n->again || strcmp(n->key, retired[i].name) != 0)
+                continue;
+            n->known = true;
+            sst_log_warning("%s:%d:%d: %s: %s has no effect any more: %s; remove it", sst_yaml_name(doc), n->key_line,
+                            n->key_column, retired[i].section, n->key, retired[i].instead);
+        }
+    }
+}
+
 void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_only)
 {
     struct sst_yaml_node *root = sst_yaml_empty(doc) ? NULL : sst_yaml_root(doc), *section = NULL;
@@ -314,6 +341,8 @@ void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_onl
     int count;
     const struct sst_key *keys = sst_schema(&count);
 
+    if (!zones_only && !load->array_only)
+        warn_retired(doc, root);
     for (int i = 0; root && i < count; i++) {
         struct sst_yaml_node *n;
 

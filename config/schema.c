@@ -315,15 +315,6 @@ static const struct sst_key keys[] = {
           "compute only changed tiles; false: everything for each set") },
     { KEY("live", "skip_labels", BOOL, live.skip_labels, "true", PICTURE,
           "label key views only, and again after changes") },
-    { KEY("live", "skip_ranges", BOOL, live.skip_ranges, "false", PICTURE,
-          "search disparities around the last set's; surfaces at other depths are found up to 8 sets later") },
-    { KEY("live", "skip_views", BOOL, live.skip_views, "false", PICTURE,
-          "see-through and refocused pictures that are rendered whole take fewer views where sampled rows allow it") },
-    { KEY("live", "skip_tiles", BOOL, live.skip_tiles, "false", PICTURE,
-          "see-through and refocused pictures leave out or simplify weights within the limits of a tile's maps") },
-    { KEY("live", "skip_error_db", DOUBLE, live.skip_error_db, "50", PICTURE,
-          "least PSNR of these pictures against the exact ones"),
-      RANGE(20, 100) },
     { KEY(
         "live", "device", TEXT, live.device, "cpu", PICTURE,
         "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "

@@ -81,9 +81,6 @@ struct sst_live_settings { /* live: */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */
     bool skip_change, skip_labels;         /* S1, S4 of design.md, 5.5 */
-    bool skip_ranges;                      /* S3 */
-    bool skip_views, skip_tiles;           /* S2, S5 */
-    double skip_error_db;                  /* of these two */
     char device[SST_CONFIG_TEXT_MAX];      /* of pictures and labels: "cpu", "auto", "gpu" or a name */
     int device_memory_mb;                  /* that it may use; 0: three quarters */
     enum sst_live_method method;           /* of the main view, and at first of the others, as all below */

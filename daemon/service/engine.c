@@ -103,10 +103,6 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .threads = c->live.threads,
         .skip_change = c->live.skip_change,
         .skip_labels = c->live.skip_labels,
-        .skip_ranges = c->live.skip_ranges,
-        .skip_views = c->live.skip_views,
-        .skip_tiles = c->live.skip_tiles,
-        .skip_error_db = c->live.skip_error_db,
         .device = v->device,
         .device_memory_bytes = bytes - bytes / LABELS_SHARE,
         .device_label_bytes = bytes / LABELS_SHARE,
@@ -496,9 +492,8 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->events = cfg->events;
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;
-    v->state.error_change = v->state.error_labels = v->state.error_ranges = v->state.rays.error_levels =
-        v->state.range_min_px = v->state.range_max_px = v->state.focus_px = v->state.cut_px = v->state.searched_min_px =
-            v->state.searched_max_px = NAN;
+    v->state.error_change = v->state.error_labels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
+        v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);

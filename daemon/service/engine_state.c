@@ -87,10 +87,6 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
         s->error_change = r->error_change;
     if (!isnan(r->error_labels))
         s->error_labels = r->error_labels;
-    s->disps += (uint64_t)r->disps;
-    s->disps_skipped += (uint64_t)r->disps_skipped;
-    if (!isnan(r->error_ranges))
-        s->error_ranges = r->error_ranges;
     if (!r->tiles_changed)
         return;
     v->update++;
@@ -120,8 +116,6 @@ void engine_note_scene(struct live_engine *v, bool changed)
     float share[SST_LIVE_HISTOGRAM];
     double share_min_px = NAN, share_max_px = NAN;
     const bool count = changed || !v->state.counted;
-    struct sst_render_skip_report skips = { .error_levels = NAN };
-    const bool skipped = sst_live_skips(v->live, &skips);
     const bool counted = count && sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
 
     pthread_mutex_lock(&v->lock);
@@ -134,8 +128,6 @@ void engine_note_scene(struct live_engine *v, bool changed)
     v->state.cut_px = cut_px;
     v->state.searched_min_px = lf->range_min_px;
     v->state.searched_max_px = lf->range_max_px;
-    if (skipped)
-        v->state.rays = skips;
     if (count) {
         v->state.counted = counted;
         v->state.share_min_px = share_min_px;

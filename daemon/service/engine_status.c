@@ -12,7 +12,7 @@
 #define GROUP_IF SST_FIELD_GROUP_IF
 #define NAMES    SST_FIELD_NAMES
 
-static const char *const skip_names[] = { "change", "labels", "ranges", "views", "tiles" };
+static const char *const skip_names[] = { "change", "labels" };
 
 #define IN struct live_skip
 static const struct sst_field skip_fields[] = {
@@ -64,10 +64,6 @@ const struct sst_field engine_live_fields[] = {
     ROW(NULL, INTEGER, engine.tiles_changed, "Tiles of them that were recomputed", "live_tiles_changed_total"),
     ROW(NULL, INTEGER, engine.label_runs, "Runs of the segmentation network", "live_label_runs_total"),
     ROW(NULL, INTEGER, engine.label_runs_skipped, "Runs that were not needed", "live_label_runs_skipped_total"),
-    ROW(NULL, INTEGER, engine.disps, "Disparities searched, of all cells", "live_disparities_total"),
-    ROW(NULL, INTEGER, engine.disps_skipped, "Disparities that were left out", "live_disparities_skipped_total"),
-    ROW(NULL, REAL, engine.rays.rays_skipped, "Rays left out of pictures that were rendered whole, 0..1",
-        "live_rays_skipped_ratio"),
     GROUP_IF(
         "device", engine.on_device, "Work of a device; null: all is on the CPU, as configured",
         ROW("name", TEXT, engine.device.name, "Name of the device"),
@@ -190,9 +186,6 @@ void engine_live(struct live_now *now, struct live_engine *engine, const struct 
     now->skip[0] =
         (struct live_skip){ s->skip_change, share(v->tiles_changed, v->tiles - v->tiles_changed), v->error_change };
     now->skip[1] = (struct live_skip){ s->skip_labels, share(v->label_runs, v->label_runs_skipped), v->error_labels };
-    now->skip[2] = (struct live_skip){ s->skip_ranges, share(v->disps, v->disps_skipped), v->error_ranges };
-    now->skip[3] = (struct live_skip){ s->skip_views, 100 * v->rays.rays_skipped, v->rays.error_levels };
-    now->skip[4] = (struct live_skip){ s->skip_tiles, 100 * v->rays.rays_even, v->rays.error_levels };
     now->range_px[0] = v->range_min_px;
     now->range_px[1] = v->range_max_px;
     now->ranged = isfinite(v->range_min_px) && isfinite(v->range_max_px);

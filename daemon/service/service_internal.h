@@ -182,9 +182,7 @@ struct engine_state {
     double cpu_percent;     /* of one core, over the last ten seconds, without rendering */
     struct time_window latency_ms, stage_ms[ENGINE_STAGES]; /* of sets that changed something */
     uint64_t tiles, tiles_changed, label_runs, label_runs_skipped;
-    uint64_t disps, disps_skipped;               /* disparities searched, of all cells */
-    double error_change, error_labels, error_ranges; /* last sampled; NaN */
-    struct sst_render_skip_report rays;          /* of pictures */
+    double error_change, error_labels;           /* last sampled; NaN */
     bool on_device;                              /* pictures are rendered on a device: */
     struct sst_render_device_report device;
     bool labels_on_device; /* so is the network run: */
@@ -335,7 +333,7 @@ struct live_skip {
 /** The state of an engine with derived figures; engine_live_fields explains the members. */
 struct live_now {
     struct engine_state engine;
-    struct live_skip skip[5];
+    struct live_skip skip[2];
     bool settling, verify_rays, ranged, device_up, labels_up;
     double range_px[2];
     struct sst_spread latency_ms, stage_ms[ENGINE_STAGES];

@@ -141,8 +141,6 @@ export class Health {
       ["Changed", `${number(live.changed_percent, 1)} % of the scene`],
       ["Processed / passed over", `${number(live.sets)} / ${number(live.dropped)} sets`],
       ["Work saved by change", saved(skips.change, 2, "levels")], ["Work saved on labels", saved(skips.labels, 3, "of labels")],
-      ...(skips.ranges?.on ? [["Depths not searched", saved(skips.ranges, 3, "of depths")]] : []),
-      ...(skips.views?.on || skips.tiles?.on ? [["Rays left out", saved(skips.views?.on ? skips.views : skips.tiles, 2, "levels")]] : []),
       ["Processor", `${number(live.cpu_percent)} % of a core`],
       ...deviceFacts(live.device),
       ...(status.noticed ?? []).map(({ what, text }) => [NOTICED_WORDS[what] ?? what, text, "warn"])]);

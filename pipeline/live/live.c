@@ -93,7 +93,7 @@ static void set_zones(const struct sst_live *live, const double changed[SST_LIVE
 
 int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
-    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .error_ranges = NAN, .confirmed = NAN };
+    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN };
     const int64_t cpu_ns = sst_clock_cpu_ns();
     double changed[SST_LIVE_ZONES + 1];
     int err = atomic_load(&live->canceled) ? -ECANCELED : 0;
@@ -124,7 +124,7 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
 
 int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
-    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .error_ranges = NAN, .confirmed = NAN, .ready = live->ready };
+    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN, .ready = live->ready };
     const int64_t cpu_ns = sst_clock_cpu_ns();
     double changed[SST_LIVE_ZONES + 1];
     const int lead = live_zone_view(live);

@@ -35,11 +35,8 @@ struct sst_live_config {
     int threads;                       /* 0: all processors */
     bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
-    bool skip_ranges;                  /* S3: disparities are searched around the last set's */
-    bool skip_views, skip_tiles;       /* S2, S5, of pictures that are rendered whole: as struct sst_render_config has them */
-    double skip_error_db;
     const char *device;           /* pictures are rendered and networks run on it, as sst_gpu_open() names it; NULL or
-                                     "cpu": on none. Then skip_views and skip_tiles have no effect */
+                                     "cpu": on none */
     uint64_t device_memory_bytes; /* that pictures may use; 0: SST_GPU_PICTURES_PERCENT of the device's */
     uint64_t device_label_bytes;  /* that networks may use; 0: SST_GPU_LABELS_PERCENT */
     bool background;                   /* improve the maps of a static scene on a background thread */
@@ -84,10 +81,8 @@ struct sst_live_report {
     int64_t tiles, tiles_changed;           /* of all views; changed: recomputed */
     int64_t decodes, decodes_skipped;       /* frames */
     int64_t label_runs, label_runs_skipped; /* network runs; skipped: compared with one per view */
-    int64_t disps, disps_skipped;           /* disparities searched, of all cells */
     double error_change, error_labels;      /* error of skipped parts when last sampled: mean |difference| (0..255) and
                                                fraction of wrong labels (0..1); NaN: not sampled in this update */
-    double error_ranges; /* sampled: fraction of the cells with a missed disparity (0..1) */
     double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
     bool whole;       /* everything was recomputed */
     bool ready;       /* disparities (and labels, with a model) are available */
@@ -172,9 +167,6 @@ bool sst_live_settle(struct sst_live *live);
 
 /** The current light field: sizes, classes, maps. Valid until the next update. */
 const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
-
-/** Counters of skip_views and skip_tiles in pictures. @return false: none was rendered with them */
-bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *out);
 
 /** Report of the device. Pictures that it cannot render, or fails at, fall back to the CPU within the same set.
  *  @return false: there is no device */

@@ -175,10 +175,6 @@ double sst_live_default_focus(const struct sst_live *live)
     return live->focus.focus_px;
 }
 
-bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *out)
-{
-    return sst_renderer_skips(live->renderer, out);
-}
 
 bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out)
 {

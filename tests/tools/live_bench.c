@@ -8,10 +8,9 @@
  * labels=1 background=0 min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this
  * set on the world stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from
  * this set on the world is brighter by this factor) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear
- * pictures) tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false
- * ones accepted an hour of things behind leaves; 0: no search). slowest=0: stage times of this number of sets, the
- * slowest first. truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a
- * world with ideal cameras). */
+ * pictures) tracks=0 (1: prints them) alarms=0 (false ones accepted an hour of things behind leaves; 0: no search).
+ * slowest=0: stage times of this number of sets, the slowest first. truth=LABEL: how right that label is in every set,
+ * and how often it is reported to have appeared (of a world with ideal cameras). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -43,7 +42,7 @@ static struct {
     { "sets", 30 },      { "first", 0 },   { "rate", 10 },  { "threads", 0 }, { "change", 1 }, { "labels", 1 },
     { "background", 0 }, { "min", 0 },     { "max", 0 },    { "focus", NAN }, { "width", 0 },  { "height", 0 },
     { "same", 0 },       { "absent", -1 }, { "from", 0 },   { "lamp", 0 },    { "gain", 1.3 }, { "verify", 1 },
-    { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 }, { "ranges", 0 },  { "rays", 0 },   { "slowest", 0 },
+    { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 }, { "slowest", 0 },
 };
 static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label, *device;
 
@@ -450,9 +449,6 @@ int main(int argc, char **argv)
     cfg.skip_change = option("change") > 0;
     cfg.alarms_per_hour = option("alarms");
     cfg.skip_labels = option("labels") > 0;
-    cfg.skip_ranges = option("ranges") > 0;
-    cfg.skip_views = cfg.skip_tiles = option("rays") > 0;
-    cfg.skip_error_db = 50;
     cfg.background = option("background") > 0;
     cfg.range_min_px = option("min");
     cfg.range_max_px = option("max");

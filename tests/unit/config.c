@@ -375,6 +375,22 @@ static void what_is_odd_is_warned_of(void **state)
     assert_string_equal(said, "");
 }
 
+/* A service starts after an upgrade with the keys of an earlier version. */
+static void retired_keys_are_warned_of(void **state)
+{
+    (void)state;
+    accept("live: { skip_ranges: true, skip_views: [1], skip_error_db: 45 }\n");
+    assert_contains(said, "warning: ");
+    assert_contains(said, "c.yaml:1:9: live: skip_ranges has no effect any more: all disparities of the range are searched; "
+                          "remove it");
+    assert_contains(said, "c.yaml:1:28: live: skip_views has no effect any more: live pictures sum all rays; remove it");
+    assert_contains(said, "skip_error_db has no effect any more");
+    put("a.yaml", "live: { skip_range: true }\n");
+    sst_config_defaults(&cfg);
+    assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
+    assert_null(strstr(said, "skip_ranges"));
+}
+
 /* sst capture must not stumble over what only the service reads. */
 static void the_array_alone_leaves_the_service_alone(void **state)
 {
@@ -499,6 +515,7 @@ int main(void)
         cmocka_unit_test(single_faults_are_told),
         cmocka_unit_test(all_faults_of_all_files_are_told),
         cmocka_unit_test(what_is_odd_is_warned_of),
+        cmocka_unit_test(retired_keys_are_warned_of),
         cmocka_unit_test(the_array_alone_leaves_the_service_alone),
         cmocka_unit_test(drawn_zones_replace_others),
         cmocka_unit_test(differences_are_told),

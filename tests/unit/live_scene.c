@@ -225,46 +225,6 @@ static void threads_make_no_difference(void **state SST_UNUSED)
     close_field(&f[1]);
 }
 
-/* Disparities of 4 and 8 px in a range of 45 steps: 32 of them are searched, and nothing is missed. */
-static void ranges_follow_the_last_maps(void **state SST_UNUSED)
-{
-    struct field f[2];
-    int compared = 0, narrowed = 0;
-
-    for (int i = 0; i < 2; i++) {
-        init_field(&f[i], 3, 3);
-        f[i].cfg.range_max_px = 46;
-        f[i].cfg.threads = 1 + 2 * i;
-        f[i].cfg.skip_ranges = true;
-        assert_int_equal(sst_livescene_open(&f[i].scene, &f[i].cfg, &f[i].lf), 0);
-    }
-    for (int set = 0; set < 20; set++) {
-        for (int i = 0; i < 2; i++) {
-            f[i].report = (struct sst_live_report){ .error_ranges = NAN };
-            draw(&f[i], 40 + 4 * set);
-            update(&f[i]);
-            for (int view = 0; view < 9; view++)
-                assert_true(bad_share(&f[i], view, 40 + 4 * set) < 8);
-        }
-        assert_int_equal(f[0].report.disps, f[1].report.disps);
-        assert_int_equal(f[0].report.disps_skipped, f[1].report.disps_skipped);
-        assert_true(f[0].report.disps > 0);
-        assert_true(!f[0].report.whole || !f[0].report.disps_skipped);
-        if (isfinite(f[0].report.error_ranges)) {
-            assert_int_equal(f[0].report.disps_skipped, 0);
-            assert_true(f[0].report.error_ranges >= 0 && f[0].report.error_ranges < 0.05);
-            compared++;
-        }
-        narrowed += f[0].report.disps_skipped > 0;
-    }
-    assert_true(compared >= 2 && narrowed > 10);
-    for (int view = 0; view < 9; view++)
-        assert_memory_equal(f[0].lf.views[view].disp.data, f[1].lf.views[view].disp.data,
-                            f[0].lf.views[view].disp.stride * HEIGHT);
-    close_field(&f[0]);
-    close_field(&f[1]);
-}
-
 static void every_view_is_labelled_without_reuse(void **state SST_UNUSED)
 {
     struct field f;
@@ -430,7 +390,6 @@ int main(void)
         serial_test(maps_follow_what_moves),
         serial_test(what_moved_on_leaves_nothing_behind),
         cmocka_unit_test(threads_make_no_difference),
-        serial_test(ranges_follow_the_last_maps),
         serial_test(every_view_is_labelled_without_reuse),
         cmocka_unit_test(views_come_and_go),
         cmocka_unit_test(one_camera_is_never_ready),

@@ -183,44 +183,6 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* Whole pictures leave rays out within the budget, also after the maps have changed. */
-static void whole_pictures_skip_rays(void **state SST_UNUSED)
-{
-    struct sst_render_config cfg = config(8.43);
-    struct sst_render_skip_report report = { 0 };
-    const struct sst_image *image;
-    struct sst_livepicture *p, *exact;
-    struct shown s;
-    int64_t rendered_px;
-
-    show(&s, "bush", 320, 240, 4, false);
-    take(&s, 1);
-    assert_false(sst_live_skips(s.live, &report));
-    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_create(&exact, s.live), 0);
-    for (int round = 0; round < 4; round++) {
-        const struct sst_image *want;
-
-        cfg.focus_px = 8.43 + round; /* another setting: a whole picture */
-        cfg.method = round % 2 ? SST_RENDER_REFOCUS : SST_RENDER_SST;
-        s.live->cfg.skip_views = s.live->cfg.skip_tiles = true;
-        s.live->cfg.skip_error_db = 30;
-        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
-        assert_int_equal(rendered_px, 320 * 240);
-        s.live->cfg.skip_views = s.live->cfg.skip_tiles = false;
-        assert_int_equal(sst_livepicture_render(exact, &cfg, &want, &rendered_px), 0);
-        assert_true(sst_psnr(image, want, NULL) > 27);
-        change_tile(&s, round, 5 * round, true, (uint64_t)round);
-        take(&s, round + 2);
-    }
-    assert_true(sst_live_skips(s.live, &report));
-    assert_int_equal(report.pictures, 4);
-    assert_true(report.rays_skipped > 0 || report.rays_even > 0);
-    sst_livepicture_destroy(exact);
-    sst_livepicture_destroy(p);
-    hide(&s);
-}
-
 static void absent_views_are_left_out(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = config(8.4);
@@ -733,7 +695,6 @@ int main(void)
         serial_test(parts_have_the_bytes_of_the_whole),
         cmocka_unit_test(labelled_parts_do_too),
         cmocka_unit_test(verified_parts_do_too),
-        serial_test(whole_pictures_skip_rays),
         cmocka_unit_test(absent_views_are_left_out),
         cmocka_unit_test(what_cannot_be_rendered_is_said),
         plain_test(the_focus_is_behind_what_is_in_front),

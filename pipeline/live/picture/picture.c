@@ -85,9 +85,6 @@ void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live)
     double lo, hi;
 
     cfg->threads = live->cfg.threads;
-    cfg->skip_views = live->cfg.skip_views;
-    cfg->skip_tiles = live->cfg.skip_tiles;
-    cfg->skip_error_db = live->cfg.skip_error_db;
     cfg->verify = cfg->verify && live->low_confidence ? SST_VERIFY_ON : SST_VERIFY_OFF;
     if (isnan(cfg->focus_px))
         cfg->focus_px = isnan(live->focus.focus_px) ? 0 : live->focus.focus_px;

@@ -6,8 +6,6 @@
 #define KEY_SPACING 3
 /* Steps of half a pixel at half size: see-through weights resolve far coarser differences only. */
 #define DIVISOR 2
-#define STEPS 32 /* of a whole register of costs */
-#define Q6    64 /* stored disparities to a px */
 /* Census between pixels in halves: as fine as the steps. */
 #define PHASE_STEP 2
 /* Penalties of the semi-global optimisation, equal to the preview preset's. */
@@ -15,8 +13,6 @@
 #define PENALTY_2 90
 #define EDGE_STEP 24
 #define PATHS     4
-/* The range of a rectangle's last map is searched, and this many steps more at either end (S3): 4 px. */
-#define AROUND_STEPS 4
 
 static bool present_at(const struct sst_lightfield *lf, int row, int col)
 {
@@ -178,60 +174,10 @@ static struct sst_image part_of(const struct sst_image *img, const struct scene_
     return part;
 }
 
-/* Some of the steps of a volume. */
-struct steps {
-    int first, count;
-    size_t padded;
-};
-
-/* The steps of a rectangle's last map and around; a stored disparity of a map counts 64 for a step. Whole registers, and
- * whole px of the volume. */
-static struct steps last_steps(const struct scene_matcher *m, const struct scene_key *key, const struct scene_rect *r)
-{
-    const struct steps all = { 0, m->volume.steps, m->volume.steps_padded };
-    int least = SST_DISP_NONE, most = 0, first, last;
-    size_t padded;
-
-    for (int y = r->y0; y < r->y1; y++) {
-        const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
-
-        for (int x = r->x0; x < r->x1; x++) {
-            least = sst_min_int(least, disp[x]);
-            most = sst_max_int(most, disp[x]);
-        }
-    }
-    if (most == SST_DISP_NONE)
-        return all;
-    first = sst_max_int(least / Q6 - AROUND_STEPS, 0) / DIVISOR * DIVISOR;
-    last = sst_min_int(most / Q6 + 1 + AROUND_STEPS, all.count - 1);
-    padded = ((size_t)(last - first + 1) + STEPS - 1) / STEPS * STEPS;
-    if (first > last || padded >= all.padded)
-        return all;
-    first = sst_min_int(first, (all.count - (int)padded + DIVISOR - 1) / DIVISOR * DIVISOR);
-    return (struct steps){ first, sst_min_int((int)padded, all.count - first), padded };
-}
-
-/* Count the disparities that a narrower search would have missed. */
-static void compare(struct scene_matcher *m, const struct sst_map_u16 *disp, const struct steps *last)
-{
-    for (int y = 0; y < disp->height; y++) {
-        const uint16_t *row = sst_map_u16_row(disp, y);
-
-        for (int x = 0; x < disp->width; x++) {
-            const int step = row[x] * DIVISOR / Q6;
-
-            m->missed += row[x] != SST_DISP_NONE && (step < last->first || step >= last->first + last->count);
-        }
-    }
-    m->compared += (int64_t)disp->width * disp->height;
-}
-
-/* Copy changed tiles to the key's map; half-size disparities, from step `first` on, become full-size ones. */
-static void store(struct scene_key *key, const struct sst_map_u16 *disp, int first, const struct sst_descriptor *desc,
+/* Copy changed tiles to the key's map; half-size disparities become full-size ones. */
+static void store(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
                   const struct scene_rect *r, const uint8_t *dirty, int tile_cols)
 {
-    const int add = Q6 * first / DIVISOR;
-
     for (int y = r->y0; y < r->y1; y++) {
         const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
@@ -240,7 +186,7 @@ static void store(struct scene_key *key, const struct sst_map_u16 *disp, int fir
 
         for (int x = r->x0; x < r->x1; x++) {
             if (tiles[x / SST_SCENE_CELLS])
-                to[x] = seen && !seen[x] ? (uint16_t)SST_DISP_NONE : (uint16_t)(2 * (from[x - r->x0] + add));
+                to[x] = seen && !seen[x] ? (uint16_t)SST_DISP_NONE : (uint16_t)(2 * from[x - r->x0]);
         }
     }
 }
@@ -253,11 +199,6 @@ int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const 
     };
     const struct sst_view *v = &lf->views[key->view];
     const struct sst_image part = part_of(&desc[key->view].image, rect);
-    const struct steps all = { 0, m->volume.steps, m->volume.steps_padded };
-    const struct steps last = m->ranges == SCENE_RANGES_WHOLE ? all : last_steps(m, key, rect);
-    const struct steps *at = m->ranges == SCENE_RANGES_LAST ? &last : &all;
-    const int disp_min = m->volume.disp_min;
-    const int64_t cells = (int64_t)part.width * part.height;
     struct sst_neighbour neighbours[SST_SCENE_NEIGHBOURS];
     struct sst_map_u16 disp = m->disp;
     struct sst_map_u8 confidence = m->confidence;
@@ -270,22 +211,12 @@ int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const 
     }
     disp.width = confidence.width = part.width;
     disp.height = confidence.height = part.height;
-    m->searched += cells * at->count;
-    m->left_out += cells * (all.count - at->count);
-    m->volume.disp_min = disp_min + at->first / DIVISOR;
-    m->volume.steps = at->count;
-    m->volume.steps_padded = at->padded;
     sst_volume_window(&m->volume, rect->x0, rect->y0, part.width, part.height);
     sst_volume_fill(&m->volume, &desc[key->view], neighbours, key->neighbours);
     err = sst_disparity_sgm(&m->volume, &part, &cfg);
     err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
     err = err ? err : sst_disparity_median5(&disp, &m->volume.lines);
-    m->volume.disp_min = disp_min;
-    m->volume.steps = all.count;
-    m->volume.steps_padded = all.padded;
-    if (!err && m->ranges == SCENE_RANGES_COMPARE)
-        compare(m, &disp, &last);
     if (!err)
-        store(key, &disp, at->first, &desc[key->view], rect, dirty, tile_cols);
+        store(key, &disp, &desc[key->view], rect, dirty, tile_cols);
     return err;
 }

@@ -19,8 +19,6 @@
 #define LABEL_MOST_NS 1000000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
-/* With S3, one set in this number is searched wholly, and the misses of the narrower search are counted. */
-#define COMPARE_SETS 8
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 4
 
@@ -137,32 +135,6 @@ static int match_job(void *arg, int index, int worker)
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
-}
-
-/* How the matchers search in this set. */
-static void set_ranges(struct sst_livescene *s)
-{
-    const bool last = s->cfg->skip_ranges && s->ready && !s->whole;
-    const bool compared = last && s->narrowed++ % COMPARE_SETS == COMPARE_SETS - 1;
-
-    for (int i = 0; i < s->threads; i++) {
-        s->matchers[i].ranges = compared ? SCENE_RANGES_COMPARE : last ? SCENE_RANGES_LAST : SCENE_RANGES_WHOLE;
-        s->matchers[i].searched = s->matchers[i].left_out = s->matchers[i].compared = s->matchers[i].missed = 0;
-    }
-}
-
-static void report_ranges(const struct sst_livescene *s, struct sst_live_report *report)
-{
-    int64_t compared = 0, missed = 0;
-
-    for (int i = 0; i < s->threads; i++) {
-        report->disps += s->matchers[i].searched;
-        report->disps_skipped += s->matchers[i].left_out;
-        compared += s->matchers[i].compared;
-        missed += s->matchers[i].missed;
-    }
-    if (compared)
-        report->error_ranges = (double)missed / (double)compared;
 }
 
 static int area(const struct scene_rect *r)
@@ -383,13 +355,10 @@ static int64_t lap(int64_t *from)
 }
 
 /* Disparities of all dirty tiles of the keys. */
-static int match_keys(struct sst_livescene *s, struct sst_live_report *report)
+static int match_keys(struct sst_livescene *s)
 {
-    int err;
+    const int err = sst_parallel_for(make_jobs(s), s->threads, match_job, s);
 
-    set_ranges(s);
-    err = sst_parallel_for(make_jobs(s), s->threads, match_job, s);
-    report_ranges(s, report);
     return err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
 }
 
@@ -401,10 +370,10 @@ int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
 
     s->label_ns = 0;
     s->label_runs = 0;
-    err = err ? err : match_keys(s, report);
+    err = err ? err : match_keys(s);
     err = err ? err : scene_follow_range(s, &wider);
     if (!err && wider)
-        err = match_keys(s, report);
+        err = match_keys(s);
     if (!err)
         s->confirmed = count_confirmed(s);
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);

@@ -91,21 +91,11 @@ int scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCEN
 int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
                  int height);
 
-/** Which disparities a rectangle is searched for (S3 of design.md, 5.5). */
-enum scene_ranges {
-    SCENE_RANGES_WHOLE = 0,   /* all */
-    SCENE_RANGES_LAST = 1,    /* disparities of its last map and a few px around */
-    SCENE_RANGES_COMPARE = 2, /* all, with a count of the misses of SCENE_RANGES_LAST */
-};
-
 /** Working memory to match a rectangle; one per thread. */
 struct scene_matcher {
     struct sst_volume volume;
     struct sst_map_u16 disp;
     struct sst_map_u8 confidence;
-    enum scene_ranges ranges;
-    int64_t searched, left_out; /* out: disparities of cells, since they were set to 0 */
-    int64_t compared, missed;   /* out: cells of SCENE_RANGES_COMPARE, and how many lie outside the last range */
 };
 
 /** @param min_px, max_px  of the light field, full size @param width, height  half size */
@@ -359,7 +349,6 @@ struct sst_livescene {
     bool *settled[SST_MAX_VIEWS];       /* [tiles] maps come from the background */
     int64_t copied_ns, next_start_ns;   /* of the background */
     double error_labels;
-    unsigned narrowed; /* sets whose searched range followed the last map */
     double confirmed;  /* of the report */
     /* of this set */
     struct scene_job *jobs; /* [1 + SST_SCENE_KEYS * SST_SCENE_RECTS] */
