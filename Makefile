@@ -431,7 +431,7 @@ bench-service: all ## measure the service on simulated arrays, about 10 minutes;
 soak-service: all ## SOAK=30 minutes of faults; reports the slope of memory
 	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
 
-BENCH_GPU := $(BUILD)/sst $(BUILD)/bench/device_limits $(BUILD)/bench/device_sgm $(BUILD)/bench/raw_frames $(BUILD)/tests/tools/live_bench \
+BENCH_GPU := $(BUILD)/sst $(BUILD)/bench/device_limits $(BUILD)/bench/device_sgm $(BUILD)/bench/raw_frames \
   $(if $(filter 1,$(WITH_DNNL)),$(BUILD)/bench/network_device)
 bench-gpu: $(BENCH_GPU) ## measure every stage on every device against the CPU; renews docs/measured/gpu.md
 	$(PYTHON) scripts/bench_gpu.py --build $(BUILD)

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""Measure pictures, live rectification, matching, label refinement and networks on every device against the CPU, interleaved in
+"""Measure pictures, matching, label refinement and networks on every device against the CPU, interleaved in
 one run, and renew docs/measured/gpu.md.
 
 All through `sst render`, `sst process` and benches on simulated light fields: times of the device and the CPU, and what differs
 in their results. `make bench-gpu` runs this; software devices are measured as well, for their errors. Sections of the page
 that are not measured stay as they are: with --devices those of the other devices, with --only the other parts. A machine that
-cannot build needs the programs (BUILD/sst, which has the shaders, BUILD/bench, BUILD/tests/tools/live_bench), models/ and
+cannot build needs the programs (BUILD/sst, which has the shaders, BUILD/bench), models/ and
 scripts/; --merge puts a page that it wrote into this one. Needs python3-numpy, python3-pil.
 """
 import argparse
@@ -39,7 +39,7 @@ def bench_limits(bench):
 
 # In the order of the page; `limits` is measured with each of the others.
 PARTS = {"limits": bench_limits, "pictures": gpu_pictures.bench_pictures, "frames": gpu_pictures.bench_frames,
-         "rays": gpu_pictures.bench_rays, "live": gpu_pictures.bench_live, "matching": gpu_stages.bench_matching,
+         "rays": gpu_pictures.bench_rays, "matching": gpu_stages.bench_matching,
          "sgm": gpu_stages.bench_sgm, "refinement": gpu_stages.bench_refinement, "whole": gpu_stages.bench_whole,
          "times": gpu_stages.bench_times, "networks": gpu_stages.bench_networks}
 

@@ -8,7 +8,7 @@ PAGE = os.path.join(ROOT, "docs/measured/gpu.md")
 PRODUCTS = {"pspnet-small.onnx": 6.025 / (480 * 360), "pspnet-large.onnx": 11.599 / (480 * 360), "mccnn-fast.onnx": 111168e-9}
 # Headings of a device's sections after its name, in the order of the page; the first one has none.
 PARTS = {"limits": "", "pictures": "pictures", "frames": "pictures of raw frames", "rays": "verified rays in little memory",
-         "live": "live rectification", "matching": "matching", "sgm": "semi-global optimisation",
+         "matching": "matching", "sgm": "semi-global optimisation",
          "refinement": "label refinement", "whole": "whole light fields", "times": "where the time goes",
          "networks": "networks"}
 

@@ -1,5 +1,5 @@
-"""Pictures on a device against the CPU's, for scripts/bench_gpu.py: of light fields with true maps, of raw frames, with
-verified rays in little memory, and the rectification of live frames."""
+"""Pictures on a device against the CPU's, for scripts/bench_gpu.py: of light fields with true maps, of raw frames, and
+with verified rays in little memory."""
 import json
 import os
 import re
@@ -30,10 +30,6 @@ SOFTWARE_FRAMES = (256, 192)
 # Sizes of views, and MiB of the device that may be used; None: three quarters of it.
 RAYS = ((1000, 750, (None, 256, 128)), (2000, 1500, (None, 1024, 512)))
 SOFTWARE_RAYS = (250, 188, (None, 8))
-# Scene and size of live worlds.
-LIVE = (("bush", 640, 480), ("pedestrian", 640, 480), ("bush", 1280, 960))
-LIVE_SETS = 21
-LIVE_STEPS = ("rectify, ms", "update, ms", "picture, ms", "CPU, ms")
 
 # Cameras with lenses that distort, turned a little, of different gains.
 WORLD = """scene: {scene}
@@ -183,38 +179,5 @@ def bench_rays(bench):
             "dispatches a picture", "verified on the CPU", "worst levels", "values that differ %"]
     return """`--verify-rays auto` with maps of the preset preview, `--device-memory` as named. Where that does not hold all views in one
 buffer they are compared in rows, and give way to each other.
-
-""" + charts.table(head, rows)
-
-
-def live_run(bench, world, device):
-    """What live_bench prints, as numbers."""
-    out = bench.program("tests/tools/live_bench", world, "calib=truth", "model=none", "clear=1", f"sets={LIVE_SETS}", "rate=5",
-                        *([f"device={device}"] if device else []))
-    means = {k: float(v) for k, v in re.findall(r"^(.+?)\s+mean\s+([\d.]+)\s+p50", out, re.M)}
-    views = re.search(r"(\d+) views rectified, (\d+) on the CPU", out)
-    pictures = re.search(r"(\d+) pictures, (\d+) on the CPU, (\d+) failures", out)
-    if device:
-        assert views and pictures and pictures[2] == pictures[3] == views[2] == "0", out
-    return means, int(views[1]) if device else 0
-
-
-def bench_live(bench):
-    rows = []
-    for scene, width, height in LIVE[:1] if bench.quick else LIVE:
-        world, rounds = world_file(bench, scene, width, height, 2, 5), []
-        for _ in range(bench.rounds):
-            bench.progress("live", scene, width, height)
-            cpu, _ = live_run(bench, world, None)
-            gpu, views = live_run(bench, world, bench.device["name"])
-            rounds.append([means[k] for k in LIVE_STEPS for means in (cpu, gpu)] +
-                          [gpu["tiles changed, %"], views / LIVE_SETS])
-        m = [statistics.median(column) for column in zip(*rounds)]
-        rows.append([f"{scene}, 36 of {width}x{height}", f"{m[8]:.0f}", f"{m[9]:.1f}", f"{m[0]:.1f}", f"{m[1]:.1f}",
-                     f"{m[1] / m[0]:.2f}"] + [f"{v:.1f}" for v in m[2:8]])
-    head = ["world", "tiles that changed %", "views a set", "rectify: CPU ms", "with device ms", "ratio", "update: CPU ms",
-            "with device ms", "clear picture: CPU ms", "with device ms", "processor time a set: CPU ms", "with device ms"]
-    return f"""`live_bench WORLD calib=truth model=none clear=1`, means of the {LIVE_SETS - 1} sets after the first. Rectification on the
-device has the upload of the tiles that changed and the download of those that depend on them.
 
 """ + charts.table(head, rows)

@@ -76,9 +76,6 @@ const struct sst_field engine_live_fields[] = {
             "live_device_on_cpu_total"),
         ROW("verified_on_cpu", INTEGER, engine.device.verified_on_cpu, "Pictures whose rays were verified on the CPU"),
         ROW("filled_on_cpu", INTEGER, engine.device.filled_on_cpu, "Clear pictures whose holes were filled on the CPU"),
-        ROW("rectified", INTEGER, engine.device.rectified, "Views that the device rectified"),
-        ROW("rectified_on_cpu", INTEGER, engine.device.rectified_on_cpu,
-            "Views that the CPU rectified instead of the device"),
         ROW("failures", INTEGER, engine.device.failures, "Times that the device failed at pictures",
             "live_device_failures_total"),
         ROW("reason", NAME, device_reason, "Cause of the last failure, or of the last work on the CPU"),
@@ -152,19 +149,18 @@ static void gather_device(struct live_now *now)
     const struct engine_state *v = &now->engine;
     const struct sst_render_device_report *d = &v->device;
     const struct sst_network_device_report *n = &v->label_device;
-    bool labels, pictures, rectified;
+    bool labels, pictures;
 
     now->device_up = v->on_device && !d->failing;
     now->labels_up = v->labels_on_device && !n->failing;
     now->device_reason =
-        d->failing ? d->failure : either(d->why, either(d->why_verified, either(d->why_filled, d->why_rectified)));
+        d->failing ? d->failure : either(d->why, either(d->why_verified, d->why_filled));
     now->labels_reason = n->failing ? n->failure : n->why;
     /* A device that has run nothing has no form for this network. */
     labels = now->labels_up && (n->runs || !n->on_cpu);
     pictures = now->device_up && (d->pictures || !d->on_cpu);
-    rectified = now->device_up && d->rectifies;
     for (const char *const *step = sst_live_device_steps; *step; step++)
-        if (!(!strcmp(*step, "labels") ? labels : !strcmp(*step, "rectify") ? rectified : pictures))
+        if (!strcmp(*step, "labels") ? !labels : !pictures)
             now->on_cpu[now->on_cpu_count++] = *step;
     for (const char *const *step = sst_live_cpu_steps; *step; step++)
         now->on_cpu[now->on_cpu_count++] = *step;

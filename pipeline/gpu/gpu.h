@@ -81,19 +81,18 @@ enum sst_gpu_shader {
     SST_GPU_VERIFY_RAYS = 62,
     SST_GPU_VERIFY_MODE = 63,
     SST_GPU_VERIFY_BLEND = 64,
-    SST_GPU_LIMITS = 65,    /* gpu_internal.h */
-    SST_GPU_TILES = 66,     /* tiles.h */
-    SST_GPU_HOLE_PULL = 67, /* hole.h */
-    SST_GPU_HOLE_PUSH = 68,
-    SST_GPU_CLEAR_SURFACE = 69, /* clear_sample.h */
-    SST_GPU_CLEAR_SAMPLE = 70,
-    SST_GPU_SGM_PATH_SUBGROUP = 71, /* variants of SST_GPU_SGM_PATH, SST_GPU_HYPOTHESIS_PATH */
-    SST_GPU_HYPOTHESIS_PATH_SUBGROUP = 72,
-    SST_GPU_FEATURE_COST_DOT = 73, /* a variant of SST_GPU_FEATURE_COST */
-    SST_GPU_CONVERT = 74,          /* convert.h */
-    SST_GPU_LABEL_KEEP = 75,       /* label.h */
-    SST_GPU_LABEL_GRID = 76,
-    SST_GPU_LABEL_INPUT = 77,
+    SST_GPU_LIMITS = 65,   /* gpu_internal.h */
+    SST_GPU_HOLE_PULL = 66, /* hole.h */
+    SST_GPU_HOLE_PUSH = 67,
+    SST_GPU_CLEAR_SURFACE = 68, /* clear_sample.h */
+    SST_GPU_CLEAR_SAMPLE = 69,
+    SST_GPU_SGM_PATH_SUBGROUP = 70, /* variants of SST_GPU_SGM_PATH, SST_GPU_HYPOTHESIS_PATH */
+    SST_GPU_HYPOTHESIS_PATH_SUBGROUP = 71,
+    SST_GPU_FEATURE_COST_DOT = 72, /* a variant of SST_GPU_FEATURE_COST */
+    SST_GPU_CONVERT = 73,          /* convert.h */
+    SST_GPU_LABEL_KEEP = 74,       /* label.h */
+    SST_GPU_LABEL_GRID = 75,
+    SST_GPU_LABEL_INPUT = 76,
     SST_GPU_SHADERS
 };
 

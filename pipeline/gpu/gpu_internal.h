@@ -173,8 +173,6 @@ gpu_self_test_fn net_pool_self_test;
 gpu_self_test_fn net_unit_self_test;
 gpu_reference_fn rectify_reference;
 gpu_self_test_fn rectify_self_test;
-gpu_reference_fn tiles_reference;
-gpu_self_test_fn tiles_self_test;
 gpu_reference_fn jpeg_rgb_reference;
 gpu_self_test_fn jpeg_rgb_self_test;
 gpu_reference_fn refine_mask_reference;

@@ -19,7 +19,6 @@
 #include "pipeline/gpu/subpixel.h"
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/gpu/sweep.h"
-#include "pipeline/gpu/tiles.h"
 #include "pipeline/gpu/verify.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
@@ -140,8 +139,6 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              label_grid_reference, label_grid_self_test },
     [SST_GPU_LABEL_INPUT] = { "label_input", SST_GPU_LABEL_INPUT_BUFFERS, sizeof(struct sst_gpu_label_input),
                               label_input_reference, label_input_self_test },
-    [SST_GPU_TILES] = { "tiles", SST_GPU_TILES_BUFFERS, sizeof(struct sst_gpu_tiles), tiles_reference,
-                        tiles_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,
                            jpeg_rgb_self_test },
     [SST_GPU_REFINE_MASK] = { "refine_mask", SST_GPU_REFINE_MASK_BUFFERS, sizeof(struct sst_gpu_refine_mask),

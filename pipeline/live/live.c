@@ -26,8 +26,6 @@ int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
     }
     err = live_init(live, cfg);
     err = err ? err : sst_liveframes_open(&live->frames, &live->cfg, &live->lf);
-    if (!err)
-        sst_liveframes_use_renderer(live->frames, live->renderer);
     err = err ? err : sst_livescene_open(&live->scene, &live->cfg, &live->lf);
     err = err ? err : live_watch_open(live);
     if (err) {

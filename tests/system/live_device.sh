@@ -76,13 +76,13 @@ named() {
   /usr/bin/python3 - "$("$sst" status --json)" "$networks" <<'END' || fail "lavapipe fails: $("$sst" status --json)"
 import json, sys
 d = json.loads(sys.argv[1])["live"]["device"]
-cpu = ["change", "decode", "disparity", "refine", "encode", "background"]
+cpu = ["change", "decode", "rectify", "disparity", "refine", "encode", "background"]
 good = d["failures"] == d["on_cpu"] == 0 and "llvmpipe" in d["name"]
 if sys.argv[2]:
     labels = d["labels"]
-    good = good and labels["failures"] == labels["on_cpu"] == 0 and not labels["failing"] and d["stages_on_cpu"] == ["rectify"] + cpu # views of cameras without a calibration
+    good = good and labels["failures"] == labels["on_cpu"] == 0 and not labels["failing"] and d["stages_on_cpu"] == cpu
 else:
-    good = good and d["labels"] is None and d["stages_on_cpu"] == ["rectify", "labels"] + cpu
+    good = good and d["labels"] is None and d["stages_on_cpu"] == ["labels"] + cpu
 sys.exit(not good)
 END
   "$sst" status >text

@@ -365,9 +365,9 @@ static void print_device(const struct sst_live *live)
     struct sst_render_device_report d;
 
     if (sst_live_device(live, &d))
-        printf("%s: %d pictures, %d on the CPU, %d failures; %d views rectified, %d on the CPU; %.1f MB uploaded in %d "
+        printf("%s: %d pictures, %d on the CPU, %d failures; %.1f MB uploaded in %d "
                "dispatches\n",
-               d.name, (int)d.pictures, (int)d.on_cpu, (int)d.failures, (int)d.rectified, (int)d.rectified_on_cpu,
+               d.name, (int)d.pictures, (int)d.on_cpu, (int)d.failures,
                1e-6 * (double)d.upload_bytes, (int)d.dispatches);
 }
 

@@ -219,11 +219,6 @@ void sst_liveframes_close(struct sst_liveframes *f)
     free(f);
 }
 
-void sst_liveframes_use_renderer(struct sst_liveframes *f, struct sst_renderer *renderer)
-{
-    f->renderer = f->cfg->calibration ? renderer : NULL;
-}
-
 void sst_liveframes_cancel(struct sst_liveframes *f)
 {
     atomic_store(&f->cancelled, true);

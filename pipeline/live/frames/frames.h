@@ -28,10 +28,6 @@ SST_MUST_CHECK int sst_liveframes_open(struct sst_liveframes **out, const struct
                                        struct sst_lightfield *lf);
 void sst_liveframes_close(struct sst_liveframes *f);
 
-/** Rectify on the renderer's device from now on, where it has one. @param renderer  of the light field; must outlive f
- */
-void sst_liveframes_use_renderer(struct sst_liveframes *f, struct sst_renderer *renderer);
-
 /**
  * Update the views and report which tiles changed.
  *

@@ -260,26 +260,6 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-/* Rectify the changed tiles on the renderer's device. @return false: fallback to the CPU */
-static bool rectify_there(struct sst_liveframes *f, int n)
-{
-    struct sst_render_tiles tiles[SST_MAX_VIEWS];
-
-    for (int i = 0; i < n && f->renderer; i++) {
-        const int k = f->list[i];
-        struct sst_render_tiles *t = &tiles[i];
-
-        *t = (struct sst_render_tiles){ .view = k,
-                                        .map = f->view[k].map,
-                                        .dirty = f->view[k].dirty,
-                                        .changed = f->changes->map[k],
-                                        .image = &f->lf->views[k].image };
-        t->frame = sst_sampler_pixels(f->view[k].sampler, &t->stride);
-        frames_mark(f, k, f->view[k].dirty, f->changes->map[k]);
-    }
-    return f->renderer && sst_renderer_rectify_live(f->renderer, tiles, n, (enum sst_filter)f->lf->filter);
-}
-
 static int decoded_views(struct sst_liveframes *f)
 {
     int n = 0;
@@ -295,8 +275,6 @@ int frames_rectify(struct sst_liveframes *f)
 {
     const int n = decoded_views(f);
 
-    if (rectify_there(f, n))
-        return 0;
     /* Without a calibration only changes are noted. */
     return sst_parallel_for(n, f->cfg->calibration ? f->threads : 1, rectify, f);
 }

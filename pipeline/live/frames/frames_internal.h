@@ -209,7 +209,6 @@ struct sst_liveframes {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
-    struct sst_renderer *renderer;                            /* its device rectifies; NULL: none */
     int threads, views, used, raw_cols, raw_rows, cols, rows; /* raw and rectified tiles */
     size_t last_room;
     struct decoder **decoder; /* [threads] */

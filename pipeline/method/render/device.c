@@ -43,10 +43,8 @@ static void close_gpu(struct render_device *d)
     if (!d->gpu)
         return;
     device_drop(d);
-    device_drop_live(d);
     sst_gpu_close(d->gpu);
     d->gpu = NULL;
-    d->followed.cramped = false;
     d->clear_tested = false;
     d->verify.small = d->verify.split = d->verify.cramped = false;
 }
@@ -138,14 +136,12 @@ static size_t list_shaders(struct render_device *d)
     static const enum sst_gpu_shader clear[] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL,
                                                  SST_GPU_HOLE_PUSH },
                                      verify[] = { SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS, SST_GPU_VERIFY_MODE,
-                                                  SST_GPU_VERIFY_BLEND },
-                                     follow[] = { SST_GPU_RECTIFY, SST_GPU_TILES };
+                                                  SST_GPU_VERIFY_BLEND };
     const struct {
         const enum sst_gpu_shader *shader;
         size_t count;
     } wanted[] = { { clear, d->clears ? ARRAY_LEN(clear) : 0 },
-                   { verify, d->verify.wanted ? ARRAY_LEN(verify) : 0 },
-                   { follow, d->followed.wanted ? ARRAY_LEN(follow) : 0 } };
+                   { verify, d->verify.wanted ? ARRAY_LEN(verify) : 0 } };
     size_t n = 0;
 
     d->shaders[n++] = SST_GPU_BLEND;
@@ -233,9 +229,6 @@ void render_device_destroy(struct render_device *d)
         free(d->frames.ready[i].list.xy);
     free(d->frames.kept);
     free(d->verify.cell);
-    free(d->followed.view);
-    free(d->followed.tile);
-    sst_mem_kept_fini(&d->followed.words);
     free(d->chunk);
     free(d->slot);
     pthread_mutex_destroy(&d->lock);
@@ -408,47 +401,6 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
     *words = d->words.data;
     *seen = c->push.merged ? d->weights.data : NULL;
     return true;
-}
-
-/* Note that live views are the CPU's to rectify, and why; where there is no room that is logged once. */
-static void note_followed(struct render_device *d, int count, const char *why)
-{
-    d->report.rectified_on_cpu += count;
-    if (d->followed.cramped && strcmp(d->report.why_rectified, why))
-        sst_log_warning("%s: %s; live views are rectified on the CPU", d->report.name, why);
-    if (why != d->report.why_rectified)
-        snprintf(d->report.why_rectified, sizeof(d->report.why_rectified), "%s", why);
-}
-
-/* A device that failed is left to the next picture, which opens it again. */
-bool render_device_rectify(struct render_device *d, const struct sst_render_tiles *tiles, int count,
-                           enum sst_filter filter, int threads)
-{
-    int err = 1;
-
-    pthread_mutex_lock(&d->lock);
-    d->followed.wanted = true;
-    if (d->gpu && !d->followed.cramped && !sst_gpu_backoff_skips(&d->followed.backoff))
-        err = device_rectify_tiles(d, tiles, count, filter, threads);
-    if (err == -ENOMEM || err == -ENOTSUP) {
-        device_drop_live(d);
-        d->followed.cramped = true;
-        note_followed(d, count,
-                      err == -ENOMEM ? "a device needs room for the raw frames"
-                                     : "the shader that rectifies is refused");
-    } else if (err < 0) {
-        fail(d, err, "");
-        sst_gpu_backoff_fail(&d->followed.backoff);
-        note_followed(d, count, sst_gpu_error(err));
-    } else if (err) {
-        note_followed(d, count, d->followed.cramped ? d->report.why_rectified : "the device failed before");
-    } else {
-        sst_gpu_backoff_succeed(&d->followed.backoff);
-        d->report.rectified += count;
-    }
-    d->report.rectifies = !err;
-    pthread_mutex_unlock(&d->lock);
-    return !err;
 }
 
 void render_device_end(struct render_device *d)

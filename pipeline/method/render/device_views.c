@@ -201,7 +201,6 @@ static int upload_view(struct render_device *d, struct device_slot *s, int view,
     if (err)
         return err;
     s->view = view;
-    s->followed = d->followed.in && d->followed.view[view].filled;
     d->report.uploads++;
     if (d->changes)
         note_version(d, s);
@@ -228,9 +227,7 @@ static int refresh_view(struct render_device *d, struct device_slot *s, int thre
         if (end == row)
             continue;
         any = true;
-        err = s->followed
-                  ? device_upload_maps(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height))
-                  : upload_rows(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height), threads);
+        err = upload_rows(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height), threads);
     }
     if (err)
         return err;

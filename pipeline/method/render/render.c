@@ -105,12 +105,6 @@ int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint6
     return err == -ENOENT ? 0 : err;
 }
 
-bool sst_renderer_rectify_live(struct sst_renderer *r, const struct sst_render_tiles *tiles, int count,
-                               enum sst_filter filter)
-{
-    return r->device && render_device_rectify(r->device, tiles, count, filter, sst_thread_count(r->threads));
-}
-
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
 {
     if (r->device)

@@ -173,29 +173,6 @@ struct sst_render_live {
 SST_MUST_CHECK int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
                                                 const struct sst_render_live *live);
 
-/** What changed of a live view's raw frame, and which tiles of the view depend on that. All is borrowed. */
-struct sst_render_tiles {
-    int view;
-    const struct sst_rectify_map *map; /* the same in every call */
-    const uint8_t *frame;              /* raw frame as it is now: R, G, B and an unused byte each */
-    size_t stride;                     /* bytes */
-    const uint8_t *dirty;              /* tiles of the frame that changed since the last call, row by row; 1: changed */
-    const uint8_t *changed;            /* tiles of the view, likewise */
-    struct sst_image *image;           /* of the view: changed tiles are out */
-};
-
-/**
- * Rectify the changed tiles of views on the device of a light field that changes: to where its pictures read them, and
- * to the views' images, with the bytes of sst_sampler_row(). Views that are not named must not have changed since the
- * last call that returned true.
- *
- * @param filter  of all views, the same in every call
- * @return false: the caller has to rectify all of them, which is counted if there is a device, and logged where it
- * fails; images may be partly written
- */
-bool sst_renderer_rectify_live(struct sst_renderer *r, const struct sst_render_tiles *tiles, int count,
-                               enum sst_filter filter);
-
 /** What a device has done. */
 struct sst_render_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
@@ -213,10 +190,7 @@ struct sst_render_device_report {
     int chunks;              /* that the views lie in, now */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, download_ns; /* of pictures */
-    int64_t rectified;                        /* views made there from raw frames; live, by set */
-    bool rectifies;                           /* live views: it did the last time */
-    int64_t rectified_on_cpu;                 /* live, by set: views that it was asked for and did not make */
-    char why_rectified[128];                  /* the last time */
+    int64_t rectified;                        /* views made there from raw frames */
     int64_t frames_ns;                        /* of upload_ns: frames decoded, and tables made, for them */
 };
 

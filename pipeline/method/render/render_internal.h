@@ -13,7 +13,6 @@
 #include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
-#include "pipeline/gpu/tiles.h"
 #include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
@@ -111,10 +110,6 @@ struct device_clear {
 bool render_device_begin_clear(struct render_device *d, struct device_clear *c, uint32_t **words,
                                const uint32_t **seen);
 
-/** As sst_renderer_rectify_live(). */
-bool render_device_rectify(struct render_device *d, const struct sst_render_tiles *tiles, int count,
-                           enum sst_filter filter, int threads);
-
 /** Fill the holes of a clear picture that was begun, after its merge, in the words of render_device_begin_clear().
  *  @return false: not done, which is counted, and words are undefined */
 bool render_device_fill(struct render_device *d);
@@ -122,7 +117,7 @@ bool render_device_fill(struct render_device *d);
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
- * device_parts.c, device_explain.c, device_live.c, device_holes.c, device_rays.c. */
+ * device_parts.c, device_explain.c, device_holes.c, device_rays.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -136,7 +131,6 @@ struct device_slot {
     uint64_t serial, since;
     double disp_min_px;
     unsigned maps;
-    bool followed;         /* its colours are kept up to date by device_rectify_tiles() */
     double part_x, part_y; /* of a view made from a frame: its pixels were sampled this far right of and below theirs */
     int confident;         /* likewise: the view whose confidences are here, and one more; 0: none */
 };
@@ -208,25 +202,6 @@ struct device_verify {
     unsigned logged;            /* bits: reasons that were, live */
 };
 
-/** The raw frame of a live view, and how it is resampled. */
-struct device_live_view {
-    struct sst_gpu_buffer *frame, *places, *list; /* NULL: not there */
-    bool filled;                                  /* `frame` is as of the last call */
-};
-
-/** Live views are rectified with it; all NULL and 0 until they are. */
-struct device_live {
-    struct device_live_view *view;                                      /* [views] owned */
-    struct sst_gpu_buffer *weights, *light, *labels, *tiles, *in, *out; /* the last three: of `group` views */
-    struct sst_gpu_span *span;
-    size_t light_nodes;             /* factors of light that `light` has room for, after its table */
-    int group, listed;              /* views that are rectified at once; rectangles of one of them, at most */
-    struct sst_gpu_backoff backoff; /* of sets, after failures here */
-    bool wanted, cramped; /* there is no room for it on this device, or a shader is refused: not tried again */
-    struct sst_gpu_rectangle *tile; /* host memory of `tiles`; owned */
-    struct sst_mem_kept words;      /* host memory of `out` */
-};
-
 struct render_device {
     pthread_mutex_t lock;
     const struct sst_lightfield *lf;
@@ -261,8 +236,7 @@ struct render_device {
     struct device_parts parts;
     struct device_frames frames;
     struct device_verify verify;
-    struct device_live followed;
-    enum sst_gpu_shader shaders[12]; /* that opener prepares */
+    enum sst_gpu_shader shaders[10]; /* that opener prepares */
     bool doubts;       /* chunks have confidences */
     int rows;          /* of the picture that sums and out hold: all, or whole cells where there is room for one */
     size_t table_rows; /* that table holds */
@@ -291,14 +265,6 @@ struct device_slot *device_free_slot(struct render_device *d);
 /** Have a tap's view in a slot as it is now. */
 SST_MUST_CHECK int device_place_view(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t,
                                      bool sampled, int threads);
-
-/** Rectify tiles of live views. @return -ENOMEM (no room), -ENOTSUP (a shader is refused), or an error of the device */
-SST_MUST_CHECK int device_rectify_tiles(struct render_device *d, const struct sst_render_tiles *tiles, int count,
-                                        enum sst_filter filter, int threads);
-void device_drop_live(struct render_device *d);
-
-/** Upload labels and disparities of the rows top .. end-1 of a view whose colours are in its slot. */
-SST_MUST_CHECK int device_upload_maps(struct render_device *d, const struct device_slot *s, int view, int top, int end);
 
 /** Taps of a picture, and whether their rays are sampled from frames, each between pixels. */
 struct device_taps {
