@@ -62,7 +62,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
         { "device-memory", 0, CLI_INT, &a->device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "skip", 0, CLI_STRING, &a->skip, "LIST",
-          "rays to leave out where that changes little: views, tiles, all or none (default: exact)", 0, 0 },
+          "rays: leave rays or their weights out where that changes little; none (default: exact)", 0, 0 },
         { "skip-error", 0, CLI_DOUBLE, &cfg->skip_error_db, "DB",
           "least PSNR with skips against the exact picture (50)", 20, 100 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
@@ -103,13 +103,15 @@ int cli_read_verify(enum sst_render_verify *verify, const char *word, const stru
     return CLI_GO_ON;
 }
 
-/* Skips. */
+/* Skips; `views` and `tiles` of earlier versions equal `rays`. */
 static int read_skips(struct render_args *a, const struct cli_command *cmd)
 {
-    const struct cli_skip skips[] = { { "views", &a->cfg.skip_views }, { "tiles", &a->cfg.skip_tiles } };
+    const struct cli_skip skips[] = { { "rays", &a->cfg.skip_rays },
+                                      { "views", &a->cfg.skip_rays },
+                                      { "tiles", &a->cfg.skip_rays } };
     const int r = cli_read_skips(cmd, a->skip, skips, ARRAY_LEN(skips));
 
-    if (r != CLI_GO_ON || (!a->cfg.skip_views && !a->cfg.skip_tiles))
+    if (r != CLI_GO_ON || !a->cfg.skip_rays)
         return r;
     if (a->cfg.method == SST_RENDER_CLEAR)
         return cli_usage_error(cmd, "--skip %s has no effect with --method clear, which stops at the 16 nearest views "
@@ -347,8 +349,7 @@ json_t *cli_render_skips_json(const struct render_input *in, const struct render
 
     if (!sst_renderer_skips(in->renderer, &s))
         return json_null();
-    return json_pack("{s:b, s:b, s:f, s:f, s:f, s:I, s:o, s:o}", "views", a->cfg.skip_views, "tiles", a->cfg.skip_tiles,
-                     "budget_db", a->cfg.skip_error_db, "rays_skipped_percent", 100 * s.rays_skipped,
+    return json_pack("{s:f, s:f, s:f, s:I, s:o, s:o}", "budget_db", a->cfg.skip_error_db, "rays_skipped_percent", 100 * s.rays_skipped,
                      "rays_even_percent", 100 * s.rays_even, "sampled_pixels", (json_int_t)s.sampled, "error_levels",
                      cli_real_json(s.error_levels), "error_db", cli_real_json(s.error_db));
 }
@@ -359,7 +360,7 @@ void cli_render_report_skips(const struct render_input *in, const char *out)
 
     if (!sst_renderer_skips(in->renderer, &s))
         return;
-    printf("%s: %.1f %% of the rays skipped, %.1f %% with a constant weight", out, 100 * s.rays_skipped,
+    printf("%s: %.1f %% of the rays skipped, %.1f %% without weights", out, 100 * s.rays_skipped,
            100 * s.rays_even);
     if (s.sampled)
         printf("; error %.2f levels in %lld pixels rendered exactly as well", s.error_levels, (long long)s.sampled);

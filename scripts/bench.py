@@ -205,7 +205,7 @@ def render_skips(build, out, names, size, rounds):
         call(sst, "scene", name, "-o", lf, "--size", size, "--seed", 1, "--force", "-q", stdout=subprocess.DEVNULL)
         call(sst, "process", lf, "-q", stdout=subprocess.DEVNULL)
         for kernels in dict.fromkeys((level, "avx2" if level == "avx512" else level)):
-            for skip in ("none", "views", "tiles", "all") * rounds:
+            for skip in ("none", "rays") * rounds:
                 report = call(sst, "render", lf, "--skip", skip, "--repeat", 15, "--threads", THREADS, "--json", "-o",
                               f"{out}/skip.png", stdout=subprocess.PIPE, env={**os.environ, "SST_CPU": kernels}).stdout
                 results.append({"scene": name, "size": size, "kernels": kernels, "skip": skip, "report": json.loads(report)})

@@ -45,7 +45,7 @@ largest difference from the picture of all views that double precision gives, be
 0.289 and 0.5), in grey levels of 0..255, at every 35th pixel. OpenCV makes the same sums: bands of rows in parallel,
 each view by warpAffine (bilinear, samples on 1/32 px), blended in float; its views are interleaved beforehand, and for
 see-through it gets the weight of every ray ready-made, while `sst` forms the weights within its time. *N views*: those
-nearest to the viewpoint alone (`--max-views`). *Skips*: `--skip all` at 50 dB. Time relative to OpenCV: median over the rounds; a clear picture is
+nearest to the viewpoint alone (`--max-views`). *Skips*: `--skip rays` at 50 dB. Time relative to OpenCV: median over the rounds; a clear picture is
 compared with see-through ones made in turn with it. Peak: largest memory of the process while it made its first
 picture. Rays are not verified (`--verify-rays off`).
 
@@ -435,7 +435,7 @@ def skips(source, out, command):
 
 
 RENDER_SKIPS_TEXT = """\
-`sst render --skip LIST` on the maps of `sst process` (balanced, 36 views of {size}, seed 1), see-through at the focus that it
+`sst render --skip rays` on the maps of `sst process` (balanced, 36 views of {size}, seed 1), see-through at the focus that it
 proposes, against `--skip none`: median of pictures made in turn, wall time on {threads} threads. Error: root mean square of
 the difference from the exact picture in the pixels that the program samples for it (`error_levels`; 0: none differs, or the
 picture is exact because next to nothing could be left out). The budget is 50 dB, 0.81 levels.
@@ -464,7 +464,7 @@ def render_skips(source, out, command):
         if kernels == measured[0]["kernels"]:
             points.append((scene, skip, part, error))
     text = RENDER_SKIPS_TEXT.format(size=measured[0]["size"], threads=2, table=table(
-        ["scene, skipped, kernels", "ms", "% of none", "rays skipped %", "constant weight %", "error, levels"], rows))
+        ["scene, skipped, kernels", "ms", "% of none", "rays skipped %", "without weights %", "error, levels"], rows))
     return (write_page(out, "bench-render-skips", page("Skipping rays: time against error", command, text)) +
             skip_chart(out, "skips-render", f"Rays left out of see-through pictures, {measured[0]['kernels']}",
                        ("time, % of that of --skip none", "error, grey levels"), points, command))

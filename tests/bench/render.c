@@ -161,7 +161,7 @@ static int make(struct bench *b, int method, int maker, const struct sst_render_
     struct sst_render_config cfg = *all;
 
     cfg.max_views = makers[maker].views;
-    cfg.skip_views = cfg.skip_tiles = makers[maker].skip;
+    cfg.skip_rays = makers[maker].skip;
     if (makers[maker].views >= 0)
         return sst_render(b->renderer, &cfg, &b->out[method], NULL);
     bench_blend_render(blend);

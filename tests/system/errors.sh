@@ -122,10 +122,10 @@ want 2 "label" render lf --focus 3 --label Unicorn -o bad.png
 want 2 "method" render lf --focus 3 --method magic -o bad.png
 want 2 "sigma" render lf --focus 3 --sigma -1 -o bad.png
 want 2 "c1" render lf --focus 3 --c1 2 -o bad.png
-want 2 "unknown \`views,magic\|unknown \`magic" render lf --focus 3 --skip views,magic -o bad.png
-want 2 "skip-error 5 is outside" render lf --focus 3 --skip all --skip-error 5 -o bad.png
+want 2 "unknown \`rays,magic\|unknown \`magic" render lf --focus 3 --skip rays,magic -o bad.png
+want 2 "skip-error 5 is outside" render lf --focus 3 --skip rays --skip-error 5 -o bad.png
 want 2 "no effect with --method clear" render lf --method clear --skip tiles -o bad.png
-want 2 "contradict" sweep lf --skip views --device gpu -o bad
+want 2 "contradict" sweep lf --skip rays --device gpu -o bad
 want 2 "png" render lf --focus 3 -o bad.tiff
 want 2 "steps" sweep lf --from 2 --to 5 --steps 0 -o bad
 want 2 "focus" sweep lf --from 2 --to 500 --steps 2 -o bad

@@ -107,7 +107,7 @@ struct pair {
     int most; /* largest difference */
 };
 
-static struct sst_render_config config_of(const struct field *f, const char *skip)
+static struct sst_render_config config_of(const struct field *f)
 {
     struct sst_render_config cfg;
 
@@ -115,8 +115,7 @@ static struct sst_render_config config_of(const struct field *f, const char *ski
     cfg.focus_px = f->focus_px;
     cfg.verify = SST_VERIFY_OFF;
     cfg.threads = 2;
-    cfg.skip_views = strchr(skip, 'v');
-    cfg.skip_tiles = strchr(skip, 't');
+    cfg.skip_rays = true;
     return cfg;
 }
 
@@ -144,7 +143,7 @@ static void make_pair(struct pair *p, struct field *f, const struct sst_render_c
     struct sst_render_config exact = *cfg;
 
     *p = (struct pair){ 0 };
-    exact.skip_views = exact.skip_tiles = false;
+    exact.skip_rays = false;
     assert_int_equal(sst_image_init(&p->exact, f->lf.width, f->lf.height), 0);
     assert_int_equal(sst_image_init(&p->made, f->lf.width, f->lf.height), 0);
     assert_int_equal(sst_map_u8_init(&p->exact_valid, f->lf.width, f->lf.height), 0);
@@ -169,7 +168,7 @@ static void free_pair(struct pair *p)
 
 static void scenes_keep_the_budget_and_the_mask(void **state SST_UNUSED)
 {
-    static const char *const scenes[] = { "pedestrian", "cd-cases" }, *const skips[] = { "v", "t", "vt" };
+    static const char *const scenes[] = { "pedestrian", "cd-cases" };
 
     for (size_t i = 0; i < ARRAY_LEN(scenes); i++) {
         struct sst_render_skip_report report;
@@ -177,22 +176,20 @@ static void scenes_keep_the_budget_and_the_mask(void **state SST_UNUSED)
 
         open_scene(&f, scenes[i]);
         assert_false(sst_renderer_skips(f.renderer, &report));
-        for (size_t j = 0; j < ARRAY_LEN(skips); j++) {
-            struct sst_render_config cfg = config_of(&f, skips[j]);
+        for (int refocus = 0; refocus < 3; refocus++) { /* the last with weights of the aperture */
+            struct sst_render_config cfg = config_of(&f);
+            struct pair p;
 
             cfg.skip_error_db = 40; /* more is left out of small pictures */
-            for (int refocus = 0; refocus < 2; refocus++) {
-                struct pair p;
-
-                cfg.method = refocus ? SST_RENDER_REFOCUS : SST_RENDER_SST;
-                make_pair(&p, &f, &cfg);
-                print_message("%s, skip %s%s: %.1f dB\n", scenes[i], skips[j], refocus ? ", refocus" : "", p.db);
-                assert_true(p.db > cfg.skip_error_db - SLACK_DB);
-                free_pair(&p);
-            }
+            cfg.method = refocus ? SST_RENDER_REFOCUS : SST_RENDER_SST;
+            cfg.aperture_soft = refocus == 2;
+            make_pair(&p, &f, &cfg);
+            print_message("%s%s: %.1f dB\n", scenes[i], refocus ? ", refocus" : "", p.db);
+            assert_true(p.db > cfg.skip_error_db - SLACK_DB);
+            free_pair(&p);
         }
         assert_true(sst_renderer_skips(f.renderer, &report));
-        assert_int_equal(report.pictures, 6);
+        assert_int_equal(report.pictures, 3);
         assert_true(report.rays_skipped >= 0 && report.rays_skipped < 1);
         close_field(&f);
     }
@@ -208,7 +205,7 @@ static void a_small_budget_leaves_less_out(void **state SST_UNUSED)
 
     open_scene(&f, "cd-cases");
     for (int i = 0; i < 2; i++) {
-        cfg = config_of(&f, "vt");
+        cfg = config_of(&f);
         cfg.skip_error_db = i ? 40 : 60;
         make_pair(&p, &f, &cfg);
         assert_true(p.db > cfg.skip_error_db - SLACK_DB);
@@ -230,7 +227,7 @@ static void same_bytes_for_any_number_of_threads(void **state SST_UNUSED)
     struct sst_render_config cfg;
 
     open_scene(&f, "pedestrian");
-    cfg = config_of(&f, "vt");
+    cfg = config_of(&f);
     make_pair(&p, &f, &cfg);
     for (int threads = 1; threads <= 5; threads += 2) {
         cfg.threads = threads;
@@ -245,19 +242,23 @@ static void same_bytes_for_any_number_of_threads(void **state SST_UNUSED)
     close_field(&f);
 }
 
-/* With votes everywhere: tiles in which a pixel may be left to votes are exact. */
-static void verified_rays_are_kept(void **state SST_UNUSED)
+/* Votes need all rays: these pictures are exact. */
+static void verified_pictures_are_exact(void **state SST_UNUSED)
 {
+    struct sst_render_skip_report report;
+    struct sst_render_config cfg;
     struct field f;
     struct pair p;
-    struct sst_render_config cfg;
 
     open_scene(&f, "pedestrian");
-    cfg = config_of(&f, "vt");
+    cfg = config_of(&f);
     cfg.verify = SST_VERIFY_ON;
     cfg.unsupported = SST_UNSUPPORTED_INVALID;
     make_pair(&p, &f, &cfg);
-    assert_true(p.db > cfg.skip_error_db - SLACK_DB);
+    assert_int_equal(p.most, 0);
+    assert_true(sst_renderer_skips(f.renderer, &report));
+    assert_int_equal(report.pictures, 1);
+    assert_true(!(report.rays_skipped > 0) && !(report.rays_even > 0) && isnan(report.error_db));
     free_pair(&p);
     close_field(&f);
 }
@@ -275,7 +276,7 @@ static void one_view_that_differs_is_seen(void **state SST_UNUSED)
         for (int k = 0; k < SIDE * SIDE; k++)
             paint(&f, k, differs && k == 1 ? 255 : 60, 0, 0, 1);
         open_renderer(&f);
-        cfg = config_of(&f, "vt");
+        cfg = config_of(&f);
         make_pair(&p, &f, &cfg);
         assert_true(sst_renderer_skips(f.renderer, &report));
         if (differs) {
@@ -310,16 +311,14 @@ static void half_occluded_tiles_keep_the_budget(void **state SST_UNUSED)
         }
     }
     open_renderer(&f);
-    for (int i = 0; i < 2; i++) {
-        cfg = config_of(&f, i ? "t" : "vt");
-        make_pair(&p, &f, &cfg);
-        assert_true(p.db > cfg.skip_error_db - SLACK_DB);
-        free_pair(&p);
-    }
+    cfg = config_of(&f);
+    make_pair(&p, &f, &cfg);
+    assert_true(p.db > cfg.skip_error_db - SLACK_DB);
+    free_pair(&p);
     close_field(&f);
 }
 
-/* All weights are 0: C1 = C2 = 0 and nothing near the focus. The plain refocus value takes their place. */
+/* All weights are 0: C1 = C2 = 0 and nothing near the focus. The plain refocus value takes their place, also in tiles. */
 static void no_weights_at_all(void **state SST_UNUSED)
 {
     struct sst_render_config cfg;
@@ -332,10 +331,10 @@ static void no_weights_at_all(void **state SST_UNUSED)
     for (int k = 0; k < SIDE * SIDE; k++)
         paint(&f, k, 100, 20, 40, 1);
     open_renderer(&f);
-    cfg = config_of(&f, "vt");
+    cfg = config_of(&f);
     cfg.c1 = cfg.c2 = 0;
     make_pair(&p, &f, &cfg);
-    assert_int_equal(p.most, 0);
+    assert_true(p.db > cfg.skip_error_db - SLACK_DB);
     free_pair(&p);
     close_field(&f);
 }
@@ -358,7 +357,7 @@ static void small_fields(void **state SST_UNUSED)
         if (views > 2)
             f.lf.views[1].present = false;
         open_renderer(&f);
-        cfg = config_of(&f, "vt");
+        cfg = config_of(&f);
         make_pair(&p, &f, &cfg);
         assert_true(p.db > cfg.skip_error_db - SLACK_DB);
         if (views == 1)
@@ -368,67 +367,17 @@ static void small_fields(void **state SST_UNUSED)
     }
 }
 
-/* The limit that the bounds give holds for the largest difference of every tile. */
-static void bounds_hold(void **state SST_UNUSED)
-{
-    struct sst_render_config cfg;
-    struct sst_render_plan plan;
-    struct skip_weights weights;
-    struct skip_tile tile;
-    struct field f;
-    struct pair p;
-    int limited = 0;
-
-    open_empty(&f, SIDE, SIDE, WIDTH, HEIGHT);
-    f.lf.range_max_px = 40;
-    f.focus_px = 4;
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        paint(&f, k, 128, 250, 9, 1);
-        for (int i = 0; i < WIDTH * HEIGHT; i++)
-            sst_map_u16_row(&f.lf.views[k].disp, i / WIDTH)[i % WIDTH] = sst_disp_q6(
-                &f.lf, (float)(9 + 0.002 * (i % WIDTH) + 0.1 * (k % 3) + (k < 2 && i / WIDTH > 100 ? 8 : 0)));
-    }
-    open_renderer(&f);
-    cfg = config_of(&f, "t");
-    make_pair(&p, &f, &cfg);
-    assert_int_equal(sst_render_plan_init(&plan, f.renderer, &cfg), 0);
-    assert_int_equal(skip_weights_init(&weights, skip_bounds_of(f.renderer), &plan, &f.renderer->histogram), 0);
-    for (int y = 0; y < HEIGHT; y += SKIP_TILE_HEIGHT) {
-        for (int x = 0; x < WIDTH; x += SKIP_TILE_WIDTH) {
-            const int to = sst_min_int(x + SKIP_TILE_WIDTH, WIDTH), end = sst_min_int(y + SKIP_TILE_HEIGHT, HEIGHT);
-            int most = 0;
-
-            skip_bound_tile(&tile, &weights, &plan, x, to, y, end, 255 * pow(10, -cfg.skip_error_db / 20));
-            for (int i = 0; i < (to - x) * (end - y); i++) {
-                const int at_x = x + i % (to - x), at_y = y + i / (to - x);
-
-                for (int c = 0; c < 3; c++)
-                    most = sst_max_int(
-                        most, abs(sst_image_row(&p.made, c, at_y)[at_x] - sst_image_row(&p.exact, c, at_y)[at_x]));
-            }
-            assert_true((float)most <= tile.worst + 1);
-            limited += tile.worst < 100;
-        }
-    }
-    assert_true(limited > 0 && p.most > 0);
-    skip_weights_fini(&weights);
-    sst_render_plan_fini(&plan);
-    free_pair(&p);
-    close_field(&f);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         serial_test(scenes_keep_the_budget_and_the_mask),
         serial_test(a_small_budget_leaves_less_out),
         cmocka_unit_test(same_bytes_for_any_number_of_threads),
-        cmocka_unit_test(verified_rays_are_kept),
+        cmocka_unit_test(verified_pictures_are_exact),
         cmocka_unit_test(one_view_that_differs_is_seen),
         serial_test(half_occluded_tiles_keep_the_budget),
         cmocka_unit_test(no_weights_at_all),
         cmocka_unit_test(small_fields),
-        serial_test(bounds_hold),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -73,7 +73,7 @@ static int check_config(const struct sst_render_config *cfg)
         { "range margin", cfg->range_margin_px, -1e6, 1e6 },
         { "aperture", cfg->aperture, 0, INFINITY },
         { "viewpoint x", cfg->view_bx, -SST_MAX_VIEWS, SST_MAX_VIEWS },
-        { "skip error", cfg->skip_views || cfg->skip_tiles ? cfg->skip_error_db : 50, 20, 100 },
+        { "skip error", cfg->skip_rays ? cfg->skip_error_db : 50, 20, 100 },
         { "viewpoint y", cfg->view_by, -SST_MAX_VIEWS, SST_MAX_VIEWS },
     };
 

@@ -85,7 +85,6 @@ struct sst_verifier; /* verify.h */
 struct explainer;    /* render_internal.h */
 struct render_device;
 struct landed; /* landed.c */
-struct skip_bounds; /* render_internal.h */
 
 /** Sums over pictures, see struct sst_render_skip_report. */
 struct sst_skip_counts {
@@ -105,7 +104,6 @@ struct sst_renderer {
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
     struct landed *landed;          /* rays of the last clear picture, for the next one; NULL while one is rendered */
     uint64_t series;                /* of clear pictures that continue each other */
-    struct skip_bounds *bounds;  /* owned; NULL until needed */
     struct sst_skip_counts skips;
     struct sst_view *rectified; /* [rows * cols] what rays are of, with sst_renderer_use_rectified(); images are
                                    borrowed from raw, empty until the CPU needs them. NULL: frames are sampled */

@@ -70,7 +70,6 @@ void sst_renderer_destroy(struct sst_renderer *r)
     free(r->rectified);
     render_device_destroy(r->device);
     landed_destroy(r->landed);
-    skip_bounds_destroy(r->bounds);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
@@ -192,10 +191,10 @@ static void add_support(const struct render_sink *s, int skip, const struct sst_
 
 /* Set what the kernels read of a view for the pixels from `from` on of row y, but for the colours. */
 static void set_maps(struct sst_blend *b, const struct sst_render_plan *p, const struct sst_render_tap *t, int from,
-                     int y, float constant)
+                     int y, bool plain)
 {
-    if (constant > 0) {
-        b->aperture = constant;
+    if (plain) {
+        b->aperture = 1;
         b->disp = NULL;
         b->label = NULL;
         return;
@@ -220,7 +219,7 @@ static void blend(const struct render_sink *s, int skip, const struct sst_render
 {
     const struct sst_kernels *k = sst_kernels_get();
 
-    set_maps(b, p, t, from, y, s->constant);
+    set_maps(b, p, t, from, y, s->plain);
     b->next = s->next;
     if (s->samples) {
         uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
@@ -309,13 +308,13 @@ void render_add_view(const struct render_sink *s, const struct sst_render_plan *
 /* What the kernels will read of a view for pixels x .. x + n of row y, or NULL: the rows of all views are too many
  * streams for the processor to follow. */
 const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
-                                          const struct sst_render_tap *t, int x, int n, int y, float constant)
+                                          const struct sst_render_tap *t, int x, int n, int y, bool plain)
 {
     const int from = sst_max_int(x, t->x0), end = sst_min_int(x + n, t->x1);
 
     if (from >= end || y < t->y0 || y >= t->y1 || t->sampler)
         return NULL;
-    set_maps(b, p, t, from, y, constant);
+    set_maps(b, p, t, from, y, plain);
     set_colours(b, t, from, y);
     return b;
 }
@@ -384,8 +383,8 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
     if (support)
         memset(support, 0, (size_t)n);
     for (int k = 0; k < p->count; k++) {
-        s.next = k + 1 < p->count ? render_read_ahead(&next, p, &p->tap[k + 1], x, n, y, 0)
-                                  : render_read_ahead(&next, p, &p->tap[0], x, n, y + 1, 0);
+        s.next = k + 1 < p->count ? render_read_ahead(&next, p, &p->tap[k + 1], x, n, y, p->summed)
+                                  : render_read_ahead(&next, p, &p->tap[0], x, n, y + 1, p->summed);
         render_add_view(&s, p, &p->tap[k], x, n, y);
     }
     for (int c = 0; c < 3; c++) {
@@ -469,10 +468,10 @@ int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells
 /* With the skips of the plan, if they pay. */
 static int render_skipping(struct sst_renderer *r, struct picture *pic)
 {
-    bool skipped = pic->plan->cfg.skip_views || pic->plan->cfg.skip_tiles;
-    const int err = skipped ? skip_render(r, pic->plan, pic->out, pic->valid, &skipped) : 0;
+    bool done = false;
+    const int err = pic->plan->cfg.skip_rays ? skip_render(r, pic->plan, pic->out, pic->valid, &done) : 0;
 
-    return err || skipped ? err : render_bands(pic);
+    return err || done ? err : render_bands(pic);
 }
 
 /* The first and the last row of cells that are wanted, as rows of the picture. */
@@ -525,12 +524,6 @@ int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_
 {
     struct picture pic = { .plan = p, .cells = cells, .out = out };
 
-    if (!cells) {
-        pthread_mutex_lock(&r->lock);
-        skip_bounds_destroy(r->bounds);
-        r->bounds = NULL;
-        pthread_mutex_unlock(&r->lock);
-    }
     return render_anywhere(r, &pic, NULL);
 }
 

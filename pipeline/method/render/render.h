@@ -93,10 +93,9 @@ struct sst_render_config {
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
     int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
     const struct sst_render_merge *merge; /* borrowed; NULL: none */
-    /* What is left out (design.md, 5.5), not on a device and not of clear pictures, which stop at `rays` anyway. Both
-     * off: the picture is exact. */
-    bool skip_views;      /* S2: a tile takes fewer views if they make nearly the same picture of its sampled rows */
-    bool skip_tiles;      /* S5: rays whose weight the bounds of their tile limit get a constant weight or none */
+    /* What is left out (design.md, 5.5), not on a device, not where rays are verified, and not of clear pictures, which
+     * stop at `rays` anyway. */
+    bool skip_rays;       /* S2: a tile has fewer views, or no weights, if that changes its sampled rows little */
     double skip_error_db; /* least PSNR against the exact picture, 20..100; estimated from sampled rows */
     int threads;
 };
@@ -197,11 +196,11 @@ struct sst_render_device_report {
 /** @return false: there is no device */
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out);
 
-/** What skip_views and skip_tiles have left out since the renderer was created. Shares are of all rays, 0..1. */
+/** What skip_rays has left out since the renderer was created. Shares are of all rays, 0..1. */
 struct sst_render_skip_report {
-    int64_t pictures;    /* rendered with any of them */
+    int64_t pictures;    /* rendered with it */
     double rays_skipped; /* not summed */
-    double rays_even;    /* summed with a constant weight, without their disparity and label */
+    double rays_even;    /* summed without their weights */
     int64_t sampled;     /* pixels that were rendered exactly as well, in one row of every 8th tile; these rows are not
                             those that decided */
     double error_levels; /* root mean square of their difference, grey levels; NaN: none */

@@ -535,73 +535,12 @@ bool landed_colours(const struct clear *c, int x, int y);
 /** Is this picture continued by the next one? */
 bool landed_kept(const struct clear *c);
 
-/* --- skips: pictures in which views and weights are left out where that changes little (design.md, 5.5, S2 and S5) --
- */
-
-#define SKIP_TILE_WIDTH   128 /* of the picture; a tile is a whole number of cells, see sst_render_plan_render() */
-#define SKIP_TILE_HEIGHT  32
-#define SKIP_BOUND_WIDTH  32 /* of the views */
-#define SKIP_BOUND_HEIGHT 16
-
-/* --- skip_bounds.c: bounds of disparity and labels by tile of a view, and what follows for the weights ------------ */
-
-struct skip_bound {
-    uint16_t least, most; /* stored disparities that are known; least > most: none */
-    bool unknown;         /* some have no disparity */
-    uint64_t labels;      /* bit i: a label that is i modulo 64 occurs */
-};
-
-struct skip_bounds {
-    int cols, rows;          /* of the tiles of a view */
-    int most;                /* largest known stored disparity; -1: none */
-    struct skip_bound *tile; /* [views][rows][cols]; only of views with a disparity map */
-};
-
-/** The bounds of the renderer's views, made on the first call. @return NULL: no memory (not logged) */
-const struct skip_bounds *skip_bounds_of(struct sst_renderer *r);
-void skip_bounds_destroy(struct skip_bounds *b);
-
-/** How the rays of one view enter the sums of one tile. */
-enum skip_mode {
-    SKIP_NONE = 0,  /* not at all */
-    SKIP_PLAIN = 1, /* with the tile's common weight, in whole numbers */
-    SKIP_EVEN = 2,  /* with a constant weight */
-    SKIP_EXACT = 3, /* with their own weights */
-};
-
-/** Weights by disparity, for all tiles of one picture. */
-struct skip_weights {
-    const struct skip_bounds *bounds;
-    float *depth;        /* [most + 1] W_d, owned */
-    uint8_t label[256];  /* that occur, by their number modulo 64 ... */
-    uint16_t at[64 + 1]; /* ... label[at[i]] .. label[at[i + 1] - 1] */
-};
-
-/** @return 0 or -ENOMEM (not logged) */
-SST_MUST_CHECK int skip_weights_init(struct skip_weights *w, const struct skip_bounds *b,
-                                     const struct sst_render_plan *p, const struct sst_label_histogram *h);
-void skip_weights_fini(struct skip_weights *w);
-
-/** What the bounds allow in one tile. */
-struct skip_tile {
-    enum skip_mode mode[SST_MAX_VIEWS]; /* by tap */
-    float constant[SST_MAX_VIEWS];      /* of SKIP_EVEN */
-    float common;                       /* of SKIP_PLAIN */
-    float worst;                        /* largest difference from the exact picture that is possible, grey levels */
-    bool verified;                      /* rays of a pixel may be verified (verify.h): the tile must be exact */
-};
-
-/** Choose how the rays of each view enter the sums of the pixels x .. to-1, y .. end-1. @param levels  budget, root
- *  mean square of the error in grey levels */
-void skip_bound_tile(struct skip_tile *out, const struct skip_weights *w, const struct sst_render_plan *p, int x,
-                     int to, int y, int end, double levels);
-
 /* --- skip.c ------------------------------------------------------------------------------------------------------- */
 
-/** As sst_render_plan_render() of the whole picture, with the skips of p->cfg. @param worth  out, false: next to
- * nothing can be left out, and no picture was made: the exact one takes less time */
+/** As sst_render_plan_render() of the whole picture, within the budget of p->cfg. @param done  out, false: next to
+ * nothing can be left out, or rays are verified, and no picture was made: the exact one takes less time */
 SST_MUST_CHECK int skip_render(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out,
-                               struct sst_map_u8 *valid, bool *worth);
+                               struct sst_map_u8 *valid, bool *done);
 
 /* --- render.c: sums of rays --------------------------------------------------------------------------------------- */
 
@@ -613,8 +552,7 @@ struct render_sink {
     uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
     const struct sst_render_samples *samples; /* NULL: acc */
     const struct sst_blend *next;             /* what the view after this one will read, or NULL */
-    float constant;                           /* > 0: weight of all rays, whatever their maps */
-    bool plain;                               /* weights are 1: plans that sum, and SKIP_PLAIN */
+    bool plain;                               /* weights are 1, whatever the maps: plans that sum, and skips */
     bool support_only;                        /* nothing is summed */
 };
 
@@ -625,7 +563,7 @@ void render_add_view(const struct render_sink *s, const struct sst_render_plan *
 /** What the kernels will read of a view for pixels x .. x + n of row y, or NULL: the rows of all views are too many
  *  streams for the processor to follow. */
 const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
-                                          const struct sst_render_tap *t, int x, int n, int y, float constant);
+                                          const struct sst_render_tap *t, int x, int n, int y, bool plain);
 
 /** Recompute pixels whose weights underflowed in float; see SST_BLEND_FLOOR. */
 void render_mend_row(const struct sst_render_plan *p, struct sst_image *out, const float *weight, int x, int n, int y);

@@ -181,16 +181,6 @@ static void count_rays(struct rays *rays, const struct sst_render_plan *p, int x
     }
 }
 
-bool sst_verify_may_open(float front, float there)
-{
-    return front > SST_VERIFY_FRONT_LOW * there;
-}
-
-int sst_verify_nearest(const struct sst_render_plan *p)
-{
-    return front_of(p, FRONT_SIGMAS);
-}
-
 struct sst_verify_numbers sst_verify_numbers(const struct sst_render_plan *p)
 {
     const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);

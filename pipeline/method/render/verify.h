@@ -49,12 +49,6 @@ void sst_verifier_destroy(struct sst_verifier *v);
 void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to,
                 int y, int end, struct sst_image *out);
 
-/** True if pixels may be left to votes of which at most `front` of the rays (by aperture) end in front of the focus or
- *  have no disparity, and at least `there` exist. */
-bool sst_verify_may_open(float front, float there);
-/** The largest stored disparity that does not end in front, by that measure. */
-int sst_verify_nearest(const struct sst_render_plan *p);
-
 /** What the verification of a picture is computed with. */
 struct sst_verify_numbers {
     float all;                /* sum of all apertures */
