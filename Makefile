@@ -114,7 +114,17 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 # Simulated devices go into sst-sim and the library that it preloads, never into the product.
 SIM_SRC := $(sort $(wildcard simulators/devices/*.c simulators/devices/camera/*.c simulators/devices/server/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
-LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c,$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
+# Sources of optional parts, by whether they are built; *_none.c replaces one that has callers without it.
+OPTIONAL_AVFORMAT := capture/recording/libav.c
+OPTIONAL_CURL := client/curl.c
+OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c)
+OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events reply request stream web)
+OPTIONAL_UDEV := drivers/grab/udev.c
+OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vulkan*.c))
+LEFT_OUT := $(foreach x,AVFORMAT CURL DNNL HTTPD UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
+            $(filter-out drivers/trigger/gpio_$(if $(filter 1 2,$(WITH_GPIOD)),v$(WITH_GPIOD),none).c,$(wildcard drivers/trigger/gpio_*.c)) \
+            $(if $(filter 1,$(WITH_UDEV)),drivers/grab/udev_none.c)
+LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.

@@ -1,6 +1,5 @@
 /* The functions of libcurl that client.c calls. They load it when first called: with the libraries that it needs, it
  * would take a third of every start of sst. */
-#if WITH_CURL
 #include <curl/curl.h>
 #include <dlfcn.h>
 #include <pthread.h>
@@ -109,4 +108,3 @@ void curl_slist_free_all(struct curl_slist *list)
     if (loaded)
         curl.curl_slist_free_all(list);
 }
-#endif

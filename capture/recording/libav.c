@@ -2,7 +2,6 @@
  * that a program that does not record starts five times as fast. Without it nothing can be opened. */
 #include "base/base.h"
 
-#if WITH_AVFORMAT
 #include <dlfcn.h>
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
@@ -82,4 +81,3 @@ LAZY(void *, av_malloc, (size_t size), (size), NULL)
 LAZY(void, av_free, (void *block), (block), (void)0)
 LAZY(void, av_freep, (void *block), (block), (void)0)
 LAZY(int, av_strerror, (int error, char *text, size_t size), (error, text, size), -1)
-#endif

@@ -1,8 +1,6 @@
 /* Permission of a request: everything is refused unless the table of routes allows it. */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <string.h>
@@ -350,5 +348,3 @@ int http_check(struct http_request *q, const char *path, const char *method, con
         return refuse_method(q, path);
     return strcmp(q->route->method, "POST") ? -1 : check_post(q);
 }
-
-#endif

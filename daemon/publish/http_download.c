@@ -4,8 +4,6 @@
  * client costs a descriptor. An answer with too few bytes is broken off, never finished as if whole. */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -165,5 +163,3 @@ int http_do_download(struct http_request *q)
     } while (err == -EINPROGRESS && !atomic_load(&q->http->stopping) && !http_peer_gone(q->fd));
     return err ? refuse(q, err) : answer(q, d);
 }
-
-#endif

@@ -2,8 +2,6 @@
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -235,5 +233,3 @@ int http_do_listen(struct http_request *q)
     http_set(response, "X-Accel-Buffering", "no");
     return http_reply(q, MHD_HTTP_OK, response);
 }
-
-#endif

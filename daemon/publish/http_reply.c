@@ -1,8 +1,6 @@
 /* Answers: common headers, errors as one sentence, and results of the API as a status. */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -167,5 +165,3 @@ int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *ou
     }
     return http_reply_error(q, 500, "%s", out->error[0] ? out->error : strerror(err < 0 ? -err : EIO));
 }
-
-#endif

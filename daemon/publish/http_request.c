@@ -1,8 +1,6 @@
 /* A request from its first byte to its last: connection, body, handler, end. */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <netinet/tcp.h>
 #include <stdlib.h>
 #include <string.h>
@@ -225,5 +223,3 @@ void http_on_done(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UN
     free(q);
     *state = NULL;
 }
-
-#endif

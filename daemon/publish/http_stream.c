@@ -5,8 +5,6 @@
 #define _GNU_SOURCE /* POLLRDHUP */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <errno.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -282,5 +280,3 @@ bool http_peer_gone(int fd)
 
     return poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR | POLLNVAL));
 }
-
-#endif

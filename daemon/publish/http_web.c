@@ -2,8 +2,6 @@
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 
-#if WITH_HTTPD
-
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -181,5 +179,3 @@ int http_do_login(struct http_request *q)
     }
     return redirect_with_cookie(q, token);
 }
-
-#endif

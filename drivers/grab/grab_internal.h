@@ -52,9 +52,12 @@ void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_bin
  */
 SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 
+/** Open a node to see whether it captures pictures. @return descriptor or -errno, also in its `error` */
+int grab_probe_node(struct grab_node *node);
+
 struct grab_monitor; /* opaque; hotplug events */
 
-/** @return 0, -errno, logged. *out is NULL without hotplug events (built without libudev): scan periodically. */
+/** @return 0, -errno, logged; -ENOPKG: built without libudev, likewise grab_scan(). */
 SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
 int grab_monitor_fd(const struct grab_monitor *watch);
 

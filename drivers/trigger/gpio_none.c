@@ -1,5 +1,4 @@
 /* GPIO of builds without libgpiod: opening a chip always fails, so the other functions are never called. */
-#if WITH_GPIOD == 0
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
@@ -42,6 +41,3 @@ int gpio_chip_edge(struct trigger_chip *c SST_UNUSED, int64_t timeout_ns SST_UNU
 void gpio_chip_close(struct trigger_chip *c SST_UNUSED)
 {
 }
-#else
-typedef int sst_gpio_none_not_built; /* a translation unit must not be empty */
-#endif

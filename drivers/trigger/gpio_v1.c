@@ -1,5 +1,4 @@
 /* libgpiod 1.x: outputs are one line handle, the loop-back line is a line event beside it. */
-#if WITH_GPIOD == 1
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
@@ -132,6 +131,3 @@ void gpio_chip_close(struct trigger_chip *c)
     gpiod_chip_close(c->chip); /* releases the lines */
     free(c);
 }
-#else
-typedef int sst_gpio_v1_not_built; /* a translation unit must not be empty */
-#endif

@@ -1,5 +1,4 @@
 /* libgpiod 2.x: outputs and the loop-back line are one line request. */
-#if WITH_GPIOD == 2
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
@@ -152,6 +151,3 @@ void gpio_chip_close(struct trigger_chip *c)
     gpiod_chip_close(c->chip);
     free(c);
 }
-#else
-typedef int sst_gpio_v2_not_built; /* a translation unit must not be empty */
-#endif

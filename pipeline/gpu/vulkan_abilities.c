@@ -1,7 +1,6 @@
 /* What Vulkan devices can do beyond version 1.2: looked up when they are listed, enabled when they are opened. */
 #include "pipeline/gpu/gpu_internal.h"
 
-#if WITH_VULKAN
 #include <stdlib.h>
 #include <string.h>
 
@@ -180,4 +179,3 @@ void gpu_vulkan_features_init(struct gpu_vulkan_features *f, uint32_t abilities)
         chain(&f->chain, &f->sizes);
     }
 }
-#endif

@@ -5,7 +5,6 @@
  * they are few, and each fills the device. */
 #include "pipeline/gpu/gpu_internal.h"
 
-#if WITH_VULKAN
 #include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
@@ -516,4 +515,3 @@ int gpu_vulkan_open(struct sst_gpu **out, int index)
     *out = &v->gpu;
     return 0;
 }
-#endif

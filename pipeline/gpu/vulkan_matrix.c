@@ -2,7 +2,6 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/net.h"
 
-#if WITH_VULKAN
 #include <errno.h>
 
 #define HEADER      5          /* words before the first instruction */
@@ -99,4 +98,3 @@ int gpu_matrix_complete(uint32_t *code, size_t words)
     }
     return err || types ? err : -EINVAL;
 }
-#endif

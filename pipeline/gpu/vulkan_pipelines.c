@@ -1,7 +1,6 @@
 /* Shaders of a Vulkan device: modules from the binaries of the build, pipelines, and their cache on disk. */
 #include "pipeline/gpu/gpu_internal.h"
 
-#if WITH_VULKAN
 #include <stdlib.h>
 #include <string.h>
 
@@ -137,4 +136,3 @@ void gpu_vulkan_store_cache(struct gpu_vulkan_device *v)
         gpu_cache_write(v->cache_key, data, bytes);
     free(data);
 }
-#endif

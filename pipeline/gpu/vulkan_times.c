@@ -1,7 +1,6 @@
 /* What each shader takes on a Vulkan device: timestamps around dispatches, added up and logged when the device is closed. */
 #include "pipeline/gpu/gpu_internal.h"
 
-#if WITH_VULKAN
 #include <stdlib.h>
 #include <string.h>
 
@@ -98,4 +97,3 @@ void gpu_vulkan_close_times(struct gpu_vulkan_device *v)
                  v->times.all_ms, v->times.submits, rest);
     v->vk->vkDestroyQueryPool(v->device, v->times.pool, NULL);
 }
-#endif

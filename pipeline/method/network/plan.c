@@ -1,4 +1,3 @@
-#if WITH_DNNL
 #include "pipeline/method/network/network_internal.h"
 
 #include <errno.h>
@@ -377,4 +376,3 @@ int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t
 
     return err ? err : op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);
 }
-#endif

@@ -1,5 +1,4 @@
 /* Chooses which values are stored in 8 bits, and their scales. */
-#if WITH_DNNL
 #include <math.h>
 
 #include "pipeline/method/network/plan_dnnl.h"
@@ -110,4 +109,3 @@ void net_plan_choose_bits(struct net_plan *p)
             join_units(p, &g->ops[i]);
     }
 }
-#endif

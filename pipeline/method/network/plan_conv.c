@@ -4,7 +4,6 @@
  * each output channel o, so that
  *   y / s_y = (sum q_x q_w + b / (s_x s_w[o])) * (s_x s_w[o] / s_y)  [+ (s_r / s_y) q_r, the residual]  [relu]
  * with the sum in exact 32-bit integers: the same for any number of threads and any order. */
-#if WITH_DNNL
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -346,4 +345,3 @@ int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
     free(q.weights);
     return err;
 }
-#endif

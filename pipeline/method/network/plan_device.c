@@ -2,7 +2,6 @@
  * plan for the CPU (plan_dnnl.c, plan_conv.c), those of processors without VNNI included. */
 #include "pipeline/method/network/network_internal.h"
 
-#if WITH_DNNL
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -682,4 +681,3 @@ int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, f
     times->download_ns = sst_clock_now_ns() - start_ns;
     return err;
 }
-#endif

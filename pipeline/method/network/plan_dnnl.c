@@ -1,6 +1,5 @@
 /* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; other layers
  * accept any, so that reorders are rare. */
-#if WITH_DNNL
 #include "pipeline/method/network/plan_dnnl.h"
 
 #include <errno.h>
@@ -332,4 +331,3 @@ int net_plan_add_op(struct net_plan *p, int i)
     }
     return -ENOTSUP;
 }
-#endif
