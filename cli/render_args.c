@@ -349,9 +349,10 @@ json_t *cli_render_skips_json(const struct render_input *in, const struct render
 
     if (!sst_renderer_skips(in->renderer, &s))
         return json_null();
-    return json_pack("{s:f, s:f, s:f, s:I, s:o, s:o}", "budget_db", a->cfg.skip_error_db, "rays_skipped_percent", 100 * s.rays_skipped,
-                     "rays_even_percent", 100 * s.rays_even, "sampled_pixels", (json_int_t)s.sampled, "error_levels",
-                     cli_real_json(s.error_levels), "error_db", cli_real_json(s.error_db));
+    return json_pack("{s:f, s:f, s:f, s:I, s:o, s:o}", "budget_db", a->cfg.skip_error_db, "rays_skipped_percent",
+                     100 * s.rays_skipped, "rays_even_percent", 100 * s.rays_even, "sampled_pixels",
+                     (json_int_t)s.sampled, "error_levels", cli_real_json(s.error_levels), "error_db",
+                     cli_real_json(s.error_db));
 }
 
 void cli_render_report_skips(const struct render_input *in, const char *out)

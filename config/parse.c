@@ -307,7 +307,7 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
     return NULL;
 }
 
-/* Keys of earlier versions: a service starts with them after an upgrade, and says what to remove. */
+/* Keys of earlier versions: a service starts with such keys after an upgrade, with a warning for each. */
 static const struct {
     const char *section, *name, *instead;
 } retired[] = {

@@ -57,7 +57,7 @@ int grab_probe_node(struct grab_node *node);
 
 struct grab_monitor; /* opaque; hotplug events */
 
-/** @return 0, -errno, logged; -ENOPKG: built without libudev, likewise grab_scan(). */
+/** @return 0, -errno, logged; -ENOPKG: built without libudev, also from grab_scan(). */
 SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
 int grab_monitor_fd(const struct grab_monitor *watch);
 

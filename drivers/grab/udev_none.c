@@ -1,4 +1,4 @@
-/* A build without libudev: no camera is listed or opened, so that of a monitor nothing but close is called. */
+/* Cameras of a build without libudev: none is listed or opened, and a monitor is closed at most. */
 #include "drivers/grab/grab_internal.h"
 
 #include <errno.h>

@@ -187,7 +187,8 @@ bool sst_live_label_device(const struct sst_live *live, struct sst_network_devic
 }
 
 const char *const sst_live_device_steps[] = { "labels", "render", NULL };
-const char *const sst_live_cpu_steps[] = { "change", "decode", "rectify", "disparity", "refine", "encode", "background", NULL };
+const char *const sst_live_cpu_steps[] = { "change", "decode", "rectify",    "disparity",
+                                           "refine", "encode", "background", NULL };
 
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 {

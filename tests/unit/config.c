@@ -381,9 +381,10 @@ static void retired_keys_are_warned_of(void **state)
     (void)state;
     accept("live: { skip_ranges: true, skip_views: [1], skip_error_db: 45 }\n");
     assert_contains(said, "warning: ");
-    assert_contains(said, "c.yaml:1:9: live: skip_ranges has no effect any more: all disparities of the range are searched; "
+    assert_contains(said, "c.yaml:1:9: live: skip_ranges has no effect any more: all disparities of the range are "
+                          "searched; remove it");
+    assert_contains(said, "c.yaml:1:28: live: skip_views has no effect any more: live pictures sum all rays; "
                           "remove it");
-    assert_contains(said, "c.yaml:1:28: live: skip_views has no effect any more: live pictures sum all rays; remove it");
     assert_contains(said, "skip_error_db has no effect any more");
     put("a.yaml", "live: { skip_range: true }\n");
     sst_config_defaults(&cfg);

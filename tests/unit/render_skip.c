@@ -318,7 +318,7 @@ static void half_occluded_tiles_keep_the_budget(void **state SST_UNUSED)
     close_field(&f);
 }
 
-/* All weights are 0: C1 = C2 = 0 and nothing near the focus. The plain refocus value takes their place, also in tiles. */
+/* All weights are 0: C1 = C2 = 0 and nothing near the focus. Plain refocusing takes their place. */
 static void no_weights_at_all(void **state SST_UNUSED)
 {
     struct sst_render_config cfg;

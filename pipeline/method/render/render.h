@@ -93,8 +93,8 @@ struct sst_render_config {
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
     int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
     const struct sst_render_merge *merge; /* borrowed; NULL: none */
-    /* What is left out (design.md, 5.5), not on a device, not where rays are verified, and not of clear pictures, which
-     * stop at `rays` anyway. */
+    /* Skips (design.md, 5.5), not on a device, not where rays are verified, and not of clear pictures, which stop at
+     * `rays` anyway. */
     bool skip_rays;       /* S2: a tile has fewer views, or no weights, if that changes its sampled rows little */
     double skip_error_db; /* least PSNR against the exact picture, 20..100; estimated from sampled rows */
     int threads;
@@ -196,7 +196,7 @@ struct sst_render_device_report {
 /** @return false: there is no device */
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out);
 
-/** What skip_rays has left out since the renderer was created. Shares are of all rays, 0..1. */
+/** Counters of skip_rays since the renderer was created. Shares are of all rays, 0..1. */
 struct sst_render_skip_report {
     int64_t pictures;    /* rendered with it */
     double rays_skipped; /* not summed */

@@ -1,15 +1,15 @@
-/* Pictures without rays that change little (design.md, 5.5). A picture is made in tiles, each in one of several ways: of
- * a quarter of the views, of half, or of all; with the weights of its rays, or with one weight for all of them, which
- * reads no maps. A row of tiles takes two steps.
+/* Pictures without rays that change little (design.md, 5.5). A picture is made in tiles, each in one of several ways:
+ * from a quarter of the views, from half, or from all; with the weights of the rays, or with one weight for all rays,
+ * which reads no maps. A row of tiles takes two steps.
  *
- * 1. Two of the 32 rows of each tile are rendered from all views, with their weights; they are final. Their sums, and
- *    sums without weights, pass through those of nested subsets of the views: pictures of the same rows in all ways.
- * 2. The other rows of a tile are rendered in the way with the least time + error / lambda, by the rows of step 1. Where
- *    all rays count they are summed in the order of exact pictures, so that they have their bytes.
+ * 1. Two of the 32 rows of each tile are rendered from all views, with their weights; these rows are final. Their sums,
+ *    and sums without weights, pass through the sums of nested subsets of the views: the same rows in all ways.
+ * 2. The other rows of a tile are rendered in the way with the least time + error / lambda, by the rows of step 1.
+ *    Where all rays count they are summed in the order of exact pictures, so that they have their bytes.
  *
- * Step 1 of every PROBE_STEP-th row of tiles comes before all else. It gives lambda, that of the picture with the least
- * time that keeps the budget; where it promises next to no gain, the picture is exact. So are pictures whose rays are
- * verified, as votes need all rays.
+ * Step 1 of every PROBE_STEP-th row of tiles comes before all else. It gives lambda, for the picture with the least
+ * time within the budget; where it promises next to no gain, the picture is exact. Pictures with verified rays are
+ * exact as well, since votes need all rays.
  *
  * Every pixel is normalised by the weights of its own rays: where it has none, the exact pixel takes its place
  * (render_mend_row()). */
@@ -27,8 +27,8 @@
 #define TILE_HEIGHT   32
 #define STRETCH_TILES (1024 / TILE_WIDTH)
 #define STRETCH       (STRETCH_TILES * TILE_WIDTH) /* pixels summed together: the sums stay cached */
-#define AHEAD         512                            /* pixels of a view that are read before they are needed */
-/* Rows of a tile that decide, and the row of every CHECK_TILES-th tile that is compared with the exact one afterwards. */
+#define AHEAD         512                          /* pixels of a view that are read before they are needed */
+/* Rows of a tile that decide, and the row of every CHECK_TILES-th tile that is compared with the exact one at the end. */
 #define DECIDE_ROW  7
 #define DECIDE_STEP 16
 #define CHECK_ROW   16
@@ -141,7 +141,7 @@ static void clear_sums(struct skip_scratch *w, int n)
  * processor to follow, and short runs leave it no time. */
 struct reader {
     int runs, i, x; /* the next pixels: x of run i */
-    int left;       /* pixels that are read beyond those that the kernels have */
+    int left;       /* pixels that are read ahead of the kernels */
     bool above;     /* the upper rows are not in the cache either */
     struct sst_blend at;
     const struct sst_blend *now;
@@ -323,7 +323,7 @@ static int probe(void *arg, int index, int worker)
     return 0;
 }
 
-/* The largest lambda whose error is within the budget in the rows that were probed, to a few percent. */
+/* The largest lambda with an error within the budget in the probed rows, to a few percent. */
 static double find_lambda(const struct skipper *s)
 {
     double lo = log2(s->budget2) - 8, hi = log2(s->budget2) + 8;
