@@ -1,0 +1,172 @@
+/* pipeline/kernels/simd.h - vectors as wide as a CPU level has: templates in them are written once. */
+#ifndef SST_PIPELINE_KERNELS_SIMD_H
+#define SST_PIPELINE_KERNELS_SIMD_H
+
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
+#endif
+
+#if defined(__AVX512BW__)
+#define SIMD_BYTES 64
+#elif defined(__AVX2__)
+#define SIMD_BYTES 32
+#else
+#define SIMD_BYTES 16
+#endif
+
+/* Vectors of the compiler: + - * & | ^ ~ << >> and comparisons, which give all bits of a lane, work on them. Whole
+ * numbers are moved in lanes of 64 bits: bytes would be loaded twice where two instructions use them. */
+#define SIMD_TYPE(name, type, moved)                                                                                   \
+    typedef type simd_##name __attribute__((vector_size(SIMD_BYTES)));                                                 \
+    typedef moved simd_##name##_there __attribute__((vector_size(SIMD_BYTES), aligned(1), may_alias));                 \
+    static inline simd_##name simd_load_##name(const type *p)                                                          \
+    {                                                                                                                  \
+        const simd_##name##_there v = *(const simd_##name##_there *)p;                                                 \
+                                                                                                                       \
+        return (simd_##name)v;                                                                                         \
+    }                                                                                                                  \
+    static inline void simd_store_##name(type *p, simd_##name v)                                                       \
+    {                                                                                                                  \
+        *(simd_##name##_there *)p = (simd_##name##_there)v;                                                            \
+    }                                                                                                                  \
+    static inline simd_##name simd_set_##name(type v)                                                                  \
+    {                                                                                                                  \
+        return v - (simd_##name){ 0 };                                                                                 \
+    }
+SIMD_TYPE(u8, uint8_t, uint64_t)
+SIMD_TYPE(u16, uint16_t, uint64_t)
+SIMD_TYPE(u32, uint32_t, uint64_t)
+SIMD_TYPE(s32, int32_t, uint64_t)
+SIMD_TYPE(f32, float, float)
+#undef SIMD_TYPE
+
+/* --- min, max, mean rounded up, more and less: sum and difference that saturate, apart: |a - b| --- */
+
+#define SIMD_TWO(name, type, own, result)                                                                              \
+    static inline simd_##type simd_##name##_##type(simd_##type a_, simd_##type b_)                                     \
+    {                                                                                                                  \
+        const own a = (own)a_, b = (own)b_;                                                                            \
+                                                                                                                       \
+        return (simd_##type)(result);                                                                                  \
+    }
+#if defined(__SSE2__)
+#if SIMD_BYTES == 64
+#define SIMD_OP(name)   _mm512_##name
+#define SIMD_BITS(name) _mm512_##name##_si512
+#define SIMD_INT        __m512i
+#elif SIMD_BYTES == 32
+#define SIMD_OP(name)   _mm256_##name
+#define SIMD_BITS(name) _mm256_##name##_si256
+#define SIMD_INT        __m256i
+#else
+#define SIMD_OP(name)   _mm_##name
+#define SIMD_BITS(name) _mm_##name##_si128
+#define SIMD_INT        __m128i
+#endif
+SIMD_TWO(min, u8, SIMD_INT, SIMD_OP(min_epu8)(a, b))
+SIMD_TWO(max, u8, SIMD_INT, SIMD_OP(max_epu8)(a, b))
+SIMD_TWO(mean, u8, SIMD_INT, SIMD_OP(avg_epu8)(a, b))
+SIMD_TWO(more, u8, SIMD_INT, SIMD_OP(adds_epu8)(a, b))
+SIMD_TWO(less, u8, SIMD_INT, SIMD_OP(subs_epu8)(a, b))
+SIMD_TWO(less, u16, SIMD_INT, SIMD_OP(subs_epu16)(a, b))
+SIMD_TWO(apart, u8, SIMD_INT, SIMD_BITS(or)(SIMD_OP(subs_epu8)(a, b), SIMD_OP(subs_epu8)(b, a)))
+#elif defined(__ARM_NEON)
+SIMD_TWO(min, u8, uint8x16_t, vminq_u8(a, b))
+SIMD_TWO(max, u8, uint8x16_t, vmaxq_u8(a, b))
+SIMD_TWO(mean, u8, uint8x16_t, vrhaddq_u8(a, b))
+SIMD_TWO(more, u8, uint8x16_t, vqaddq_u8(a, b))
+SIMD_TWO(less, u8, uint8x16_t, vqsubq_u8(a, b))
+SIMD_TWO(less, u16, uint16x8_t, vqsubq_u16(a, b))
+SIMD_TWO(apart, u8, uint8x16_t, vabdq_u8(a, b))
+#else
+SIMD_TWO(less, u8, simd_u8, (a - b) & (simd_u8)(a > b))
+SIMD_TWO(min, u8, simd_u8, a - simd_less_u8(a, b))
+SIMD_TWO(max, u8, simd_u8, b + simd_less_u8(a, b))
+SIMD_TWO(mean, u8, simd_u8, (a | b) - ((a ^ b) >> 1))
+SIMD_TWO(more, u8, simd_u8, (a + b) | (simd_u8)(a + b < a))
+SIMD_TWO(less, u16, simd_u16, (a - b) & (simd_u16)(a > b))
+SIMD_TWO(apart, u8, simd_u8, simd_less_u8(a, b) | simd_less_u8(b, a))
+#endif
+#if defined(__AVX2__)
+SIMD_TWO(min, u16, SIMD_INT, SIMD_OP(min_epu16)(a, b))
+SIMD_TWO(max, u16, SIMD_INT, SIMD_OP(max_epu16)(a, b))
+#elif defined(__ARM_NEON)
+SIMD_TWO(min, u16, uint16x8_t, vminq_u16(a, b))
+SIMD_TWO(max, u16, uint16x8_t, vmaxq_u16(a, b))
+#else
+SIMD_TWO(min, u16, simd_u16, a - simd_less_u16((simd_u16)a, (simd_u16)b))
+SIMD_TWO(max, u16, simd_u16, b + simd_less_u16((simd_u16)a, (simd_u16)b))
+#endif
+#undef SIMD_TWO
+
+/* --- lanes that are equal, and a choice of two vectors by them --- */
+
+#if SIMD_BYTES == 64
+typedef __mmask64 simd_same8;
+
+static inline simd_same8 simd_same_u8(simd_u8 a, simd_u8 b)
+{
+    return _mm512_cmpeq_epu8_mask((__m512i)a, (__m512i)b);
+}
+
+static inline simd_u8 simd_pick_u8(simd_same8 m, simd_u8 yes, simd_u8 no)
+{
+    return (simd_u8)_mm512_mask_blend_epi8(m, (__m512i)no, (__m512i)yes);
+}
+#else
+typedef simd_u8 simd_same8;
+
+static inline simd_same8 simd_same_u8(simd_u8 a, simd_u8 b)
+{
+    return (simd_u8)(a == b);
+}
+
+static inline simd_u8 simd_pick_u8(simd_same8 m, simd_u8 yes, simd_u8 no)
+{
+    return (yes & m) | (no & ~m);
+}
+#endif
+
+/* --- bytes as two vectors of 16 bits --- */
+
+/* Half 0 or 1 of v; which bytes it has depends on the level. */
+static inline simd_u16 simd_widen(simd_u8 v, int half)
+{
+#if defined(__SSE2__)
+    const SIMD_INT zero = { 0 };
+
+    return (simd_u16)(half ? SIMD_OP(unpackhi_epi8)((SIMD_INT)v, zero) : SIMD_OP(unpacklo_epi8)((SIMD_INT)v, zero));
+#elif defined(__ARM_NEON)
+    return (simd_u16)(half ? vmovl_high_u8((uint8x16_t)v) : vmovl_u8(vget_low_u8((uint8x16_t)v)));
+#else
+    typedef uint8_t bytes __attribute__((vector_size(SIMD_BYTES / 2)));
+    bytes part;
+
+    memcpy(&part, (const uint8_t *)&v + half * sizeof(part), sizeof(part));
+    return __builtin_convertvector(part, simd_u16);
+#endif
+}
+
+/* Bytes from their halves, each lane below 256. */
+static inline simd_u8 simd_narrow(simd_u16 low, simd_u16 high)
+{
+#if defined(__SSE2__)
+    return (simd_u8)SIMD_OP(packus_epi16)((SIMD_INT)low, (SIMD_INT)high);
+#elif defined(__ARM_NEON)
+    return (simd_u8)vuzp1q_u8((uint8x16_t)low, (uint8x16_t)high);
+#else
+    typedef uint8_t bytes __attribute__((vector_size(SIMD_BYTES / 2)));
+    const bytes part[2] = { __builtin_convertvector(low, bytes), __builtin_convertvector(high, bytes) };
+    simd_u8 v;
+
+    memcpy(&v, part, sizeof(v));
+    return v;
+#endif
+}
+
+#endif
