@@ -1,38 +1,18 @@
+#include "pipeline/kernels/simd.h"
+
 /* The two cheapest as minima and maxima of bytes, which every CPU level has. */
 static void KERNEL(cheapest_row)(uint8_t *restrict first, uint8_t *restrict second, const uint8_t *a, const uint8_t *b,
                                  size_t n)
 {
     size_t x = 0;
 
-#if defined(__aarch64__)
-    for (; n - x >= 16; x += 16) {
-        const uint8x16_t t = vminq_u8(vrhaddq_u8(vld1q_u8(a + x), vld1q_u8(b + x)), vdupq_n_u8(SST_COST_MAX - 1));
-        const uint8x16_t one = vld1q_u8(first + x);
+    for (; n - x >= SIMD_BYTES; x += SIMD_BYTES) {
+        const simd_u8 mean = simd_mean_u8(simd_load_u8(a + x), simd_load_u8(b + x));
+        const simd_u8 t = simd_min_u8(mean, simd_set_u8(SST_COST_MAX - 1)), one = simd_load_u8(first + x);
 
-        vst1q_u8(first + x, vminq_u8(one, t));
-        vst1q_u8(second + x, vminq_u8(vld1q_u8(second + x), vmaxq_u8(one, t)));
+        simd_store_u8(first + x, simd_min_u8(one, t));
+        simd_store_u8(second + x, simd_min_u8(simd_load_u8(second + x), simd_max_u8(one, t)));
     }
-#elif defined(__AVX512BW__)
-    for (; n - x >= 64; x += 64) {
-        const __m512i mean = _mm512_avg_epu8(_mm512_loadu_si512(a + x), _mm512_loadu_si512(b + x));
-        const __m512i t = _mm512_min_epu8(mean, _mm512_set1_epi8((int8_t)(SST_COST_MAX - 1)));
-        const __m512i one = _mm512_loadu_si512(first + x), over = _mm512_max_epu8(one, t);
-
-        _mm512_storeu_si512(first + x, _mm512_min_epu8(one, t));
-        _mm512_storeu_si512(second + x, _mm512_min_epu8(_mm512_loadu_si512(second + x), over));
-    }
-#elif defined(__AVX2__)
-    for (; n - x >= 32; x += 32) {
-        const __m256i mean = _mm256_avg_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + x)),
-                                             _mm256_loadu_si256((const __m256i *)(const void *)(b + x)));
-        const __m256i t = _mm256_min_epu8(mean, _mm256_set1_epi8((int8_t)(SST_COST_MAX - 1)));
-        __m256i *to = (__m256i *)(void *)(first + x), *next = (__m256i *)(void *)(second + x);
-        const __m256i one = _mm256_loadu_si256(to), over = _mm256_max_epu8(one, t);
-
-        _mm256_storeu_si256(to, _mm256_min_epu8(one, t));
-        _mm256_storeu_si256(next, _mm256_min_epu8(_mm256_loadu_si256(next), over));
-    }
-#endif
     for (; x < n; x++) {
         const uint8_t mean = (uint8_t)((a[x] + b[x] + 1) >> 1), t = mean < SST_COST_MAX ? mean : SST_COST_MAX - 1;
         const uint8_t one = first[x], two = second[x], over = one > t ? one : t;
@@ -168,23 +148,17 @@ static void KERNEL(cheapest_mean_row)(uint8_t *restrict first, const uint8_t *re
 {
     size_t x = 0;
 
-#if defined(__AVX512BW__)
-    const __m512i absent = _mm512_set1_epi8((int8_t)SST_COST_ABSENT), unseen = _mm512_set1_epi8(SST_COST_UNSEEN);
-
-    for (; n - x >= 64; x += 64) {
-        const __m512i a = _mm512_loadu_si512(first + x), b = _mm512_loadu_si512(second + x);
+    for (; n - x >= SIMD_BYTES; x += SIMD_BYTES) {
+        const simd_u8 a = simd_load_u8(first + x), b = simd_load_u8(second + x);
         /* (3 a + b + 2) >> 2 is the mean of a and of both's, rounded down: their mean rounded up is 1/2 too large where
          * a + b is odd, and that of a and it where a + it is odd. */
-        const __m512i both = _mm512_avg_epu8(a, b);
-        const __m512i one = _mm512_set1_epi8(1), odd = _mm512_and_si512(_mm512_xor_si512(a, b), one);
-        const __m512i up = _mm512_avg_epu8(a, both);
-        const __m512i over = _mm512_and_si512(_mm512_and_si512(_mm512_xor_si512(a, both), one), odd);
-        const __m512i mean = two ? _mm512_sub_epi8(up, over) : both;
-        const __mmask64 alone = _mm512_cmpeq_epu8_mask(b, absent), none = _mm512_cmpeq_epu8_mask(a, absent);
+        const simd_u8 both = simd_mean_u8(a, b), over = (a ^ b) & (a ^ both) & 1;
+        const simd_u8 mean = two ? simd_mean_u8(a, both) - over : both;
+        const simd_same8 alone = simd_same_u8(b, simd_set_u8(SST_COST_ABSENT));
+        const simd_same8 none = simd_same_u8(a, simd_set_u8(SST_COST_ABSENT));
 
-        _mm512_storeu_si512(first + x, _mm512_mask_mov_epi8(_mm512_mask_mov_epi8(mean, alone, a), none, unseen));
+        simd_store_u8(first + x, simd_pick_u8(none, simd_set_u8(SST_COST_UNSEEN), simd_pick_u8(alone, a, mean)));
     }
-#endif
     for (; x < n; x++) {
         const unsigned a = first[x], b = second[x];
         const unsigned mean = two ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
