@@ -1,4 +1,5 @@
 /* Colour agreement of the rays of a pixel: votes, the colour with most votes, similarity of each ray to it. */
+#include "pipeline/kernels/simd.h"
 
 /* The table lookup is a separate loop: it is not vectorised, the others are. */
 static void KERNEL(agree_votes)(uint8_t *vote, const uint8_t *const colour[3], const float *weight,
@@ -38,170 +39,104 @@ static void KERNEL(agree_votes)(uint8_t *vote, const uint8_t *const colour[3], c
 
 _Static_assert(3 * SST_AGREE_MODE < 256 && 3 * SST_AGREE_NEAR < 256, "sums of three cut differences are bytes");
 
-#if defined(__AVX2__)
-/* Two rays at once: bytes of likeness and of votes alternate, so that one instruction multiplies and adds them. */
-#if defined(__AVX512BW__)
-#define AGREE_OP(name)   _mm512_##name
-#define AGREE_BITS(name) _mm512_##name##_si512
-typedef __m512i KERNEL(agree_bytes);
-#else
-#define AGREE_OP(name)   _mm256_##name
-#define AGREE_BITS(name) _mm256_##name##_si256
-typedef __m256i KERNEL(agree_bytes);
-#endif
-#define AGREE_BLOCK sizeof(KERNEL(agree_bytes))
-#define AGREE_PAIRS 128 /* of rays */
 _Static_assert(SST_AGREE_MODE % 2 == 0, "half of it is a whole number");
 
-static inline KERNEL(agree_bytes) KERNEL(agree_load)(const uint8_t *from)
-{
-    KERNEL(agree_bytes) v;
+/* Likenesses or votes of two rays. */
+struct KERNEL(agree_pair) {
+    simd_u8 of[2];
+};
 
-    memcpy(&v, from, sizeof(v));
-    return v;
+/* Bytes of both rays alternate where one instruction multiplies and adds two of a lane. */
+static inline struct KERNEL(agree_pair) KERNEL(agree_pair)(simd_u8 a, simd_u8 b)
+{
+#if defined(__AVX2__)
+    return (struct KERNEL(agree_pair)){ { (simd_u8)SIMD_OP(unpacklo_epi8)((SIMD_INT)a, (SIMD_INT)b),
+                                          (simd_u8)SIMD_OP(unpackhi_epi8)((SIMD_INT)a, (SIMD_INT)b) } };
+#else
+    return (struct KERNEL(agree_pair)){ { a, b } };
+#endif
 }
 
-static inline KERNEL(agree_bytes) KERNEL(agree_difference)(KERNEL(agree_bytes) a, const uint8_t *b)
+static inline simd_u16 KERNEL(agree_add)(simd_u16 sum, struct KERNEL(agree_pair) a, struct KERNEL(agree_pair) b, int half)
 {
-    const KERNEL(agree_bytes) v = KERNEL(agree_load)(b);
-
-    return AGREE_BITS(or)(AGREE_OP(subs_epu8)(a, v), AGREE_OP(subs_epu8)(v, a));
+#if defined(__AVX2__)
+    return sum + (simd_u16)SIMD_OP(maddubs_epi16)((SIMD_INT)a.of[half], (SIMD_INT)b.of[half]);
+#else
+    sum += simd_widen(a.of[0], half) * simd_widen(b.of[0], half);
+    return sum + simd_widen(a.of[1], half) * simd_widen(b.of[1], half);
+#endif
 }
 
 /* floor(max(0, SST_AGREE_MODE - difference) / 2); sums that do not fit saturate. */
-static inline KERNEL(agree_bytes) KERNEL(agree_like)(const KERNEL(agree_bytes) a[3], const uint8_t *b, size_t stride)
+static inline simd_u8 KERNEL(agree_like)(const simd_u8 a[3], const uint8_t *b, size_t stride)
 {
-    const KERNEL(agree_bytes) two = AGREE_OP(adds_epu8)(KERNEL(agree_difference)(a[0], b),
-                                                        KERNEL(agree_difference)(a[1], b + stride));
-    const KERNEL(agree_bytes) all = AGREE_OP(adds_epu8)(two, KERNEL(agree_difference)(a[2], b + 2 * stride));
+    simd_u8 all = simd_apart_u8(a[0], simd_load_u8(b));
 
-    return AGREE_OP(avg_epu8)(AGREE_OP(subs_epu8)(AGREE_OP(set1_epi8)(SST_AGREE_MODE - 1), all), AGREE_BITS(setzero)());
+    all = simd_more_u8(all, simd_apart_u8(a[1], simd_load_u8(b + stride)));
+    all = simd_more_u8(all, simd_apart_u8(a[2], simd_load_u8(b + 2 * stride)));
+    return simd_mean_u8(simd_less_u8(simd_set_u8(SST_AGREE_MODE - 1), all), simd_set_u8(0));
 }
 
-/* Votes for colour a, those of a pixel in 16 bits: the lower and the upper half of each group of 16 pixels. */
-static inline void KERNEL(agree_count)(KERNEL(agree_bytes) votes[2], const KERNEL(agree_bytes) a[3],
-                                       KERNEL(agree_bytes) (*weight)[2], const uint8_t *colour, size_t rays,
-                                       size_t stride)
+/* Votes for colour a. */
+static inline void KERNEL(agree_count)(simd_u16 votes[2], const simd_u8 a[3], const struct KERNEL(agree_pair) *weight,
+                                       const uint8_t *colour, size_t rays, size_t stride)
 {
-    votes[0] = votes[1] = AGREE_BITS(setzero)();
-    for (size_t k = 0; k < rays; k += 2) {
-        const KERNEL(agree_bytes) first = KERNEL(agree_like)(a, colour + k * 3 * stride, stride);
-        const KERNEL(agree_bytes) second =
-            k + 1 < rays ? KERNEL(agree_like)(a, colour + (k + 1) * 3 * stride, stride) : first;
+    votes[0] = votes[1] = simd_set_u16(0);
+    for (size_t k = 0; k < rays; k += 2, weight++) {
+        const simd_u8 first = KERNEL(agree_like)(a, colour + k * 3 * stride, stride);
+        const simd_u8 second = k + 1 < rays ? KERNEL(agree_like)(a, colour + (k + 1) * 3 * stride, stride) : first;
+        const struct KERNEL(agree_pair) like = KERNEL(agree_pair)(first, second);
 
-        votes[0] = AGREE_OP(add_epi16)(
-            votes[0], AGREE_OP(maddubs_epi16)(weight[k / 2][0], AGREE_OP(unpacklo_epi8)(first, second)));
-        votes[1] = AGREE_OP(add_epi16)(
-            votes[1], AGREE_OP(maddubs_epi16)(weight[k / 2][1], AGREE_OP(unpackhi_epi8)(first, second)));
+        for (int half = 0; half < 2; half++)
+            votes[half] = KERNEL(agree_add)(votes[half], *weight, like, half);
     }
 }
 
 /* Where votes of pixels with a ray are above the best ones, all bits of a pixel; the best ones follow. */
-static inline KERNEL(agree_bytes) KERNEL(agree_better)(KERNEL(agree_bytes) best[2], const KERNEL(agree_bytes) votes[2],
-                                                       KERNEL(agree_bytes) vote)
+static inline simd_u8 KERNEL(agree_better)(simd_u16 best[2], const simd_u16 votes[2], simd_u8 vote)
 {
-    const KERNEL(agree_bytes) zero = AGREE_BITS(setzero)(), one = AGREE_OP(set1_epi16)(1);
-    const KERNEL(agree_bytes) there = AGREE_OP(min_epu8)(vote, AGREE_OP(set1_epi8)(1));
-    const KERNEL(agree_bytes) unpacked[2] = { AGREE_OP(unpacklo_epi8)(there, zero),
-                                              AGREE_OP(unpackhi_epi8)(there, zero) };
-    KERNEL(agree_bytes) more[2];
+    const simd_u8 there = simd_min_u8(vote, simd_set_u8(1));
+    simd_u16 more[2];
 
-    for (int i = 0; i < 2; i++) {
-        const KERNEL(agree_bytes) counted =
-            AGREE_BITS(and)(votes[i], AGREE_OP(sub_epi16)(zero, unpacked[i])); /* 0 without a ray */
+    for (int half = 0; half < 2; half++) {
+        const simd_u16 counted = votes[half] & (0 - simd_widen(there, half)); /* 0 without a ray */
 
-        more[i] = AGREE_OP(min_epu16)(AGREE_OP(subs_epu16)(counted, best[i]), one);
-        best[i] = AGREE_OP(max_epu16)(best[i], counted);
+        more[half] = simd_min_u16(simd_less_u16(counted, best[half]), simd_set_u16(1));
+        best[half] = simd_max_u16(best[half], counted);
     }
-    return AGREE_OP(sub_epi8)(zero, AGREE_OP(packus_epi16)(more[0], more[1]));
+    return 0 - simd_narrow(more[0], more[1]);
 }
 
 static void KERNEL(agree_mode)(uint8_t *const mode[3], const uint8_t *colour, const uint8_t *vote, size_t rays,
                                size_t step, size_t stride)
 {
-    KERNEL(agree_bytes) weight[AGREE_PAIRS][2];
+    struct KERNEL(agree_pair) weight[128];
 
-    for (size_t x = 0; x < stride; x += AGREE_BLOCK) {
-        const KERNEL(agree_bytes) zero = AGREE_BITS(setzero)();
-        KERNEL(agree_bytes) best[2] = { zero, zero }, result[3] = { zero, zero, zero };
+    for (size_t x = 0; x < stride; x += SIMD_BYTES) {
+        simd_u16 best[2] = { simd_set_u16(0), simd_set_u16(0) };
+        simd_u8 result[3] = { simd_set_u8(0), simd_set_u8(0), simd_set_u8(0) };
 
         for (size_t k = 0; k < rays; k += 2) {
-            const KERNEL(agree_bytes) first = KERNEL(agree_load)(vote + k * stride + x);
-            const KERNEL(agree_bytes) second = k + 1 < rays ? KERNEL(agree_load)(vote + (k + 1) * stride + x) : zero;
+            const uint8_t *of = vote + k * stride + x;
 
-            weight[k / 2][0] = AGREE_OP(unpacklo_epi8)(first, second);
-            weight[k / 2][1] = AGREE_OP(unpackhi_epi8)(first, second);
+            weight[k / 2] =
+                KERNEL(agree_pair)(simd_load_u8(of), k + 1 < rays ? simd_load_u8(of + stride) : simd_set_u8(0));
         }
         for (size_t j = 0; j < rays; j += step) {
             const uint8_t *of = colour + j * 3 * stride + x;
-            const KERNEL(agree_bytes) a[3] = { KERNEL(agree_load)(of), KERNEL(agree_load)(of + stride),
-                                               KERNEL(agree_load)(of + 2 * stride) };
-            KERNEL(agree_bytes) votes[2], more;
+            const simd_u8 a[3] = { simd_load_u8(of), simd_load_u8(of + stride), simd_load_u8(of + 2 * stride) };
+            simd_u16 votes[2];
+            simd_u8 more;
 
             KERNEL(agree_count)(votes, a, weight, colour + x, rays, stride);
-            more = KERNEL(agree_better)(best, votes, KERNEL(agree_load)(vote + j * stride + x));
+            more = KERNEL(agree_better)(best, votes, simd_load_u8(vote + j * stride + x));
             for (int c = 0; c < 3; c++)
-                result[c] = AGREE_BITS(or)(AGREE_BITS(and)(more, a[c]), AGREE_BITS(andnot)(more, result[c]));
+                result[c] = (more & a[c]) | (~more & result[c]);
         }
         for (int c = 0; c < 3; c++)
-            memcpy(mode[c] + x, &result[c], sizeof(result[c]));
+            simd_store_u8(mode[c] + x, result[c]);
     }
 }
-#undef AGREE_OP
-#undef AGREE_BITS
-#undef AGREE_PAIRS
-#elif defined(__aarch64__)
-#include "pipeline/kernels/arm/agree_mode_tmpl.h"
-#else
-/* Pixels in blocks whose sums stay in registers. */
-#define AGREE_BLOCK 64
-/* Votes for ray a's colour in one block. */
-static inline void KERNEL(agree_count)(uint16_t *restrict votes, const uint8_t *restrict a,
-                                       const uint8_t *restrict colour, const uint8_t *restrict vote, size_t rays,
-                                       size_t stride)
-{
-    const uint8_t *restrict a1 = a + stride, *restrict a2 = a + 2 * stride;
-
-    memset(votes, 0, AGREE_BLOCK * sizeof(*votes));
-    for (size_t k = 0; k < rays; k++) {
-        const uint8_t *restrict b = colour + k * 3 * stride, *restrict b1 = b + stride, *restrict b2 = b1 + stride;
-        const uint8_t *restrict w = vote + k * stride;
-
-        for (int i = 0; i < AGREE_BLOCK; i++) {
-            const uint8_t like = (uint8_t)(BYTE_LIKENESS(SST_AGREE_MODE, a[i], a1[i], a2[i], b[i], b1[i], b2[i])) >> 1;
-
-            votes[i] = (uint16_t)(votes[i] + (uint16_t)((uint16_t)like * (uint16_t)w[i]));
-        }
-    }
-}
-
-static void KERNEL(agree_mode)(uint8_t *const mode[3], const uint8_t *colour, const uint8_t *vote, size_t rays,
-                               size_t step, size_t stride)
-{
-    for (size_t x = 0; x < stride; x += AGREE_BLOCK) {
-        uint8_t *restrict r = mode[0] + x, *restrict g = mode[1] + x, *restrict b = mode[2] + x;
-        uint16_t best[AGREE_BLOCK] = { 0 }, votes[AGREE_BLOCK];
-
-        memset(r, 0, AGREE_BLOCK);
-        memset(g, 0, AGREE_BLOCK);
-        memset(b, 0, AGREE_BLOCK);
-        for (size_t j = 0; j < rays; j += step) {
-            const uint8_t *restrict a = colour + j * 3 * stride + x, *restrict there = vote + j * stride + x;
-
-            KERNEL(agree_count)(votes, a, colour + x, vote + x, rays, stride);
-            for (int i = 0; i < AGREE_BLOCK; i++) {
-                const uint16_t v = (uint16_t)(there[i] ? votes[i] : 0);
-                const int more = v > best[i];
-
-                best[i] = more ? v : best[i];
-                r[i] = more ? a[i] : r[i];
-                g[i] = more ? a[stride + (size_t)i] : g[i];
-                b[i] = more ? a[2 * stride + (size_t)i] : b[i];
-            }
-        }
-    }
-}
-#endif
 
 static void KERNEL(agree_near)(uint16_t *near, const uint8_t *const colour[3], const uint8_t *const mode[3],
                                const uint8_t *vote, size_t n)
@@ -243,4 +178,3 @@ static void KERNEL(agree_sum)(float *const acc[4], const uint16_t *const near[3]
 #undef BYTE_MIN
 #undef BYTE_DIFF
 #undef BYTE_LIKENESS
-#undef AGREE_BLOCK
