@@ -57,7 +57,8 @@ static inline struct KERNEL(agree_pair) KERNEL(agree_pair)(simd_u8 a, simd_u8 b)
 #endif
 }
 
-static inline simd_u16 KERNEL(agree_add)(simd_u16 sum, struct KERNEL(agree_pair) a, struct KERNEL(agree_pair) b, int half)
+static inline simd_u16 KERNEL(agree_add)(simd_u16 sum, struct KERNEL(agree_pair) a, struct KERNEL(agree_pair) b,
+                                         int half)
 {
 #if defined(__AVX2__)
     return sum + (simd_u16)SIMD_OP(maddubs_epi16)((SIMD_INT)a.of[half], (SIMD_INT)b.of[half]);

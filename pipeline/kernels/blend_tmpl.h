@@ -4,6 +4,7 @@
  * less than a block before the end are done at n - BLOCK, with weight 0 for pixels that already are: adding 0 changes no
  * sum. Other processors, and runs shorter than a block, do stretches of BLEND_PART pixels with one pass per quantity. */
 #include "pipeline/kernels/exp_neg.h"
+#include "pipeline/kernels/simd.h"
 
 #define BLEND_PART 256
 
@@ -147,7 +148,7 @@ static inline void KERNEL(blend_take_parts)(uint8_t *const colour[3], float *wei
     }
 }
 
-#if defined(__AVX512VBMI__) || defined(__AVX2__)
+#if SIMD_BYTES > 16
 #include "pipeline/kernels/blend_block_tmpl.h"
 #else
 static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n)

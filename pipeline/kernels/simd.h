@@ -13,10 +13,13 @@
 
 #if defined(__AVX512BW__)
 #define SIMD_BYTES 64
+#define SIMD_LANES { 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15 } /* of 32 bits */
 #elif defined(__AVX2__)
 #define SIMD_BYTES 32
+#define SIMD_LANES { 0, 1, 2, 3, 4, 5, 6, 7 }
 #else
 #define SIMD_BYTES 16
+#define SIMD_LANES { 0, 1, 2, 3 }
 #endif
 
 /* Vectors of the compiler: + - * & | ^ ~ << >> and comparisons, which give all bits of a lane, work on them. Whole
