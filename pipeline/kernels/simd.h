@@ -135,6 +135,61 @@ static inline simd_u8 simd_pick_u8(simd_same8 m, simd_u8 yes, simd_u8 no)
 }
 #endif
 
+/* --- the least of 16 bits, and where it is --- */
+
+static inline uint16_t simd_least_u16(simd_u16 v)
+{
+#if defined(__ARM_NEON)
+    return vminvq_u16((uint16x8_t)v);
+#elif defined(__SSE2__)
+#if SIMD_BYTES == 64
+    const __m256i half = _mm256_min_epu16(_mm512_castsi512_si256((__m512i)v), _mm512_extracti64x4_epi64((__m512i)v, 1));
+#elif SIMD_BYTES == 32
+    const __m256i half = (__m256i)v;
+#endif
+#if SIMD_BYTES > 16
+    const __m128i least = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256(half, 1));
+
+    return (uint16_t)_mm_cvtsi128_si32(_mm_minpos_epu16(least));
+#else
+    __m128i least = (__m128i)(v ^ 0x8000); /* minima are of signed numbers */
+
+    least = _mm_min_epi16(least, _mm_srli_si128(least, 8));
+    least = _mm_min_epi16(least, _mm_srli_si128(least, 4));
+    least = _mm_min_epi16(least, _mm_srli_si128(least, 2));
+    return (uint16_t)(_mm_cvtsi128_si32(least) ^ 0x8000);
+#endif
+#else
+    uint16_t least = v[0];
+
+    for (int i = 1; i < SIMD_BYTES / 2; i++)
+        least = v[i] < least ? v[i] : least;
+    return least;
+#endif
+}
+
+/* The first lane that has a value; SIMD_BYTES / 2: none. */
+static inline int simd_first_u16(simd_u16 v, uint16_t value)
+{
+#if SIMD_BYTES == 64
+    return (int)_tzcnt_u32(_mm512_cmpeq_epu16_mask((__m512i)v, _mm512_set1_epi16((int16_t)value)));
+#elif defined(__SSE2__)
+    const unsigned same = (unsigned)SIMD_OP(movemask_epi8)((SIMD_INT)(v == value));
+
+    return same ? __builtin_ctz(same) / 2 : SIMD_BYTES / 2;
+#elif defined(__ARM_NEON)
+    const uint64_t same = vget_lane_u64(vreinterpret_u64_u8(vmovn_u16((uint16x8_t)(v == value))), 0);
+
+    return (same ? __builtin_ctzll(same) : 64) / 8;
+#else
+    int i = 0;
+
+    while (i < SIMD_BYTES / 2 && v[i] != value)
+        i++;
+    return i;
+#endif
+}
+
 /* --- bytes as two vectors of 16 bits --- */
 
 /* Half 0 or 1 of v; which bytes it has depends on the level. */

@@ -1,28 +1,64 @@
-#if defined(__aarch64__)
-#include "pipeline/kernels/arm/winner_tmpl.h"
-#elif defined(__AVX512BW__)
-static inline uint16_t KERNEL(winner_least)(__m512i v)
-{
-    const __m256i half = _mm256_min_epu16(_mm512_castsi512_si256(v), _mm512_extracti64x4_epi64(v, 1));
-    const __m128i quarter = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256(half, 1));
+/* winner_row: vectors of costs. The last one overlaps its predecessor; with AVX-512 it is masked instead. */
+#include "pipeline/kernels/simd.h"
 
-    return (uint16_t)_mm_cvtsi128_si32(_mm_minpos_epu16(quarter));
+#define WINNER_LANES ((size_t)SIMD_BYTES / 2)
+
+/* Start of the last vector, when the whole vectors end at d. */
+static inline size_t KERNEL(winner_last)(size_t d, size_t nd)
+{
+    return SIMD_BYTES == 64 ? d : nd - WINNER_LANES;
 }
 
-/* Costs d .. d + 31 of nd; 65535 for those that do not exist, and for those that `without` has. */
-static inline __m512i KERNEL(winner_load)(const uint16_t *s, size_t d, size_t nd, uint32_t without)
+/* @param count  that exist */
+static inline simd_u16 KERNEL(winner_load)(const uint16_t *s, size_t count SST_UNUSED)
 {
-    const uint32_t there = nd - d >= 32 ? UINT32_MAX : (1u << (nd - d)) - 1;
+#if SIMD_BYTES == 64
+    const __mmask32 there = count >= WINNER_LANES ? UINT32_MAX : (1u << count) - 1;
 
-    return _mm512_mask_loadu_epi16(_mm512_set1_epi16(-1), there & ~without, s + d);
+    return (simd_u16)_mm512_mask_loadu_epi16(_mm512_set1_epi16(-1), there, s);
+#else
+    return simd_load_u16(s);
+#endif
 }
 
-/* The bits of b - 1, b and b + 1 among d .. d + 31. */
-static inline uint32_t KERNEL(winner_around)(ptrdiff_t b, ptrdiff_t d)
+/* The least cost; with `other`, without costs b - 1 to b + 1. */
+static inline uint16_t KERNEL(winner_least)(const uint16_t *s, size_t nd, bool other, size_t b)
 {
-    const ptrdiff_t shift = b - 1 - d;
+    static const uint16_t lane[32] = { 0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15,
+                                       16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31 };
+    simd_u16 from_b = simd_load_u16(lane) + (uint16_t)(1 - b), least = KERNEL(winner_load)(s, nd);
+    size_t d = WINNER_LANES;
 
-    return shift >= 32 || shift <= -3 ? 0 : shift >= 0 ? 7u << shift : 7u >> -shift;
+    least |= (simd_u16)(from_b <= 2) & (uint16_t)-other;
+    for (; d + WINNER_LANES <= nd; d += WINNER_LANES) {
+        const simd_u16 v = simd_load_u16(s + d);
+
+        from_b += (uint16_t)WINNER_LANES;
+        least = simd_min_u16(least, other ? v | (simd_u16)(from_b <= 2) : v);
+    }
+    if (d < nd) {
+        const size_t last = KERNEL(winner_last)(d, nd);
+        const simd_u16 v = KERNEL(winner_load)(s + last, nd - d);
+
+        from_b += (uint16_t)(last + WINNER_LANES - d);
+        least = simd_min_u16(least, other ? v | (simd_u16)(from_b <= 2) : v);
+    }
+    return simd_least_u16(least);
+}
+
+/* The first place of a value that is there. */
+static inline size_t KERNEL(winner_find)(const uint16_t *s, size_t nd, uint16_t value)
+{
+    size_t d = 0;
+
+    for (; d + WINNER_LANES <= nd; d += WINNER_LANES) {
+        const size_t first = (size_t)simd_first_u16(simd_load_u16(s + d), value);
+
+        if (first < WINNER_LANES)
+            return d + first;
+    }
+    s += KERNEL(winner_last)(d, nd);
+    return KERNEL(winner_last)(d, nd) + (size_t)simd_first_u16(KERNEL(winner_load)(s, nd - d), value);
 }
 
 static inline void KERNEL(winner_each)(uint16_t *restrict best, uint16_t *restrict second, const uint16_t *restrict sum,
@@ -30,30 +66,11 @@ static inline void KERNEL(winner_each)(uint16_t *restrict best, uint16_t *restri
 {
     for (size_t x = 0; x < n; x++) {
         const uint16_t *s = sum + x * stride;
-        __m512i least = _mm512_set1_epi16(-1), other = least;
-        size_t b = 0;
-        uint16_t value;
+        const size_t b = KERNEL(winner_find)(s, nd, KERNEL(winner_least)(s, nd, false, 0));
 
-        for (size_t d = 0; d < nd; d += 32)
-            least = _mm512_min_epu16(least, KERNEL(winner_load)(s, d, nd, 0));
-        value = KERNEL(winner_least)(least);
-        for (size_t d = 0; d < nd; d += 32) {
-            const uint32_t there = nd - d >= 32 ? UINT32_MAX : (1u << (nd - d)) - 1;
-            const uint32_t equal = there & _mm512_cmpeq_epu16_mask(KERNEL(winner_load)(s, d, nd, 0),
-                                                                   _mm512_set1_epi16((int16_t)value));
-
-            if (equal) {
-                b = d + _tzcnt_u32(equal);
-                break;
-            }
-        }
         best[x] = (uint16_t)b;
-        if (!second)
-            continue;
-        for (size_t d = 0; d < nd; d += 32)
-            other = _mm512_min_epu16(
-                other, KERNEL(winner_load)(s, d, nd, KERNEL(winner_around)((ptrdiff_t)b, (ptrdiff_t)d)));
-        second[x] = KERNEL(winner_least)(other);
+        if (second)
+            second[x] = KERNEL(winner_least)(s, nd, true, b);
     }
 }
 
@@ -62,37 +79,14 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
 {
     if (nd == 32) /* the loops become straight code */
         KERNEL(winner_each)(best, second, sum, stride, n, 32);
-    else
+    else if (nd == 64)
+        KERNEL(winner_each)(best, second, sum, stride, n, 64);
+    else if (SIMD_BYTES == 64 || nd >= WINNER_LANES)
         KERNEL(winner_each)(best, second, sum, stride, n, nd);
+    else
+        sst_winner_row_ref(best, second, sum, stride, n, nd);
 }
-#else
-/* The index is in the low half of a 32-bit key, so that one minimum finds value and smallest index at once. */
-static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict second, const uint16_t *restrict sum,
-                               size_t stride, size_t n, size_t nd)
-{
-    for (size_t x = 0; x < n; x++) {
-        const uint16_t *s = sum + x * stride;
-        uint32_t key = UINT32_MAX;
-        uint16_t other = 65535;
-        size_t b;
-
-        for (uint32_t d = 0; d < (uint32_t)nd; d++) {
-            const uint32_t k = (uint32_t)s[d] << 16 | d;
-
-            key = k < key ? k : key;
-        }
-        b = key & 0xFFFF;
-        best[x] = (uint16_t)b;
-        if (!second)
-            continue;
-        for (size_t d = 0; d + 1 < b; d++)
-            other = s[d] < other ? s[d] : other;
-        for (size_t d = b + 2; d < nd; d++)
-            other = s[d] < other ? s[d] : other;
-        second[x] = other;
-    }
-}
-#endif
+#undef WINNER_LANES
 
 #if defined(__AVX512BW__)
 /* The keys in hand stay in registers and move by one from pixel to pixel; those that leave are stored with the last
