@@ -1,15 +1,25 @@
 /* hypothesis_path_row: one lane for each hypothesis of the pixel, one hypothesis of the predecessor after the other. In
  * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
-#if defined(__aarch64__)
-#include "pipeline/kernels/arm/hypothesis_path_tmpl.h"
-#else
 typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES), aligned(2), may_alias));
 
 static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)
 {
+#if defined(__ARM_NEON)
+    return (KERNEL(hypothesis_lanes))vminq_u16((uint16x8_t)a, (uint16x8_t)b);
+#else
     const KERNEL(hypothesis_lanes) less = (KERNEL(hypothesis_lanes))(a < b);
 
     return (a & less) | (b & ~less);
+#endif
+}
+
+static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_apart)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)
+{
+#if defined(__ARM_NEON)
+    return (KERNEL(hypothesis_lanes))vabdq_u16((uint16x8_t)a, (uint16x8_t)b);
+#else
+    return KERNEL(hypothesis_min)(a - b, b - a); /* the other one wraps around */
+#endif
 }
 
 /* The least of the entries but the first one. */
@@ -19,6 +29,8 @@ static inline uint16_t KERNEL(hypothesis_rest)(const uint16_t *from)
     const __m128i all = _mm_loadu_si128((const __m128i *)(const void *)from);
 
     return (uint16_t)_mm_cvtsi128_si32(_mm_minpos_epu16(_mm_insert_epi16(all, 0xFFFF, 0)));
+#elif defined(__ARM_NEON)
+    return vminvq_u16(vsetq_lane_u16(0xFFFF, vld1q_u16(from), 0));
 #else
     uint16_t least = from[1];
 
@@ -40,8 +52,7 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
     lanes best = (lanes){ 0 } + (uint16_t)(least + p2), l;
 
     for (int j = 0; j < used; j++) {
-        const lanes there = (lanes){ 0 } + from_hypothesis[j], up = here - there, down = there - here;
-        const lanes jump = KERNEL(hypothesis_min)(up, down); /* the other one wraps around */
+        const lanes jump = KERNEL(hypothesis_apart)(here, (lanes){ 0 } + from_hypothesis[j]);
         const lanes penalty = (lanes)(jump > near) & p1;
 
         best = KERNEL(hypothesis_min)(best, (penalty + from[j]) | (lanes)(jump > (uint16_t)(2 * near)));
@@ -50,7 +61,6 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
     *(lanes *)path = l;
     *(lanes *)sum += l;
 }
-#endif
 
 static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                         const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
