@@ -1,98 +1,202 @@
 /*
- * Dot products of 64 bytes. The instructions multiply unsigned by signed bytes: b is used as stored, a is made signed
+ * Dot products of 64 bytes. Instructions multiply unsigned by signed bytes: b is used as stored, a is made signed
  * again, and <a, b> = sum a (b + zero) - zero sum a. The vectors of one block of a are prepared once for all positions;
- * eight positions at a time hide the latency of the sums.
+ * several positions at a time hide the latency of the sums. Without byte dot products, 16-bit multiply-adds of
+ * neighbouring channels give several sums per pixel, added at the end.
  */
+#include "pipeline/kernels/simd.h"
+
+#if defined(__AVX512VNNI__) || defined(__AVXVNNI__)
+#define FEATURE_VECTORS 1          /* of a block and four channels */
+#define FEATURE_BYTES   SIMD_BYTES /* of b for each */
+#define FEATURE_PLACES  8
+typedef simd_s32 KERNEL(feature_part);
+typedef simd_s32 KERNEL(feature_sum);
+
+static inline KERNEL(feature_part) KERNEL(feature_signed)(const uint8_t *a)
+{
+    return (simd_s32)(simd_load_u8(a) ^ SST_FEATURE_ZERO);
+}
+
+/* sum + products of a and b, which is as stored */
+static inline KERNEL(feature_sum) KERNEL(feature_add)(KERNEL(feature_sum) sum, const uint8_t *b, KERNEL(feature_part) a)
+{
 #if defined(__AVX512VNNI__)
-#define FEATURE_VEC                 __m512i
-#define FEATURE_PIXELS              16
-#define FEATURE_LOAD(p)             _mm512_loadu_si512(p)
-#define FEATURE_XOR                 _mm512_xor_si512
-#define FEATURE_SET8(v)             _mm512_set1_epi8((char)(v))
-#define FEATURE_SET32               _mm512_set1_epi32
-#define FEATURE_DOT                 _mm512_dpbusd_epi32
-#define FEATURE_ADD                 _mm512_add_epi32
-#define FEATURE_SUB                 _mm512_sub_epi32
-#define FEATURE_SHIFT_LEFT(v, bits) _mm512_slli_epi32(v, bits)
-#elif defined(__AVXVNNI__)
-#define FEATURE_VEC                 __m256i
-#define FEATURE_PIXELS              8
-#define FEATURE_LOAD(p)             _mm256_loadu_si256((const __m256i *)(const void *)(p))
-#define FEATURE_XOR                 _mm256_xor_si256
-#define FEATURE_SET8(v)             _mm256_set1_epi8((char)(v))
-#define FEATURE_SET32               _mm256_set1_epi32
-#define FEATURE_DOT                 _mm256_dpbusd_avx_epi32
-#define FEATURE_ADD                 _mm256_add_epi32
-#define FEATURE_SUB                 _mm256_sub_epi32
-#define FEATURE_SHIFT_LEFT(v, bits) _mm256_slli_epi32(v, bits)
+    return (simd_s32)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)simd_load_u8(b), (__m512i)a);
+#else
+    return (simd_s32)_mm256_dpbusd_avx_epi32((__m256i)sum, (__m256i)simd_load_u8(b), (__m256i)a);
+#endif
+}
+
+/* Sums of the i-th vector of pixels. */
+static inline simd_s32 KERNEL(feature_dot)(const KERNEL(feature_sum) *sum, int i)
+{
+    return sum[i];
+}
+#elif defined(__AVX2__)
+#define FEATURE_VECTORS 2
+#define FEATURE_BYTES   16
+#define FEATURE_PLACES  2
+typedef __m256i KERNEL(feature_part);
+typedef __m256i KERNEL(feature_sum);
+
+static inline __m256i KERNEL(feature_words)(const uint8_t *p)
+{
+    return _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(const void *)p));
+}
+
+static inline KERNEL(feature_part) KERNEL(feature_signed)(const uint8_t *a)
+{
+    return _mm256_sub_epi16(KERNEL(feature_words)(a), _mm256_set1_epi16(SST_FEATURE_ZERO));
+}
+
+static inline KERNEL(feature_sum) KERNEL(feature_add)(KERNEL(feature_sum) sum, const uint8_t *b, KERNEL(feature_part) a)
+{
+    return _mm256_add_epi32(sum, _mm256_madd_epi16(a, KERNEL(feature_words)(b)));
+}
+
+static inline simd_s32 KERNEL(feature_dot)(const KERNEL(feature_sum) *sum, int i)
+{
+    /* hadd leaves pixels 0 1 4 5 | 2 3 6 7 */
+    return (simd_s32)_mm256_permute4x64_epi64(_mm256_hadd_epi32(sum[i], sum[i + 1]), 0xD8);
+}
+#elif defined(__ARM_NEON)
+#define FEATURE_BYTES  16
+#define FEATURE_PLACES 8
+typedef int8x16_t KERNEL(feature_part);
+
+static inline KERNEL(feature_part) KERNEL(feature_signed)(const uint8_t *a)
+{
+    return (int8x16_t)(simd_load_u8(a) ^ SST_FEATURE_ZERO);
+}
+
+#if defined(__ARM_FEATURE_DOTPROD)
+#define FEATURE_VECTORS 2
+typedef int32x4_t KERNEL(feature_sum);
+
+static inline KERNEL(feature_sum) KERNEL(feature_add)(KERNEL(feature_sum) sum, const uint8_t *b, KERNEL(feature_part) a)
+{
+#if defined(__ARM_FEATURE_MATMUL_INT8)
+    return vusdotq_s32(sum, vld1q_u8(b), a);
+#else
+    return vdotq_s32(sum, KERNEL(feature_signed)(b), a);
+#endif
+}
+
+static inline simd_s32 KERNEL(feature_dot)(const KERNEL(feature_sum) *sum, int i)
+{
+    return (simd_s32)sum[i];
+}
+#else
+#define FEATURE_VECTORS 1
+typedef int16x8x2_t KERNEL(feature_sum); /* parts of unit vectors have products within 2^15 */
+
+static inline KERNEL(feature_sum) KERNEL(feature_add)(KERNEL(feature_sum) sum, const uint8_t *b, KERNEL(feature_part) a)
+{
+    const int8x16_t v = KERNEL(feature_signed)(b);
+
+    sum.val[0] = vmlal_s8(sum.val[0], vget_low_s8(v), vget_low_s8(a));
+    sum.val[1] = vmlal_high_s8(sum.val[1], v, a);
+    return sum;
+}
+
+static inline simd_s32 KERNEL(feature_dot)(const KERNEL(feature_sum) *sum, int i)
+{
+    return (simd_s32)vpaddq_s32(vpaddlq_s16(sum[i].val[0]), vpaddlq_s16(sum[i].val[1]));
+}
+#endif
 #endif
 
-#if defined(FEATURE_DOT)
-#define FEATURE_PLACES 8
+#if defined(FEATURE_PLACES)
+#if defined(__ARM_NEON) && !defined(__ARM_FEATURE_MATMUL_INT8)
+#define FEATURE_STORED 0
+#else
+#define FEATURE_STORED 1 /* b is used as stored, so that products are zero a too large */
+#endif
+#define FEATURE_PIXELS (FEATURE_BYTES * FEATURE_VECTORS / 4) /* of a block */
+#define FEATURE_WHOLE  (4 * FEATURE_PIXELS / SIMD_BYTES)     /* vectors of their sums */
 
 /* (whole - dot) >> shift, clamped. */
-static inline void KERNEL(feature_store)(uint8_t *cost, FEATURE_VEC whole, FEATURE_VEC dot)
+static inline void KERNEL(feature_store)(uint8_t *cost, const simd_s32 *whole, const KERNEL(feature_sum) *sum)
 {
-    const FEATURE_VEC left = FEATURE_SUB(whole, dot);
-#if FEATURE_PIXELS == 16
-    const __m512i c = _mm512_max_epi32(_mm512_srai_epi32(left, SST_FEATURE_SHIFT), _mm512_setzero_si512());
+    simd_s32 left[FEATURE_WHOLE];
+
+    for (int i = 0; i < FEATURE_WHOLE; i++)
+        left[i] = whole[i] - KERNEL(feature_dot)(sum, i);
+#if SIMD_BYTES == 64
+    const __m512i c = _mm512_max_epi32(_mm512_srai_epi32((__m512i)left[0], SST_FEATURE_SHIFT), _mm512_setzero_si512());
 
     _mm_storeu_si128((__m128i *)(void *)cost,
                      _mm_min_epu8(_mm512_cvtusepi32_epi8(c), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
-#else
-    const __m256i c = _mm256_srai_epi32(left, SST_FEATURE_SHIFT);
+#elif SIMD_BYTES == 32
+    const __m256i c = _mm256_srai_epi32((__m256i)left[0], SST_FEATURE_SHIFT);
     const __m128i half = _mm_packs_epi32(_mm256_castsi256_si128(c), _mm256_extracti128_si256(c, 1));
 
     _mm_storel_epi64((__m128i *)(void *)cost,
                      _mm_min_epu8(_mm_packus_epi16(half, half), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
+#else
+    const uint16x4_t c = vqshrun_n_s32((int32x4_t)left[0], SST_FEATURE_SHIFT);
+    const uint16x4_t d = vqshrun_n_s32((int32x4_t)left[FEATURE_WHOLE - 1], SST_FEATURE_SHIFT);
+    const uint8x8_t bytes = vmin_u8(vqmovn_u16(vcombine_u16(c, d)), vdup_n_u8(SST_FEATURE_COST_MAX));
+
+    memcpy(cost, &bytes, FEATURE_PIXELS);
 #endif
 }
 
 /*
- * One block of a, its vectors in v, against `places` (a compile-time constant) positions of b: the sums stay in
- * registers. Positions past the last one repeat it.
+ * One block of a against `places` (a compile-time constant) positions of b: the sums stay in registers. Positions past
+ * the last one repeat it.
  */
 static inline __attribute__((always_inline)) void KERNEL(feature_tile)(uint8_t *restrict cost, size_t cost_stride,
-                                                                       const FEATURE_VEC *v, FEATURE_VEC whole,
-                                                                       const uint8_t *const *b, size_t last, size_t at,
-                                                                       size_t stride, const size_t places)
+                                                                       KERNEL(feature_part) (*a)[FEATURE_VECTORS],
+                                                                       const simd_s32 *whole, const uint8_t *const *b,
+                                                                       size_t last, size_t at, size_t stride,
+                                                                       const size_t places)
 {
     const uint8_t *p[FEATURE_PLACES];
-    FEATURE_VEC dot[FEATURE_PLACES];
+    KERNEL(feature_sum) sum[FEATURE_PLACES][FEATURE_VECTORS];
 
 #pragma GCC unroll 8
     for (size_t j = 0; j < places; j++) {
         p[j] = b[j < last ? j : last] + at;
-        dot[j] = FEATURE_SET8(0);
+        for (int i = 0; i < FEATURE_VECTORS; i++)
+            sum[j][i] = (KERNEL(feature_sum)){ 0 };
     }
 #pragma GCC unroll 1
     for (int g = 0; g < SST_FEATURE_CHANNELS / 4; g++) {
-        const FEATURE_VEC a = v[g];
-
 #pragma GCC unroll 8
-        for (size_t j = 0; j < places; j++)
-            dot[j] = FEATURE_DOT(dot[j], FEATURE_LOAD(p[j] + (size_t)g * stride), a);
+        for (size_t j = 0; j < places; j++) {
+            for (int i = 0; i < FEATURE_VECTORS; i++)
+                sum[j][i] = KERNEL(feature_add)(sum[j][i], p[j] + (size_t)g * stride + FEATURE_BYTES * i, a[g][i]);
+        }
     }
 #pragma GCC unroll 8
     for (size_t j = 0; j < places; j++)
-        KERNEL(feature_store)(cost + (j < last ? j : last) * cost_stride, whole, dot[j]);
+        KERNEL(feature_store)(cost + (j < last ? j : last) * cost_stride, whole, sum[j]);
 }
 
 static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride, const uint8_t *restrict a,
                                       const uint8_t *const *b, size_t count, size_t stride, size_t n)
 {
-    enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
-    const FEATURE_VEC sign = FEATURE_SET8(SST_FEATURE_ZERO), one = FEATURE_SET8(1);
+    uint8_t zero[FEATURE_BYTES];
 
+    memset(zero, SST_FEATURE_ZERO, sizeof(zero));
     for (size_t x = 0; x < n; x += FEATURE_PIXELS) {
-        FEATURE_VEC v[GROUPS], whole = FEATURE_SET8(0);
+        KERNEL(feature_part) v[SST_FEATURE_CHANNELS / 4][FEATURE_VECTORS];
+        KERNEL(feature_sum) sum[FEATURE_VECTORS];
+        simd_s32 whole[FEATURE_WHOLE];
 
-        for (int g = 0; g < GROUPS; g++) {
-            v[g] = FEATURE_XOR(FEATURE_LOAD(a + (size_t)g * stride + 4 * x), sign);
-            whole = FEATURE_DOT(whole, one, v[g]);
+        for (int i = 0; i < FEATURE_VECTORS; i++)
+            sum[i] = (KERNEL(feature_sum)){ 0 };
+        for (int g = 0; g < SST_FEATURE_CHANNELS / 4; g++) {
+            for (int i = 0; i < FEATURE_VECTORS; i++) {
+                v[g][i] = KERNEL(feature_signed)(a + (size_t)g * stride + 4 * x + FEATURE_BYTES * (size_t)i);
+                if (FEATURE_STORED)
+                    sum[i] = KERNEL(feature_add)(sum[i], zero, v[g][i]);
+            }
         }
-        /* SST_FEATURE_ZERO is 2^7. */
-        whole = FEATURE_ADD(FEATURE_SHIFT_LEFT(whole, 7), FEATURE_SET32(SST_FEATURE_ONE * SST_FEATURE_ONE));
+        for (int i = 0; i < FEATURE_WHOLE; i++)
+            whole[i] = KERNEL(feature_dot)(sum, i) + SST_FEATURE_ONE * SST_FEATURE_ONE;
         for (size_t j = 0; j < count;) {
             const size_t left = count - j, places = left > FEATURE_PLACES / 2 ? FEATURE_PLACES : FEATURE_PLACES / 2;
             uint8_t *out = cost + j * cost_stride + x;
@@ -105,47 +209,6 @@ static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride
         }
     }
 }
-#elif defined(__AVX2__)
-/* Without byte dot products: 16-bit multiply-adds of neighbouring channels, two sums per pixel, added at the end. */
-static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride, const uint8_t *restrict a,
-                                      const uint8_t *const *b, size_t count, size_t stride, size_t n)
-{
-    enum { PIXELS = 8, GROUPS = SST_FEATURE_CHANNELS / 4 };
-    const __m256i sign = _mm256_set1_epi16(SST_FEATURE_ZERO);
-
-    for (size_t x = 0; x < n; x += PIXELS) {
-        __m256i v[GROUPS][2], sum = _mm256_setzero_si256();
-
-        for (int g = 0; g < GROUPS; g++) {
-            const __m128i *p = (const __m128i *)(const void *)(a + (size_t)g * stride + 4 * x);
-
-            v[g][0] = _mm256_sub_epi16(_mm256_cvtepu8_epi16(_mm_loadu_si128(p)), sign);
-            v[g][1] = _mm256_sub_epi16(_mm256_cvtepu8_epi16(_mm_loadu_si128(p + 1)), sign);
-            sum = _mm256_add_epi32(
-                sum, _mm256_hadd_epi32(_mm256_madd_epi16(v[g][0], sign), _mm256_madd_epi16(v[g][1], sign)));
-        }
-        sum = _mm256_add_epi32(sum, _mm256_set1_epi32(SST_FEATURE_ONE * SST_FEATURE_ONE));
-        for (size_t j = 0; j < count; j++) {
-            __m256i d0 = _mm256_setzero_si256(), d1 = d0, c;
-            __m128i half;
-
-            for (int g = 0; g < GROUPS; g++) {
-                const __m128i *p = (const __m128i *)(const void *)(b[j] + (size_t)g * stride + 4 * x);
-
-                d0 = _mm256_add_epi32(d0, _mm256_madd_epi16(v[g][0], _mm256_cvtepu8_epi16(_mm_loadu_si128(p))));
-                d1 = _mm256_add_epi32(d1, _mm256_madd_epi16(v[g][1], _mm256_cvtepu8_epi16(_mm_loadu_si128(p + 1))));
-            }
-            /* hadd leaves pixels 0 1 4 5 | 2 3 6 7 */
-            c = _mm256_srai_epi32(_mm256_sub_epi32(sum, _mm256_hadd_epi32(d0, d1)), SST_FEATURE_SHIFT);
-            c = _mm256_permute4x64_epi64(c, 0xD8);
-            half = _mm_packs_epi32(_mm256_castsi256_si128(c), _mm256_extracti128_si256(c, 1));
-            _mm_storel_epi64((__m128i *)(void *)(cost + j * cost_stride + x),
-                             _mm_min_epu8(_mm_packus_epi16(half, half), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
-        }
-    }
-}
-#elif defined(__aarch64__)
-#include "pipeline/kernels/arm/feature_cost_tmpl.h"
 #else
 static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride, const uint8_t *restrict a,
                                       const uint8_t *const *b, size_t count, size_t stride, size_t n)
@@ -153,14 +216,9 @@ static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride
     sst_feature_cost_rows_ref(cost, cost_stride, a, b, count, stride, n);
 }
 #endif
-#undef FEATURE_VEC
-#undef FEATURE_PIXELS
+#undef FEATURE_VECTORS
+#undef FEATURE_BYTES
 #undef FEATURE_PLACES
-#undef FEATURE_LOAD
-#undef FEATURE_XOR
-#undef FEATURE_SET8
-#undef FEATURE_SET32
-#undef FEATURE_DOT
-#undef FEATURE_ADD
-#undef FEATURE_SUB
-#undef FEATURE_SHIFT_LEFT
+#undef FEATURE_STORED
+#undef FEATURE_PIXELS
+#undef FEATURE_WHOLE
