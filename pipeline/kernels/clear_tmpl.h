@@ -1,5 +1,6 @@
 /* clear_removed, clear_state, clear_land, clear_surface, clear_take, clear_blend. Positions of rays are nearly in line, so that AVX-512 gathers by
  * permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops are the fastest. */
+#include "pipeline/kernels/simd.h"
 
 /* --- what is removed --- */
 
@@ -109,62 +110,38 @@ static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst
 
 /* --- surface --- */
 
-#if defined(__AVX512BW__)
-#define CLEAR_LANES 32
-#elif defined(__AVX2__)
-#define CLEAR_LANES 16
-#else
-#define CLEAR_LANES 8
-#endif
-typedef uint16_t KERNEL(clear_levels) __attribute__((vector_size(2 * CLEAR_LANES)));
-
-/* a = max(a, b) */
-static inline void KERNEL(clear_raise)(KERNEL(clear_levels) * a, KERNEL(clear_levels) b)
-{
-    const KERNEL(clear_levels) of_a = (KERNEL(clear_levels))(*a > b);
-
-    *a = (*a & of_a) | (b & ~of_a);
-}
-
-static inline KERNEL(clear_levels) KERNEL(clear_level)(const uint16_t *landed)
-{
-    KERNEL(clear_levels) at;
-
-    memcpy(&at, landed, sizeof(at));
-    return at >> 1;
-}
+#define CLEAR_LANES (SIMD_BYTES / 2)
 
 /* The surface of CLEAR_LANES pixels, the x-th and following of the block. */
 static inline void KERNEL(clear_surface_lanes)(float *surface, const uint16_t *const *landed, size_t views, int x)
 {
-    const KERNEL(clear_levels) zero = { 0 };
-    KERNEL(clear_levels) top = zero, needed = zero;
+    const simd_u16 zero = simd_set_u16(0);
+    simd_u16 top = zero, needed = zero;
 
     for (size_t k = 0; k < views; k++) {
-        const KERNEL(clear_levels) at = KERNEL(clear_level)(landed[k] + x);
+        const simd_u16 at = simd_load_u16(landed[k] + x) >> 1;
 
-        KERNEL(clear_raise)(&top, at);
-        needed -= (KERNEL(clear_levels))(at != 0);
+        top = simd_max_u16(top, at);
+        needed -= (simd_u16)(at != 0);
     }
-    needed = (needed + 3) >> 2;
-    KERNEL(clear_raise)(&needed, zero + 2);
+    needed = simd_max_u16((needed + 3) >> 2, simd_set_u16(2));
     for (int i = 0; i < CLEAR_LANES; i++)
         surface[i] = 0;
     for (;;) {
         /* behind: sum of distances from the nearest ray, at most SST_CLEAR_TOLERANCE each. */
-        KERNEL(clear_levels) count = zero, behind = zero, next = zero, found, left;
+        simd_u16 count = zero, behind = zero, next = zero, found, left;
         unsigned any = 0;
 
         for (size_t k = 0; k < views; k++) {
-            const KERNEL(clear_levels) at = KERNEL(clear_level)(landed[k] + x), distance = top - at;
-            const KERNEL(clear_levels) of_it = (KERNEL(clear_levels))(distance <= SST_CLEAR_TOLERANCE) &
-                                               (KERNEL(clear_levels))(at <= top) & (KERNEL(clear_levels))(at != 0);
+            const simd_u16 at = simd_load_u16(landed[k] + x) >> 1, distance = top - at;
+            const simd_u16 of_it =
+                (simd_u16)(distance <= SST_CLEAR_TOLERANCE) & (simd_u16)(at <= top) & (simd_u16)(at != 0);
 
             count -= of_it;
             behind += distance & of_it;
-            KERNEL(clear_raise)(&next, at & (KERNEL(clear_levels))(at < top));
+            next = simd_max_u16(next, at & (simd_u16)(at < top));
         }
-        found = (KERNEL(clear_levels))(count >= needed) & (KERNEL(clear_levels))(top != 0);
+        found = (simd_u16)(count >= needed) & (simd_u16)(top != 0);
         left = next & ~found;
         for (int i = 0; i < CLEAR_LANES; i++) {
             const int sum = (int)count[i] * top[i] - behind[i];
