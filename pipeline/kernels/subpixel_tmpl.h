@@ -1,6 +1,7 @@
-/* subpixel_fit_row, subpixel_window_row: blocks of SST_SUBPIXEL_BLOCK pixels, one view or one pixel of the window at a
- * time. The last block of a row overlaps the one before it. Not inlined: inside the caller compilers lose the restrict
- * information and use the scalar path. */
+#include "pipeline/kernels/simd.h"
+
+/* subpixel_fit_row: blocks of SST_SUBPIXEL_BLOCK pixels, one view at a time. The last block of a row overlaps the one
+ * before it. Not inlined: inside the caller compilers lose the restrict information and use the scalar path. */
 static SST_NOINLINE void KERNEL(subpixel_view)(float *restrict ss, float *restrict sr, const int32_t *restrict disp,
                                                const float *restrict gx, const float *restrict gy,
                                                const float *restrict own, const struct sst_subpixel_view *v,
@@ -74,43 +75,44 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
     }
 }
 
-#if defined(__aarch64__)
-#include "pipeline/kernels/arm/subpixel_tmpl.h"
-#else
-static SST_NOINLINE void KERNEL(subpixel_tap)(float *restrict weight, float *restrict product,
-                                              const struct sst_subpixel_window *w, ptrdiff_t x, ptrdiff_t move)
-{
-    const uint32_t *restrict a = w->colour + x, *restrict b = w->colour + x + move;
-    const int32_t *restrict da = w->disp + x, *restrict db = w->disp + x + move;
-    const float *restrict from_weight = w->weight + x + move, *restrict from_product = w->product + x + move;
-    const int similar = w->similar, apart = w->apart;
+#define SUBPIXEL_LANES ((size_t)SIMD_BYTES / 4)
 
-    for (int i = 0; i < SST_SUBPIXEL_BLOCK; i++) {
-        const int red = (int)(a[i] & 255) - (int)(b[i] & 255), green = (int)(a[i] >> 8 & 255) - (int)(b[i] >> 8 & 255);
-        const int blue = (int)(a[i] >> 16 & 255) - (int)(b[i] >> 16 & 255), step = da[i] - db[i];
-        const int counts = (red <= similar) & (red >= -similar) & (green <= similar) & (green >= -similar) &
-                           (blue <= similar) & (blue >= -similar) & (step <= apart) & (step >= -apart);
-        const float more = from_weight[i], more_product = from_product[i];
-
-        weight[i] += counts ? more : 0;
-        product[i] += counts ? more_product : 0;
-    }
-}
-
+/* Sums stay in registers; the last vector of pixels overlaps its predecessor. */
 static void KERNEL(subpixel_window_row)(float *weight, float *product, const struct sst_subpixel_window *w, size_t n)
 {
-    if (n < SST_SUBPIXEL_BLOCK) {
+    const simd_s32 channels = simd_set_s32(sst_clamp_int(w->similar, 0, 255) * 0x010101);
+    const simd_u8 similar = (simd_u8)(channels | (int32_t)0xFF000000);
+    /* Differences from -apart to apart are the least numbers when `base` is added; all are below 2^29. */
+    const int32_t apart = sst_clamp_int(w->apart, 0, 1 << 29), most = INT32_MIN + 2 * apart;
+    const uint32_t base = (uint32_t)apart + 0x80000000;
+
+    if (n < SUBPIXEL_LANES || w->similar < 0 || w->apart < 0) {
         sst_subpixel_window_row_ref(weight, product, w, n);
         return;
     }
-    for (size_t x = 0; x < n; x += SST_SUBPIXEL_BLOCK) {
-        x = x < n - SST_SUBPIXEL_BLOCK ? x : n - SST_SUBPIXEL_BLOCK;
-        memset(weight + x, 0, SST_SUBPIXEL_BLOCK * sizeof(*weight));
-        memset(product + x, 0, SST_SUBPIXEL_BLOCK * sizeof(*product));
+    for (size_t x = 0; x < n; x += SUBPIXEL_LANES) {
+        simd_f32 sum = simd_set_f32(0), products = sum;
+        simd_u8 colour;
+        simd_u32 disp;
+
+        x = x < n - SUBPIXEL_LANES ? x : n - SUBPIXEL_LANES;
+        colour = simd_load_u8((const uint8_t *)(w->colour + x));
+        disp = (simd_u32)simd_load_s32(w->disp + x) - base;
         for (int i = -2; i <= 2; i++) {
-            for (int j = -2; j <= 2; j++)
-                KERNEL(subpixel_tap)(weight + x, product + x, w, (ptrdiff_t)x, w->step * (i * w->stride + j));
+            ptrdiff_t at = (ptrdiff_t)x + w->step * (i * w->stride - 2);
+
+            for (int j = -2; j <= 2; j++, at += w->step) {
+                const simd_u8 off = simd_apart_u8(simd_load_u8((const uint8_t *)(w->colour + at)), colour);
+                const simd_s32 beyond = (simd_s32)simd_less_u8(off, similar);
+                const simd_s32 step = (simd_s32)((simd_u32)simd_load_s32(w->disp + at) - disp);
+                const simd_s32 counts = (simd_s32)(beyond == 0) & (simd_s32)(step <= most);
+
+                sum += (simd_f32)((simd_s32)simd_load_f32(w->weight + at) & counts);
+                products += (simd_f32)((simd_s32)simd_load_f32(w->product + at) & counts);
+            }
         }
+        simd_store_f32(weight + x, sum);
+        simd_store_f32(product + x, products);
     }
 }
-#endif
+#undef SUBPIXEL_LANES
