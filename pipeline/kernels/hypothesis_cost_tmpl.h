@@ -2,10 +2,8 @@
  * pixels, of which a mask selects the similar ones. */
 #if defined(__aarch64__)
 #include "pipeline/kernels/arm/hypothesis_cost_tmpl.h"
-#else
-#if defined(__SSE2__)
+#elif defined(__SSE2__)
 #include <emmintrin.h>
-#endif
 
 struct KERNEL(hypothesis_window) {
     uint8_t mask[3][16];   /* 255 in the three channels of similar pixels */
@@ -16,7 +14,6 @@ struct KERNEL(hypothesis_window) {
 static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,      524288, 262144, 174762, 131072,
                                                         104857, 87381,  74898,  65536,  58254 };
 
-#if defined(__SSE2__)
 static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
                                                   ptrdiff_t stride, int similar)
 {
@@ -36,38 +33,7 @@ static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_windo
     }
     w->scale = KERNEL(hypothesis_scales)[count / 3];
 }
-#else
-static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
-                                                  ptrdiff_t stride, int similar)
-{
-    uint8_t middle[16], same[12];
-    unsigned count = 0;
 
-    for (int i = 0; i < 16; i++)
-        middle[i] = (uint8_t)(at[0] >> 8 * (i & 3));
-    memset(w->mask, 0, sizeof(w->mask));
-    for (int row = 0; row < 3; row++) {
-        memcpy(w->pixels[row], at + (row - 1) * stride - 1, 16);
-        for (int i = 0; i < 12; i++) {
-            const int a = w->pixels[row][i], b = middle[i];
-
-            same[i] = (a > b ? a - b : b - a) <= similar;
-        }
-        for (int i = 0; i < 3; i++) {
-            const uint8_t all = same[4 * i] & same[4 * i + 1] & same[4 * i + 2];
-
-            count += all;
-            for (int c = 0; c < 3; c++)
-                w->mask[row][4 * i + c] = (uint8_t)-all;
-        }
-        for (int i = 0; i < 16; i++)
-            w->pixels[row][i] &= w->mask[row][i];
-    }
-    w->scale = KERNEL(hypothesis_scales)[count];
-}
-#endif
-
-#if defined(__SSE2__)
 static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothesis_window) * w, const uint32_t *at,
                                                      ptrdiff_t stride)
 {
@@ -82,25 +48,6 @@ static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothe
     }
     return (unsigned)_mm_cvtsi128_si32(_mm_add_epi32(sum, _mm_unpackhi_epi64(sum, sum)));
 }
-#else
-static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothesis_window) * w, const uint32_t *at,
-                                                     ptrdiff_t stride)
-{
-    unsigned sum = 0;
-
-    for (int row = 0; row < 3; row++) {
-        uint8_t there[16];
-
-        memcpy(there, at + (row - 1) * stride - 1, 16);
-        for (int i = 0; i < 16; i++) {
-            const int a = there[i] & w->mask[row][i], b = w->pixels[row][i];
-
-            sum += (unsigned)(a > b ? a - b : b - a);
-        }
-    }
-    return sum;
-}
-#endif
 
 #if defined(__AVX2__)
 #define HYPOTHESIS_AHEAD 3 /* one pixel in four fetches ahead: a line of the cache holds sixteen */
@@ -340,6 +287,7 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
 #endif
 #endif
 
+#if defined(__SSE2__) || defined(__aarch64__)
 static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
                                         const struct sst_hypothesis_test *test, int x, int y, size_t n)
 {
@@ -365,3 +313,10 @@ static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothes
         }
     }
 }
+#else
+static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
+                                        const struct sst_hypothesis_test *test, int x, int y, size_t n)
+{
+    sst_hypothesis_cost_row_ref(cost, hypothesis, count, test, x, y, n);
+}
+#endif
