@@ -1,58 +1,101 @@
-#if defined(__aarch64__)
-#include "pipeline/kernels/arm/bilateral_tmpl.h"
-#else
-/* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. Not inlined: inside
- * the caller compilers lose the restrict information and use the scalar path. */
-static SST_NOINLINE void KERNEL(bilateral_tap)(int32_t *restrict sum, int32_t *restrict total,
-                                               const uint16_t *restrict d, const uint8_t *restrict l,
-                                               const uint16_t *restrict centre, const uint8_t *restrict level,
-                                               int32_t w, int32_t tau)
-{
-    for (int x = 0; x < 64; x++) {
-        const int32_t step = (int32_t)d[x] - (int32_t)centre[x], contrast = (int32_t)l[x] - (int32_t)level[x];
-        int32_t counted = w;
+/* bilateral_row: one vector of pixels at a time, the last one overlaps its predecessor. Steps that count fit 16 bits, and
+ * so does the sum of weights. */
+#include "pipeline/kernels/simd.h"
 
-        counted = step > SST_BILATERAL_STEP_Q6 ? 0 : counted;
-        counted = step < -SST_BILATERAL_STEP_Q6 ? 0 : counted;
-        counted = contrast >= tau ? 0 : counted;
-        counted = contrast <= -tau ? 0 : counted;
-        sum[x] += counted * step;
-        total[x] += counted;
+#define BILATERAL_LANES ((size_t)SIMD_BYTES / 2)
+
+static inline simd_u16 KERNEL(bilateral_luma)(const uint8_t *p)
+{
+#if SIMD_BYTES == 64
+    return (simd_u16)_mm512_cvtepu8_epi16(_mm256_loadu_si256((const __m256i *)(const void *)p));
+#elif SIMD_BYTES == 32
+    return (simd_u16)_mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(const void *)p));
+#elif defined(__ARM_NEON)
+    return (simd_u16)vmovl_u8(vld1_u8(p));
+#else
+    typedef uint8_t bytes __attribute__((vector_size(8), aligned(1), may_alias));
+
+    return __builtin_convertvector(*(const bytes *)p, simd_u16);
+#endif
+}
+
+/* sum += a b, which are signed; which lanes are in which half depends on the level. */
+static inline void KERNEL(bilateral_add)(simd_s32 sum[2], simd_u16 a, simd_u16 b)
+{
+#if defined(__SSE2__)
+    const SIMD_INT low = SIMD_OP(mullo_epi16)((SIMD_INT)a, (SIMD_INT)b);
+    const SIMD_INT high = SIMD_OP(mulhi_epi16)((SIMD_INT)a, (SIMD_INT)b);
+
+    sum[0] += (simd_s32)SIMD_OP(unpacklo_epi16)(low, high);
+    sum[1] += (simd_s32)SIMD_OP(unpackhi_epi16)(low, high);
+#elif defined(__ARM_NEON)
+    sum[0] = (simd_s32)vmlal_s16((int32x4_t)sum[0], vget_low_s16((int16x8_t)a), vget_low_s16((int16x8_t)b));
+    sum[1] = (simd_s32)vmlal_high_s16((int32x4_t)sum[1], (int16x8_t)a, (int16x8_t)b);
+#else
+    for (int i = 0; i < 8; i++)
+        sum[i / 4][i % 4] += (int16_t)a[i] * (int16_t)b[i];
+#endif
+}
+
+/* The halves of which bilateral_add() has made sums, as 16 bits. */
+static inline simd_u16 KERNEL(bilateral_join)(simd_s32 low, simd_s32 high)
+{
+#if defined(__SSE2__)
+    return (simd_u16)SIMD_OP(packs_epi32)((SIMD_INT)low, (SIMD_INT)high);
+#elif defined(__ARM_NEON)
+    return (simd_u16)vuzp1q_u16((uint16x8_t)low, (uint16x8_t)high);
+#else
+    simd_u16 v;
+
+    for (int i = 0; i < 8; i++)
+        v[i] = (uint16_t)(i < 4 ? low[i] : high[i - 4]);
+    return v;
+#endif
+}
+
+static inline void KERNEL(bilateral_pixels)(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
+                                            const int16_t *weight, int tau, size_t x)
+{
+    const uint16_t contrast = (uint16_t)(tau - 1);
+    const simd_u16 centre = simd_load_u16(disp[3] + x);
+    const simd_u16 darkest = KERNEL(bilateral_luma)(luma[3] + x) - contrast, nearest = centre - SST_BILATERAL_STEP_Q6;
+    const simd_u16 steps = simd_set_u16(2 * SST_BILATERAL_STEP_Q6), levels = simd_set_u16((uint16_t)(2 * contrast));
+    simd_s32 sum[2] = { simd_set_s32(0), simd_set_s32(0) }, all[2] = { sum[0], sum[0] }, mean[2];
+    simd_u16 total = simd_set_u16(0);
+
+    for (int row = 0; row < 7; row++) {
+        const uint16_t *from = disp[row] + x - 3;
+        const uint8_t *from_luma = luma[row] + x - 3;
+
+#pragma GCC unroll 7
+        for (int i = 0; i < 7; i++) {
+            const simd_u16 d = simd_load_u16(from + i), l = KERNEL(bilateral_luma)(from_luma + i);
+            const simd_u16 beyond = simd_less_u16(d - nearest, steps) | simd_less_u16(l - darkest, levels);
+            const simd_u16 counted = (simd_u16)(beyond == 0) & (uint16_t)weight[7 * row + i];
+
+            KERNEL(bilateral_add)(sum, counted, d - centre);
+            total += counted;
+        }
     }
+    KERNEL(bilateral_add)(all, total, simd_set_u16(1));
+    for (int half = 0; half < 2; half++)
+        mean[half] = __builtin_convertvector(
+            __builtin_convertvector(sum[half], simd_f32) / __builtin_convertvector(all[half], simd_f32) + 128.5F,
+            simd_s32);
+    /* An unknown disparity, all bits set, stays. */
+    simd_store_u16(out + x, (centre - 128 + KERNEL(bilateral_join)(mean[0], mean[1])) | (simd_u16)(centre == 65535));
 }
 
 static void KERNEL(bilateral_row)(uint16_t *restrict out, const uint16_t *const disp[7], const uint8_t *const luma[7],
                                   const int16_t *weight, int tau, size_t n)
 {
-    enum { BLOCK = 64 };
-    int32_t sum[BLOCK], total[BLOCK];
-    const uint16_t *disp_rest[7];
-    const uint8_t *luma_rest[7];
-    size_t start = 0;
-
-    for (; start < n && n >= BLOCK; start += BLOCK) {
-        start = n - start < BLOCK ? n - BLOCK : start; /* the last block overlaps the one before */
-        const uint16_t *centre = disp[3] + start;
-        const uint8_t *level = luma[3] + start;
-
-        memset(sum, 0, sizeof(sum));
-        memset(total, 0, sizeof(total));
-        for (int k = 0; k < 49; k++) {
-            const uint16_t *d = disp[k / 7] + start + k % 7 - 3;
-            const uint8_t *l = luma[k / 7] + start + k % 7 - 3;
-
-            KERNEL(bilateral_tap)(sum, total, d, l, centre, level, weight[k], tau);
-        }
-        for (int x = 0; x < BLOCK; x++) {
-            const int32_t mean = (int32_t)((float)sum[x] / (float)total[x] + 128.5f);
-
-            out[start + (size_t)x] = (uint16_t)(centre[x] == 65535 ? 65535 : centre[x] - 128 + mean);
-        }
+    if (n < BILATERAL_LANES || tau < 1) {
+        sst_bilateral_row_ref(out, disp, luma, weight, tau, n);
+        return;
     }
-    for (int j = 0; j < 7; j++) {
-        disp_rest[j] = disp[j] + start;
-        luma_rest[j] = luma[j] + start;
+    for (size_t x = 0; x < n; x += BILATERAL_LANES) {
+        x = x < n - BILATERAL_LANES ? x : n - BILATERAL_LANES;
+        KERNEL(bilateral_pixels)(out, disp, luma, weight, sst_min_int(tau, 256), x);
     }
-    sst_bilateral_row_ref(out + start, disp_rest, luma_rest, weight, tau, n - start);
 }
-#endif
+#undef BILATERAL_LANES
