@@ -9,91 +9,18 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "pipeline/gpu/shader_list.h"
 
 #define SST_GPU_NAME    256 /* bytes of a name, with its NUL */
 #define SST_GPU_DEVICES 16  /* devices that are listed at most */
 #define SST_GPU_BUFFERS 8   /* buffers that a shader reads and writes at most */
 
-/** Shaders: pipeline/kernels/<name>.comp, embedded at build. */
+/** Shaders, embedded at build. */
 enum sst_gpu_shader {
-    SST_GPU_BLEND = 0,       /* blend.h */
-    SST_GPU_CLEAR_LAND = 1,  /* clear.h */
-    SST_GPU_CLEAR_BLEND = 2, /* clear.h */
-    SST_GPU_SGM_PATH = 3,    /* match.h, like those below */
-    SST_GPU_WINNER = 4,
-    SST_GPU_CENSUS = 5,
-    SST_GPU_MATCH_COST = 6,
-    SST_GPU_SUPPORT_ARMS = 7,
-    SST_GPU_SUPPORT_SUM = 8,
-    SST_GPU_SUPPORT_MEAN = 9,
-    SST_GPU_MEDIAN = 10,
-    SST_GPU_BILATERAL = 11,
-    SST_GPU_HYPOTHESIS_COST = 12, /* hypotheses.h */
-    SST_GPU_HYPOTHESIS_PATH = 13,
-    SST_GPU_HYPOTHESIS_CHOICE = 14,
-    SST_GPU_CHECK = 15, /* check.h */
-    SST_GPU_FILL_START = 16,
-    SST_GPU_FILL_PROJECT = 17,
-    SST_GPU_FILL_TAKE = 18,
-    SST_GPU_NET_CONV8 = 19, /* net.h */
-    SST_GPU_NET_CONV = 20,
-    SST_GPU_NET_MOVE = 21,
-    SST_GPU_NET_RESIZE = 22,
-    SST_GPU_NET_POOL = 23,
-    SST_GPU_NET_UNIT = 24,
-    SST_GPU_NET_CONV8_DOT = 25, /* variants of SST_GPU_NET_CONV8 */
-    SST_GPU_NET_CONV8_MATRIX = 26,
-    SST_GPU_RECTIFY = 27,     /* rectify.h */
-    SST_GPU_JPEG_RGB = 28,    /* jpeg_rgb.h */
-    SST_GPU_REFINE_MASK = 29, /* refine.h */
-    SST_GPU_REFINE_COLUMNS = 30,
-    SST_GPU_REFINE_COMPETE = 31,
-    SST_GPU_REFINE_SUMS = 32,
-    SST_GPU_REFINE_PLANES = 33,
-    SST_GPU_REFINE_NORMALS = 34,
-    SST_GPU_REFINE_ASSIGN = 35,
-    SST_GPU_VOTE = 36,         /* label.h */
-    SST_GPU_FEATURE_COST = 37, /* match.h */
-    SST_GPU_FILL_ALONG = 38,   /* check.h */
-    SST_GPU_FILL_DOWN = 39,
-    SST_GPU_SUBPIXEL_FIT = 40, /* subpixel.h */
-    SST_GPU_SUBPIXEL_WINDOW = 41,
-    SST_GPU_SWEEP_POINTS = 42, /* sweep.h */
-    SST_GPU_SWEEP_GATHER = 43,
-    SST_GPU_SWEEP_PEAKS = 44,
-    SST_GPU_SURFACE_START = 45, /* surfaces.h */
-    SST_GPU_SURFACE_PROJECT = 46,
-    SST_GPU_SURFACE_LIST = 47,
-    SST_GPU_CARRY_START = 48, /* carry.h */
-    SST_GPU_CARRY_PROJECT = 49,
-    SST_GPU_CARRY_CLOSE = 50,
-    SST_GPU_LABEL_CARRY = 51, /* label.h */
-    SST_GPU_LABEL_FILL = 52,
-    SST_GPU_LABEL_CELLS = 53,
-    SST_GPU_REFINE_COUNT = 54, /* refine.h */
-    SST_GPU_REFINE_GROUND_SUMS = 55,
-    SST_GPU_REFINE_GROUND_MISSES = 56,
-    SST_GPU_REFINE_GROUND_LIMIT = 57,
-    SST_GPU_REFINE_EXTENTS = 58,
-    SST_GPU_VERIFY_SHARE = 59, /* verify.h */
-    SST_GPU_VERIFY_SCREEN = 60,
-    SST_GPU_VERIFY_UNEXPLAINED = 61,
-    SST_GPU_VERIFY_RAYS = 62,
-    SST_GPU_VERIFY_MODE = 63,
-    SST_GPU_VERIFY_BLEND = 64,
-    SST_GPU_LIMITS = 65,   /* gpu_internal.h */
-    SST_GPU_HOLE_PULL = 66, /* hole.h */
-    SST_GPU_HOLE_PUSH = 67,
-    SST_GPU_CLEAR_SURFACE = 68, /* clear_sample.h */
-    SST_GPU_CLEAR_SAMPLE = 69,
-    SST_GPU_SGM_PATH_SUBGROUP = 70, /* variants of SST_GPU_SGM_PATH, SST_GPU_HYPOTHESIS_PATH */
-    SST_GPU_HYPOTHESIS_PATH_SUBGROUP = 71,
-    SST_GPU_FEATURE_COST_DOT = 72, /* a variant of SST_GPU_FEATURE_COST */
-    SST_GPU_CONVERT = 73,          /* convert.h */
-    SST_GPU_LABEL_KEEP = 74,       /* label.h */
-    SST_GPU_LABEL_GRID = 75,
-    SST_GPU_LABEL_INPUT = 76,
-    SST_GPU_SHADERS
+#define X(NAME, ...) SST_GPU_##NAME,
+    SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(X)
+#undef X
+        SST_GPU_SHADERS
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader);

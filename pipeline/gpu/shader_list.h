@@ -1,0 +1,97 @@
+/* pipeline/gpu/shader_list.h - shaders, pipeline/kernels/<name>.comp, in one list for the enumeration, the declarations
+ * and the table.
+ *
+ * X(NAME, name, buffers, structure of constants); buffers and structures: the headers of this folder.
+ */
+#ifndef SST_PIPELINE_GPU_SHADER_LIST_H
+#define SST_PIPELINE_GPU_SHADER_LIST_H
+
+#define SST_GPU_SHADER_LIST(X)                                                                                         \
+    X(BLEND, blend, SST_GPU_BLEND_BUFFERS, sst_gpu_blend)                                                              \
+    X(CLEAR_LAND, clear_land, SST_GPU_LAND_BUFFERS, sst_gpu_clear)                                                     \
+    X(CLEAR_BLEND, clear_blend, SST_GPU_CLEAR_BUFFERS, sst_gpu_clear)                                                  \
+    X(CLEAR_SURFACE, clear_surface, SST_GPU_SURFACE_BUFFERS, sst_gpu_clear)                                            \
+    X(CLEAR_SAMPLE, clear_sample, SST_GPU_SAMPLE_BUFFERS, sst_gpu_clear_sample)                                        \
+    X(HOLE_PULL, hole_pull, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
+    X(HOLE_PUSH, hole_push, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
+    X(SGM_PATH, sgm_path, SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                            \
+    X(WINNER, winner, SST_GPU_WINNER_BUFFERS, sst_gpu_winner)                                                          \
+    X(CENSUS, census, SST_GPU_CENSUS_BUFFERS, sst_gpu_census)                                                          \
+    X(MATCH_COST, match_cost, SST_GPU_COST_BUFFERS, sst_gpu_match)                                                     \
+    X(FEATURE_COST, feature_cost, SST_GPU_FEATURE_BUFFERS, sst_gpu_features)                                           \
+    X(SUPPORT_ARMS, support_arms, SST_GPU_ARMS_BUFFERS, sst_gpu_arms)                                                  \
+    X(SUPPORT_SUM, support_sum, SST_GPU_SUPPORT_SUM_BUFFERS, sst_gpu_support)                                          \
+    X(SUPPORT_MEAN, support_mean, SST_GPU_SUPPORT_MEAN_BUFFERS, sst_gpu_support)                                       \
+    X(MEDIAN, median, SST_GPU_MEDIAN_BUFFERS, sst_gpu_median)                                                          \
+    X(BILATERAL, bilateral, SST_GPU_BILATERAL_BUFFERS, sst_gpu_bilateral)                                              \
+    X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
+    X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
+    X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
+    X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
+    X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
+    X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \
+    X(FILL_TAKE, fill_take, SST_GPU_FILL_TAKE_BUFFERS, sst_gpu_fill)                                                   \
+    X(FILL_ALONG, fill_along, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                          \
+    X(FILL_DOWN, fill_down, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                            \
+    X(SUBPIXEL_FIT, subpixel_fit, SST_GPU_SUBPIXEL_FIT_BUFFERS, sst_gpu_subpixel_fit)                                  \
+    X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)                      \
+    X(SWEEP_POINTS, sweep_points, SST_GPU_SWEEP_POINTS_BUFFERS, sst_gpu_sweep)                                         \
+    X(SWEEP_GATHER, sweep_gather, SST_GPU_SWEEP_GATHER_BUFFERS, sst_gpu_sweep_gather)                                  \
+    X(SWEEP_PEAKS, sweep_peaks, SST_GPU_SWEEP_PEAKS_BUFFERS, sst_gpu_sweep_peaks)                                      \
+    X(SURFACE_START, surface_start, SST_GPU_SURFACE_START_BUFFERS, sst_gpu_surface_start)                              \
+    X(SURFACE_PROJECT, surface_project, SST_GPU_SURFACE_PROJECT_BUFFERS, sst_gpu_surface_project)                      \
+    X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)                                  \
+    X(CARRY_START, carry_start, SST_GPU_CARRY_START_BUFFERS, sst_gpu_carry)                                            \
+    X(CARRY_PROJECT, carry_project, SST_GPU_CARRY_PROJECT_BUFFERS, sst_gpu_carry)                                      \
+    X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)                                            \
+    X(NET_CONV8, net_conv8, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                     \
+    X(NET_CONV, net_conv, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                       \
+    X(NET_MOVE, net_move, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(NET_RESIZE, net_resize, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                  \
+    X(NET_POOL, net_pool, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
+    X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
+    X(LABEL_KEEP, label_keep, SST_GPU_LABEL_KEEP_BUFFERS, sst_gpu_label_keep)                                          \
+    X(LABEL_GRID, label_grid, SST_GPU_LABEL_GRID_BUFFERS, sst_gpu_label_grid)                                          \
+    X(LABEL_INPUT, label_input, SST_GPU_LABEL_INPUT_BUFFERS, sst_gpu_label_input)                                      \
+    X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \
+    X(REFINE_MASK, refine_mask, SST_GPU_REFINE_MASK_BUFFERS, sst_gpu_refine_mask)                                      \
+    X(REFINE_COLUMNS, refine_columns, SST_GPU_REFINE_COLUMNS_BUFFERS, sst_gpu_refine_columns)                          \
+    X(REFINE_COMPETE, refine_compete, SST_GPU_REFINE_COMPETE_BUFFERS, sst_gpu_refine_compete)                          \
+    X(REFINE_SUMS, refine_sums, SST_GPU_REFINE_SUMS_BUFFERS, sst_gpu_refine_window)                                    \
+    X(REFINE_PLANES, refine_planes, SST_GPU_REFINE_PLANES_BUFFERS, sst_gpu_refine_window)                              \
+    X(REFINE_NORMALS, refine_normals, SST_GPU_REFINE_NORMALS_BUFFERS, sst_gpu_refine_normals)                          \
+    X(REFINE_ASSIGN, refine_assign, SST_GPU_REFINE_ASSIGN_BUFFERS, sst_gpu_refine_assign)                              \
+    X(REFINE_COUNT, refine_count, SST_GPU_REFINE_COUNT_BUFFERS, sst_gpu_refine_count)                                  \
+    X(REFINE_GROUND_SUMS, refine_ground_sums, SST_GPU_REFINE_GROUND_SUMS_BUFFERS, sst_gpu_refine_fit)                  \
+    X(REFINE_GROUND_MISSES, refine_ground_misses, SST_GPU_REFINE_GROUND_MISSES_BUFFERS, sst_gpu_refine_fit)            \
+    X(REFINE_GROUND_LIMIT, refine_ground_limit, SST_GPU_REFINE_GROUND_LIMIT_BUFFERS, sst_gpu_refine_fit)               \
+    X(REFINE_EXTENTS, refine_extents, SST_GPU_REFINE_EXTENTS_BUFFERS, sst_gpu_refine_extents)                          \
+    X(VOTE, vote, SST_GPU_VOTE_BUFFERS, sst_gpu_vote)                                                                  \
+    X(LABEL_CARRY, label_carry, SST_GPU_VOTE_BUFFERS, sst_gpu_label_carry)                                             \
+    X(LABEL_FILL, label_fill, SST_GPU_LABEL_FILL_BUFFERS, sst_gpu_label_fill)                                          \
+    X(LABEL_CELLS, label_cells, SST_GPU_LABEL_CELLS_BUFFERS, sst_gpu_label_cells)                                      \
+    X(VERIFY_SHARE, verify_share, SST_GPU_SHARE_BUFFERS, sst_gpu_verify)                                               \
+    X(VERIFY_SCREEN, verify_screen, SST_GPU_SCREEN_BUFFERS, sst_gpu_verify)                                            \
+    X(VERIFY_UNEXPLAINED, verify_unexplained, SST_GPU_UNEXPLAINED_BUFFERS, sst_gpu_verify)                             \
+    X(VERIFY_RAYS, verify_rays, SST_GPU_RAYS_BUFFERS, sst_gpu_verify)                                                  \
+    X(VERIFY_MODE, verify_mode, SST_GPU_MODE_BUFFERS, sst_gpu_verify)                                                  \
+    X(VERIFY_BLEND, verify_blend, SST_GPU_MIX_BUFFERS, sst_gpu_verify)                                                 \
+    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
+
+/** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
+ * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */
+#define SST_GPU_VARIANT_LIST(X)                                                                                        \
+    X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
+      sst_gpu_net_conv)                                                                                                \
+    X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
+      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                                           \
+    X(SGM_PATH_SUBGROUP, sgm_path_subgroup, SGM_PATH, sgm_path, "subgroup", SST_GPU_SUBGROUP, SST_GPU_SUBGROUP,        \
+      SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                                                \
+    X(HYPOTHESIS_PATH_SUBGROUP, hypothesis_path_subgroup, HYPOTHESIS_PATH, hypothesis_path, "subgroup",                \
+      SST_GPU_SUBGROUP, SST_GPU_SUBGROUP, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                    \
+    X(FEATURE_COST_DOT, feature_cost_dot, FEATURE_COST, feature_cost, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST,            \
+      SST_GPU_FEATURE_BUFFERS, sst_gpu_features)
+
+#endif
