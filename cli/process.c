@@ -31,8 +31,8 @@ struct wanted {
     bool correct, several; /* of `align`; more than one light field */
 };
 
-#define STEPS ".process-views" /* folder of a light field: maps that workers exchange */
-#define STATE ".process"       /* folder of a light field: its claim by workers */
+#define STEPS     ".process-views"   /* folder of a light field: maps that workers exchange */
+#define STATE     ".process"         /* folder of a light field: its claim by workers */
 #define JSON_MOST ((size_t)64 << 20) /* bytes of a lightfield.json */
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
@@ -214,14 +214,14 @@ struct job {
     char **state;     /* of their claims */
     const char *text; /* of the job */
     bool split;       /* workers share views, not light fields */
-    struct sst_gpu_shared *device;
+    struct sst_runner *device;
     struct sst_refine_device *refinement;
 };
 
 /* One opening of the device, for matching, for refinement, and for networks where there are any. */
 static int open_devices(struct job *job)
 {
-    int err = sst_gpu_shared_create(&job->device, job->w.device, (uint64_t)job->w.device_memory << 20);
+    int err = sst_runner_create(&job->device, job->w.device, (uint64_t)job->w.device_memory << 20);
 
     err = err ? err : sst_disparity_device_create(&job->cfg.disparity.device, job->device);
     if (job->cfg.refine)
@@ -238,7 +238,7 @@ static void close_devices(struct job *job)
     sst_network_device_close(job->w.networks);
     sst_refine_device_destroy(job->refinement);
     sst_disparity_device_destroy(job->cfg.disparity.device);
-    sst_gpu_shared_destroy(job->device);
+    sst_runner_destroy(job->device);
 }
 
 /* A light field during the computation of its maps. */

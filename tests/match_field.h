@@ -156,24 +156,24 @@ static inline void match_config_tiles(struct sst_disparity_config *cfg)
 /* A device for matching alone; match_device_destroy() follows. @param memory_bytes  0: three quarters of what it has */
 static inline int match_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
 {
-    struct sst_gpu_shared *shared;
-    int err = sst_gpu_shared_create(&shared, name, memory_bytes);
+    struct sst_runner *shared;
+    int err = sst_runner_create(&shared, name, memory_bytes);
 
     *out = NULL;
     if (err)
         return err;
     err = sst_disparity_device_create(out, shared);
     if (err)
-        sst_gpu_shared_destroy(shared);
+        sst_runner_destroy(shared);
     return err;
 }
 
 static inline void match_device_destroy(struct sst_disparity_device *d)
 {
-    struct sst_gpu_shared *shared = d ? d->shared : NULL;
+    struct sst_runner *shared = d ? d->shared : NULL;
 
     sst_disparity_device_destroy(d);
-    sst_gpu_shared_destroy(shared);
+    sst_runner_destroy(shared);
 }
 
 static inline bool match_opens(const char *name)

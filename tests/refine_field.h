@@ -17,14 +17,14 @@
 static inline bool refine_opens(const char *name)
 {
     struct sst_refine_device *d = NULL;
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     bool opened;
 
-    if (sst_gpu_shared_create(&shared, name, 0))
+    if (sst_runner_create(&shared, name, 0))
         return false;
     opened = !sst_refine_device_create(&d, shared);
     sst_refine_device_destroy(d);
-    sst_gpu_shared_destroy(shared);
+    sst_runner_destroy(shared);
     return opened;
 }
 
@@ -354,7 +354,7 @@ static inline void finish_init(struct finish_result *f, const struct sst_lightfi
 
 /* The input of a network that lies on a device, made there: that of the CPU. */
 static inline bool feed_run(struct finish_result *f, const struct sst_lightfield *lf, int view,
-                            struct sst_gpu_shared *shared, struct sst_refine_device *device)
+                            struct sst_runner *shared, struct sst_refine_device *device)
 {
     enum { INPUT = 3 * INPUT_WIDTH * INPUT_HEIGHT };
     const struct sst_refine_enlarge how = { device, lf, view };
@@ -371,8 +371,8 @@ static inline bool feed_run(struct finish_result *f, const struct sst_lightfield
     assert_true(want && got);
     assert_int_equal(resample_planes(want, INPUT_WIDTH, INPUT_HEIGHT, &swapped, f->info.mean, f->info.std, 1, &kept),
                      0);
-    sst_gpu_shared_lock(shared);
-    g = sst_gpu_shared_device(shared);
+    sst_runner_lock(shared);
+    g = sst_runner_device(shared);
     assert_non_null(g);
     assert_int_equal(sst_gpu_buffer_create(g, &to, (INPUT + 2) * sizeof(*got)), 0);
     fed = sst_refine_device_feed((void *)&how, g, to, 2, &f->result, true);
@@ -382,7 +382,7 @@ static inline bool feed_run(struct finish_result *f, const struct sst_lightfield
         assert_memory_equal(got, want, INPUT * sizeof(*got));
     }
     sst_gpu_buffer_destroy(g, to);
-    sst_gpu_shared_unlock(shared);
+    sst_runner_unlock(shared);
     sst_mem_kept_fini(&kept);
     free(want);
     free(got);
@@ -391,7 +391,7 @@ static inline bool feed_run(struct finish_result *f, const struct sst_lightfield
 
 /* Labels and entropies of a view from a result that lies on a device. @return sst_refine_device_finish() */
 static inline bool finish_run(struct finish_result *f, const struct sst_lightfield *lf, int view,
-                              struct sst_gpu_shared *shared, struct sst_refine_device *device, struct sst_map_u8 *label,
+                              struct sst_runner *shared, struct sst_refine_device *device, struct sst_map_u8 *label,
                               struct sst_map_f32 *entropy)
 {
     struct sst_refine_enlarge how = { device, lf, view };
@@ -399,14 +399,14 @@ static inline bool finish_run(struct finish_result *f, const struct sst_lightfie
     struct sst_gpu *g;
     bool done;
 
-    sst_gpu_shared_lock(shared);
-    g = sst_gpu_shared_device(shared);
+    sst_runner_lock(shared);
+    g = sst_runner_device(shared);
     assert_non_null(g);
     assert_int_equal(sst_gpu_buffer_create(g, &from, sizeof(f->logit)), 0);
     assert_int_equal(sst_gpu_upload(g, from, 0, f->logit, sizeof(f->logit)), 0);
     done = sst_refine_device_finish(&how, g, from, 1, &f->result, label, entropy, ENLARGE_LIMIT);
     sst_gpu_buffer_destroy(g, from);
-    sst_gpu_shared_unlock(shared);
+    sst_runner_unlock(shared);
     return done;
 }
 
@@ -436,7 +436,7 @@ static inline void finish_expect(const struct finish_result *f, const struct sst
 }
 
 /* Input and cells do not go through the host: of two views the colours are uploaded, and the tables once. */
-static inline void finish_compare(const struct sst_lightfield *lf, struct sst_gpu_shared *shared,
+static inline void finish_compare(const struct sst_lightfield *lf, struct sst_runner *shared,
                                   struct sst_refine_device *device, struct sst_refine_device_report *report)
 {
     struct sst_map_f32 entropy[2] = { { 0 }, { 0 } };

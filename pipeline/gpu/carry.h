@@ -9,38 +9,28 @@
 
 #include "pipeline/gpu/check.h"
 
-/* Structures have the layout of the shaders (std430). */
+/* Structures have the layout of the shaders (std430). Maps are SST_PLANE_MAP of pipeline/step/planes.h. */
 
-/* Maps are uint32_t[height][width] by view: disparity, SST_DISP_NONE if it is not known, half of the confidence << 16.
- */
-#define SST_GPU_CARRY_CONFIRMED (1U << 23) /* the check calls it correct */
-
-/** `carry_start`, `carry_project` with a layer of groups per source (16 at most), `carry_close`. */
+/** `carry_project` with a layer of groups per source (16 at most), then `carry_close`. */
 struct sst_gpu_carry {
     int32_t width, height;
-    int32_t agreed; /* not 0: wanted; else only the first one of `arrived` is used */
-};
-
-enum sst_gpu_carry_start_buffer {
-    SST_GPU_CARRY_START_ARRIVED = 0, /* out, uint32_t[1 or 3][height][width]: nothing, see below */
-    SST_GPU_CARRY_START_BUFFERS
+    int32_t agreed;  /* not 0: wanted; else only the first one of `arrived` is used */
+    int32_t checked; /* not 0: pixels that the check calls correct come first, and what they give is correct */
 };
 
 enum sst_gpu_carry_project_buffer {
     SST_GPU_CARRY_PROJECT_SOURCES = 0, /* struct sst_gpu_check_other[] */
     SST_GPU_CARRY_PROJECT_MAPS = 1,
-    SST_GPU_CARRY_PROJECT_ARRIVED = 2, /* in and out: the largest of disparity + 1 << 8 | correct << 7 | half of the
-                                          confidence (0: nothing); the farthest disparity; bits of the sources */
+    SST_GPU_CARRY_PROJECT_ARRIVED = 2, /* in and out, uint32_t[1 or 3][height][width]: the largest of disparity + 1 << 8
+                                          | correct << 7 | half of the confidence (0: nothing); the farthest disparity
+                                          (SST_DISP_NONE); bits of the sources (0) */
     SST_GPU_CARRY_PROJECT_BUFFERS
 };
 
 enum sst_gpu_carry_close_buffer {
     SST_GPU_CARRY_CLOSE_ARRIVED = 0,
-    SST_GPU_CARRY_CLOSE_OUT = 1, /* out, uint32_t[height][width]: the first one with gaps closed | 1 << 24 where the
-                                    sources agree */
+    SST_GPU_CARRY_CLOSE_OUT = 1, /* out: the view's map, gaps closed */
     SST_GPU_CARRY_CLOSE_BUFFERS
 };
-
-#define SST_GPU_CARRY_AGREED (1U << 24)
 
 #endif

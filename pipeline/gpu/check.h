@@ -8,8 +8,7 @@
 
 #include "pipeline/gpu/gpu.h"
 
-/* Structures have the layout of the shaders (std430). Maps are uint32_t[height][width] by view: disparity,
- * SST_DISP_NONE if it is not known, and enum sst_disparity_check << 16. */
+/* Structures have the layout of the shaders (std430). Maps are SST_PLANE_MAP of pipeline/step/planes.h. */
 
 /** Where a disparity d puts a pixel: along an axis by whole + ((part + d step) >> 16), which fits 32 bits. */
 struct sst_gpu_shift {
@@ -30,7 +29,7 @@ struct sst_gpu_check_other {
 
 enum sst_gpu_check_buffer {
     SST_GPU_CHECK_OTHERS = 0,
-    SST_GPU_CHECK_MAPS = 1, /* out: the upper halves of the view */
+    SST_GPU_CHECK_MAPS = 1, /* out: the result in the words of the view */
     SST_GPU_CHECK_BUFFERS
 };
 
@@ -42,8 +41,8 @@ struct sst_gpu_fill {
 
 enum sst_gpu_fill_start_buffer {
     SST_GPU_FILL_START_MAPS = 0,
-    SST_GPU_FILL_START_OUT = 1,     /* out, uint32_t[height][width]: disparities */
-    SST_GPU_FILL_START_ARRIVED = 2, /* out, likewise: 0 */
+    SST_GPU_FILL_START_OUT = 1,     /* out: the view's map with these disparities */
+    SST_GPU_FILL_START_ARRIVED = 2, /* out, uint32_t[height][width]: 0 */
     SST_GPU_FILL_START_BUFFERS
 };
 
@@ -71,11 +70,12 @@ enum sst_gpu_fill_take_buffer {
 /** `fill_along`, then `fill_down`: the rest gets the background, as sst_fill_background() has it. */
 struct sst_gpu_background {
     int32_t width, height;
+    int32_t none; /* disparity where nothing is known at all */
 };
 
 enum sst_gpu_background_buffer {
-    SST_GPU_BACKGROUND_FROM = 0, /* uint32_t[height][width]: disparities */
-    SST_GPU_BACKGROUND_TO = 1,   /* out, likewise; another buffer */
+    SST_GPU_BACKGROUND_FROM = 0, /* a map */
+    SST_GPU_BACKGROUND_TO = 1,   /* out: its words with these disparities; another buffer */
     SST_GPU_BACKGROUND_BUFFERS
 };
 

@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <stdlib.h>
 
-#include "pipeline/gpu/carry.h"
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/kernels/kernels.h"
@@ -60,13 +59,6 @@ static uint32_t surfaces(const struct words *w, size_t i)
            (w->map[i] & SST_GPU_MAP_AGREED ? SST_GPU_SURFACE_AGREED : 0);
 }
 
-static uint32_t sources(const struct words *w, size_t i)
-{
-    const bool correct = w->p->value && !(w->from[i] >> 16);
-
-    return (w->map[i] & NONE) | (w->map[i] >> 17 & 0x7F) << 16 | (correct ? SST_GPU_CARRY_CONFIRMED : 0);
-}
-
 static uint32_t lumas(const struct words *w, int x, size_t i)
 {
     const size_t next = x + 1 < w->p->width ? i + 1 : i;
@@ -93,12 +85,6 @@ static uint32_t chosen(uint32_t word, uint32_t old)
     return (word & NONE) | ((word & CHANGED ? word : old) & 0xFF0000) | (old & 0xFF000000U);
 }
 
-static uint32_t arrived(uint32_t word)
-{
-    return ((((word & ~SST_GPU_CARRY_AGREED) >> 8) - 1) & NONE) | (word << 1 & 0xFF) << 16 |
-           (word & SST_GPU_CARRY_AGREED ? SST_GPU_MAP_AGREED : 0);
-}
-
 static uint32_t features(const struct words *w, int x, int y)
 {
     const int pixel = x % w->p->full_width, group = x / w->p->full_width;
@@ -117,10 +103,6 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
         return hypotheses(w, i);
     case SST_GPU_TO_SURFACES:
         return surfaces(w, i);
-    case SST_GPU_TO_SOURCES:
-        return sources(w, i);
-    case SST_GPU_TO_PLAIN:
-        return w->map[i] & NONE;
     case SST_GPU_TO_LUMA:
         return lumas(w, x, i);
     case SST_GPU_TO_STEPS:
@@ -133,10 +115,6 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
         return chosen(w->from[i], old);
     case SST_GPU_FROM_PLAIN:
         return (old & UPPER) | (w->from[i] & NONE);
-    case SST_GPU_FROM_FILLED:
-        return (old & UPPER) | ((w->from[i] & NONE) == NONE ? 0 : w->from[i] & NONE);
-    case SST_GPU_FROM_SOURCES:
-        return arrived(w->from[i]);
     case SST_GPU_TO_LEVELS:
         return w->from[luma(w->pixel[i])];
     default:

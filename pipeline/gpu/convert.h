@@ -1,40 +1,36 @@
-/* pipeline/gpu/convert.h - the shader `convert`: what stays of a view (resident.h) in the words that a step of matching
- * or of labels reads, and what a step leaves in the words that stay.
+/* pipeline/gpu/convert.h - the shader `convert`: planes of a view in the words that a step of matching or of labels
+ * reads, and what a step leaves in the words of a plane.
  *
  * All numbers are integers. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_CONVERT_H
 #define SST_PIPELINE_GPU_CONVERT_H
 
-#include "pipeline/gpu/resident.h"
+#include "pipeline/gpu/gpu.h"
 
 /* Structures have the layout of pipeline/kernels/convert.comp (std430). */
 
-/** A map that stays, uint32_t[height][width]: disparity, SST_DISP_NONE if it is not known, confidence << 16. */
+/** A map, uint32_t[height][width]: SST_PLANE_MAP of pipeline/step/planes.h. */
 #define SST_GPU_MAP_AGREED (1U << 24) /* carried: the sources agree */
 
 enum sst_gpu_conversion {
-    /* From what stays to what a step reads: */
+    /* From a plane to what a step reads: */
     SST_GPU_TO_HALF = 0, /* colours at half of the size, of which all four must count */
     SST_GPU_TO_HYPOTHESES =
         1,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
     SST_GPU_TO_SURFACES = 2, /* maps of surfaces.h */
-    SST_GPU_TO_SOURCES = 3,  /* maps of carry.h; with `value` not 0 `from` has those of check.h, checked */
-    SST_GPU_TO_PLAIN = 4,    /* disparities alone: maps of check.h that are to be checked */
-    SST_GPU_TO_LUMA = 5,     /* pixels of subpixel.h */
-    SST_GPU_TO_STEPS = 6,    /* disparities of subpixel.h */
-    SST_GPU_TO_LABELS = 7, /* the lower halves of label.h's first plane, at `value` times the size; SST_DISP_NONE where
+    SST_GPU_TO_LUMA = 3,     /* pixels of subpixel.h */
+    SST_GPU_TO_STEPS = 4,    /* disparities of subpixel.h */
+    SST_GPU_TO_LABELS = 5, /* the lower halves of label.h's first plane, at `value` times the size; SST_DISP_NONE where
                               colours do not count */
-    /* From what a step leaves, to the map that stays: */
-    SST_GPU_FROM_MATCH = 8,    /* disparities and confidences of match.h; none where colours do not count */
-    SST_GPU_FROM_CHOICE = 9,   /* of hypotheses.h */
-    SST_GPU_FROM_PLAIN = 10,   /* disparities alone */
-    SST_GPU_FROM_FILLED = 11,  /* likewise; 0 where nothing is known */
-    SST_GPU_FROM_SOURCES = 12, /* what arrived: carry.h */
+    /* From what a step leaves, to a map: */
+    SST_GPU_FROM_MATCH = 6,  /* disparities and confidences of match.h; none where colours do not count */
+    SST_GPU_FROM_CHOICE = 7, /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 8,  /* disparities alone */
     /* From a network's result to features of match.h: */
-    SST_GPU_TO_FEATURES = 13, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
+    SST_GPU_TO_FEATURES = 9, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
     /* From colours to what it reads: */
-    SST_GPU_TO_LEVELS = 14, /* words of `from` by luma */
+    SST_GPU_TO_LEVELS = 10, /* words of `from` by luma */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */

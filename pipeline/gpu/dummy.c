@@ -100,7 +100,9 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     if (d->dispatches == d->fault[FAULT_TIMEOUT])
         return -ETIMEDOUT;
     for (int i = 0; i < shader->buffers; i++)
-        buffer[i] = data_of(work->buffer[i]);
+        buffer[i] = data_of(work->buffer[i]) + work->offset[i];
+    if (!shader->reference)
+        return 0;
     shader->reference(work->push, buffer, work->groups);
     /* Every shader writes its last buffer. */
     if (d->dispatches == d->fault[FAULT_WRONG])
@@ -145,6 +147,14 @@ static int copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, 
     return 0;
 }
 
+static int fill(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes, uint32_t word)
+{
+    (void)g;
+    for (size_t i = 0; i < bytes; i += sizeof(word))
+        memcpy(data_of(b) + offset + i, &word, sizeof(word));
+    return 0;
+}
+
 static int wait_done(struct sst_gpu *g)
 {
     (void)g;
@@ -156,8 +166,13 @@ static void close_dummy(struct sst_gpu *g)
     free(g);
 }
 
-static const struct gpu_ops ops = { create,    destroy,     compile,     upload,       download,    dispatch,
-                                    wait_done, close_dummy, span_create, span_destroy, upload_span, copy };
+static const struct gpu_ops ops = { create,      destroy,     compile,      upload,      download, dispatch, wait_done,
+                                    close_dummy, span_create, span_destroy, upload_span, copy,     fill };
+
+bool sst_gpu_is_dummy(const struct sst_gpu *g)
+{
+    return g->ops == &ops;
+}
 
 static int read_faults(struct dummy *d, const char *text)
 {

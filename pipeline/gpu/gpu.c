@@ -230,7 +230,7 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
     }
     if (!err) {
         g->ready[shader] = GPU_READY; /* which the test runs */
-        err = gpu_shaders[shader].self_test(g);
+        err = gpu_shaders[shader].self_test ? gpu_shaders[shader].self_test(g) : 0;
     }
     if (err == -ENOTSUP) {
         g->ready[shader] = GPU_REFUSED;
@@ -344,6 +344,12 @@ int sst_gpu_copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset,
     assert(from_offset <= from->bytes && bytes <= from->bytes - from_offset && to_offset <= to->bytes &&
            bytes <= to->bytes - to_offset);
     return g->lost ? g->lost : note(g, g->ops->copy(g, to, to_offset, from, from_offset, bytes));
+}
+
+int sst_gpu_fill(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes, uint32_t word)
+{
+    assert(offset <= b->bytes && bytes <= b->bytes - offset);
+    return g->lost ? g->lost : note(g, g->ops->fill(g, b, offset, bytes, word));
 }
 
 int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)

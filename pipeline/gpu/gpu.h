@@ -14,11 +14,12 @@
 #define SST_GPU_NAME    256 /* bytes of a name, with its NUL */
 #define SST_GPU_DEVICES 16  /* devices that are listed at most */
 #define SST_GPU_BUFFERS 8   /* buffers that a shader reads and writes at most */
+#define SST_GPU_ALIGN   256 /* bytes: where a shader's part of a buffer may begin, on every device */
 
 /** Shaders, embedded at build. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(X)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X)
 #undef X
         SST_GPU_SHADERS
 };
@@ -135,6 +136,9 @@ SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader
  */
 SST_MUST_CHECK int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out);
 
+/** True for the dummy device, which computes nothing of shaders without a reference: whoever dispatches them does. */
+bool sst_gpu_is_dummy(const struct sst_gpu *g);
+
 /** True if fma() rounds once on the device; known once SST_GPU_NET_CONV is prepared. */
 bool sst_gpu_fuses(const struct sst_gpu *g);
 
@@ -177,10 +181,15 @@ SST_MUST_CHECK int sst_gpu_upload_span(struct sst_gpu *g, struct sst_gpu_buffer 
 SST_MUST_CHECK int sst_gpu_copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset,
                                 struct sst_gpu_buffer *from, size_t from_offset, size_t bytes);
 
+/** Set `bytes` bytes of a buffer from `offset` on to a word; both are multiples of 4. */
+SST_MUST_CHECK int sst_gpu_fill(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes,
+                                uint32_t word);
+
 struct sst_gpu_work {
     enum sst_gpu_shader shader;                     /* prepared */
     const void *push;                               /* constants of the shader's own structure; copied */
     struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; the last ones may be NULL if the shader has fewer */
+    size_t offset[SST_GPU_BUFFERS];                 /* bytes before what it sees of each, multiples of SST_GPU_ALIGN */
     uint32_t groups[3];
 };
 SST_MUST_CHECK int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work);

@@ -148,6 +148,7 @@ struct gpu_ops {
                        size_t from, size_t bytes);
     int (*copy)(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, struct sst_gpu_buffer *from,
                 size_t from_offset, size_t bytes);
+    int (*fill)(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes, uint32_t word);
 };
 
 enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };
@@ -204,6 +205,7 @@ SST_MUST_CHECK int gpu_vulkan_open(struct sst_gpu **out, int index);
     X(vkBeginCommandBuffer)                                                                                            \
     X(vkEndCommandBuffer)                                                                                              \
     X(vkCmdPipelineBarrier)                                                                                            \
+    X(vkCmdFillBuffer)                                                                                                 \
     X(vkCmdCopyBuffer)                                                                                                 \
     X(vkCmdBindPipeline)                                                                                               \
     X(vkCmdBindDescriptorSets)                                                                                         \

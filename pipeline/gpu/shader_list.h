@@ -27,12 +27,6 @@
     X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
     X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
     X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
-    X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
-    X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
-    X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \
-    X(FILL_TAKE, fill_take, SST_GPU_FILL_TAKE_BUFFERS, sst_gpu_fill)                                                   \
-    X(FILL_ALONG, fill_along, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                          \
-    X(FILL_DOWN, fill_down, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                            \
     X(SUBPIXEL_FIT, subpixel_fit, SST_GPU_SUBPIXEL_FIT_BUFFERS, sst_gpu_subpixel_fit)                                  \
     X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)                      \
     X(SWEEP_POINTS, sweep_points, SST_GPU_SWEEP_POINTS_BUFFERS, sst_gpu_sweep)                                         \
@@ -41,9 +35,6 @@
     X(SURFACE_START, surface_start, SST_GPU_SURFACE_START_BUFFERS, sst_gpu_surface_start)                              \
     X(SURFACE_PROJECT, surface_project, SST_GPU_SURFACE_PROJECT_BUFFERS, sst_gpu_surface_project)                      \
     X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)                                  \
-    X(CARRY_START, carry_start, SST_GPU_CARRY_START_BUFFERS, sst_gpu_carry)                                            \
-    X(CARRY_PROJECT, carry_project, SST_GPU_CARRY_PROJECT_BUFFERS, sst_gpu_carry)                                      \
-    X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)                                            \
     X(NET_CONV8, net_conv8, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                     \
     X(NET_CONV, net_conv, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                       \
     X(NET_MOVE, net_move, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
@@ -79,6 +70,17 @@
     X(VERIFY_MODE, verify_mode, SST_GPU_MODE_BUFFERS, sst_gpu_verify)                                                  \
     X(VERIFY_BLEND, verify_blend, SST_GPU_MIX_BUFFERS, sst_gpu_verify)                                                 \
     X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
+
+/** Shaders of steps (pipeline/step/), whose definition is what the CPU does: X as above. */
+#define SST_GPU_STEP_LIST(X)                                                                                           \
+    X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
+    X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
+    X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \
+    X(FILL_TAKE, fill_take, SST_GPU_FILL_TAKE_BUFFERS, sst_gpu_fill)                                                   \
+    X(FILL_ALONG, fill_along, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                          \
+    X(FILL_DOWN, fill_down, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                            \
+    X(CARRY_PROJECT, carry_project, SST_GPU_CARRY_PROJECT_BUFFERS, sst_gpu_carry)                                      \
+    X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
  * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */

@@ -23,11 +23,14 @@
 
 #define X(NAME, name, buffers, push)                                                                                   \
     [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), name##_reference, name##_self_test },
+#define S(NAME, name, buffers, push) [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push) },
 #define V(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
     [SST_GPU_##NAME] = { #name,        buffers, sizeof(struct push), of##_reference, name##_self_test, needs, fast,    \
                          SST_GPU_##OF, word },
-const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = { SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(V) };
+const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = { SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S)
+                                                             SST_GPU_VARIANT_LIST(V) };
 #undef X
+#undef S
 #undef V
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

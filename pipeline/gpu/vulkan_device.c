@@ -232,6 +232,16 @@ static int copy(struct sst_gpu *g, struct sst_gpu_buffer *to, size_t to_offset, 
     return err;
 }
 
+static int fill(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes, uint32_t word)
+{
+    struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
+    const int err = begin(v);
+
+    if (!err && bytes)
+        v->vk->vkCmdFillBuffer(v->batch[v->now].command, memory_of(b)->buffer, offset, bytes, word);
+    return err;
+}
+
 /* A part of a download that runs. */
 struct part {
     int batch;
@@ -287,7 +297,7 @@ static int bind(struct gpu_vulkan_device *v, const struct sst_gpu_work *work, Vk
     const int n = gpu_shaders[work->shader].buffers;
 
     for (int i = 0; i < n && !rc; i++) {
-        buffer[i] = (VkDescriptorBufferInfo){ memory_of(work->buffer[i])->buffer, 0, VK_WHOLE_SIZE };
+        buffer[i] = (VkDescriptorBufferInfo){ memory_of(work->buffer[i])->buffer, work->offset[i], VK_WHOLE_SIZE };
         write[i] = (VkWriteDescriptorSet){ .sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
                                            .dstSet = *set,
                                            .dstBinding = (uint32_t)i,
@@ -409,7 +419,8 @@ static void close_device(struct sst_gpu *g)
 }
 
 static const struct gpu_ops ops = { create,    destroy,      gpu_vulkan_compile, upload,       download,    dispatch,
-                                    wait_done, close_device, span_create,        span_destroy, upload_span, copy };
+                                    wait_done, close_device, span_create,        span_destroy, upload_span, copy,
+                                    fill };
 
 static int open_staging(struct gpu_vulkan_device *v)
 {
@@ -470,9 +481,10 @@ static int open_rest(struct gpu_vulkan_device *v)
 {
     const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
     const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, GPU_VULKAN_SETS * SST_GPU_BUFFERS };
-    const VkDescriptorPoolCreateInfo pool = {
-        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = GPU_VULKAN_SETS, .poolSizeCount = 1, .pPoolSizes = &size
-    };
+    const VkDescriptorPoolCreateInfo pool = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
+                                              .maxSets = GPU_VULKAN_SETS,
+                                              .poolSizeCount = 1,
+                                              .pPoolSizes = &size };
     int err = 0;
 
     for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++) {

@@ -1,9 +1,12 @@
 // Maps carried to a view: the pixels of others arrive where their disparities put them. The largest value stays: the
 // nearest surface, correct ones first. Buffers and constants: pipeline/gpu/carry.h. Definition:
-// carry_project_reference().
+// sst_disparity_carry().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 struct Source {
     uint first;
@@ -15,10 +18,14 @@ layout(std430, binding = 1) readonly buffer Maps { uint maps[]; };
 layout(std430, binding = 2) buffer Arrived { uint arrived[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, agreed;
+    int width, height, agreed, checked;
 };
 
-const int NONE = 0xFFFF;
+// What of two pixels of one disparity stays: the correct one, then the surer one.
+uint rank_of(uint word)
+{
+    return (word >> 17 & 0x7F) | (checked != 0 && checked_of(word) == CORRECT ? 0x80 : 0);
+}
 
 void main()
 {
@@ -30,12 +37,12 @@ void main()
     if (x >= width || y >= height)
         return;
     there = maps[s.first + uint(y * width + x)];
-    d = int(there & 0xFFFF);
+    d = disparity_of(there);
     xt = x + s.across + ((s.across_part + d * s.across_step) >> 16);
     yt = y + s.down + ((s.down_part + d * s.down_step) >> 16);
     if (d == NONE || xt < 0 || yt < 0 || xt >= width || yt >= height)
         return;
-    atomicMax(arrived[yt * width + xt], uint(d + 1) << 8 | there >> 16);
+    atomicMax(arrived[yt * width + xt], uint(d + 1) << 8 | rank_of(there));
     if (agreed != 0) {
         atomicMin(arrived[n + yt * width + xt], uint(d));
         atomicOr(arrived[2 * n + yt * width + xt], 1u << gl_GlobalInvocationID.z);

@@ -1,10 +1,13 @@
 // Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? The disparities that
 // pixels without such a surface are tested at are shared by the group. Buffers and constants: pipeline/gpu/check.h.
-// Definition: check_reference().
+// Definition: sst_disparity_check_views().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 struct Other {
     uint first;
@@ -20,8 +23,7 @@ layout(std430, push_constant) uniform Constants {
     int count, steps;
 };
 
-const uint CORRECT = 0, MISMATCH = 1, OCCLUSION = 2;
-const int NONE = 0xFFFF, AGREE = 64, PIXEL = 64, GROUP = 256;
+const int AGREE = 64, PIXEL = 64, GROUP = 256;
 const int AHEAD = 4; // others whose maps are read at once
 
 shared int failed[GROUP]; // pixels of the group that others do not hold, its lanes
@@ -34,7 +36,7 @@ int disparity_in(Other o, int x, int y, int d)
     const int yn = y + o.down + ((o.down_part + d * o.down_step) >> 16);
 
     return xn < 0 || yn < 0 || xn >= width || yn >= height ? NONE
-                                                           : int(maps[o.first + uint(yn * width + xn)] & 0xFFFF);
+                                                           : disparity_of(maps[o.first + uint(yn * width + xn)]);
 }
 
 // Past the last one, that one counts again.
@@ -72,7 +74,8 @@ void main()
     const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), lane = int(gl_LocalInvocationIndex);
     const bool inside = x < width && y < height;
     const uint at = own + uint(y * width + x);
-    const int d = inside ? int(maps[at] & 0xFFFF) : NONE;
+    const uint word = inside ? maps[at] : NONE;
+    const int d = disparity_of(word);
     uint status = CORRECT, mine;
 
     if (lane == 0)
@@ -90,5 +93,5 @@ void main()
     if (status == OCCLUSION && seen[mine] != 0)
         status = MISMATCH;
     if (inside)
-        maps[at] = uint(d) | status << 16;
+        maps[at] = with_check(word, status);
 }

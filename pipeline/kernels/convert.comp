@@ -14,12 +14,11 @@ layout(std430, push_constant) uniform Constants {
     uint conversion, value, colours, from, to;
 };
 
-const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_SOURCES = 3, TO_PLAIN = 4, TO_LUMA = 5, TO_STEPS = 6,
-           TO_LABELS = 7, FROM_MATCH = 8, FROM_CHOICE = 9, FROM_PLAIN = 10, FROM_FILLED = 11, FROM_SOURCES = 12,
-           TO_FEATURES = 13, TO_LEVELS = 14;
+const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_LUMA = 3, TO_STEPS = 4, TO_LABELS = 5, FROM_MATCH = 6,
+           FROM_CHOICE = 7, FROM_PLAIN = 8, TO_FEATURES = 9, TO_LEVELS = 10;
 const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
 const int FEATURE_WORDS = 16;
-const uint CONFIRMED = 1 << 23, CORRECT = 0, STEPS_NONE = 32768, CHANGED = 1 << 24, ARRIVED_AGREED = 1 << 24;
+const uint STEPS_NONE = 32768, CHANGED = 1 << 24;
 
 bool counts(int i)
 {
@@ -70,13 +69,6 @@ uint labels(ivec2 at, int i)
     return result[to + i] & 0xFFFF0000 | (d == NONE || !counts(i) ? NONE : d * value & NONE);
 }
 
-uint arrived(uint word)
-{
-    const uint known = word & ~ARRIVED_AGREED;
-
-    return (known >> 8) - 1 & NONE | (word << 1 & 0xFF) << 16 | ((word & ARRIVED_AGREED) != 0 ? MAP_AGREED : 0);
-}
-
 void main()
 {
     const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -92,12 +84,6 @@ void main()
     case TO_SURFACES:
         word = map[i] & NONE | (counts(i) ? 0 : UNSEEN) | ((map[i] & MAP_AGREED) != 0 ? SURFACE_AGREED : 0);
         break;
-    case TO_SOURCES:
-        word = map[i] & NONE | (map[i] >> 17 & 0x7F) << 16;
-        if (value != 0 && source[from + i] >> 16 == CORRECT)
-            word |= CONFIRMED;
-        break;
-    case TO_PLAIN: word = map[i] & NONE; break;
     case TO_LUMA: word = lumas(at.x, i); break;
     case TO_STEPS: word = min(map[i] & NONE, STEPS_NONE) * 65537; break;
     case TO_LABELS: word = labels(at, i); break;
@@ -107,10 +93,6 @@ void main()
         word |= ((source[from + i] & CHANGED) != 0 ? source[from + i] : old) & 0xFF0000;
         break;
     case FROM_PLAIN: word = old & 0xFFFF0000 | source[from + i] & NONE; break;
-    case FROM_FILLED:
-        word = old & 0xFFFF0000 | ((source[from + i] & NONE) == NONE ? 0 : source[from + i] & NONE);
-        break;
-    case FROM_SOURCES: word = arrived(source[from + i]); break;
     case TO_LEVELS: word = source[from + luma(i)]; break;
     case TO_FEATURES:
         word = source[from + at.y * width + at.x % full_width * FEATURE_WORDS + at.x / full_width] ^ 0x80808080;

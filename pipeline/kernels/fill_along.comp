@@ -1,17 +1,23 @@
 // Filling of what no view shows, along rows: the farther of the nearest known disparities to both sides, which is that of
-// the background. Buffers and constants: pipeline/gpu/check.h. Definition: fill_along_reference().
+// the background. Buffers and constants: pipeline/gpu/check.h. Definition: sst_fill_background().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer From { uint from[]; };
 layout(std430, binding = 1) writeonly buffer To { uint to[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height;
+    int width, height, none;
 };
 
-const uint NONE = 0xFFFF; // larger than all that are known
+int at(int i)
+{
+    return disparity_of(from[i]);
+}
 
 void main()
 {
@@ -21,14 +27,15 @@ void main()
     if (x >= width || y >= height)
         return;
     there = from[row + x];
-    if (there == NONE) {
+    if (disparity_of(there) == NONE) {
         int left = x - 1, right = x + 1;
 
-        while (left >= 0 && from[row + left] == NONE)
+        while (left >= 0 && at(row + left) == NONE)
             left--;
-        while (right < width && from[row + right] == NONE)
+        while (right < width && at(row + right) == NONE)
             right++;
-        there = min(left >= 0 ? from[row + left] : NONE, right < width ? from[row + right] : NONE);
+        there = with_disparity(
+            there, uint(min(left >= 0 ? at(row + left) : NONE, right < width ? at(row + right) : NONE)));
     }
     to[row + x] = there;
 }

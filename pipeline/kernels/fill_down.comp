@@ -1,17 +1,24 @@
 // Filling of what no view shows, after fill_along: rows are known as a whole or not at all. Unknown ones get the last known
-// one above, or the first one below. Buffers and constants: pipeline/gpu/check.h. Definition: fill_down_reference().
+// one above, or the first one below; without any, all are `none`. Buffers and constants: pipeline/gpu/check.h. Definition:
+// sst_fill_background().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer From { uint from[]; };
 layout(std430, binding = 1) writeonly buffer To { uint to[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height;
+    int width, height, none;
 };
 
-const uint NONE = 0xFFFF;
+bool is_known(int row)
+{
+    return disparity_of(from[row * width]) != NONE;
+}
 
 void main()
 {
@@ -20,9 +27,10 @@ void main()
 
     if (x >= width || y >= height)
         return;
-    while (row >= 0 && from[row * width] == NONE)
+    while (row >= 0 && !is_known(row))
         row--;
-    for (row = row < 0 ? y : row; row < height && from[row * width] == NONE;)
+    for (row = row < 0 ? y : row; row < height && !is_known(row);)
         row++;
-    to[y * width + x] = row < height ? from[row * width + x] : NONE;
+    to[y * width + x] =
+        with_disparity(from[y * width + x], uint(row < height ? disparity_of(from[row * width + x]) : none));
 }

@@ -1,8 +1,11 @@
 // Filling: the correct pixels of another view arrive where their disparities put them; the nearest surface stays. Buffers
-// and constants: pipeline/gpu/check.h. Definition: fill_project_reference().
+// and constants: pipeline/gpu/check.h. Definition: sst_fill_views().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
 layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
@@ -22,9 +25,9 @@ void main()
     if (x >= width || y >= height)
         return;
     there = maps[first + uint(y * width + x)];
-    if (there >> 16 != 0)
+    if (checked_of(there) != CORRECT)
         return;
-    d = int(there & 0xFFFF);
+    d = disparity_of(there);
     xt = x + across + ((across_part + d * across_step) >> 16);
     yt = y + down + ((down_part + d * down_step) >> 16);
     if (xt >= 0 && yt >= 0 && xt < width && yt < height)

@@ -1,10 +1,13 @@
 // Filling of a view's disparities, the beginning: mismatches get the median of the nearest correct pixels in 16
 // directions, occlusions nothing yet. A group shares the directions of its mismatches. Buffers and constants:
-// pipeline/gpu/check.h. Definition: fill_start_reference().
+// pipeline/gpu/check.h. Definition: sst_fill_views().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
 layout(std430, binding = 1) writeonly buffer Out { uint result[]; };
@@ -15,7 +18,7 @@ layout(std430, push_constant) uniform Constants {
     uint own;
 };
 
-const uint CORRECT = 0, MISMATCH = 1, NONE = 0xFFFF, FARTHER = 0x10000;
+const uint FARTHER = 0x10000;
 const uint GROUP = 256, WAYS = 16;
 const int AHEAD = 4; // pixels of a direction that are read at once
 
@@ -33,7 +36,7 @@ int half_of(int n)
     return n < 0 ? -(-n / 2) : n / 2;
 }
 
-// NONE: the picture ends before.
+// Disparity of the nearest correct pixel; NONE: the picture ends before.
 uint nearest(int x, int y, ivec2 way)
 {
     uint first = FARTHER;
@@ -48,7 +51,7 @@ uint nearest(int x, int y, ivec2 way)
             there[k] = inside ? maps[own + uint(j * width + i)] : NONE; // as one that is correct
         }
         [[unroll]] for (int k = AHEAD - 1; k >= 0; k--)
-            first = there[k] >> 16 == CORRECT ? there[k] : first;
+            first = checked_of(there[k]) == CORRECT ? there[k] & 0xFFFF : first;
     }
     return first;
 }
@@ -82,7 +85,7 @@ void fill_mismatches(ivec2 corner)
         found[i] = mine;
         barrier();
         if (which < all && has_median(way, mine))
-            result[y * width + x] = mine;
+            result[y * width + x] = with_disparity(maps[own + uint(y * width + x)], mine);
         barrier();
     }
 }
@@ -91,7 +94,7 @@ void main()
 {
     const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
     const bool inside = x < width && y < height;
-    const uint there = inside ? maps[own + uint(y * width + x)] : 0, status = there >> 16;
+    const uint there = inside ? maps[own + uint(y * width + x)] : 0, status = checked_of(there);
 
     if (gl_LocalInvocationIndex == 0)
         mismatches = 0;
@@ -99,7 +102,7 @@ void main()
     if (inside && status == MISMATCH)
         waiting[atomicAdd(mismatches, 1)] = gl_LocalInvocationIndex;
     else if (inside)
-        result[y * width + x] = status == CORRECT ? there & 0xFFFF : NONE;
+        result[y * width + x] = status == CORRECT ? there : with_disparity(there, NONE);
     if (inside)
         arrived[y * width + x] = 0;
     barrier();

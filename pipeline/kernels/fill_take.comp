@@ -1,8 +1,11 @@
 // Filling: occlusions that are not known yet get what arrived there. Buffers and constants: pipeline/gpu/check.h.
-// Definition: fill_take_reference().
+// Definition: sst_fill_views().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
+
+#include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
 layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
@@ -13,8 +16,6 @@ layout(std430, push_constant) uniform Constants {
     uint own;
 };
 
-const uint OCCLUSION = 2, NONE = 0xFFFF;
-
 void main()
 {
     const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), at = y * width + x;
@@ -23,7 +24,7 @@ void main()
     if (x >= width || y >= height)
         return;
     there = arrived[at];
-    if (maps[own + uint(at)] >> 16 == OCCLUSION && result[at] == NONE && there != 0)
-        result[at] = there - 1;
+    if (checked_of(maps[own + uint(at)]) == OCCLUSION && disparity_of(result[at]) == NONE && there != 0)
+        result[at] = with_disparity(result[at], there - 1);
     arrived[at] = 0;
 }

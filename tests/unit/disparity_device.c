@@ -25,12 +25,11 @@ static void test_same_bytes(void **state)
                       (long long)report.tested, (long long)report.dispatches, (long long)report.uploads);
         assert_int_equal(report.tested, tested[i]);
         assert_int_equal(report.tested_on_cpu, 0);
-        /* Where all views are matched, the device continues the background as well. */
-        assert_int_equal(report.stages_on_cpu, i < 2 || i > 3 ? background : 0);
+        assert_int_equal(report.stages_on_cpu, 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
-        assert_int_equal(report.uploads, 8); /* colours, once; what follows the first pass needs no more */
+        assert_true(report.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
         assert_string_equal(report.why, "");
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
@@ -173,14 +172,14 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
 static void test_fallback_later(void **state)
 {
     struct {
-        int after;       /* dispatches */
-        int tested;      /* 16 with those on the CPU */
+        int after;  /* dispatches */
+        int tested; /* 16 with those on the CPU */
         bool filled;
-        unsigned stages; /* on the CPU besides those without shaders */
+        unsigned stages;                      /* on the CPU besides those without shaders */
     } lost[] = { { 2 * 8 + 14, 8, false, 0 }, /* after the 8 views are loaded */
                  { 8 + 12, 16, true, subpixel },
-                 { 8 + 4, 16, true, check | fill | background },
-                 { 8 + 8 + 20, 16, true, fill | background } };
+                 { 4, 16, true, check }, /* the device is opened again for the filling */
+                 { 8 + 20, 16, true, fill | background } };
     const unsigned all = check | fill | subpixel | background;
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;

@@ -117,7 +117,8 @@ static void test_transfer(void **state)
 
 static void test_pictures(void **state)
 {
-    const uint64_t memory[] = { 0, (uint64_t)560 << 10 }; /* all views, or a few at a time and bands of clear pictures */
+    const uint64_t memory[] = { 0,
+                                (uint64_t)560 << 10 }; /* all views, or a few at a time and bands of clear pictures */
     struct sst_render_device_report report;
     struct sst_lightfield lf;
 
@@ -200,6 +201,8 @@ static void test_matches(void **state)
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
+        assert_int_equal(report.stages_on_cpu, 0);
+        assert_int_equal(report.uploads, 8); /* colours, once; what follows the first pass needs no more */
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21);
@@ -227,17 +230,17 @@ static void refine_in_bands(const struct sst_lightfield *lf)
     for (int i = 0; i < 2; i++) {
         struct sst_refine_device_report report;
         struct sst_refine_device *device;
-        struct sst_gpu_shared *shared;
+        struct sst_runner *shared;
         struct sst_refine_config cfg;
 
         assert_true(refine_config(&cfg, i));
-        assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", memory[i]), 0);
+        assert_int_equal(sst_runner_create(&shared, "lavapipe", memory[i]), 0);
         assert_int_equal(sst_refine_device_create(&device, shared), 0);
         cfg.device = device;
         refine_compare(lf, &cfg, &report);
         assert_int_equal(report.in_parts, 5);
         sst_refine_device_destroy(device);
-        sst_gpu_shared_destroy(shared);
+        sst_runner_destroy(shared);
     }
 }
 
@@ -248,9 +251,9 @@ static void exchange_in_bands(const struct sst_lightfield *lf, int views)
     struct sst_refine_device_report report;
     struct sst_refine_device *device;
     struct sst_lightfield near = *lf;
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
 
-    assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", 92000), 0);
+    assert_int_equal(sst_runner_create(&shared, "lavapipe", 92000), 0);
     assert_int_equal(sst_refine_device_create(&device, shared), 0);
     vote_compare(lf, NULL, device, &report);
     assert_int_equal(report.voted_in_parts, views);
@@ -261,7 +264,7 @@ static void exchange_in_bands(const struct sst_lightfield *lf, int views)
     enlarge_compare(lf, 0, device, &report);
     assert_int_equal(report.enlarged_in_parts, 2);
     sst_refine_device_destroy(device);
-    sst_gpu_shared_destroy(shared);
+    sst_runner_destroy(shared);
 }
 
 /* Labels are refined, voted on and carried, with the bytes of the CPU. */
@@ -269,14 +272,14 @@ static void test_labels(void **state)
 {
     const bool carried[6] = { false, true, false, true, false };
     struct sst_refine_device_report report;
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     struct sst_refine_config cfg;
     struct sst_lightfield lf;
     struct sst_refine_device *device;
 
     (void)state;
     refine_init(&lf, 2, 3, 93, 61);
-    assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", 0), 0);
+    assert_int_equal(sst_runner_create(&shared, "lavapipe", 0), 0);
     assert_int_equal(sst_refine_device_create(&device, shared), 0);
     for (int i = 0; refine_config(&cfg, i); i++) {
         cfg.device = device;
@@ -296,7 +299,7 @@ static void test_labels(void **state)
     finish_compare(&lf, shared, device, &report);
     assert_int_equal(report.finished, 2);
     sst_refine_device_destroy(device);
-    sst_gpu_shared_destroy(shared);
+    sst_runner_destroy(shared);
     sst_lightfield_fini(&lf);
 }
 
@@ -450,7 +453,8 @@ static struct sst_network_device_report run_long(int n)
     return r;
 }
 
-/* Lavapipe leaves loops after 65,535 passes: the longest that are allowed have the CPU's results, longer ones are the CPU's. */
+/* Lavapipe leaves loops after 65,535 passes: the longest that are allowed have the CPU's results, longer ones are the
+ * CPU's. */
 static void test_longest(void **state SST_UNUSED)
 {
     struct sst_network_device_report r = run_long(1308);

@@ -6,13 +6,13 @@
 #include "tests/small.h"
 
 struct device {
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     struct sst_refine_device *refine;
 };
 
 static void device_open(struct device *d, const char *name, uint64_t memory)
 {
-    assert_int_equal(sst_gpu_shared_create(&d->shared, name, memory), 0);
+    assert_int_equal(sst_runner_create(&d->shared, name, memory), 0);
     assert_int_equal(sst_refine_device_create(&d->refine, d->shared), 0);
 }
 
@@ -28,7 +28,7 @@ static const char *after_tests(const char *fault, int after)
 static void device_close(struct device *d)
 {
     sst_refine_device_destroy(d->refine);
-    sst_gpu_shared_destroy(d->shared);
+    sst_runner_destroy(d->shared);
 }
 
 static void test_same_bytes(void **state)
@@ -282,17 +282,17 @@ static struct sst_gpu_buffer *take_memory(struct device *d, size_t bytes)
 {
     struct sst_gpu_buffer *taken = NULL;
 
-    sst_gpu_shared_lock(d->shared);
-    assert_int_equal(sst_gpu_buffer_create(sst_gpu_shared_device(d->shared), &taken, bytes), 0);
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_lock(d->shared);
+    assert_int_equal(sst_gpu_buffer_create(sst_runner_device(d->shared), &taken, bytes), 0);
+    sst_runner_unlock(d->shared);
     return taken;
 }
 
 static void give_memory(struct device *d, struct sst_gpu_buffer *taken)
 {
-    sst_gpu_shared_lock(d->shared);
-    sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), taken);
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_lock(d->shared);
+    sst_gpu_buffer_destroy(sst_runner_device(d->shared), taken);
+    sst_runner_unlock(d->shared);
 }
 
 /* One shortage does not last: the next stage is tried whole, be it votes or a refinement. */
@@ -444,18 +444,18 @@ static void test_no_row(void **state)
 static void test_refused(void **state)
 {
     struct sst_refine_device *none;
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     char text[SST_LOG_MAX];
 
     (void)state;
     assert_int_equal(sst_refine_device_create(&none, NULL), 0);
     assert_null(none);
-    assert_int_equal(sst_gpu_shared_create(&shared, "dummy:wrong=3", 0), 0);
+    assert_int_equal(sst_runner_create(&shared, "dummy:wrong=3", 0), 0);
     sst_log_hold_errors(text);
     assert_int_equal(sst_refine_device_create(&none, shared), -ENOTSUP);
     assert_contains(text, "cannot refine labels");
     sst_log_hold_errors(NULL);
-    sst_gpu_shared_destroy(shared);
+    sst_runner_destroy(shared);
     sst_refine_device_destroy(NULL);
 }
 

@@ -11,7 +11,6 @@
 #include "base/thread.h"
 #include "pipeline/gpu/carry.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
@@ -23,6 +22,7 @@
  * confidence. */
 #define DISP_SHIFT SST_LANDED_DISP
 #define CONFIRMED  128u
+#define AGREES     (1u << 24) /* of find_agreed() */
 
 static int disp_of(uint32_t arrived)
 {
@@ -37,7 +37,6 @@ static uint8_t confidence_of(uint32_t arrived)
 struct carry {
     const struct sst_visible_views *in;
     struct sst_map_u8 *status;
-    bool *done; /* [in->count] on the device; only the background is left */
 };
 
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
@@ -143,14 +142,14 @@ static bool agree(uint32_t sources)
     return sources & (sources - 1);
 }
 
-/* Set SST_GPU_CARRY_AGREED where most of the sources put the same surface at a pixel, and no other one a different
+/* Set AGREES where most of the sources put the same surface at a pixel, and no other one a different
  * surface. */
 static void find_agreed(uint32_t *arrived, const uint32_t *farthest, size_t pixels)
 {
     for (size_t i = 0; i < pixels; i++) {
         const bool same = disp_of(arrived[i]) - (int)(farthest[i] & 0xFFFF) < STEP_Q6;
 
-        arrived[i] |= same && agree(farthest[i] >> 16) ? SST_GPU_CARRY_AGREED : 0;
+        arrived[i] |= same && agree(farthest[i] >> 16) ? AGREES : 0;
     }
 }
 
@@ -168,12 +167,12 @@ static int take_arrived(const struct carry *c, int k, const uint32_t *arrived)
         uint8_t *agreed = own->agreed ? sst_map_u8_row(own->agreed, y) : NULL;
 
         for (int x = 0; x < width; x++) {
-            const int disp = disp_of(at[x] & ~SST_GPU_CARRY_AGREED);
+            const int disp = disp_of(at[x] & ~AGREES);
 
             d[x] = disp < 0 ? (uint16_t)SST_DISP_NONE : (uint16_t)disp;
             confidence[x] = confidence_of(at[x]);
             if (agreed)
-                agreed[x] = at[x] & SST_GPU_CARRY_AGREED ? 255 : 0;
+                agreed[x] = at[x] & AGREES ? 255 : 0;
             if (c->status)
                 sst_map_u8_row(&c->status[k], y)[x] =
                     at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
@@ -182,27 +181,26 @@ static int take_arrived(const struct carry *c, int k, const uint32_t *arrived)
     return err;
 }
 
+static bool carries(const void *job, int k)
+{
+    const struct carry *c = job;
+
+    return c->in->view[k].image && c->in->view[k].carried;
+}
+
 static int carry_job(void *arg, int k, int worker SST_UNUSED)
 {
     const struct carry *c = arg;
     const struct sst_visible_view *own = &c->in->view[k];
-    uint32_t *farthest = NULL;
-    const size_t pixels = own->image ? (size_t)own->disp->width * (size_t)own->disp->height : 0;
-    uint32_t *arrived;
-    int err;
+    const size_t pixels = (size_t)own->disp->width * (size_t)own->disp->height;
+    uint32_t *arrived = NULL, *farthest = NULL;
+    int err = c->in->cancel && *c->in->cancel ? -ECANCELED : 0;
 
-    if (!own->image || !own->carried)
-        return 0;
-    if (c->in->cancel && *c->in->cancel)
-        return -ECANCELED;
-    if (c->done[k]) {
-        sst_fill_background(own->disp);
-        return 0;
+    if (!err) {
+        arrived = arrived_init(own);
+        farthest = own->agreed ? sst_mem_alloc_raw(pixels, sizeof(*farthest)) : NULL;
+        err = arrived && (farthest || !own->agreed) ? carry_to(arrived, farthest, c, k) : -ENOMEM;
     }
-    arrived = arrived_init(own);
-    if (arrived && own->agreed)
-        farthest = sst_mem_alloc_raw(pixels, sizeof(*farthest));
-    err = arrived && (farthest || !own->agreed) ? carry_to(arrived, farthest, c, k) : -ENOMEM;
     if (!err && farthest)
         find_agreed(arrived, farthest, pixels);
     err = err ? err : take_arrived(c, k, arrived);
@@ -213,13 +211,63 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
+/* The same on a device. */
+static void carry_on_device(struct sst_run *r, void *job, int k)
+{
+    enum { SOURCE, ARRIVED, CLOSED };
+    const struct carry *c = job;
+    const struct sst_visible_view *own = &c->in->view[k];
+    const int width = own->disp->width, height = own->disp->height;
+    const size_t n = (size_t)width * (size_t)height;
+    const struct sst_gpu_carry push = { width, height, own->agreed != NULL, c->status != NULL };
+    struct sst_gpu_check_other source[SOURCES];
+    int from[SOURCES];
+    const int count = sources_of(c->in, k, from);
+    const struct sst_gpu_range maps = sst_run_planes(r, SST_PLANE_MAP, from, sst_max_int(count, 0));
+    const struct sst_gpu_range arrived = sst_run_scratch(r, ARRIVED, (own->agreed ? 3 : 1) * n * sizeof(uint32_t));
+    const struct sst_gpu_range closed = sst_run_scratch(r, CLOSED, n * sizeof(uint32_t));
+    const uint32_t *words;
+
+    sst_run_fail(r, sst_min_int(count, 0));
+    for (int i = 0; i < count; i++) {
+        const struct sst_visible_view *v = &c->in->view[from[i]];
+
+        source[i].first = sst_run_first(r, SST_PLANE_MAP, from[i]);
+        sst_run_fail(r, sst_step_shift(&source[i].shift, sst_shift_by(v->bx - own->bx, c->in->disp_min_px),
+                                       sst_shift_by(v->by - own->by, c->in->disp_min_px)));
+    }
+    sst_run_fill(r, arrived, 0, n, 0);
+    if (own->agreed) {
+        sst_run_fill(r, arrived, n, n, SST_DISP_NONE);
+        sst_run_fill(r, arrived, 2 * n, n, 0);
+    }
+    if (count > 0)
+        SST_RUN_PIXELS(r, SST_GPU_CARRY_PROJECT, &push, width, height, (uint32_t)count,
+                       sst_run_upload(r, SOURCE, source, (size_t)count * sizeof(*source)), maps, arrived);
+    SST_RUN_PIXELS(r, SST_GPU_CARRY_CLOSE, &push, width, height, 1, arrived, closed);
+    run_dispatch_background(r, closed, arrived, k, width, height, SST_DISP_NONE);
+    words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, k), n);
+    if (own->agreed && !own->agreed->data)
+        sst_run_fail(r, sst_map_u8_init(own->agreed, width, height));
+    if (words && !sst_run_failed(r))
+        sst_step_map_unpack(words, own->disp, own->confidence, own->agreed, c->status ? &c->status[k] : NULL);
+}
+
+static void carried_source(const void *job, int k, struct sst_plane_source *out)
+{
+    const struct carry *c = job;
+    const struct sst_visible_view *v = &c->in->view[k];
+
+    *out = (struct sst_plane_source){ .disp = v->disp,
+                                      .confidence = v->confidence,
+                                      .checked = c->status ? &c->status[k] : NULL };
+}
+
 static void carried_maps(void *arg, int k, struct sst_share_maps *out)
 {
     const struct carry *c = arg;
     const struct sst_visible_view *own = &c->in->view[k];
 
-    if (!own->image || !own->carried)
-        return;
     sst_share_add_u16(out, own->disp);
     sst_share_add_u8(out, own->confidence);
     if (own->agreed)
@@ -228,106 +276,31 @@ static void carried_maps(void *arg, int k, struct sst_share_maps *out)
         sst_share_add_u8(out, &c->status[k]);
 }
 
-/* Load the sources of all views that `which` names, or of all carried ones. @param which  a view, or -1
- * @return 1: loaded, 0: the device fails, or an error */
-static int load_sources(const struct carry *c, int which)
-{
-    const struct sst_visible_views *in = c->in;
-    bool *wanted = calloc((size_t)in->count, sizeof(*wanted));
-    int err = wanted ? 0 : -ENOMEM;
-
-    for (int k = 0; k < in->count && !err; k++) {
-        int source[SOURCES], n;
-
-        if (!in->view[k].image || (which < 0 ? !in->view[k].carried : k != which))
-            continue;
-        n = sources_of(in, k, source);
-        for (int i = 0; i < n; i++)
-            wanted[source[i]] = true;
-        err = n < 0 ? n : 0;
-    }
-    if (!err)
-        err = disparity_device_carry_load(in->device, in, c->status, wanted);
-    free(wanted);
-    return err;
-}
-
-/* carry_to() and, if `agreed`, find_agreed() on the device. @param stays  struct device_carry @return likewise */
-static int carry_to_on_device(uint32_t *arrived, const struct carry *c, int k, bool agreed, bool stays)
-{
-    int source[SOURCES];
-    const int n = sources_of(c->in, k, source);
-    const struct device_carry in = {
-        .in = c->in, .view = k, .source = source, .sources = n, .agreed = agreed, .stays = stays, .out = arrived
-    };
-
-    return n < 0 ? n : disparity_device_carry(c->in->device, &in);
-}
-
-/* As many of the carried views as the device can do. */
-static int carry_on_device(const struct carry *c)
-{
-    uint32_t *arrived = NULL;
-    int err = load_sources(c, -1);
-
-    for (int k = 0; k < c->in->count && err == 1; k++) {
-        const struct sst_visible_view *own = &c->in->view[k];
-
-        if (!own->image || !own->carried)
-            continue;
-        if (c->in->cancel && *c->in->cancel) {
-            err = -ECANCELED;
-            break;
-        }
-        if (!arrived)
-            arrived = arrived_init(own);
-        err = arrived ? carry_to_on_device(arrived, c, k, own->agreed, true) : -ENOMEM;
-        if (err != 1)
-            break;
-        err = take_arrived(c, k, arrived);
-        c->done[k] = !err;
-        err = err ? err : 1;
-    }
-    sst_mem_free(arrived);
-    return err < 0 ? err : 0;
-}
+static const struct sst_step step = { .name = "carrying",
+                                      .stages = 1U << SST_DISPARITY_STAGE_CARRY,
+                                      .wants = carries,
+                                      .source = carried_source,
+                                      .cpu = carry_job,
+                                      .device = carry_on_device,
+                                      .writes = carried_maps,
+                                      .changes = 1U << SST_PLANE_MAP };
 
 int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads)
 {
-    struct carry c = { in, status, calloc((size_t)in->count, sizeof(*c.done)) };
-    int err = c.done ? 0 : -ENOMEM;
+    const struct sst_run_options how = { in->share, threads, sst_visible_block(in), in->cancel };
+    struct carry c = { in, status };
 
-    if (in->device && in->share) /* its views are the processes' */
-        sst_disparity_device_note_stage(in->device, SST_DISPARITY_STAGE_CARRY);
-    else if (in->device)
-        err = err ? err : carry_on_device(&c);
-    err =
-        err ? err : sst_share_blocks(in->share, in->count, sst_visible_block(in), threads, carry_job, &c, carried_maps);
-    for (int k = 0; c.done && k < in->count; k++) {
-        if (in->view[k].carried && !c.done[k])
-            disparity_device_map_changed(in->device, k);
-    }
-    free(c.done);
-    return err;
-}
-
-/* What arrives in view k, on the device if it can. */
-static int carry_to_one(uint32_t *arrived, const struct carry *c, int k)
-{
-    int done = c->in->device ? load_sources(c, k) : 0;
-
-    if (done == 1)
-        done = carry_to_on_device(arrived, c, k, false, false);
-    return done == 0 ? carry_to(arrived, NULL, c, k) : done < 0 ? done : 0;
+    disparity_device_adopt(in->device, in);
+    return sst_run(disparity_device_user(in->device), &step, &c, in->count, &how);
 }
 
 int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)
 {
     const struct sst_visible_view *own = &in->view[k];
-    const struct carry c = { in, status, NULL };
+    const struct carry c = { in, status };
     uint32_t *arrived = arrived_init(own);
     int64_t n = 0, off = 0;
-    const int err = arrived ? carry_to_one(arrived, &c, k) : -ENOMEM;
+    const int err = arrived ? carry_to(arrived, NULL, &c, k) : -ENOMEM;
 
     for (int y = 0; !err && y < own->disp->height; y++) {
         const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;

@@ -21,8 +21,8 @@ static const enum sst_gpu_shader shaders[] = {
     SST_GPU_CHECK,           SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
     SST_GPU_FEATURE_COST,    SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
     SST_GPU_SUBPIXEL_WINDOW, SST_GPU_SWEEP_POINTS,    SST_GPU_SWEEP_GATHER,    SST_GPU_SWEEP_PEAKS,
-    SST_GPU_SURFACE_START,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_START,
-    SST_GPU_CARRY_PROJECT,   SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
+    SST_GPU_SURFACE_START,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_PROJECT,
+    SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
 };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
@@ -53,26 +53,25 @@ static void drop_all(void *arg)
 {
     struct sst_disparity_device *d = arg;
 
-    d->gpu = sst_gpu_shared_device(d->shared);
+    d->gpu = sst_runner_device(d->shared);
     disparity_device_drop_views(d);
     for (int i = 0; i < KEPT; i++) {
         sst_gpu_buffer_destroy(d->gpu, d->kept[i]);
         d->kept[i] = NULL;
         d->bytes[i] = 0;
     }
-    d->checked = NULL;
     d->loaded = false;
 }
 
 static void note_name(struct sst_disparity_device *d)
 {
-    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
+    const struct sst_gpu_info *info = sst_runner_info(d->shared);
 
     snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
-int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_gpu_shared *shared)
+int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_runner *shared)
 {
     struct sst_disparity_device *d;
     int err;
@@ -86,10 +85,10 @@ int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_gp
         return -ENOMEM;
     }
     d->shared = shared;
-    d->user = (struct sst_gpu_user){
+    d->user = (struct sst_runner_user){
         .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "match", .drop = drop_all, .arg = d
     };
-    err = sst_gpu_shared_join(shared, &d->user);
+    err = sst_runner_join(shared, &d->user);
     if (err) {
         free(d);
         return err;
@@ -103,14 +102,33 @@ void sst_disparity_device_destroy(struct sst_disparity_device *d)
 {
     if (!d)
         return;
-    sst_gpu_shared_leave(d->shared, &d->user);
+    sst_runner_leave(d->shared, &d->user);
     sst_mem_kept_fini(&d->words);
     free(d);
 }
 
+struct sst_runner_user *disparity_device_user(struct sst_disparity_device *d)
+{
+    return d ? &d->user : NULL;
+}
+
 void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out)
 {
+    const struct sst_step_report steps = d->user.report;
+
     *out = d->report;
+    out->failures += steps.failures;
+    out->stages_on_cpu |= steps.stages_on_cpu;
+    out->dispatches += steps.dispatches;
+    out->uploads += steps.uploads;
+    out->upload_bytes += steps.upload_bytes;
+    out->total_ns += steps.total_ns;
+    out->upload_ns += steps.upload_ns;
+    out->wait_ns += steps.wait_ns;
+    out->download_ns += steps.download_ns;
+    if (*steps.why)
+        snprintf(out->why, sizeof(out->why), "%s", steps.why);
+    d->user.report = (struct sst_step_report){ 0 };
     d->report = (struct sst_disparity_device_report){ 0 };
     memcpy(d->report.name, out->name, sizeof(out->name));
     memcpy(d->report.driver, out->driver, sizeof(out->driver));
@@ -125,7 +143,7 @@ void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_di
 void disparity_device_fail(struct sst_disparity_device *d, int err)
 {
     sst_log_warning("%s: %s; the view is done on the CPU, and the device is opened again after %d more", d->report.name,
-                    sst_gpu_error(err), sst_gpu_shared_fail(d->shared));
+                    sst_gpu_error(err), sst_runner_fail(d->shared));
     snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
     d->report.failures++;
 }
@@ -134,28 +152,28 @@ bool disparity_device_begin(struct sst_disparity_device *d)
 {
     int err;
 
-    sst_gpu_shared_lock(d->shared);
-    d->gpu = sst_gpu_shared_take(d->shared, &d->user, &err);
+    sst_runner_lock(d->shared);
+    d->gpu = sst_runner_take(d->shared, &d->user, &err);
     if (d->gpu) {
         note_name(d);
         return true;
     }
     if (err)
         disparity_device_fail(d, err);
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
     return false;
 }
 
 void disparity_device_resume(struct sst_disparity_device *d)
 {
-    sst_gpu_shared_lock(d->shared);
-    d->gpu = sst_gpu_shared_device(d->shared);
+    sst_runner_lock(d->shared);
+    d->gpu = sst_runner_device(d->shared);
     disparity_device_next_view(d);
 }
 
 void disparity_device_end(struct sst_disparity_device *d)
 {
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 void disparity_device_drop(struct sst_disparity_device *d)
@@ -176,8 +194,6 @@ void disparity_device_forget(struct sst_disparity_device *d, const struct dispar
     if (!d)
         return;
     disparity_device_resume(d);
-    if (d->checked == run)
-        d->checked = NULL;
     if (d->run == run)
         disparity_device_drop_views(d);
     disparity_device_end(d);
@@ -203,6 +219,19 @@ const char *disparity_device_refuses(const struct disparity_run *run)
                : NULL;
 }
 
+void disparity_device_leave(struct sst_disparity_device *d, enum sst_disparity_stage stage, int err)
+{
+    const char *why = err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(err);
+
+    sst_disparity_device_note_stage(d, stage);
+    if (err != -ENOMEM && err != -EOVERFLOW) {
+        disparity_device_fail(d, err);
+        return;
+    }
+    sst_log_warning("%s: %s; %s is done on the CPU", d->report.name, why, sst_disparity_stage_name(stage));
+    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
+}
+
 void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why)
 {
     d->report.on_cpu++;
@@ -211,6 +240,19 @@ void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why)
 }
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
+
+int disparity_device_fetch(struct sst_disparity_device *d, struct sst_gpu_buffer *from, size_t first, size_t n,
+                           uint32_t *words)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = sst_gpu_wait(d->gpu);
+    const int64_t done_ns = sst_clock_now_ns();
+
+    err = err ? err : sst_gpu_download(d->gpu, words, from, first * sizeof(*words), n * sizeof(*words));
+    d->report.wait_ns += done_ns - start_ns;
+    d->report.download_ns += sst_clock_now_ns() - done_ns;
+    return err;
+}
 
 /* Free the features of all views but one. @param stays  or NULL @return likewise */
 static bool drop_features(struct sst_disparity_device *d, const struct device_pixels *stays)
@@ -227,6 +269,14 @@ static bool drop_features(struct sst_disparity_device *d, const struct device_pi
     return any;
 }
 
+bool disparity_device_make_room(struct sst_disparity_device *d, enum sst_step_plane plane)
+{
+    const bool trimmed = sst_step_planes_trim(sst_runner_planes(d->shared), d->gpu, (int)plane);
+    const bool dropped = drop_features(d, NULL);
+
+    return sst_runner_make_room(d->shared, &d->user) || trimmed || dropped;
+}
+
 /* @param stays  whose features are in use */
 int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gpu_buffer **out, size_t bytes,
                                    const struct device_pixels *stays)
@@ -239,8 +289,8 @@ int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gp
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
     if (err == -ENOMEM && drop_features(d, stays))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
-    return err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user) ? sst_gpu_buffer_create(d->gpu, out, bytes)
-                                                                           : err;
+    return err == -ENOMEM && sst_runner_make_room(d->shared, &d->user) ? sst_gpu_buffer_create(d->gpu, out, bytes)
+                                                                       : err;
 }
 
 int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which, size_t count, size_t each)

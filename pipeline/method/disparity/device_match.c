@@ -34,23 +34,26 @@ struct match {
 };
 
 static int dispatch(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y, uint32_t z,
-                    struct sst_gpu_buffer *const *buffer, size_t count)
+                    const struct sst_gpu_range *range, size_t count)
 {
     struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { x, y, z } };
 
-    memcpy(work.buffer, buffer, count * sizeof(*buffer));
+    for (size_t i = 0; i < count; i++) {
+        work.buffer[i] = range[i].buffer;
+        work.offset[i] = range[i].offset;
+    }
     m->d->report.dispatches++;
     return sst_gpu_dispatch(m->d->gpu, &work);
 }
 
 /* Over all pixels of a view. */
 static int dispatch_plane(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t layers,
-                          struct sst_gpu_buffer *const *buffer, size_t count)
+                          const struct sst_gpu_range *range, size_t count)
 {
     const uint32_t x = (uint32_t)(m->width + SST_GPU_PLANE_WIDTH - 1) / SST_GPU_PLANE_WIDTH;
     const uint32_t y = (uint32_t)(m->height + SST_GPU_PLANE_HEIGHT - 1) / SST_GPU_PLANE_HEIGHT;
 
-    return dispatch(m, shader, push, x, y, layers, buffer, count);
+    return dispatch(m, shader, push, x, y, layers, range, count);
 }
 
 /* The pixels of a view on the device. */
@@ -62,7 +65,7 @@ static int need_view(struct match *m, const struct sst_descriptor *desc)
                                    .image = &desc->image,
                                    .seen = &desc->seen,
                                    .stays = true };
-    struct sst_gpu_buffer *found;
+    struct sst_gpu_range found;
 
     m->masks = m->masks || desc->seen.data;
     return disparity_device_colours(m->d, &v, &found);
@@ -105,11 +108,11 @@ static int need_features(struct match *m, const struct sst_descriptor *desc, con
     return err;
 }
 
-static struct sst_gpu_buffer *pixels_of(const struct match *m, const struct sst_descriptor *desc)
+static struct sst_gpu_range pixels_of(const struct match *m, const struct sst_descriptor *desc)
 {
-    const enum sst_gpu_resident which = m->in->run->scale == 1 ? SST_GPU_RESIDENT_COLOURS : SST_GPU_RESIDENT_REDUCED;
+    const enum sst_step_plane plane = m->in->run->scale == 1 ? SST_PLANE_COLOUR : SST_PLANE_REDUCED;
 
-    return disparity_device_find(m->d, which, (int)(desc - m->in->run->desc));
+    return disparity_device_find(m->d, plane, (int)(desc - m->in->run->desc));
 }
 
 /* A tile with what its aggregation reaches around it. */
@@ -212,7 +215,7 @@ static int make_census(struct match *m, const struct sst_descriptor *desc, unsig
     err = disparity_device_keep(m->d, which, layers * n, sizeof(uint64_t));
     return err ? err
                : dispatch_plane(m, SST_GPU_CENSUS, &push, layers,
-                                (struct sst_gpu_buffer *const[]){ pixels_of(m, desc), m->d->kept[which] }, 2);
+                                (const struct sst_gpu_range[]){ pixels_of(m, desc), W(m->d->kept[which]) }, 2);
 }
 
 static int upload_steps(struct match *m, const struct sst_neighbour *n, const int *layer)
@@ -248,8 +251,8 @@ static int match_features(struct match *m, const struct sst_neighbour *n)
     err = err ? err : need_features(m, n->desc, own);
     return err ? err
                : dispatch(m, shader, &push, m->blocks, m->rows, (uint32_t)m->tiles,
-                          (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], own->features,
-                                                            other->features, kept[KEPT_COST] },
+                          (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_STEPS]), W(own->features),
+                                                          W(other->features), W(kept[KEPT_COST]) },
                           SST_GPU_FEATURE_BUFFERS);
 }
 
@@ -279,10 +282,10 @@ static int match_neighbour(struct match *m, int i)
     /* Without a census anything takes its place. */
     return err ? err
                : dispatch(m, SST_GPU_MATCH_COST, &push, m->blocks, m->rows, (uint32_t)m->tiles,
-                          (struct sst_gpu_buffer *const[]){
-                              kept[KEPT_TILES], kept[KEPT_STEPS], pixels_of(m, in->ref), pixels_of(m, n->desc),
-                              kept[census ? KEPT_CENSUS : KEPT_STEPS], kept[census ? KEPT_OTHER : KEPT_STEPS],
-                              kept[KEPT_SUM], kept[KEPT_COST] },
+                          (const struct sst_gpu_range[]){
+                              W(kept[KEPT_TILES]), W(kept[KEPT_STEPS]), pixels_of(m, in->ref), pixels_of(m, n->desc),
+                              W(kept[census ? KEPT_CENSUS : KEPT_STEPS]), W(kept[census ? KEPT_OTHER : KEPT_STEPS]),
+                              W(kept[KEPT_SUM]), W(kept[KEPT_COST]) },
                           SST_GPU_COST_BUFFERS);
 }
 
@@ -294,7 +297,7 @@ static int find_arms(struct match *m)
 
     return err ? err
                : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
-                                (struct sst_gpu_buffer *const[]){ pixels_of(m, m->in->ref), kept[KEPT_ARMS] },
+                                (const struct sst_gpu_range[]){ pixels_of(m, m->in->ref), W(kept[KEPT_ARMS]) },
                                 SST_GPU_ARMS_BUFFERS);
 }
 
@@ -309,14 +312,14 @@ static int aggregate(struct match *m)
         const struct sst_gpu_support sum = { m->width, m->height, around, around + SST_SUPPORT_MAX_ARM };
         const struct sst_gpu_support mean = { m->width, m->height, around, around };
 
-        err = dispatch(
-            m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
-            (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_COST], kept[KEPT_SUM] },
-            SST_GPU_SUPPORT_SUM_BUFFERS);
+        err = dispatch(m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
+                       (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_ARMS]), W(kept[KEPT_COST]),
+                                                       W(kept[KEPT_SUM]) },
+                       SST_GPU_SUPPORT_SUM_BUFFERS);
         err = err ? err
                   : dispatch(m, SST_GPU_SUPPORT_MEAN, &mean, m->quads, m->rows, (uint32_t)m->tiles,
-                             (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_SUM],
-                                                               kept[KEPT_COST] },
+                             (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_ARMS]), W(kept[KEPT_SUM]),
+                                                             W(kept[KEPT_COST]) },
                              SST_GPU_SUPPORT_MEAN_BUFFERS);
     }
     return err;
@@ -363,8 +366,8 @@ static int follow(struct match *m, int way, int ways, bool first, int load, int 
                                       .all = all_steps(m) };
 
     return dispatch(m, shader, &push, sst_gpu_sgm_groups(&push), (uint32_t)ways, 1,
-                    (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
-                                                      kept[KEPT_COST], kept[KEPT_SUM], kept[KEPT_STATE] },
+                    (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), pixels_of(m, in->ref), W(kept[KEPT_TABLE]),
+                                                    W(kept[KEPT_COST]), W(kept[KEPT_SUM]), W(kept[KEPT_STATE]) },
                     SST_GPU_SGM_BUFFERS);
 }
 
@@ -377,7 +380,7 @@ static int choose(struct match *m)
 
     return dispatch(
         m, SST_GPU_WINNER, &push, m->inner_rows, m->columns, (uint32_t)m->tiles,
-        (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_SUM], kept[KEPT_COST], kept[KEPT_MAP] },
+        (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_SUM]), W(kept[KEPT_COST]), W(kept[KEPT_MAP]) },
         SST_GPU_WINNER_BUFFERS);
 }
 
@@ -397,7 +400,7 @@ static int filter(struct match *m, enum device_kept *map)
     err = disparity_device_keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
     err = err ? err
               : dispatch_plane(m, SST_GPU_MEDIAN, &median, 1,
-                               (struct sst_gpu_buffer *const[]){ kept[KEPT_MAP], kept[KEPT_FILTERED] },
+                               (const struct sst_gpu_range[]){ W(kept[KEPT_MAP]), W(kept[KEPT_FILTERED]) },
                                SST_GPU_MEDIAN_BUFFERS);
     *map = KEPT_FILTERED;
     if (err || m->cfg->bilateral_tau <= 0)
@@ -407,7 +410,7 @@ static int filter(struct match *m, enum device_kept *map)
     *map = KEPT_MAP;
     return dispatch_plane(
         m, SST_GPU_BILATERAL, &bilateral, 1,
-        (struct sst_gpu_buffer *const[]){ kept[KEPT_FILTERED], pixels_of(m, in->ref), kept[KEPT_MAP] },
+        (const struct sst_gpu_range[]){ W(kept[KEPT_FILTERED]), pixels_of(m, in->ref), W(kept[KEPT_MAP]) },
         SST_GPU_BILATERAL_BUFFERS);
 }
 
@@ -601,7 +604,7 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     } else if (err) {
         disparity_device_fail(d, err);
     } else {
-        sst_gpu_shared_succeed(d->shared);
+        sst_runner_succeed(d->shared);
         d->report.views += in->filter;
     }
     disparity_device_end(d);

@@ -143,7 +143,8 @@ static int project(struct sst_disparity_device *d, const struct device_hypothese
         if (i == in->view || !v->image || v->carried || !(fabs(bx) + fabs(by) < PROJECTED_SPACINGS))
             continue;
         other[count].first = (uint32_t)((size_t)i * pixels_of(in));
-        err = disparity_device_shift(&other[count++].shift, bx, by, in->in->disp_min_px);
+        err = sst_step_shift(&other[count++].shift, sst_shift_by(bx, in->in->disp_min_px),
+                             sst_shift_by(by, in->in->disp_min_px));
     }
     if (err || !count)
         return err;

@@ -49,15 +49,15 @@ static int load_view(struct sst_disparity_device *d, const struct sst_visible_vi
                                     .conversion = SST_GPU_TO_HYPOTHESES,
                                     .value = (uint32_t)in->range * 64 + 1,
                                     .to = (uint32_t)((size_t)k * (size_t)v.width * (size_t)v.height) };
-    struct sst_gpu_buffer *colours, *map;
+    struct sst_gpu_range colours, map;
     int err;
 
     disparity_device_next_view(d);
     err = disparity_device_colours(d, &v, &colours);
     err = err ? err : disparity_device_map(d, &v, &map);
-    err = err ? err : disparity_device_convert(d, push, colours, map, NULL, d->kept[KEPT_PIXELS]);
+    err = err ? err : disparity_device_convert(d, push, colours, map, NO_RANGE, W(d->kept[KEPT_PIXELS]));
     push.conversion = SST_GPU_TO_SURFACES;
-    return err ? err : disparity_device_convert(d, push, colours, map, NULL, d->kept[KEPT_MAPS]);
+    return err ? err : disparity_device_convert(d, push, colours, map, NO_RANGE, W(d->kept[KEPT_MAPS]));
 }
 
 bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in)
@@ -67,6 +67,7 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visi
 
     for (int k = 0; k < in->count; k++)
         n = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : n;
+    disparity_device_adopt(d, in);
     if (!disparity_device_begin(d))
         return false;
     disparity_device_drop(d);
@@ -232,7 +233,7 @@ static int choose(struct sst_disparity_device *d, const struct device_hypotheses
                     .push = &push,
                     .buffer = { d->kept[KEPT_LIST], d->kept[KEPT_COUNTS], d->kept[KEPT_SUMS], d->kept[KEPT_CHOSEN] },
                     .groups = { SST_GPU_HYPOTHESIS_ACROSS, (uint32_t)((n + across - 1) / across), 1 } });
-    err = err ? err : disparity_device_store(d, in->view, stays, NULL, d->kept[KEPT_CHOSEN]);
+    err = err ? err : disparity_device_store(d, in->view, stays, NO_RANGE, d->kept[KEPT_CHOSEN]);
     err = err ? err : sst_gpu_wait(d->gpu);
     done_ns = sst_clock_now_ns();
     err = err ? err : sst_gpu_download(d->gpu, in->out, d->kept[KEPT_CHOSEN], 0, n * sizeof(*in->out));
@@ -273,7 +274,7 @@ bool disparity_device_test(struct sst_disparity_device *d, const struct device_h
         give_up(d, err);
     d->loaded = done;
     if (done) {
-        sst_gpu_shared_succeed(d->shared);
+        sst_runner_succeed(d->shared);
         d->report.tested++;
     }
     disparity_device_end(d);

@@ -206,19 +206,6 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
     return err;
 }
 
-static int fill_background(void *arg, int view, int worker SST_UNUSED)
-{
-    const struct disparity_run *run = arg;
-    struct sst_map_u16 *disp = &run->disp[view];
-
-    if (!run->lf->views[view].present)
-        return 0;
-    sst_fill_background(disp);
-    if (*sst_map_u16_row(disp, 0) == SST_DISP_NONE) /* nothing arrived: far away */
-        memset(disp->data, 0, disp->stride * (size_t)run->height);
-    return 0;
-}
-
 /* Check the matched views against each other, and carry them to the others. */
 static int carry(struct disparity_run *run, const struct sst_visible_views *in, int threads)
 {
@@ -229,9 +216,7 @@ static int carry(struct disparity_run *run, const struct sst_visible_views *in, 
     if (!err && run->cfg->report)
         run->cfg->report->views_error = error;
     err = err ? err : sst_disparity_carry(in, run->status, threads);
-    if (!err)
-        disparity_device_fill_all(run->cfg->device, run);
-    return err ? err : sst_parallel_for(in->count, threads, fill_background, run);
+    return err ? err : run_fill_background(run, threads);
 }
 
 /* Give the carried views the key views' maps, unless they were matched. */
@@ -264,15 +249,6 @@ static int repair_views(struct disparity_run *run, struct sst_visible_views *in,
     return err;
 }
 
-/* Name what has no shader. */
-static void note_stages(const struct disparity_run *run)
-{
-    struct sst_disparity_device *d = run->cfg->device;
-
-    if (run->carried)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
-}
-
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */
 static int finish_maps(struct disparity_run *run, int threads)
 {
@@ -281,7 +257,6 @@ static int finish_maps(struct disparity_run *run, int threads)
     struct sst_visible_views in = { 0 };
     int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
 
-    note_stages(run);
     if (run->rounds)
         err = err            ? err
               : run->carried ? repair_views(run, &in, threads)

@@ -2,9 +2,9 @@
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 
-#include "pipeline/gpu/shared.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/network/network.h"
+#include "pipeline/step/runner.h"
 
 /** Matching costs; with both, their mean. */
 enum sst_cost {
@@ -69,11 +69,11 @@ struct sst_disparity_config {
     bool whole_steps; /* one step per pixel, however short the range is */
     bool skip_ranges; /* the first pass searches, tile by tile, the disparities around those of a match at a quarter of
                          the size; with 4 paths, a joint volume and no aggregation after the optimisation */
-    size_t range_bytes; /* of light fields only those where a view's whole cost volume would be larger */
+    size_t range_bytes;  /* of light fields only those where a view's whole cost volume would be larger */
     size_t volume_bytes; /* cost volumes of views that are matched at once: beyond that, several threads share one; at
                             least one is; 0: 1.5 GiB */
-    double range_error; /* percent of the reference view's disparities that skip_ranges may change by more than 1 px;
-                           else, and where there is no such view, the whole range is searched; pairs are not tested */
+    double range_error;  /* percent of the reference view's disparities that skip_ranges may change by more than 1 px;
+                            else, and where there is no such view, the whole range is searched; pairs are not tested */
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
@@ -134,9 +134,9 @@ struct sst_disparity_device_report {
  *
  * @param shared  the device, which lives longer; NULL: *out is NULL
  * @param out     NULL: on the CPU
- * @return 0, -ENOMEM, or an error of sst_gpu_shared_join(); logged
+ * @return 0, -ENOMEM, or an error of sst_runner_join(); logged
  */
-SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_gpu_shared *shared);
+SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_runner *shared);
 void sst_disparity_device_destroy(struct sst_disparity_device *d);
 
 /** What it has done since the last report. */

@@ -7,9 +7,9 @@
 #include "pipeline/gpu/check.h"
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/hypotheses.h"
-#include "pipeline/gpu/shared.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
+#include "pipeline/step/run.h"
 
 /* State of one run; descriptors exist only while a grid row or its neighbours are matched. */
 struct disparity_run {
@@ -105,6 +105,14 @@ void run_report_ranges(const struct disparity_run *run);
 SST_MUST_CHECK int run_check_views(struct disparity_run *run, int threads);
 SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
 
+/** Continue the background into what no view shows, as the last step of carrying; 0 where nothing is known. */
+SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);
+
+/** The same of a map on a device, into the plane of a view. @param scratch  of a map's size @param none  disparity
+ * where nothing is known */
+void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
+                             int width, int height, int none);
+
 /** What carrying would do to the reference view (sst_disparity_carry_error()), if that is one of the matched ones; else
  *  NAN. @return 0 or -errno */
 SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,
@@ -182,8 +190,8 @@ struct device_pixels {
 };
 
 struct sst_disparity_device {
-    struct sst_gpu_shared *shared;
-    struct sst_gpu_user user;
+    struct sst_runner *shared;
+    struct sst_runner_user user;
     struct sst_disparity_device_report report;
     /* under the lock of shared */
     struct sst_gpu *gpu; /* from disparity_device_begin() or disparity_device_resume() to disparity_device_end() */
@@ -194,16 +202,18 @@ struct sst_disparity_device {
     bool borrowed;                   /* from a network that runs: no other buffer is freed to make room */
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
-    uint32_t points;                     /* of the second pass, in KEPT_POINTS */
-    const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
-    bool loaded;                         /* views lie there: of a round of the second pass, to be refined or carried */
-    struct sst_mem_kept words;           /* of the host */
+    uint32_t points;           /* of the second pass, in KEPT_POINTS */
+    bool loaded;               /* views lie there: of a round of the second pass, to be refined or carried */
+    struct sst_mem_kept words; /* of the host */
 };
+
+/** For sst_run(). @param d  or NULL */
+struct sst_runner_user *disparity_device_user(struct sst_disparity_device *d);
 
 /** Begin a piece of work. @return false: the device failed, or is left alone for now; logged and counted */
 bool disparity_device_begin(struct sst_disparity_device *d);
 
-/** Go on with what an earlier piece left on the device: `loaded` or `checked` say whether it is still there. */
+/** Go on with what an earlier piece left on the device: `loaded` says whether it is still there. */
 void disparity_device_resume(struct sst_disparity_device *d);
 
 void disparity_device_end(struct sst_disparity_device *d);
@@ -245,6 +255,9 @@ struct device_view {
 /** Views of this run stay from now on, those of another light field no more, and no maps yet. @param d  or NULL */
 void disparity_device_claim(struct sst_disparity_device *d, const struct disparity_run *run);
 
+/** Places for views that no run has claimed, none of them current. @param d  or NULL */
+void disparity_device_adopt(struct sst_disparity_device *d, const struct sst_visible_views *in);
+
 /** The run of struct sst_feature_keeper's `arg`. */
 struct disparity_feature_run {
     struct sst_disparity_device *device;
@@ -264,10 +277,11 @@ bool disparity_device_has_features(struct sst_disparity_device *d, const struct 
 /** The CPU changes the map of a view. @param d  or NULL */
 void disparity_device_map_changed(struct sst_disparity_device *d, int view);
 
-/** Fill the background of all maps that stay, as the last step of carrying. @param d  or NULL */
-void disparity_device_fill_all(struct sst_disparity_device *d, const struct disparity_run *run);
-
 /* Between begin and end: */
+
+/** Free planes that are not of the view in work; then features, and what other kinds of work have. @param plane  that
+ * stays @return whether there was any */
+bool disparity_device_make_room(struct sst_disparity_device *d, enum sst_step_plane plane);
 
 /** Free what stays and is not of the view in work. @return whether there was any */
 bool disparity_device_drop_unused(struct sst_disparity_device *d);
@@ -275,27 +289,28 @@ bool disparity_device_drop_unused(struct sst_disparity_device *d);
 /** The last view is not in use any more. */
 void disparity_device_next_view(struct sst_disparity_device *d);
 
-/** @return NULL: it does not stay */
-struct sst_gpu_buffer *disparity_device_find(struct sst_disparity_device *d, enum sst_gpu_resident which, int view);
+/** @return without a buffer: it does not stay */
+struct sst_gpu_range disparity_device_find(struct sst_disparity_device *d, enum sst_step_plane plane, int view);
 
 /** Colours of a view, or its map, for this piece of work until the next view; uploaded if they did not stay. @return 0
  * or an error of the device */
 SST_MUST_CHECK int disparity_device_colours(struct sst_disparity_device *d, const struct device_view *v,
-                                            struct sst_gpu_buffer **out);
+                                            struct sst_gpu_range *out);
 SST_MUST_CHECK int disparity_device_map(struct sst_disparity_device *d, const struct device_view *v,
-                                        struct sst_gpu_buffer **out);
+                                        struct sst_gpu_range *out);
 
-/** Dispatch `convert`. @param colours, map, from  one of them at least; NULL: not read */
+/* A buffer as a range, and none. */
+#define W(b)     ((struct sst_gpu_range){ b, 0 })
+#define NO_RANGE W(NULL)
+
+/** Dispatch `convert`. @param colours, map, from  one of them at least; without a buffer: not read */
 SST_MUST_CHECK int disparity_device_convert(struct sst_disparity_device *d, struct sst_gpu_convert push,
-                                            struct sst_gpu_buffer *colours, struct sst_gpu_buffer *map,
-                                            struct sst_gpu_buffer *from, struct sst_gpu_buffer *to);
+                                            struct sst_gpu_range colours, struct sst_gpu_range map,
+                                            struct sst_gpu_range from, struct sst_gpu_range to);
 
 /** Store what a step left as the map that stays, or nothing if there is no room. @param push  conversion to a map */
 SST_MUST_CHECK int disparity_device_store(struct sst_disparity_device *d, int view, struct sst_gpu_convert push,
-                                          struct sst_gpu_buffer *colours, struct sst_gpu_buffer *from);
-
-/** Fill the background of a map that stays. */
-SST_MUST_CHECK int disparity_device_background(struct sst_disparity_device *d, int view, int width, int height);
+                                          struct sst_gpu_range colours, struct sst_gpu_buffer *from);
 
 /** Words first .. first + n - 1 of a buffer, once all that was dispatched is done. @return 0 or an error of the device
  */
@@ -387,31 +402,6 @@ SST_MUST_CHECK int disparity_device_find_points(struct sst_disparity_device *d, 
 /** Leave the hypotheses of a view in KEPT_LIST, and how many in KEPT_COUNTS. */
 SST_MUST_CHECK int disparity_device_gather(struct sst_disparity_device *d, const struct device_hypotheses *in);
 
-/* --- device_carry.c: maps carried to other views on a device --- */
-
-/** What is carried to a view. */
-struct device_carry {
-    const struct sst_visible_views *in;
-    int view;
-    const int *source; /* [sources] views that have been loaded */
-    int sources;
-    bool agreed;   /* wanted */
-    bool stays;    /* the view has no other map: what arrives is stored with the background filled */
-    uint32_t *out; /* [height][width] of SST_GPU_CARRY_CLOSE_OUT */
-};
-
-/**
- * Load the maps of some matched views.
- * @param status  [in->count] or NULL
- * @param wanted  [in->count] these views
- * @return false: the device failed or has no room; logged, noted
- */
-bool disparity_device_carry_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
-                                 const struct sst_map_u8 *status, const bool *wanted);
-
-/** Carry maps to a view. @return false: likewise, and the maps are not loaded any more */
-bool disparity_device_carry(struct sst_disparity_device *d, const struct device_carry *in);
-
 /* --- device_subpixel.c: refinement between pixels on a device --- */
 
 struct sst_gpu_subpixel_window;
@@ -432,18 +422,6 @@ bool disparity_device_begin_refining(struct sst_disparity_device *d, const struc
 
 /** Refine a view of those. @return false: the CPU is to do this one and the next ones; noted */
 bool disparity_device_refine(struct sst_disparity_device *d, const struct device_refine *in);
-
-/* --- device_check.c: check and filling on a device --- */
-
-/** Check the maps of a run, as run_check() does with all views. @return false: it is to be done on the CPU; noted */
-bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run *run);
-
-/** Fill the maps that were checked just before, as run_fill() does with all views. @return likewise */
-bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run *run);
-
-/** Where disparities put the pixels of a view. @return 0, -EOVERFLOW (views so far apart that numbers of 32 bits do not
- *  hold it) */
-SST_MUST_CHECK int disparity_device_shift(struct sst_gpu_shift *out, double bx, double by, double disp_min_px);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

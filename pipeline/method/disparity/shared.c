@@ -1,58 +1,220 @@
-/* What processes share of a run beside its passes: check, filling, and measurements that one does for all. */
+/* Steps of a run after its passes: check, filling, background; and measurements that one process does for all. */
 #include <math.h>
+#include <string.h>
 
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-static int block_of(const struct disparity_run *run)
+static struct sst_run_options options_of(const struct disparity_run *run, int threads)
 {
-    return sst_share_block((size_t)run->width * (size_t)run->height);
+    return (struct sst_run_options){ run->cfg->share, threads,
+                                     sst_share_block((size_t)run->width * (size_t)run->height), run->cfg->cancel };
 }
+
+static bool is_present(const void *job, int view)
+{
+    const struct disparity_run *run = job;
+
+    return run->lf->views[view].present;
+}
+
+static void run_source(const void *job, int view, struct sst_plane_source *out)
+{
+    const struct disparity_run *run = job;
+
+    /* What is filled keeps the pixels that others are filled from. */
+    *out = (struct sst_plane_source){ .disp = run->filled[view].data ? &run->filled[view] : &run->disp[view],
+                                      .confidence = &run->confidence[view],
+                                      .checked = &run->status[view] };
+}
+
+/* A view and those that it is checked against or filled from: their maps. @param first, other  out: where they begin,
+ * and how far disparities move pixels from the view to them (sign 1) or from them to it (-1) */
+static struct sst_gpu_range load_maps(struct sst_run *r, const struct disparity_run *run, int view,
+                                      const struct sst_checked_view *views, int count, int sign, uint32_t *first,
+                                      struct sst_gpu_check_other *other)
+{
+    int index[SST_MAX_NEIGHBOURS + 1] = { view };
+    struct sst_gpu_range maps;
+
+    for (int i = 0; i < count; i++)
+        index[i + 1] = (int)(views[i].disp_q6 - run->disp);
+    maps = sst_run_planes(r, SST_PLANE_MAP, index, count + 1);
+    *first = sst_run_first(r, SST_PLANE_MAP, view);
+    for (int i = 0; i < count; i++) {
+        other[i].first = sst_run_first(r, SST_PLANE_MAP, index[i + 1]);
+        sst_run_fail(r, sst_step_shift(&other[i].shift, sst_shift_by(sign * views[i].bx, run->disp_min),
+                                       sst_shift_by(sign * views[i].by, run->disp_min)));
+    }
+    return maps;
+}
+
+/* --- check -------------------------------------------------------------------------------------------------------- */
 
 static void checked_maps(void *arg, int view, struct sst_share_maps *out)
 {
     struct disparity_run *run = arg;
 
-    if (run->lf->views[view].present && !run_is_carried(run, view)) /* the others' are not checked */
+    if (!run_is_carried(run, view)) /* the others' are not checked */
         sst_share_add_u8(out, &run->status[view]);
 }
 
-/* A device checks all views together: what processes share is checked on their processors. */
+static void check_on_device(struct sst_run *r, void *job, int view)
+{
+    struct disparity_run *run = job;
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    struct sst_gpu_check_other other[SST_MAX_NEIGHBOURS] = { 0 };
+    int near;
+    const int count = run->carried ? run_checked_keys(run, view, views) : run_checked_views(run, view, views, &near);
+    struct sst_gpu_check push = {
+        .width = run->width, .height = run->height, .count = count, .steps = run->carried ? 0 : run->range + 1
+    };
+    const uint32_t *words = NULL;
+
+    sst_map_u8_fini(&run->status[view]);
+    sst_run_fail(r, sst_map_u8_init(&run->status[view], run->width, run->height));
+    if (run_is_carried(run, view))
+        return;
+    const struct sst_gpu_range maps = load_maps(r, run, view, views, count, -1, &push.own, other);
+
+    SST_RUN_PIXELS(r, SST_GPU_CHECK, &push, run->width, run->height, 1,
+                   sst_run_upload(r, 0, other, (size_t)sst_max_int(count, 1) * sizeof(*other)), maps);
+    words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, view), (size_t)run->width * (size_t)run->height);
+    if (words)
+        sst_step_map_unpack(words, NULL, NULL, NULL, &run->status[view]);
+}
+
 int run_check_views(struct disparity_run *run, int threads)
 {
-    struct sst_disparity_device *device = run->cfg->device;
+    static const struct sst_step step = { .name = "check",
+                                          .stages = 1U << SST_DISPARITY_STAGE_CHECK,
+                                          .wants = is_present,
+                                          .source = run_source,
+                                          .cpu = run_check,
+                                          .device = check_on_device,
+                                          .writes = checked_maps,
+                                          .changes = 1U << SST_PLANE_MAP };
+    const struct sst_run_options how = options_of(run, threads);
 
-    if (device && run->cfg->share)
-        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_CHECK);
-    else if (device && disparity_device_check(device, run))
-        return run_cancelled(run);
-    return sst_share_blocks(run->cfg->share, run->lf->rows * run->lf->cols, block_of(run), threads, run_check, run,
-                            checked_maps);
+    return sst_run(disparity_device_user(run->cfg->device), &step, run, run->lf->rows * run->lf->cols, &how);
+}
+
+/* --- filling ------------------------------------------------------------------------------------------------------ */
+
+void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
+                             int width, int height, int none)
+{
+    const struct sst_gpu_background push = { width, height, none };
+
+    SST_RUN_PIXELS(r, SST_GPU_FILL_ALONG, &push, width, height, 1, map, scratch);
+    SST_RUN_PIXELS(r, SST_GPU_FILL_DOWN, &push, width, height, 1, scratch, sst_run_output(r, SST_PLANE_MAP, view));
 }
 
 static void filled_maps(void *arg, int view, struct sst_share_maps *out)
 {
     struct disparity_run *run = arg;
 
-    if (run->lf->views[view].present)
-        sst_share_add_u16(out, &run->filled[view]);
+    sst_share_add_u16(out, &run->filled[view]);
+}
+
+static void fill_on_device(struct sst_run *r, void *job, int view)
+{
+    enum { FILLED, ARRIVED };
+    struct disparity_run *run = job;
+    const int width = run->width, height = run->height;
+    const size_t n = (size_t)width * (size_t)height;
+    struct sst_gpu_fill push = { width, height, 0 };
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    struct sst_gpu_check_other other[SST_MAX_NEIGHBOURS];
+    int near;
+    const int count = run_checked_views(run, view, views, &near);
+    const struct sst_gpu_range maps = load_maps(r, run, view, views, count, 1, &push.own, other);
+    const struct sst_gpu_range filled = sst_run_scratch(r, FILLED, n * sizeof(uint32_t));
+    const struct sst_gpu_range arrived = sst_run_scratch(r, ARRIVED, n * sizeof(uint32_t));
+    const uint32_t *words;
+
+    SST_RUN_PIXELS(r, SST_GPU_FILL_START, &push, width, height, 1, maps, filled, arrived);
+    for (int i = 0; i < count; i++) {
+        const struct sst_gpu_project from = { width, height, other[i].first, other[i].shift };
+
+        SST_RUN_PIXELS(r, SST_GPU_FILL_PROJECT, &from, width, height, 1, maps, arrived);
+        if (i + 1 == near || i + 1 == count)
+            SST_RUN_PIXELS(r, SST_GPU_FILL_TAKE, &push, width, height, 1, maps, arrived, filled);
+    }
+    run_dispatch_background(r, filled, arrived, view, width, height, SST_DISP_NONE);
+    words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, view), n);
+    sst_map_u16_fini(&run->filled[view]);
+    sst_run_fail(r, sst_map_u16_init(&run->filled[view], width, height));
+    if (words && !sst_run_failed(r))
+        sst_step_map_unpack(words, &run->filled[view], NULL, NULL, NULL);
 }
 
 int run_fill_views(struct disparity_run *run, int threads)
 {
-    struct sst_disparity_device *device = run->cfg->device;
+    static const struct sst_step step = { .name = "filling",
+                                          .stages =
+                                              1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
+                                          .wants = is_present,
+                                          .source = run_source,
+                                          .cpu = run_fill,
+                                          .device = fill_on_device,
+                                          .writes = filled_maps,
+                                          .changes = 1U << SST_PLANE_MAP };
+    const struct sst_run_options how = options_of(run, threads);
 
-    if (device && run->cfg->share) {
-        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_FILL);
-        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_BACKGROUND);
-    } else if (device && disparity_device_fill(device, run)) {
-        return run_cancelled(run);
-    }
-    for (int k = 0; device && k < run->lf->rows * run->lf->cols; k++)
-        disparity_device_map_changed(device, k);
-    return sst_share_blocks(run->cfg->share, run->lf->rows * run->lf->cols, block_of(run), threads, run_fill, run,
-                            filled_maps);
+    return sst_run(disparity_device_user(run->cfg->device), &step, run, run->lf->rows * run->lf->cols, &how);
 }
+
+static int fill_rest(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct disparity_run *run = arg;
+    struct sst_map_u16 *disp = &run->disp[view];
+
+    sst_fill_background(disp);
+    if (*sst_map_u16_row(disp, 0) == SST_DISP_NONE) /* nothing arrived: far away */
+        memset(disp->data, 0, disp->stride * (size_t)run->height);
+    return 0;
+}
+
+static void fill_rest_on_device(struct sst_run *r, void *job, int view)
+{
+    struct disparity_run *run = job;
+    const size_t n = (size_t)run->width * (size_t)run->height;
+    const struct sst_gpu_range map = sst_run_plane(r, SST_PLANE_MAP, view);
+    const uint32_t *words;
+
+    run_dispatch_background(r, map, sst_run_scratch(r, 0, n * sizeof(uint32_t)), view, run->width, run->height, 0);
+    words = sst_run_fetch(r, map, n);
+    if (words)
+        sst_step_map_unpack(words, &run->disp[view], NULL, NULL, NULL);
+}
+
+static void rest_maps(void *arg, int view, struct sst_share_maps *out)
+{
+    struct disparity_run *run = arg;
+
+    sst_share_add_u16(out, &run->disp[view]);
+}
+
+int run_fill_background(struct disparity_run *run, int threads)
+{
+    static const struct sst_step step = { .name = "background",
+                                          .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
+                                          .wants = is_present,
+                                          .source = run_source,
+                                          .cpu = fill_rest,
+                                          .device = fill_rest_on_device,
+                                          .writes = rest_maps,
+                                          .changes = 1U << SST_PLANE_MAP };
+    struct sst_run_options how = options_of(run, threads);
+
+    how.share = NULL; /* less work than to exchange it */
+    return sst_run(run->cfg->share ? NULL : disparity_device_user(run->cfg->device), &step, run,
+                   run->lf->rows * run->lf->cols, &how);
+}
+
+/* --- measurements ---------------------------------------------------------------------------------------------------
+ */
 
 /* What one process measures for all. */
 struct measured {

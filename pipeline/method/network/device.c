@@ -26,10 +26,10 @@ struct entry {
 };
 
 struct sst_network_device {
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     bool owns_shared; /* opened by this one, and closed with it */
     bool live;
-    struct sst_gpu_user user;
+    struct sst_runner_user user;
     /* under the lock of shared */
     struct sst_gpu *gpu; /* in work */
     bool given_up;       /* live: it computes something else, and is not opened again */
@@ -59,13 +59,13 @@ static void drop(void *arg)
 
 static void note_name(struct sst_network_device *d)
 {
-    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
+    const struct sst_gpu_info *info = sst_runner_info(d->shared);
 
     snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
-static struct sst_network_device *create(struct sst_gpu_shared *shared)
+static struct sst_network_device *create(struct sst_runner *shared)
 {
     /* A device must run the first ones; a network that needs others is refused if they are. */
     static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV, SST_GPU_NET_MOVE,
@@ -77,13 +77,13 @@ static struct sst_network_device *create(struct sst_gpu_shared *shared)
         return NULL;
     }
     d->shared = shared;
-    d->user = (struct sst_gpu_user){
+    d->user = (struct sst_runner_user){
         .shaders = shaders, .count = 2, .tested = ARRAY_LEN(shaders) - 2, .work = "run networks", .drop = drop, .arg = d
     };
     return d;
 }
 
-int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared)
+int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared)
 {
     struct sst_network_device *d;
     int err;
@@ -94,7 +94,7 @@ int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_s
     d = create(shared);
     if (!d)
         return -ENOMEM;
-    err = sst_gpu_shared_join(shared, &d->user);
+    err = sst_runner_join(shared, &d->user);
     if (err) {
         free(d);
         return err;
@@ -106,13 +106,13 @@ int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_s
 
 int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
 {
-    struct sst_gpu_shared *shared;
-    int err = sst_gpu_shared_create(&shared, name, memory_bytes);
+    struct sst_runner *shared;
+    int err = sst_runner_create(&shared, name, memory_bytes);
 
     *out = NULL;
     err = err ? err : sst_network_device_open_on(out, shared);
     if (err)
-        sst_gpu_shared_destroy(shared);
+        sst_runner_destroy(shared);
     else if (*out)
         (*out)->owns_shared = true;
     return err;
@@ -122,9 +122,9 @@ void sst_network_device_close(struct sst_network_device *d)
 {
     if (!d)
         return;
-    sst_gpu_shared_leave(d->shared, &d->user);
+    sst_runner_leave(d->shared, &d->user);
     if (d->owns_shared)
-        sst_gpu_shared_destroy(d->shared);
+        sst_runner_destroy(d->shared);
     free(d);
 }
 
@@ -138,7 +138,7 @@ static void note_cpu(struct sst_network_device *d, const char *why)
 /* After an error of the device: close it, and leave it alone for some runs. @param why  "": the error's own */
 static void fail(struct sst_network_device *d, int err, const char *why)
 {
-    const int skipped = sst_gpu_shared_fail(d->shared);
+    const int skipped = sst_runner_fail(d->shared);
 
     why = *why ? why : sst_gpu_error(err);
     d->given_up = d->live && err == -ENOTSUP;
@@ -158,7 +158,7 @@ static void note_success(struct sst_network_device *d)
     if (d->report.failing && d->live)
         sst_log_info("%s: live labels are computed on the device again", d->report.name);
     d->report.failing = false;
-    sst_gpu_shared_succeed(d->shared);
+    sst_runner_succeed(d->shared);
 }
 
 /* True if the device may be tried; else the run is noted as one for the CPU. */
@@ -166,13 +166,13 @@ static bool may_try(struct sst_network_device *d)
 {
     int err = -ENOTSUP;
 
-    d->gpu = d->given_up ? NULL : sst_gpu_shared_take(d->shared, &d->user, &err);
+    d->gpu = d->given_up ? NULL : sst_runner_take(d->shared, &d->user, &err);
     if (d->gpu) {
         note_name(d);
         return true;
     }
     if (err && err != -EINPROGRESS && !d->given_up)
-        fail(d, err, sst_gpu_shared_why(d->shared));
+        fail(d, err, sst_runner_why(d->shared));
     if (err)
         note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
     else
@@ -182,27 +182,27 @@ static bool may_try(struct sst_network_device *d)
 
 int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
 {
-    struct sst_gpu_shared *shared;
+    struct sst_runner *shared;
     struct sst_network_device *d;
-    int err = sst_gpu_shared_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
+    int err = sst_runner_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
 
     *out = NULL;
     if (err || !shared)
         return err;
     d = create(shared);
     if (!d) {
-        sst_gpu_shared_destroy(shared);
+        sst_runner_destroy(shared);
         return -ENOMEM;
     }
     d->owns_shared = d->live = true;
     snprintf(d->report.name, sizeof(d->report.name), "%s", name);
-    err = sst_gpu_shared_join(shared, &d->user);
-    sst_gpu_shared_lock(shared);
+    err = sst_runner_join(shared, &d->user);
+    sst_runner_lock(shared);
     if (err)
-        fail(d, err, sst_gpu_shared_why(shared));
+        fail(d, err, sst_runner_why(shared));
     else
         note_name(d);
-    sst_gpu_shared_unlock(shared);
+    sst_runner_unlock(shared);
     *out = d;
     return 0;
 }
@@ -244,7 +244,7 @@ static int create_plan(struct sst_network_device *d, struct entry *e, const stru
     if (!err) {
         do
             err = net_device_plan_create(&e->plan, d->gpu, job->graph, shapes, job->precision, e->why);
-        while (err == -ENOMEM && (remove_oldest(d) || sst_gpu_shared_make_room(d->shared, &d->user)));
+        while (err == -ENOMEM && (remove_oldest(d) || sst_runner_make_room(d->shared, &d->user)));
         if (!err && net_device_plan_conv8(e->plan))
             snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(e->plan));
     }
@@ -314,7 +314,7 @@ bool net_device_run(struct sst_network_device *d, const struct net_device_job *j
 {
     int err;
 
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     err = may_try(d) ? run(d, job) : 1;
     if (err < 0) {
         fail(d, err, "");
@@ -322,20 +322,20 @@ bool net_device_run(struct sst_network_device *d, const struct net_device_job *j
     } else if (!err) {
         note_success(d);
     }
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
     return !err;
 }
 
 void net_device_note_cpu(struct sst_network_device *d, const char *why)
 {
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     note_cpu(d, why);
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
 {
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     *out = d->report;
     out->memory_bytes = 0;
     out->plans = 0;
@@ -345,17 +345,17 @@ void sst_network_device_get_report(struct sst_network_device *d, struct sst_netw
             out->memory_bytes += (int64_t)net_device_plan_bytes(d->entry[i].plan);
         }
     }
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 void sst_network_device_clear_report(struct sst_network_device *d)
 {
     struct sst_network_device_report *r = &d->report;
 
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     r->runs = r->fed = r->kept = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns =
         0;
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 #else
 int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
@@ -368,10 +368,10 @@ int sst_network_device_open(struct sst_network_device **out, const char *name, u
     return -ENOTSUP;
 }
 
-int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared)
+int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared)
 {
     *out = NULL;
-    return shared ? sst_network_device_open(out, sst_gpu_shared_name(shared), 0) : 0;
+    return shared ? sst_network_device_open(out, sst_runner_name(shared), 0) : 0;
 }
 
 int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)

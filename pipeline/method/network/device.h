@@ -1,14 +1,14 @@
 /* pipeline/method/network/device.h - a device that runs networks: weights and activations stay in its memory.
  *
  * Needs a build with oneDNN, whose plans decide what is computed on 8 bits. The shaders compute the same numbers,
- * with VNNI and without: equal bytes after convolutions on 8 bits, and sums in another order in those on floats, of which
- * a network on 8 bits has the first one alone.
+ * with VNNI and without: equal bytes after convolutions on 8 bits, and sums in another order in those on floats, of
+ * which a network on 8 bits has the first one alone.
  */
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 
 #include "base/log.h"
-#include "pipeline/gpu/shared.h"
+#include "pipeline/step/runner.h"
 
 struct sst_network_device; /* any number of threads and networks; one network runs at a time */
 
@@ -23,7 +23,7 @@ struct sst_network_device; /* any number of threads and networks; one network ru
 SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes);
 
 /** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
-SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared);
+SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared);
 
 /**
  * The same for labels of live pictures: a wait for the device is shorter (struct sst_gpu_config, `prompt`), and a

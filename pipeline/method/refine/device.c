@@ -15,7 +15,7 @@
 
 void refine_device_drop(struct sst_refine_device *d, enum refine_kept which)
 {
-    sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->kept[which]);
+    sst_gpu_buffer_destroy(sst_runner_device(d->shared), d->kept[which]);
     d->kept[which] = NULL;
     if (which == REFINE_KEPT_TABLES)
         d->tables_bytes = 0;
@@ -49,13 +49,13 @@ bool refine_device_drop_kept(struct sst_refine_device *d)
 
 static void note_name(struct sst_refine_device *d)
 {
-    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
+    const struct sst_gpu_info *info = sst_runner_info(d->shared);
 
     snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
-int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared)
+int sst_refine_device_create(struct sst_refine_device **out, struct sst_runner *shared)
 {
     static const enum sst_gpu_shader shaders[] = { SST_GPU_REFINE_MASK,
                                                    SST_GPU_REFINE_COLUMNS,
@@ -89,10 +89,10 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
         return -ENOMEM;
     }
     d->shared = shared;
-    d->user = (struct sst_gpu_user){
+    d->user = (struct sst_runner_user){
         .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "refine labels", .drop = drop, .arg = d
     };
-    err = sst_gpu_shared_join(shared, &d->user);
+    err = sst_runner_join(shared, &d->user);
     if (err) {
         free(d);
         return err;
@@ -106,7 +106,7 @@ void sst_refine_device_destroy(struct sst_refine_device *d)
 {
     if (!d)
         return;
-    sst_gpu_shared_leave(d->shared, &d->user);
+    sst_runner_leave(d->shared, &d->user);
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->corners);
     sst_mem_kept_fini(&d->extents);
@@ -148,7 +148,7 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
     err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     if (err == -ENOMEM && d->borrowed)
         return err;
-    if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
+    if (err == -ENOMEM && sst_runner_make_room(d->shared, &d->user))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     while (err == -ENOMEM && refine_drop_oldest(d))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
@@ -184,8 +184,8 @@ int refine_device_download(struct sst_refine_device *d, enum refine_kept which, 
 
 bool refine_device_begin(struct sst_refine_device *d, int *err)
 {
-    sst_gpu_shared_lock(d->shared);
-    d->gpu = sst_gpu_shared_take(d->shared, &d->user, err);
+    sst_runner_lock(d->shared);
+    d->gpu = sst_runner_take(d->shared, &d->user, err);
     if (d->gpu)
         note_name(d);
     return d->gpu;
@@ -196,13 +196,13 @@ bool refine_device_end_locked(struct sst_refine_device *d, int err, const char *
     const bool done = d->gpu && !err;
 
     if (done)
-        sst_gpu_shared_succeed(d->shared);
+        sst_runner_succeed(d->shared);
     if (err)
         snprintf(d->report.why, sizeof(d->report.why), "%s",
                  err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(err));
     if (err && ((err != -ENOMEM && err != -EOVERFLOW) || !d->gpu)) { /* else the device is not to blame */
         sst_log_warning("%s: %s; %s on the CPU, and the device is opened again after %d more", d->report.name,
-                        sst_gpu_error(err), what, sst_gpu_shared_fail(d->shared));
+                        sst_gpu_error(err), what, sst_runner_fail(d->shared));
         d->report.failures++;
     }
     d->gpu = NULL;
@@ -213,7 +213,7 @@ bool refine_device_end(struct sst_refine_device *d, int err, const char *what)
 {
     const bool done = refine_device_end_locked(d, err, what);
 
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
     return done;
 }
 
@@ -235,10 +235,10 @@ static bool try_view(struct sst_refine_device *d, const struct refine_job *job, 
 
 void refine_device_start(struct sst_refine_device *d)
 {
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     d->has_table = false;
     d->rows = d->band_rows = 0;
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count)

@@ -88,7 +88,7 @@ bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, s
     if (!done)
         d->report.stages_on_cpu |= 1U << SST_REFINE_STAGE_ENTROPY;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
     return done;
 }
 
@@ -117,7 +117,7 @@ static int need_tables(struct sst_refine_device *d, const struct sst_label_resul
 /* Use the device on which a network runs. @return false: it is another one, or cannot be used now */
 static bool borrow_device(struct sst_refine_device *d, struct sst_gpu *g, const enum sst_gpu_shader *shaders, size_t n)
 {
-    int err = g == sst_gpu_shared_device(d->shared) && !d->band_rows ? 0 : 1;
+    int err = g == sst_runner_device(d->shared) && !d->band_rows ? 0 : 1;
 
     for (size_t i = 0; i < n && !err; i++)
         err = sst_gpu_prepare(g, shaders[i]);

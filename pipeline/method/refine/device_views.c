@@ -10,7 +10,7 @@
 
 static void drop_view(struct sst_refine_device *d, int view)
 {
-    sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->view[view].buffer);
+    sst_gpu_buffer_destroy(sst_runner_device(d->shared), d->view[view].buffer);
     d->view[view] = (struct refine_pixels){ 0 };
 }
 
@@ -24,28 +24,28 @@ void sst_refine_device_next_stage(struct sst_refine_device *d)
 {
     if (!d)
         return;
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     d->band_rows = 0; /* another stage needs less, or others have given memory back */
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 void sst_refine_device_changed(struct sst_refine_device *d, int view)
 {
     if (!d)
         return;
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     d->view[view].labels = d->view[view].entropies = d->view[view].elected = false;
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 void sst_refine_device_forget(struct sst_refine_device *d)
 {
     if (!d)
         return;
-    sst_gpu_shared_lock(d->shared);
+    sst_runner_lock(d->shared);
     refine_drop_views(d);
     d->band_rows = 0;
-    sst_gpu_shared_unlock(d->shared);
+    sst_runner_unlock(d->shared);
 }
 
 bool refine_drop_oldest(struct sst_refine_device *d)
@@ -67,7 +67,7 @@ static int create_view(struct sst_refine_device *d, struct refine_pixels *v, siz
 
     if (err == -ENOMEM && d->borrowed)
         return err;
-    if (err == -ENOMEM && (refine_device_drop_kept(d) || sst_gpu_shared_make_room(d->shared, &d->user)))
+    if (err == -ENOMEM && (refine_device_drop_kept(d) || sst_runner_make_room(d->shared, &d->user)))
         err = sst_gpu_buffer_create(d->gpu, &v->buffer, bytes);
     while (err == -ENOMEM && refine_drop_oldest(d))
         err = sst_gpu_buffer_create(d->gpu, &v->buffer, bytes);
@@ -107,7 +107,8 @@ static void pack_entropies(uint32_t *to, const struct sst_map_f32 *e, int width,
 
 /* A plane of some rows, by way of d->words. */
 static int upload_plane(struct sst_refine_device *d, struct sst_gpu_buffer *to, const struct sst_view *v,
-                        const struct sst_map_f32 *entropies, enum sst_gpu_label_plane plane, int width, int top, int end)
+                        const struct sst_map_f32 *entropies, enum sst_gpu_label_plane plane, int width, int top,
+                        int end)
 {
     const size_t bytes = (size_t)width * (size_t)(end - top) * sizeof(uint32_t);
     uint32_t *words = sst_mem_keep(&d->words, bytes, 1);
@@ -139,37 +140,31 @@ static int upload_rows(struct sst_refine_device *d, struct sst_gpu_buffer *to, c
 
 /* --- what stays of the matching ----------------------------------------------------------------------------------- */
 
-static struct sst_gpu_buffer *find(struct sst_refine_device *d, const struct sst_lightfield *lf,
-                                   enum sst_gpu_resident which, int view)
+static struct sst_gpu_range find(struct sst_refine_device *d, const struct sst_lightfield *lf,
+                                 enum sst_step_plane plane, int view)
 {
-    return sst_gpu_resident_find(sst_gpu_shared_residents(d->shared), lf, which, view);
+    struct sst_step_planes *p = sst_runner_planes(d->shared);
+
+    return p->of == lf ? sst_step_plane_find(p, plane, view) : (struct sst_gpu_range){ 0 };
 }
 
-static void drop(struct sst_refine_device *d, enum sst_gpu_resident which, int view)
-{
-    sst_gpu_resident_drop(sst_gpu_shared_residents(d->shared), d->gpu, which, view);
-}
-
-/* The colours move to the view. @param taken  out: there are any */
+/* The colours are copied to the view. @param taken  out: there are any */
 static int take_colours(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *taken)
 {
     const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
-    struct sst_gpu_buffer *from = find(d, lf, SST_GPU_RESIDENT_COLOURS, view);
-    int err;
+    const struct sst_gpu_range from = find(d, lf, SST_PLANE_COLOUR, view);
 
-    *taken = from;
-    if (!from)
-        return 0;
-    err = sst_gpu_copy(d->gpu, d->view[view].buffer, SST_GPU_PLANE_COLOURS * plane, from, 0, plane);
-    drop(d, SST_GPU_RESIDENT_COLOURS, view);
-    return err;
+    *taken = from.buffer;
+    return from.buffer ? sst_gpu_copy(d->gpu, d->view[view].buffer, SST_GPU_PLANE_COLOURS * plane, from.buffer,
+                                      from.offset, plane)
+                       : 0;
 }
 
-/* Likewise the disparities; colours that matter are there. */
+/* So are the disparities; colours that matter are there. */
 static int take_disparities(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool *taken)
 {
-    const int scale = sst_gpu_shared_residents(d->shared)->scale;
-    struct sst_gpu_buffer *map = find(d, lf, SST_GPU_RESIDENT_MAPS, view);
+    const int scale = sst_runner_planes(d->shared)->scale;
+    const struct sst_gpu_range map = find(d, lf, SST_PLANE_MAP, view);
     const struct sst_gpu_convert push = { .width = lf->width,
                                           .height = lf->height,
                                           .full_width = (lf->width + scale - 1) / scale,
@@ -178,17 +173,15 @@ static int take_disparities(struct sst_refine_device *d, const struct sst_lightf
                                           .colours = (uint32_t)((size_t)lf->width * (size_t)lf->height) };
     struct sst_gpu_buffer *to = d->view[view].buffer;
     struct sst_gpu_work work = { .shader = SST_GPU_CONVERT, .push = &push };
-    int err;
 
-    *taken = map;
-    if (!map)
+    *taken = map.buffer;
+    if (!map.buffer)
         return 0;
     work.buffer[SST_GPU_CONVERT_COLOURS] = to;
-    work.buffer[SST_GPU_CONVERT_MAP] = work.buffer[SST_GPU_CONVERT_FROM] = map;
+    work.buffer[SST_GPU_CONVERT_MAP] = work.buffer[SST_GPU_CONVERT_FROM] = map.buffer;
+    work.offset[SST_GPU_CONVERT_MAP] = work.offset[SST_GPU_CONVERT_FROM] = map.offset;
     work.buffer[SST_GPU_CONVERT_TO] = to;
-    err = refine_device_dispatch(d, &work, lf->width, lf->height);
-    drop(d, SST_GPU_RESIDENT_MAPS, view);
-    return err;
+    return refine_device_dispatch(d, &work, lf->width, lf->height);
 }
 
 /* --- a view ------------------------------------------------------------------------------------------------------- */
@@ -219,7 +212,7 @@ static int need_labels(struct sst_refine_device *d, const struct sst_lightfield 
     struct refine_pixels *v = &d->view[view];
     int err = 0;
 
-    if (!v->disparities && (v->labels || !labels) && find(d, lf, SST_GPU_RESIDENT_MAPS, view)) {
+    if (!v->disparities && (v->labels || !labels) && find(d, lf, SST_PLANE_MAP, view).buffer) {
         err = need_colours(d, lf, view, uploaded);
         err = err ? err : take_disparities(d, lf, view, &v->disparities);
     }
@@ -271,8 +264,8 @@ int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield 
     bool uploaded = false;
     int err = 0;
 
-    for (int i = 0; i < SST_GPU_RESIDENTS; i++) /* they give no way to its own buffer */
-        find(d, lf, (enum sst_gpu_resident)i, view);
+    for (int i = 0; i < SST_PLANES; i++) /* they make no room for its own buffer */
+        (void)find(d, lf, (enum sst_step_plane)i, view);
     if (v->buffer && v->bytes != 3 * plane && v->bytes != bytes) /* of another size, or lacks the entropies */
         drop_view(d, view);
     if (!v->buffer)
@@ -331,8 +324,8 @@ int refine_device_keep_labels(struct sst_refine_device *d, const struct sst_ligh
 /* Begin to change what is there. */
 static void resume(struct sst_refine_device *d)
 {
-    sst_gpu_shared_lock(d->shared);
-    d->gpu = sst_gpu_shared_device(d->shared);
+    sst_runner_lock(d->shared);
+    d->gpu = sst_runner_device(d->shared);
 }
 
 void sst_refine_device_threshold(struct sst_refine_device *d, const struct sst_lightfield *lf, double eps_h)

@@ -3,9 +3,9 @@
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H
 
-#include "pipeline/gpu/shared.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/shift.h"
+#include "pipeline/step/runner.h"
 
 struct sst_refine_device; /* that views are refined on; one refinement at a time */
 
@@ -89,9 +89,9 @@ struct sst_refine_device_report {
  * device is tried again later.
  *
  * @param shared  the device, which lives longer; NULL: *out is NULL
- * @return 0, -ENOMEM, or an error of sst_gpu_shared_join(); logged
+ * @return 0, -ENOMEM, or an error of sst_runner_join(); logged
  */
-SST_MUST_CHECK int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared);
+SST_MUST_CHECK int sst_refine_device_create(struct sst_refine_device **out, struct sst_runner *shared);
 void sst_refine_device_destroy(struct sst_refine_device *d);
 
 /** A view that votes about the labels of another one, or that they are carried from. */

@@ -17,13 +17,13 @@ struct refine_job {
     struct sst_lightfield *lf; /* each view's labels are written by its own job */
     const struct sst_refine_config *cfg;
     struct sst_surface_frame frame;
-    uint64_t ground;                /* bit i: label i + 1 is a ground */
-    uint64_t *candidates;           /* [SST_DISP_BINS] */
-    int64_t *hist;                  /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
+    uint64_t ground;      /* bit i: label i + 1 is a ground */
+    uint64_t *candidates; /* [SST_DISP_BINS] */
+    int64_t *hist;        /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
     struct sst_label_fit fits[SST_MAX_CLASSES];
-    int *view;                      /* those that are refined */
-    const int *batch;               /* of view: those that are refined at once */
-    bool *done;                     /* [views] on the device */
+    int *view;        /* those that are refined */
+    const int *batch; /* of view: those that are refined at once */
+    bool *done;       /* [views] on the device */
     struct refine_worker *workers;
     int n_workers;
 };
@@ -90,8 +90,8 @@ enum refine_kept {
 };
 
 struct sst_refine_device {
-    struct sst_gpu_shared *shared;
-    struct sst_gpu_user user;
+    struct sst_runner *shared;
+    struct sst_runner_user user;
     struct sst_refine_device_report report;
     struct sst_mem_kept words, corners, extents, result; /* of the host */
     struct sst_mem_kept tables;                          /* what REFINE_KEPT_TABLES holds */
@@ -208,8 +208,8 @@ SST_MUST_CHECK int refine_set_shift(struct sst_gpu_shift *out, const struct sst_
 
 /* --- device_bands.c: where not all views fit that take part --- */
 
-/** Votes, or carried labels. @param label, entropy, c  as of sst_refine_device_carry() @return as refine_device_voters();
- * -ENOMEM: not even a row fits */
+/** Votes, or carried labels. @param label, entropy, c  as of sst_refine_device_carry() @return as
+ * refine_device_voters(); -ENOMEM: not even a row fits */
 SST_MUST_CHECK int refine_device_exchange(struct sst_refine_device *d, struct sst_map_u8 *label,
                                           struct sst_map_f32 *entropy, const struct sst_refine_carry *c, bool vote);
 

@@ -12,7 +12,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/gpu/opener.h"
+#include "pipeline/step/opener.h"
 #include "pipeline/method/render/render_internal.h"
 
 #define TEST_BYTES (1 << 20) /* more than the self-tests of clear pictures need */
@@ -87,7 +87,7 @@ static void note_cpu(struct render_device *d, const char *why)
  * else. @param why  "": the error's own */
 static void fail(struct render_device *d, int err, const char *why)
 {
-    const int skipped = sst_gpu_backoff_fail(&d->backoff);
+    const int skipped = sst_runner_backoff_fail(&d->backoff);
 
     why = *why ? why : sst_gpu_error(err);
     if (!d->changes)
@@ -109,7 +109,7 @@ static void note_success(struct render_device *d)
         sst_log_info("%s: live pictures are rendered on the device again", d->report.name);
     d->report.failing = false;
     d->report.pictures++;
-    sst_gpu_backoff_succeed(&d->backoff);
+    sst_runner_backoff_succeed(&d->backoff);
 }
 
 /* Open the device; of a light field that changes, what errors say is kept, and the device is tried again later.
@@ -156,13 +156,13 @@ static size_t list_shaders(struct render_device *d)
  * @return 0, -EINPROGRESS, or an error */
 static int open_beside(struct render_device *d, char why[SST_LOG_MAX])
 {
-    const struct sst_gpu_opening what = { .name = d->name,
+    const struct sst_runner_opening what = { .name = d->name,
                                           .cfg = d->cfg,
                                           .shaders = d->shaders,
                                           .needed = 1,
                                           .count = d->opener ? 0 : list_shaders(d), /* read when it begins */
                                           .work = "render" };
-    const int err = sst_gpu_open_beside(&d->opener, &what, &d->gpu, why);
+    const int err = sst_runner_open_beside(&d->opener, &what, &d->gpu, why);
 
     if (!err)
         note_device(d);
@@ -220,7 +220,7 @@ void render_device_destroy(struct render_device *d)
 {
     if (!d)
         return;
-    sst_gpu_opener_destroy(d->opener);
+    sst_runner_opener_destroy(d->opener);
     close_gpu(d);
     sst_mem_kept_fini(&d->packed);
     sst_mem_kept_fini(&d->words);
@@ -240,7 +240,7 @@ void render_device_destroy(struct render_device *d)
 /* True if the device may be tried; else the picture is noted as one for the CPU. */
 static bool may_try(struct render_device *d)
 {
-    if (d->given_up || sst_gpu_backoff_skips(&d->backoff)) {
+    if (d->given_up || sst_runner_backoff_skips(&d->backoff)) {
         d->report.on_cpu++;
         return false;
     }

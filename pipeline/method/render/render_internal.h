@@ -10,7 +10,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
-#include "pipeline/gpu/backoff.h"
+#include "pipeline/step/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/verify.h"
@@ -213,8 +213,8 @@ struct render_device {
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     uint64_t limit_bytes; /* that its buffers may use */
-    struct sst_gpu_backoff backoff;
-    struct sst_gpu_opener *opener; /* at work on opening it again; of a light field that changes */
+    struct sst_runner_backoff backoff;
+    struct sst_runner_opener *opener; /* at work on opening it again; of a light field that changes */
     bool given_up; /* it computes something else: not opened again */
     bool clears;   /* clear pictures are wanted */
     bool noted;    /* that a clear picture is the CPU's */

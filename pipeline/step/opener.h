@@ -1,15 +1,15 @@
-/* pipeline/gpu/opener.h - a device that is opened and tested on a thread of its own, while its owner goes on without.
+/* pipeline/step/opener.h - a device that is opened and tested on a thread of its own, while its owner goes on without.
  */
-#ifndef SST_PIPELINE_GPU_OPENER_H
-#define SST_PIPELINE_GPU_OPENER_H
+#ifndef SST_PIPELINE_STEP_OPENER_H
+#define SST_PIPELINE_STEP_OPENER_H
 
 #include "base/log.h"
 #include "pipeline/gpu/gpu.h"
 
-struct sst_gpu_opener; /* opaque; one thread at a time */
+struct sst_runner_opener; /* opaque; one thread at a time */
 
 /** A device, and what it is for. */
-struct sst_gpu_opening {
+struct sst_runner_opening {
     const char *name; /* as of sst_gpu_open() */
     struct sst_gpu_config cfg;
     const enum sst_gpu_shader *shaders; /* to prepare; static */
@@ -27,10 +27,10 @@ struct sst_gpu_opening {
  * @param why  out, after an error: what sst_gpu_open_for() says, which is not logged; "": nothing
  * @return -EINPROGRESS; else as sst_gpu_open_for(), or -ENOMEM or -EAGAIN (no thread)
  */
-SST_MUST_CHECK int sst_gpu_open_beside(struct sst_gpu_opener **opener, const struct sst_gpu_opening *what,
-                                       struct sst_gpu **gpu, char why[SST_LOG_MAX]);
+SST_MUST_CHECK int sst_runner_open_beside(struct sst_runner_opener **opener, const struct sst_runner_opening *what,
+                                          struct sst_gpu **gpu, char why[SST_LOG_MAX]);
 
 /** Waits for the thread; its device is closed. NULL is fine. */
-void sst_gpu_opener_destroy(struct sst_gpu_opener *o);
+void sst_runner_opener_destroy(struct sst_runner_opener *o);
 
 #endif

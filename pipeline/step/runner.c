@@ -1,4 +1,4 @@
-#include "pipeline/gpu/shared.h"
+#include "pipeline/step/runner.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -7,10 +7,11 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/gpu/backoff.h"
-#include "pipeline/gpu/opener.h"
+#include "pipeline/step/backoff.h"
+#include "pipeline/step/opener.h"
+#include "pipeline/step/step_internal.h"
 
-struct sst_gpu_shared {
+struct sst_runner {
     char name[SST_GPU_NAME]; /* as asked for */
     struct sst_gpu_config cfg;
     bool live;
@@ -19,21 +20,21 @@ struct sst_gpu_shared {
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     struct sst_gpu_info info;
     int64_t opening; /* counts them */
-    struct sst_gpu_backoff backoff;
-    struct sst_gpu_user *users;
-    struct sst_gpu_residents residents;
-    struct sst_gpu_opener *opener; /* live: at work on opening it again */
-    int err;                       /* live: of the first opening */
-    char why[SST_LOG_MAX];         /* live: what the last error said */
+    struct sst_runner_backoff backoff;
+    struct sst_runner_user *users;
+    struct runner_memory memory;
+    struct sst_runner_opener *opener; /* live: at work on opening it again */
+    int err;                          /* live: of the first opening */
+    char why[SST_LOG_MAX];            /* live: what the last error said */
 };
 
-static void note_opening(struct sst_gpu_shared *s)
+static void note_opening(struct sst_runner *s)
 {
     s->opening++;
     s->info = *sst_gpu_get_info(s->gpu);
 }
 
-static int open_locked(struct sst_gpu_shared *s)
+static int open_locked(struct sst_runner *s)
 {
     const int err = sst_gpu_open(&s->gpu, s->name, &s->cfg);
 
@@ -46,11 +47,11 @@ static int open_locked(struct sst_gpu_shared *s)
 }
 
 /* Open a live device again beside the work. @return 0, -EINPROGRESS, or an error */
-static int open_beside_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
+static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user)
 {
-    const struct sst_gpu_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
-                                          user->work };
-    const int err = sst_gpu_open_beside(&s->opener, &what, &s->gpu, s->why);
+    const struct sst_runner_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
+                                             user->work };
+    const int err = sst_runner_open_beside(&s->opener, &what, &s->gpu, s->why);
 
     if (err)
         return err;
@@ -59,20 +60,24 @@ static int open_beside_locked(struct sst_gpu_shared *s, struct sst_gpu_user *use
     return 0;
 }
 
-static void close_locked(struct sst_gpu_shared *s)
+static void close_locked(struct sst_runner *s)
 {
     if (!s->gpu)
         return;
-    for (struct sst_gpu_user *u = s->users; u; u = u->next)
+    for (struct sst_runner_user *u = s->users; u; u = u->next)
         u->drop(u->arg);
-    s->residents.turn++;
-    sst_gpu_resident_drop_unused(&s->residents, s->gpu);
+    for (int i = 0; i < SST_PLANES; i++)
+        sst_step_plane_drop(&s->memory.planes, s->gpu, (enum sst_step_plane)i);
+    for (int i = 0; i < SST_RUN_SCRATCH; i++) {
+        sst_gpu_buffer_destroy(s->gpu, s->memory.scratch[i].buffer);
+        s->memory.scratch[i] = (struct runner_scratch){ 0 };
+    }
     sst_gpu_close(s->gpu);
     s->gpu = NULL;
 }
 
 /* Shaders are prepared once per opening. */
-static int prepare_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
+static int prepare_locked(struct sst_runner *s, struct sst_runner_user *user)
 {
     int err = 0;
 
@@ -91,9 +96,9 @@ static int prepare_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
     return err;
 }
 
-static struct sst_gpu_shared *create(const char *name, const struct sst_gpu_config *cfg)
+static struct sst_runner *create(const char *name, const struct sst_gpu_config *cfg)
 {
-    struct sst_gpu_shared *s = calloc(1, sizeof(*s));
+    struct sst_runner *s = calloc(1, sizeof(*s));
 
     if (!s) {
         sst_log_error("not enough memory for a device");
@@ -105,10 +110,10 @@ static struct sst_gpu_shared *create(const char *name, const struct sst_gpu_conf
     return s;
 }
 
-int sst_gpu_shared_create_live(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes, int percent)
+int sst_runner_create_live(struct sst_runner **out, const char *name, uint64_t memory_bytes, int percent)
 {
     const struct sst_gpu_config cfg = { .memory_bytes = memory_bytes, .memory_percent = percent, .prompt = true };
-    struct sst_gpu_shared *s;
+    struct sst_runner *s;
     char *before;
 
     *out = NULL;
@@ -122,15 +127,15 @@ int sst_gpu_shared_create_live(struct sst_gpu_shared **out, const char *name, ui
     s->err = open_locked(s);
     sst_log_hold_errors(before);
     if (s->err == -ENOENT && !strcmp(name, "auto"))
-        sst_gpu_shared_destroy(s);
+        sst_runner_destroy(s);
     else
         *out = s;
     return 0;
 }
 
-int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes)
+int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory_bytes)
 {
-    struct sst_gpu_shared *s;
+    struct sst_runner *s;
     int err;
 
     *out = NULL;
@@ -141,29 +146,31 @@ int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_
         return -ENOMEM;
     err = open_locked(s);
     if (err) {
-        sst_gpu_shared_destroy(s);
+        sst_runner_destroy(s);
         return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
     }
     *out = s;
     return 0;
 }
 
-void sst_gpu_shared_destroy(struct sst_gpu_shared *s)
+void sst_runner_destroy(struct sst_runner *s)
 {
     if (!s)
         return;
-    sst_gpu_opener_destroy(s->opener);
+    sst_runner_opener_destroy(s->opener);
     close_locked(s);
     pthread_mutex_destroy(&s->lock);
+    sst_mem_kept_fini(&s->memory.words);
     free(s);
 }
 
-int sst_gpu_shared_join(struct sst_gpu_shared *s, struct sst_gpu_user *user)
+int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user)
 {
     int err = s->err;
 
-    sst_gpu_shared_lock(s);
+    sst_runner_lock(s);
     user->opening = 0;
+    user->runner = s;
     if (!s->gpu && !s->live)
         err = open_locked(s);
     err = err ? err : prepare_locked(s, user);
@@ -171,14 +178,14 @@ int sst_gpu_shared_join(struct sst_gpu_shared *s, struct sst_gpu_user *user)
         user->next = s->users;
         s->users = user;
     }
-    sst_gpu_shared_unlock(s);
+    sst_runner_unlock(s);
     return err;
 }
 
-void sst_gpu_shared_leave(struct sst_gpu_shared *s, struct sst_gpu_user *user)
+void sst_runner_leave(struct sst_runner *s, struct sst_runner_user *user)
 {
-    sst_gpu_shared_lock(s);
-    for (struct sst_gpu_user **at = &s->users; *at; at = &(*at)->next) {
+    sst_runner_lock(s);
+    for (struct sst_runner_user **at = &s->users; *at; at = &(*at)->next) {
         if (*at != user)
             continue;
         *at = user->next;
@@ -186,34 +193,34 @@ void sst_gpu_shared_leave(struct sst_gpu_shared *s, struct sst_gpu_user *user)
             user->drop(user->arg);
         break;
     }
-    sst_gpu_shared_unlock(s);
+    sst_runner_unlock(s);
 }
 
-void sst_gpu_shared_lock(struct sst_gpu_shared *s)
+void sst_runner_lock(struct sst_runner *s)
 {
     pthread_mutex_lock(&s->lock);
 }
 
-void sst_gpu_shared_unlock(struct sst_gpu_shared *s)
+void sst_runner_unlock(struct sst_runner *s)
 {
     pthread_mutex_unlock(&s->lock);
 }
 
-const char *sst_gpu_shared_name(const struct sst_gpu_shared *s)
+const char *sst_runner_name(const struct sst_runner *s)
 {
     return s->name;
 }
 
-const struct sst_gpu_info *sst_gpu_shared_info(const struct sst_gpu_shared *s)
+const struct sst_gpu_info *sst_runner_info(const struct sst_runner *s)
 {
     return &s->info;
 }
 
-struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_user *user, int *err)
+struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *user, int *err)
 {
     *err = 0;
-    s->residents.turn++;
-    if (sst_gpu_backoff_skips(&s->backoff))
+    s->memory.planes.turn++;
+    if (sst_runner_backoff_skips(&s->backoff))
         return NULL;
     if (!s->gpu)
         *err = s->live ? open_beside_locked(s, user) : open_locked(s);
@@ -222,40 +229,54 @@ struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_use
     return *err ? NULL : s->gpu;
 }
 
-const char *sst_gpu_shared_why(const struct sst_gpu_shared *s)
+const char *sst_runner_why(const struct sst_runner *s)
 {
     return s->why;
 }
 
-void sst_gpu_shared_succeed(struct sst_gpu_shared *s)
+void sst_runner_succeed(struct sst_runner *s)
 {
-    sst_gpu_backoff_succeed(&s->backoff);
+    sst_runner_backoff_succeed(&s->backoff);
 }
 
-int sst_gpu_shared_fail(struct sst_gpu_shared *s)
+int sst_runner_fail(struct sst_runner *s)
 {
     close_locked(s);
-    return sst_gpu_backoff_fail(&s->backoff);
+    return sst_runner_backoff_fail(&s->backoff);
 }
 
-bool sst_gpu_shared_make_room(struct sst_gpu_shared *s, const struct sst_gpu_user *user)
+bool sst_runner_make_room(struct sst_runner *s, const struct sst_runner_user *user)
 {
     const uint64_t before = sst_gpu_free_bytes(s->gpu);
 
-    for (struct sst_gpu_user *u = s->users; u; u = u->next) {
+    for (struct sst_runner_user *u = s->users; u; u = u->next) {
         if (u != user)
             u->drop(u->arg);
     }
-    sst_gpu_resident_drop_unused(&s->residents, s->gpu);
+    runner_drop_scratch(&s->memory, s->gpu);
+    sst_step_planes_trim(&s->memory.planes, s->gpu, -1);
     return sst_gpu_free_bytes(s->gpu) > before;
 }
 
-struct sst_gpu_residents *sst_gpu_shared_residents(struct sst_gpu_shared *s)
+struct sst_step_planes *sst_runner_planes(struct sst_runner *s)
 {
-    return &s->residents;
+    return &s->memory.planes;
 }
 
-struct sst_gpu *sst_gpu_shared_device(struct sst_gpu_shared *s)
+struct runner_memory *runner_memory_of(struct sst_runner *s)
+{
+    return &s->memory;
+}
+
+void runner_note(struct sst_runner_user *user)
+{
+    const struct sst_gpu_info *info = sst_runner_info(user->runner);
+
+    snprintf(user->report.name, sizeof(user->report.name), "%s", info->name);
+    snprintf(user->report.driver, sizeof(user->report.driver), "%s", info->driver);
+}
+
+struct sst_gpu *sst_runner_device(struct sst_runner *s)
 {
     return s->gpu;
 }

@@ -1,0 +1,350 @@
+/* A step's items on a device, and on threads what does not end there. */
+#include "pipeline/step/run.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "pipeline/step/step_internal.h"
+
+#define STEP_MOST  32000     /* a disparity of 16 bits times this fits 32 bits */
+#define SHIFT_MOST (1 << 30) /* px */
+
+struct sst_run {
+    struct sst_runner_user *user;
+    struct runner_memory *memory; /* of the device */
+    struct sst_step_report *report;
+    struct sst_gpu *gpu;
+    const struct sst_step *step;
+    void *job;
+    int err;
+};
+
+void sst_run_fail(struct sst_run *r, int err)
+{
+    r->err = r->err ? r->err : err;
+}
+
+bool sst_run_failed(const struct sst_run *r)
+{
+    return r->err;
+}
+
+int sst_step_shift(struct sst_gpu_shift *out, struct sst_shift across, struct sst_shift down)
+{
+    if (llabs(across.step) > STEP_MOST || llabs(down.step) > STEP_MOST || llabs(across.at >> 16) > SHIFT_MOST ||
+        llabs(down.at >> 16) > SHIFT_MOST)
+        return -EOVERFLOW;
+    *out = (struct sst_gpu_shift){ (int32_t)(across.at >> 16), (int32_t)(across.at & 0xFFFF), (int32_t)across.step,
+                                   (int32_t)(down.at >> 16),   (int32_t)(down.at & 0xFFFF),   (int32_t)down.step };
+    return 0;
+}
+
+/* --- memory ------------------------------------------------------------------------------------------------------- */
+
+bool runner_drop_scratch(struct runner_memory *m, struct sst_gpu *g)
+{
+    bool any = false;
+
+    for (int i = 0; i < SST_RUN_SCRATCH; i++) {
+        struct runner_scratch *s = &m->scratch[i];
+
+        if (!s->buffer || s->used == m->planes.turn)
+            continue;
+        sst_gpu_buffer_destroy(g, s->buffer);
+        *s = (struct runner_scratch){ 0 };
+        any = true;
+    }
+    return any;
+}
+
+/* Make room, the cheapest first. @param plane  that is not freed, or -1 @return false: there is no more */
+static bool make_room(struct sst_run *r, int plane, int *attempt)
+{
+    for (; *attempt < 4; (*attempt)++) {
+        if ((*attempt == 0 && runner_drop_scratch(r->memory, r->gpu)) ||
+            (*attempt == 1 && sst_step_planes_trim(&r->memory->planes, r->gpu, plane)) ||
+            (*attempt == 2 && sst_runner_make_room(r->user->runner, r->user))) {
+            (*attempt)++;
+            return true;
+        }
+        if (*attempt == 3) {
+            r->user->drop(r->user->arg);
+            (*attempt)++;
+            return true;
+        }
+    }
+    return false;
+}
+
+struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes)
+{
+    struct runner_scratch *s = &r->memory->scratch[which];
+    int attempt = 0, err = -ENOMEM;
+
+    if (r->err)
+        return (struct sst_gpu_range){ 0 };
+    s->used = r->memory->planes.turn;
+    if (s->bytes >= bytes && s->buffer)
+        return (struct sst_gpu_range){ s->buffer, 0 };
+    sst_gpu_buffer_destroy(r->gpu, s->buffer);
+    s->buffer = NULL;
+    do
+        err = sst_gpu_buffer_create(r->gpu, &s->buffer, bytes);
+    while (err == -ENOMEM && make_room(r, -1, &attempt));
+    s->bytes = err ? 0 : bytes;
+    s->buffer = err ? NULL : s->buffer;
+    sst_run_fail(r, err);
+    return (struct sst_gpu_range){ s->buffer, 0 };
+}
+
+/* Places of a plane for `least` views more than this item uses of it. */
+static int create_plane(struct sst_run *r, enum sst_step_plane plane, int least)
+{
+    int attempt = 0, err;
+
+    if (sst_step_plane_used(&r->memory->planes, plane)) /* they would be lost */
+        return -ENOMEM;
+    do
+        err = sst_step_plane_create(&r->memory->planes, r->gpu, plane, least);
+    while (err == -ENOMEM && make_room(r, plane, &attempt));
+    return err;
+}
+
+static void upload_timed(struct sst_run *r, struct sst_gpu_range to, const void *data, size_t bytes)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+
+    sst_run_fail(r, sst_gpu_upload(r->gpu, to.buffer, to.offset, data, bytes));
+    r->report->upload_bytes += (int64_t)bytes;
+    r->report->upload_ns += sst_clock_now_ns() - start_ns;
+}
+
+struct sst_gpu_range sst_run_upload(struct sst_run *r, int which, const void *data, size_t bytes)
+{
+    const struct sst_gpu_range to = sst_run_scratch(r, which, bytes);
+
+    if (!r->err)
+        upload_timed(r, to, data, bytes);
+    return to;
+}
+
+/* --- planes ------------------------------------------------------------------------------------------------------- */
+
+struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane, int view)
+{
+    struct sst_gpu_range to = { 0 };
+
+    if (r->err)
+        return to;
+    to = sst_step_plane_place(&r->memory->planes, plane, view);
+    if (!to.buffer) {
+        sst_run_fail(r, create_plane(r, plane, 1));
+        if (!r->err)
+            to = sst_step_plane_place(&r->memory->planes, plane, view);
+    }
+    if (!r->err)
+        sst_step_plane_mark(&r->memory->planes, plane, view, true);
+    return to;
+}
+
+struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view)
+{
+    const size_t pixels = r->memory->planes.pixels[plane];
+    struct sst_gpu_range at = { 0 };
+    struct sst_plane_source from = { 0 };
+    uint32_t *words;
+
+    if (r->err)
+        return at;
+    at = sst_step_plane_find(&r->memory->planes, plane, view);
+    if (at.buffer)
+        return at;
+    at = sst_run_output(r, plane, view);
+    words = sst_mem_keep(&r->memory->words, pixels, sizeof(*words));
+    sst_run_fail(r, words ? 0 : -ENOMEM);
+    if (!r->err) {
+        r->step->source(r->job, view, &from);
+        sst_step_plane_pack(words, plane, &from);
+        upload_timed(r, at, words, pixels * sizeof(*words));
+        r->report->uploads++;
+    }
+    if (r->err)
+        sst_step_plane_mark(&r->memory->planes, plane, view, false);
+    return at;
+}
+
+struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane, const int *view, int views)
+{
+    if (!r->err && r->memory->planes.plane[plane].places < views)
+        sst_run_fail(r, create_plane(r, plane, views));
+    for (int i = 0; i < views; i++) /* those that are there must not make room for the others */
+        (void)sst_step_plane_find(&r->memory->planes, plane, view[i]);
+    for (int i = 0; i < views; i++)
+        (void)sst_run_plane(r, plane, view[i]);
+    return (struct sst_gpu_range){ r->err ? NULL : r->memory->planes.plane[plane].buffer, 0 };
+}
+
+uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view)
+{
+    return r->err ? 0 : (uint32_t)(sst_step_plane_find(&r->memory->planes, plane, view).offset / sizeof(uint32_t));
+}
+
+/* --- work --------------------------------------------------------------------------------------------------------- */
+
+void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word)
+{
+    if (!r->err)
+        sst_run_fail(r, sst_gpu_fill(r->gpu, to.buffer, to.offset + first * sizeof(word), words * sizeof(word), word));
+}
+
+void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],
+                      const struct sst_gpu_range *range, int ranges)
+{
+    struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { groups[0], groups[1], groups[2] } };
+
+    if (r->err)
+        return;
+    for (int i = 0; i < ranges; i++) {
+        work.buffer[i] = range[i].buffer;
+        work.offset[i] = range[i].offset;
+    }
+    r->report->dispatches++;
+    sst_run_fail(r, sst_gpu_dispatch(r->gpu, &work));
+}
+
+const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size_t words)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    uint32_t *to = sst_mem_keep(&r->memory->words, words, sizeof(*to));
+    int64_t done_ns;
+
+    if (!r->err)
+        sst_run_fail(r, to ? sst_gpu_wait(r->gpu) : -ENOMEM);
+    done_ns = sst_clock_now_ns();
+    if (!r->err)
+        sst_run_fail(r, sst_gpu_download(r->gpu, to, from.buffer, from.offset, words * sizeof(*to)));
+    r->report->wait_ns += done_ns - start_ns;
+    r->report->download_ns += sst_clock_now_ns() - done_ns;
+    return r->err ? NULL : to;
+}
+
+/* --- a step ------------------------------------------------------------------------------------------------------- */
+
+void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
+{
+    if (!user)
+        return;
+    sst_runner_lock(user->runner);
+    for (int i = 0; i < SST_PLANES; i++) {
+        if (planes >> i & 1)
+            sst_step_plane_mark(&runner_memory_of(user->runner)->planes, (enum sst_step_plane)i, view, false);
+    }
+    sst_runner_unlock(user->runner);
+}
+
+/* Why the rest of a step is the CPU's. */
+static void leave(struct sst_run *r)
+{
+    const char *why = r->err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(r->err);
+
+    snprintf(r->report->why, sizeof(r->report->why), "%s", why);
+    if (r->err == -ENOMEM || r->err == -EOVERFLOW) { /* the device is not to blame */
+        sst_log_warning("%s: %s; %s is done on the CPU", r->report->name, why, r->step->name);
+        return;
+    }
+    sst_log_warning("%s: %s; %s is done on the CPU, and the device is opened again after %d more", r->report->name, why,
+                    r->step->name, sst_runner_fail(r->user->runner));
+    r->report->failures++;
+}
+
+static void run_view(struct sst_run *r, int view)
+{
+    const bool dummy = sst_gpu_is_dummy(r->gpu); /* which has computed nothing */
+
+    r->memory->planes.turn++;
+    r->step->device(r, r->job, view);
+    if (!r->err && dummy)
+        r->err = r->step->cpu(r->job, view, 0);
+    for (int i = 0; i < SST_PLANES && (r->err || dummy); i++) {
+        if (r->step->changes >> i & 1)
+            sst_step_plane_mark(&r->memory->planes, (enum sst_step_plane)i, view, false);
+    }
+}
+
+/* @param done  out, [items]: on the device @return 0, -ECANCELED */
+static int run_on_device(struct sst_run *r, int items, const struct sst_run_options *o, bool *done)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    bool cancelled = false;
+
+    sst_runner_lock(r->user->runner);
+    r->gpu = sst_runner_take(r->user->runner, r->user, &r->err);
+    r->memory = runner_memory_of(r->user->runner);
+    for (int i = 0; r->gpu && i < items && !r->err && !cancelled; i++) {
+        if (!r->step->wants(r->job, i))
+            continue;
+        cancelled = o->cancel && *o->cancel;
+        if (!cancelled)
+            run_view(r, i);
+        done[i] = !r->err && !cancelled;
+    }
+    runner_note(r->user);
+    if (r->err)
+        leave(r);
+    else if (r->gpu)
+        sst_runner_succeed(r->user->runner);
+    if (r->err || !r->gpu)
+        r->report->stages_on_cpu |= r->step->stages;
+    r->report->total_ns += sst_clock_now_ns() - start_ns;
+    sst_runner_unlock(r->user->runner);
+    return cancelled ? -ECANCELED : 0;
+}
+
+/* What the device has not done. */
+struct rest {
+    const struct sst_step *step;
+    void *job;
+    const bool *done; /* NULL: nothing */
+};
+
+static int run_rest(void *arg, int view, int worker)
+{
+    const struct rest *r = arg;
+
+    return !r->step->wants(r->job, view) || (r->done && r->done[view]) ? 0 : r->step->cpu(r->job, view, worker);
+}
+
+static void rest_writes(void *arg, int view, struct sst_share_maps *out)
+{
+    const struct rest *r = arg;
+
+    if (r->step->wants(r->job, view))
+        r->step->writes(r->job, view, out);
+}
+
+int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
+            const struct sst_run_options *o)
+{
+    struct sst_run r = { .user = user, .step = step, .job = job, .report = user ? &user->report : NULL };
+    bool *done = user ? calloc((size_t)items, sizeof(*done)) : NULL;
+    struct rest rest = { step, job, done };
+    int err = user && !done ? -ENOMEM : 0;
+
+    if (!err && user && o->share) /* views are the processes' */
+        user->report.stages_on_cpu |= step->stages;
+    else if (!err && user)
+        err = run_on_device(&r, items, o, done);
+    if (!err)
+        err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
+    for (int i = 0; user && i < items; i++) {
+        if (step->wants(job, i) && (!done || !done[i]))
+            sst_run_changed(user, i, step->changes);
+    }
+    free(done);
+    return err;
+}

@@ -1,0 +1,100 @@
+/* pipeline/step/run.h - steps of the method, described once: what an item of a step computes on threads, on a device,
+ * and what it writes. sst_run() does the rest: uploads, memory, fallback to the CPU, sharing with other processes,
+ * times.
+ */
+#ifndef SST_PIPELINE_STEP_RUN_H
+#define SST_PIPELINE_STEP_RUN_H
+
+#include "base/thread.h"
+#include "pipeline/gpu/check.h"
+#include "pipeline/lightfield/share.h"
+#include "pipeline/lightfield/shift.h"
+#include "pipeline/step/runner.h"
+
+struct sst_run; /* an item of a step on a device; one thread */
+
+/** A step over the views of a light field. Items are its views. */
+struct sst_step {
+    const char *name; /* for messages: "carrying" */
+    unsigned stages;  /* bits of struct sst_step_report, `stages_on_cpu` */
+    /** False for views that the step leaves alone. */
+    bool (*wants)(const void *job, int view);
+    /** Maps of a view on the host, for planes that are not current. */
+    void (*source)(const void *job, int view, struct sst_plane_source *out);
+    /** The definition: a view on the CPU. @return 0, -ENOMEM, -ECANCELED */
+    sst_work_fn *cpu;
+    /** The same on a device, by the functions below; it writes the same maps. */
+    void (*device)(struct sst_run *r, void *job, int view);
+    /** What the work on a view writes, for other processes. */
+    sst_share_maps_fn *writes;
+    unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
+};
+
+struct sst_run_options {
+    struct sst_share *share;         /* with other processes, which then compute on their CPUs; or NULL */
+    int threads, block;              /* block: as of sst_share_blocks() */
+    const SST_ATOMIC(bool) * cancel; /* or NULL */
+};
+
+/**
+ * Run a step over `items` views: on the device while it has memory and does not fail, the rest on threads.
+ *
+ * What ends on the CPU is noted in the report and logged with its reason. The results are the same bytes anywhere.
+ * @param user  of a device; NULL: on the CPU
+ * @return 0, -ENOMEM, -ECANCELED, or an error of `cpu` or of sst_share_blocks()
+ */
+SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
+                           const struct sst_run_options *o);
+
+/** The CPU has changed planes of a view (bits). @param user  or NULL */
+void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
+
+/* For the work on a device: after an error, the functions below do nothing, and the view is left to the CPU. */
+
+/** Note an error: -ENOMEM, -EOVERFLOW (views too far apart for numbers of 32 bits), or one of the device. */
+void sst_run_fail(struct sst_run *r, int err);
+bool sst_run_failed(const struct sst_run *r);
+
+/** A plane of a view, current. */
+struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view);
+
+/** A plane of these views, current, as one buffer: sst_run_first() says where each begins. At most once for a plane,
+ * before sst_run_plane() of it. */
+struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane, const int *view, int views);
+
+/** Words before those of a view that is there. */
+uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view);
+
+/** A plane of a view that the step writes as a whole. */
+struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane, int view);
+
+#define SST_RUN_SCRATCH 16
+
+/** Scratch memory, undefined at first. @param which  below SST_RUN_SCRATCH */
+struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes);
+
+/** The same with contents; bytes is a multiple of 4. */
+struct sst_gpu_range sst_run_upload(struct sst_run *r, int which, const void *data, size_t bytes);
+
+/** Set words of a range from its word `first` on. */
+void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word);
+
+/** Dispatch a shader that has been prepared. @param range  [ranges] by binding */
+void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],
+                      const struct sst_gpu_range *range, int ranges);
+
+/** sst_run_dispatch() over the pixels of a view, by groups of 32 x 8; ranges follow. */
+#define SST_RUN_PIXELS(r, shader, push, width, height, layers, ...)                                                    \
+    sst_run_dispatch(r, shader, push,                                                                                  \
+                     (const uint32_t[]){ (uint32_t)((width) + 31) / 32, (uint32_t)((height) + 7) / 8, layers },        \
+                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
+                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+
+/** Words of a range, once all that was dispatched is done; they stay until the next call. @return NULL after an error
+ */
+const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size_t words);
+
+/** Where a disparity puts a pixel, for shaders. @return 0, -EOVERFLOW: it does not fit 32 bits */
+SST_MUST_CHECK int sst_step_shift(struct sst_gpu_shift *out, struct sst_shift across, struct sst_shift down);
+
+#endif
