@@ -32,6 +32,7 @@ struct dummy {
     struct sst_gpu gpu; /* first */
     long fault[FAULTS]; /* 0: not asked for */
     long dispatches;
+    bool wrong; /* a shader without a reference was to be */
 };
 
 struct dummy_buffer {
@@ -101,6 +102,7 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
         return -ETIMEDOUT;
     for (int i = 0; i < shader->buffers; i++)
         buffer[i] = data_of(work->buffer[i]) + work->offset[i];
+    d->wrong = d->wrong || (!shader->reference && d->dispatches == d->fault[FAULT_WRONG]);
     if (!shader->reference)
         return 0;
     shader->reference(work->push, buffer, work->groups);
@@ -172,6 +174,11 @@ static const struct gpu_ops ops = { create,      destroy,     compile,      uplo
 bool sst_gpu_is_dummy(const struct sst_gpu *g)
 {
     return g->ops == &ops;
+}
+
+bool sst_gpu_dummy_was_wrong(const struct sst_gpu *g)
+{
+    return sst_gpu_is_dummy(g) && ((const struct dummy *)g)->wrong;
 }
 
 static int read_faults(struct dummy *d, const char *text)

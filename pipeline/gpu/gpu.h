@@ -139,6 +139,9 @@ SST_MUST_CHECK int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shade
 /** True for the dummy device, which computes nothing of shaders without a reference: whoever dispatches them does. */
 bool sst_gpu_is_dummy(const struct sst_gpu *g);
 
+/** True if the dummy device was asked for a wrong result (wrong=N) of such a shader and has dispatched it since. */
+bool sst_gpu_dummy_was_wrong(const struct sst_gpu *g);
+
 /** True if fma() rounds once on the device; known once SST_GPU_NET_CONV is prepared. */
 bool sst_gpu_fuses(const struct sst_gpu *g);
 

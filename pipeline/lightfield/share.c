@@ -147,6 +147,58 @@ static struct shape shape_of(const struct sst_share_map *m, void **data)
     return (struct shape){ *data != NULL, 1, *data ? *m->count * m->bytes : 0 };
 }
 
+/* Bytes of a row that count: those behind it are not part of the result. */
+static size_t row_bytes(const struct sst_share_map *m, struct shape shape)
+{
+    const size_t width = (size_t)shape.width;
+
+    switch (m->kind) {
+    case KIND_U8:
+    case KIND_IMAGE:
+        return width;
+    case KIND_U16:
+        return width * sizeof(uint16_t);
+    case KIND_F32:
+        return width * sizeof(float);
+    case KIND_VALUES:
+    case KIND_LIST:
+        break;
+    }
+    return shape.bytes;
+}
+
+static bool maps_equal(const struct sst_share_map *a, const struct sst_share_map *b)
+{
+    void *data[2];
+    const struct shape shape = shape_of(a, &data[0]), other = shape_of(b, &data[1]);
+    const size_t rows = (size_t)shape.height * (a->kind == KIND_IMAGE ? 3 : 1);
+
+    if (a->kind != b->kind || shape.width != other.width || shape.height != other.height || shape.bytes != other.bytes)
+        return false;
+    for (size_t y = 0; shape.width && y < rows; y++) {
+        const size_t at = y * (shape.bytes / rows);
+
+        if (memcmp((const char *)data[0] + at, (const char *)data[1] + at, row_bytes(a, shape)))
+            return false;
+    }
+    return true;
+}
+
+bool sst_share_maps_equal(const struct sst_share_maps *a, const struct sst_share_maps *b)
+{
+    bool equal = a->count == b->count && !a->failed && !b->failed;
+
+    for (int i = 0; equal && i < a->count; i++)
+        equal = maps_equal(&a->map[i], &b->map[i]);
+    return equal;
+}
+
+void sst_share_maps_fini(struct sst_share_maps *maps)
+{
+    free(maps->map);
+    *maps = (struct sst_share_maps){ 0 };
+}
+
 /* Free a list, and make room for as many bytes. */
 static int renew_list(const struct sst_share_map *m, struct shape to)
 {
@@ -266,7 +318,7 @@ struct step {
     sst_share_batch_fn *batch;
     void *arg;
     sst_share_maps_fn *maps;
-    int *index; /* shared ones, block by block, then from `shared` on the others */
+    int *index;                        /* shared ones, block by block, then from `shared` on the others */
     int shared, indices, block, count; /* block: indices of an item; count: items */
     int64_t start_ns, start_cpu_ns;
     /* under lock */

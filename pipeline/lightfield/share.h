@@ -46,6 +46,12 @@ void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t byte
  */
 void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each);
 
+/** True if two lists have the same maps, lists and values. Maps of other sizes, or of which one is empty, differ. */
+bool sst_share_maps_equal(const struct sst_share_maps *a, const struct sst_share_maps *b);
+
+/** Free a list; maps and lists that it names stay. */
+void sst_share_maps_fini(struct sst_share_maps *maps);
+
 /**
  * Add the results of an index. Maps and lists that other processes compute are initialised when their file is read;
  * their former content is freed. The work of an index without results is called by every process, and assumed to be

@@ -14,16 +14,6 @@
 #define STEP_MOST  32000     /* a disparity of 16 bits times this fits 32 bits */
 #define SHIFT_MOST (1 << 30) /* px */
 
-struct sst_run {
-    struct sst_runner_user *user;
-    struct runner_memory *memory; /* of the device */
-    struct sst_step_report *report;
-    struct sst_gpu *gpu;
-    const struct sst_step *step;
-    void *job;
-    int err;
-};
-
 void sst_run_fail(struct sst_run *r, int err)
 {
     r->err = r->err ? r->err : err;
@@ -262,7 +252,7 @@ static void leave(struct sst_run *r)
     r->report->failures++;
 }
 
-static void run_view(struct sst_run *r, int view)
+void runner_run_view(struct sst_run *r, int view)
 {
     const bool dummy = sst_gpu_is_dummy(r->gpu); /* which has computed nothing */
 
@@ -290,7 +280,7 @@ static int run_on_device(struct sst_run *r, int items, const struct sst_run_opti
             continue;
         cancelled = o->cancel && *o->cancel;
         if (!cancelled)
-            run_view(r, i);
+            runner_run_view(r, i);
         done[i] = !r->err && !cancelled;
     }
     runner_note(r->user);

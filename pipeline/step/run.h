@@ -28,7 +28,21 @@ struct sst_step {
     /** What the work on a view writes, for other processes. */
     sst_share_maps_fn *writes;
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
+    /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(). @return NULL: no memory */
+    void *(*sample)(uint32_t seed);
+    void (*sample_free)(void *job);
 };
+
+#define SST_STEP_SAMPLES       9
+#define SST_STEP_SAMPLE_WIDTH  53
+#define SST_STEP_SAMPLE_HEIGHT 29
+
+/**
+ * Compare what a step writes on a device with what it writes on the CPU, on samples of some seeds. Under the lock of
+ * the device; its planes stay as they are.
+ * @return 0, -ENOTSUP (they differ; logged with the name of the step), or an error of the device
+ */
+SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
 
 struct sst_run_options {
     struct sst_share *share;         /* with other processes, which then compute on their CPUs; or NULL */

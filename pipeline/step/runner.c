@@ -60,18 +60,24 @@ static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user
     return 0;
 }
 
+void runner_memory_drop(struct runner_memory *m, struct sst_gpu *g)
+{
+    for (int i = 0; i < SST_PLANES; i++)
+        sst_step_plane_drop(&m->planes, g, (enum sst_step_plane)i);
+    for (int i = 0; i < SST_RUN_SCRATCH; i++) {
+        sst_gpu_buffer_destroy(g, m->scratch[i].buffer);
+        m->scratch[i] = (struct runner_scratch){ 0 };
+    }
+    sst_mem_kept_fini(&m->words);
+}
+
 static void close_locked(struct sst_runner *s)
 {
     if (!s->gpu)
         return;
     for (struct sst_runner_user *u = s->users; u; u = u->next)
         u->drop(u->arg);
-    for (int i = 0; i < SST_PLANES; i++)
-        sst_step_plane_drop(&s->memory.planes, s->gpu, (enum sst_step_plane)i);
-    for (int i = 0; i < SST_RUN_SCRATCH; i++) {
-        sst_gpu_buffer_destroy(s->gpu, s->memory.scratch[i].buffer);
-        s->memory.scratch[i] = (struct runner_scratch){ 0 };
-    }
+    runner_memory_drop(&s->memory, s->gpu);
     sst_gpu_close(s->gpu);
     s->gpu = NULL;
 }
@@ -86,6 +92,8 @@ static int prepare_locked(struct sst_runner *s, struct sst_runner_user *user)
     s->why[0] = 0;
     for (size_t i = 0; i < user->count && !err; i++)
         err = sst_gpu_prepare(s->gpu, user->shaders[i]);
+    for (size_t i = 0; i < user->step_count && !err; i++)
+        err = sst_step_check(user, s->gpu, user->steps[i]);
     if (err && s->live)
         snprintf(s->why, sizeof(s->why), "the device `%.200s` cannot %s: %s", s->name, user->work, sst_gpu_error(err));
     else if (err)
@@ -160,7 +168,6 @@ void sst_runner_destroy(struct sst_runner *s)
     sst_runner_opener_destroy(s->opener);
     close_locked(s);
     pthread_mutex_destroy(&s->lock);
-    sst_mem_kept_fini(&s->memory.words);
     free(s);
 }
 

@@ -8,6 +8,7 @@
 #include "pipeline/step/planes.h"
 
 struct sst_runner; /* any thread, under its lock */
+struct sst_step;   /* run.h */
 
 /** What steps have done on a device, and what is left to the CPU. */
 struct sst_step_report {
@@ -24,6 +25,9 @@ struct sst_runner_user {
     /* set before it joins */
     const enum sst_gpu_shader *shaders; /* that it needs */
     size_t count;
+    const struct sst_step *const
+        *steps; /* that it runs: a device that computes one otherwise than the CPU is refused */
+    size_t step_count;
     size_t tested;           /* that follow them, may be refused, and are tested by an opening beside the work */
     const char *work;        /* what the device is to do, for messages: "match" */
     void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */

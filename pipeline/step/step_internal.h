@@ -18,6 +18,23 @@ struct runner_memory {
     struct sst_mem_kept words; /* of the host */
 };
 
+/** An item in work. */
+struct sst_run {
+    struct sst_runner_user *user;
+    struct runner_memory *memory; /* of the device */
+    struct sst_step_report *report;
+    struct sst_gpu *gpu;
+    const struct sst_step *step;
+    void *job;
+    int err;
+};
+
+/** A view on the device; r->err says whether it is done. */
+void runner_run_view(struct sst_run *r, int view);
+
+/** Free planes, scratch memory and memory of the host. */
+void runner_memory_drop(struct runner_memory *m, struct sst_gpu *g);
+
 struct runner_memory *runner_memory_of(struct sst_runner *s);
 
 /** Free scratch memory that was not used in this turn. @return whether there was any */

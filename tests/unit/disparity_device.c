@@ -244,6 +244,20 @@ static void test_range(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* Steps are compared with the CPU as the device is opened: the last result of the last one counts. */
+static void test_steps_are_compared(void **state)
+{
+    struct sst_disparity_device *device;
+    char name[32], text[SST_LOG_MAX];
+
+    (void)state;
+    snprintf(name, sizeof(name), "dummy:wrong=%d", match_self_tests());
+    sst_log_hold_errors(text);
+    assert_int_equal(match_device_create(&device, name, 0), -ENOTSUP);
+    sst_log_hold_errors(NULL);
+    assert_contains(text, "cannot match");
+}
+
 /* What has no shader, devices that are not there or wrong. */
 static void test_refused(void **state)
 {

@@ -37,6 +37,7 @@ static uint8_t confidence_of(uint32_t arrived)
 struct carry {
     const struct sst_visible_views *in;
     struct sst_map_u8 *status;
+    struct disparity_sample *sample; /* that these are of; or NULL */
 };
 
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
@@ -276,28 +277,55 @@ static void carried_maps(void *arg, int k, struct sst_share_maps *out)
         sst_share_add_u8(out, &c->status[k]);
 }
 
-static const struct sst_step step = { .name = "carrying",
-                                      .stages = 1U << SST_DISPARITY_STAGE_CARRY,
-                                      .wants = carries,
-                                      .source = carried_source,
-                                      .cpu = carry_job,
-                                      .device = carry_on_device,
-                                      .writes = carried_maps,
-                                      .changes = 1U << SST_PLANE_MAP };
+static void *carry_sample(uint32_t seed)
+{
+    struct carry *c = calloc(1, sizeof(*c));
+
+    if (!c)
+        return NULL;
+    c->sample = disparity_sample(seed, true, true);
+    if (!c->sample) {
+        free(c);
+        return NULL;
+    }
+    c->in = &c->sample->in;
+    c->status = seed % 4 < 2 ? c->sample->status : NULL;
+    return c;
+}
+
+static void carry_sample_free(void *job)
+{
+    struct carry *c = job;
+
+    if (c)
+        disparity_sample_free(c->sample);
+    free(c);
+}
+
+const struct sst_step disparity_carry_step = { .name = "carrying",
+                                               .stages = 1U << SST_DISPARITY_STAGE_CARRY,
+                                               .wants = carries,
+                                               .source = carried_source,
+                                               .cpu = carry_job,
+                                               .device = carry_on_device,
+                                               .writes = carried_maps,
+                                               .changes = 1U << SST_PLANE_MAP,
+                                               .sample = carry_sample,
+                                               .sample_free = carry_sample_free };
 
 int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads)
 {
     const struct sst_run_options how = { in->share, threads, sst_visible_block(in), in->cancel };
-    struct carry c = { in, status };
+    struct carry c = { in, status, NULL };
 
     disparity_device_adopt(in->device, in);
-    return sst_run(disparity_device_user(in->device), &step, &c, in->count, &how);
+    return sst_run(disparity_device_user(in->device), &disparity_carry_step, &c, in->count, &how);
 }
 
 int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)
 {
     const struct sst_visible_view *own = &in->view[k];
-    const struct carry c = { in, status };
+    const struct carry c = { in, status, NULL };
     uint32_t *arrived = arrived_init(own);
     int64_t n = 0, off = 0;
     const int err = arrived ? carry_to(arrived, NULL, &c, k) : -ENOMEM;

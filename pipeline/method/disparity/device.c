@@ -25,6 +25,9 @@ static const enum sst_gpu_shader shaders[] = {
     SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
 };
 
+static const struct sst_step *const steps[] = { &disparity_check_step, &disparity_fill_step, &disparity_background_step,
+                                                &disparity_carry_step };
+
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
     [SST_DISPARITY_STAGE_RANGE] = "range",           [SST_DISPARITY_STAGE_SURFACES] = "surfaces",
     [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel",     [SST_DISPARITY_STAGE_CARRY] = "carrying",
@@ -85,9 +88,13 @@ int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_ru
         return -ENOMEM;
     }
     d->shared = shared;
-    d->user = (struct sst_runner_user){
-        .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "match", .drop = drop_all, .arg = d
-    };
+    d->user = (struct sst_runner_user){ .shaders = shaders,
+                                        .count = ARRAY_LEN(shaders),
+                                        .steps = steps,
+                                        .step_count = ARRAY_LEN(steps),
+                                        .work = "match",
+                                        .drop = drop_all,
+                                        .arg = d };
     err = sst_runner_join(shared, &d->user);
     if (err) {
         free(d);
@@ -114,20 +121,20 @@ struct sst_runner_user *disparity_device_user(struct sst_disparity_device *d)
 
 void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out)
 {
-    const struct sst_step_report steps = d->user.report;
+    const struct sst_step_report run = d->user.report;
 
     *out = d->report;
-    out->failures += steps.failures;
-    out->stages_on_cpu |= steps.stages_on_cpu;
-    out->dispatches += steps.dispatches;
-    out->uploads += steps.uploads;
-    out->upload_bytes += steps.upload_bytes;
-    out->total_ns += steps.total_ns;
-    out->upload_ns += steps.upload_ns;
-    out->wait_ns += steps.wait_ns;
-    out->download_ns += steps.download_ns;
-    if (*steps.why)
-        snprintf(out->why, sizeof(out->why), "%s", steps.why);
+    out->failures += run.failures;
+    out->stages_on_cpu |= run.stages_on_cpu;
+    out->dispatches += run.dispatches;
+    out->uploads += run.uploads;
+    out->upload_bytes += run.upload_bytes;
+    out->total_ns += run.total_ns;
+    out->upload_ns += run.upload_ns;
+    out->wait_ns += run.wait_ns;
+    out->download_ns += run.download_ns;
+    if (*run.why)
+        snprintf(out->why, sizeof(out->why), "%s", run.why);
     d->user.report = (struct sst_step_report){ 0 };
     d->report = (struct sst_disparity_device_report){ 0 };
     memcpy(d->report.name, out->name, sizeof(out->name));

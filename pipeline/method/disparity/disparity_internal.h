@@ -118,6 +118,28 @@ void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct
 SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,
                                       struct sst_map_u8 *status, double *error);
 
+/* --- sample.c --- */
+
+/** A run over a small light field of random maps. */
+struct disparity_sample {
+    struct disparity_run run; /* first */
+    struct sst_lightfield lf;
+    struct sst_disparity_config cfg;
+    struct sst_map_u16 disp[SST_STEP_SAMPLES], filled[SST_STEP_SAMPLES];
+    struct sst_map_u8 confidence[SST_STEP_SAMPLES], status[SST_STEP_SAMPLES], agreed[SST_STEP_SAMPLES];
+    bool carried[SST_STEP_SAMPLES];
+    struct sst_visible_views in; /* the same maps */
+    struct sst_visible_view view[SST_STEP_SAMPLES];
+};
+
+/** @param checked  the maps have results of a check @param carried  of the views one in four is matched @return NULL:
+ * no memory */
+struct disparity_sample *disparity_sample(uint32_t seed, bool checked, bool carried);
+void disparity_sample_free(struct disparity_sample *s); /* NULL is fine */
+
+/** Steps of a run, for sst_step_check(). */
+extern const struct sst_step disparity_check_step, disparity_fill_step, disparity_background_step, disparity_carry_step;
+
 /* --- hypotheses.c: the second pass, one view --- */
 
 /** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */

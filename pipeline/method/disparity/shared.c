@@ -11,6 +11,11 @@ static struct sst_run_options options_of(const struct disparity_run *run, int th
                                      sst_share_block((size_t)run->width * (size_t)run->height), run->cfg->cancel };
 }
 
+static void free_sample(void *job)
+{
+    disparity_sample_free(job);
+}
+
 static bool is_present(const void *job, int view)
 {
     const struct disparity_run *run = job;
@@ -84,19 +89,28 @@ static void check_on_device(struct sst_run *r, void *job, int view)
         sst_step_map_unpack(words, NULL, NULL, NULL, &run->status[view]);
 }
 
+static void *check_sample(uint32_t seed)
+{
+    return disparity_sample(seed, false, seed % 2);
+}
+
+const struct sst_step disparity_check_step = { .name = "check",
+                                               .stages = 1U << SST_DISPARITY_STAGE_CHECK,
+                                               .wants = is_present,
+                                               .source = run_source,
+                                               .cpu = run_check,
+                                               .device = check_on_device,
+                                               .writes = checked_maps,
+                                               .changes = 1U << SST_PLANE_MAP,
+                                               .sample = check_sample,
+                                               .sample_free = free_sample };
+
 int run_check_views(struct disparity_run *run, int threads)
 {
-    static const struct sst_step step = { .name = "check",
-                                          .stages = 1U << SST_DISPARITY_STAGE_CHECK,
-                                          .wants = is_present,
-                                          .source = run_source,
-                                          .cpu = run_check,
-                                          .device = check_on_device,
-                                          .writes = checked_maps,
-                                          .changes = 1U << SST_PLANE_MAP };
     const struct sst_run_options how = options_of(run, threads);
 
-    return sst_run(disparity_device_user(run->cfg->device), &step, run, run->lf->rows * run->lf->cols, &how);
+    return sst_run(disparity_device_user(run->cfg->device), &disparity_check_step, run, run->lf->rows * run->lf->cols,
+                   &how);
 }
 
 /* --- filling ------------------------------------------------------------------------------------------------------ */
@@ -149,20 +163,29 @@ static void fill_on_device(struct sst_run *r, void *job, int view)
         sst_step_map_unpack(words, &run->filled[view], NULL, NULL, NULL);
 }
 
+static void *fill_sample(uint32_t seed)
+{
+    return disparity_sample(seed, true, false);
+}
+
+const struct sst_step disparity_fill_step = { .name = "filling",
+                                              .stages =
+                                                  1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
+                                              .wants = is_present,
+                                              .source = run_source,
+                                              .cpu = run_fill,
+                                              .device = fill_on_device,
+                                              .writes = filled_maps,
+                                              .changes = 1U << SST_PLANE_MAP,
+                                              .sample = fill_sample,
+                                              .sample_free = free_sample };
+
 int run_fill_views(struct disparity_run *run, int threads)
 {
-    static const struct sst_step step = { .name = "filling",
-                                          .stages =
-                                              1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                          .wants = is_present,
-                                          .source = run_source,
-                                          .cpu = run_fill,
-                                          .device = fill_on_device,
-                                          .writes = filled_maps,
-                                          .changes = 1U << SST_PLANE_MAP };
     const struct sst_run_options how = options_of(run, threads);
 
-    return sst_run(disparity_device_user(run->cfg->device), &step, run, run->lf->rows * run->lf->cols, &how);
+    return sst_run(disparity_device_user(run->cfg->device), &disparity_fill_step, run, run->lf->rows * run->lf->cols,
+                   &how);
 }
 
 static int fill_rest(void *arg, int view, int worker SST_UNUSED)
@@ -196,20 +219,28 @@ static void rest_maps(void *arg, int view, struct sst_share_maps *out)
     sst_share_add_u16(out, &run->disp[view]);
 }
 
+static void *background_sample(uint32_t seed)
+{
+    return disparity_sample(seed, false, seed % 2);
+}
+
+const struct sst_step disparity_background_step = { .name = "background",
+                                                    .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
+                                                    .wants = is_present,
+                                                    .source = run_source,
+                                                    .cpu = fill_rest,
+                                                    .device = fill_rest_on_device,
+                                                    .writes = rest_maps,
+                                                    .changes = 1U << SST_PLANE_MAP,
+                                                    .sample = background_sample,
+                                                    .sample_free = free_sample };
+
 int run_fill_background(struct disparity_run *run, int threads)
 {
-    static const struct sst_step step = { .name = "background",
-                                          .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                          .wants = is_present,
-                                          .source = run_source,
-                                          .cpu = fill_rest,
-                                          .device = fill_rest_on_device,
-                                          .writes = rest_maps,
-                                          .changes = 1U << SST_PLANE_MAP };
     struct sst_run_options how = options_of(run, threads);
 
     how.share = NULL; /* less work than to exchange it */
-    return sst_run(run->cfg->share ? NULL : disparity_device_user(run->cfg->device), &step, run,
+    return sst_run(run->cfg->share ? NULL : disparity_device_user(run->cfg->device), &disparity_background_step, run,
                    run->lf->rows * run->lf->cols, &how);
 }
 

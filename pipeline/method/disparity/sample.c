@@ -1,0 +1,101 @@
+/* Random maps of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
+ * slanted one in front, noise, unknown pixels. */
+#include <stdlib.h>
+
+#include "pipeline/method/disparity/disparity_internal.h"
+
+#define GRID    3
+#define NOTHING 5 /* view that is absent */
+
+static uint32_t next(uint32_t *state)
+{
+    *state = *state * 1664525U + 1013904223U;
+    return *state >> 8;
+}
+
+static uint16_t disparity_at(int x, int y, uint32_t *state)
+{
+    const uint32_t slanted = (uint32_t)(900 - 12 * x), edge = (x < 25 ? 200 : 460) + next(state) % (x < 10 ? 90 : 3);
+
+    return next(state) % 12 ? (uint16_t)(y > 20 ? slanted : edge) : (uint16_t)SST_DISP_NONE;
+}
+
+static int fill_view(struct disparity_sample *s, int k, bool checked, uint32_t *state)
+{
+    const int width = SST_STEP_SAMPLE_WIDTH, height = SST_STEP_SAMPLE_HEIGHT;
+    int err = sst_map_u16_init(&s->disp[k], width, height);
+
+    err = err ? err : sst_map_u8_init(&s->confidence[k], width, height);
+    err = err || !checked ? err : sst_map_u8_init(&s->status[k], width, height);
+    for (int y = 0; y < height && !err; y++) {
+        for (int x = 0; x < width; x++) {
+            sst_map_u16_row(&s->disp[k], y)[x] = disparity_at(x, y, state);
+            sst_map_u8_row(&s->confidence[k], y)[x] = (uint8_t)next(state);
+            if (checked)
+                sst_map_u8_row(&s->status[k], y)[x] =
+                    (uint8_t)(sst_map_u16_row(&s->disp[k], y)[x] == SST_DISP_NONE ? SST_DISPARITY_OCCLUSION
+                                                                                  : next(state) % 3);
+        }
+    }
+    return err;
+}
+
+struct disparity_sample *disparity_sample(uint32_t seed, bool checked, bool carried)
+{
+    struct disparity_sample *s = calloc(1, sizeof(*s));
+    uint32_t state = seed * 7919;
+    int err = s ? sst_lightfield_init(&s->lf, GRID, GRID) : -1;
+
+    for (int k = 0; k < SST_STEP_SAMPLES && !err; k++) {
+        struct sst_view *v = &s->lf.views[k];
+
+        v->present = k != NOTHING;
+        v->bx = k % GRID - 1 + (int)(next(&state) % 9 - 4) * 0.013;
+        v->by = k / GRID - 1 + (int)(next(&state) % 9 - 4) * 0.017;
+        s->carried[k] = carried && k % 4;
+        if (v->present)
+            err = fill_view(s, k, checked, &state);
+        s->view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
+                                                .disp = &s->disp[k],
+                                                .confidence = &s->confidence[k],
+                                                .agreed = seed % 2 ? &s->agreed[k] : NULL,
+                                                .bx = v->bx,
+                                                .by = v->by,
+                                                .carried = s->carried[k] };
+    }
+    if (err) {
+        disparity_sample_free(s);
+        return NULL;
+    }
+    s->run = (struct disparity_run){ .lf = &s->lf,
+                                     .cfg = &s->cfg,
+                                     .carried = carried ? s->carried : NULL,
+                                     .scale = 1,
+                                     .width = SST_STEP_SAMPLE_WIDTH,
+                                     .height = SST_STEP_SAMPLE_HEIGHT,
+                                     .disp_min = (int)(seed % 3) - 1,
+                                     .range = 15,
+                                     .disp = s->disp,
+                                     .confidence = s->confidence,
+                                     .status = s->status,
+                                     .filled = s->filled };
+    s->in = (struct sst_visible_views){
+        .view = s->view, .count = SST_STEP_SAMPLES, .scale = 1, .disp_min_px = s->run.disp_min, .range = s->run.range
+    };
+    return s;
+}
+
+void disparity_sample_free(struct disparity_sample *s)
+{
+    if (!s)
+        return;
+    for (int k = 0; k < SST_STEP_SAMPLES; k++) {
+        sst_map_u16_fini(&s->disp[k]);
+        sst_map_u16_fini(&s->filled[k]);
+        sst_map_u8_fini(&s->confidence[k]);
+        sst_map_u8_fini(&s->status[k]);
+        sst_map_u8_fini(&s->agreed[k]);
+    }
+    sst_lightfield_fini(&s->lf);
+    free(s);
+}

@@ -1,0 +1,75 @@
+/* Comparison of a step on a device with its definition on the CPU. */
+#include <errno.h>
+#include <stdlib.h>
+
+#include "base/log.h"
+#include "pipeline/step/step_internal.h"
+
+#define SEEDS 4
+
+/* True if the views' results are equal. */
+static bool is_equal(const struct sst_step *step, void *device, void *host)
+{
+    bool equal = true;
+
+    for (int i = 0; i < SST_STEP_SAMPLES && equal; i++) {
+        struct sst_share_maps a = { 0 }, b = { 0 };
+
+        if (!step->wants(host, i))
+            continue;
+        step->writes(device, i, &a);
+        step->writes(host, i, &b);
+        equal = sst_share_maps_equal(&a, &b);
+        sst_share_maps_fini(&a);
+        sst_share_maps_fini(&b);
+    }
+    return equal;
+}
+
+static int check_seed(struct sst_run *r, uint32_t seed)
+{
+    void *host = r->step->sample(seed);
+
+    r->job = r->step->sample(seed);
+    r->err = r->job && host ? 0 : -ENOMEM;
+    for (int plane = 0; plane < SST_PLANES; plane++) {
+        for (int i = 0; i < SST_STEP_SAMPLES; i++)
+            sst_step_plane_mark(&r->memory->planes, (enum sst_step_plane)plane, i, false);
+    }
+    for (int i = 0; i < SST_STEP_SAMPLES && !r->err; i++) {
+        if (!r->step->wants(host, i))
+            continue;
+        runner_run_view(r, i);
+        r->err = r->err ? r->err : r->step->cpu(host, i, 0);
+    }
+    if (!r->err && (sst_gpu_dummy_was_wrong(r->gpu) || !is_equal(r->step, r->job, host)))
+        r->err = -ENOTSUP;
+    r->step->sample_free(r->job);
+    r->step->sample_free(host);
+    return r->err;
+}
+
+int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
+{
+    const size_t n = (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
+    const size_t pixels[SST_PLANES] = { n, n, n };
+    struct runner_memory *memory = calloc(1, sizeof(*memory));
+    struct sst_step_report uncounted = { 0 };
+    struct sst_run r = { user, memory, &uncounted, g, step, NULL, 0 };
+    int err = memory ? 0 : -ENOMEM;
+
+    if (memory)
+        sst_step_planes_claim(&memory->planes, g, memory, SST_STEP_SAMPLES, 1, pixels);
+    for (uint32_t seed = 1; seed <= SEEDS && !err; seed++)
+        err = check_seed(&r, seed);
+    if (memory)
+        runner_memory_drop(memory, g);
+    free(memory);
+    if (err == -ENOTSUP)
+        sst_log_warning("%s: the step `%s` is refused: its results differ from those of the CPU",
+                        sst_gpu_get_info(g)->name, step->name);
+    else if (err)
+        sst_log_warning("%s: the step `%s` cannot be tested: %s", sst_gpu_get_info(g)->name, step->name,
+                        sst_gpu_error(err));
+    return err;
+}
