@@ -13,7 +13,7 @@ typedef bool self_tests_fn(const char *name);
 /* Dispatches of the self-tests that the dummy device passes as it is opened: faults count on from there. */
 static inline int self_tests(self_tests_fn *opens)
 {
-    int refused = 0, opened = 1024; /* a loss at this dispatch fails the opening; at this one it does not */
+    int refused = 0, opened = 8192; /* a loss at this dispatch fails the opening; at this one it does not */
     char text[SST_LOG_MAX];
 
     sst_log_hold_errors(text);

@@ -15,7 +15,7 @@
 struct sst_gpu_carry {
     int32_t width, height;
     int32_t agreed;  /* not 0: wanted; else only the first one of `arrived` is used */
-    int32_t checked; /* not 0: pixels that the check calls correct come first, and what they give is correct */
+    int32_t checked; /* not 0: pixels that the check calls correct come first, and their results are correct */
 };
 
 enum sst_gpu_carry_project_buffer {

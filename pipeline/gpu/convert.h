@@ -1,5 +1,5 @@
 /* pipeline/gpu/convert.h - the shader `convert`: planes of a view in the words that a step of matching or of labels
- * reads, and what a step leaves in the words of a plane.
+ * reads, and results of a step in the words of a plane.
  *
  * All numbers are integers. Groups of 32 x 8 pixels.
  */
@@ -14,7 +14,7 @@
 #define SST_GPU_MAP_AGREED (1U << 24) /* carried: the sources agree */
 
 enum sst_gpu_conversion {
-    /* From a plane to what a step reads: */
+    /* From a plane to the input of a step: */
     SST_GPU_TO_HALF = 0, /* colours at half of the size, of which all four must count */
     SST_GPU_TO_HYPOTHESES =
         1,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
@@ -23,7 +23,7 @@ enum sst_gpu_conversion {
     SST_GPU_TO_STEPS = 4,    /* disparities of subpixel.h */
     SST_GPU_TO_LABELS = 5, /* the lower halves of label.h's first plane, at `value` times the size; SST_DISP_NONE where
                               colours do not count */
-    /* From what a step leaves, to a map: */
+    /* From the result of a step to a map: */
     SST_GPU_FROM_MATCH = 6,  /* disparities and confidences of match.h; none where colours do not count */
     SST_GPU_FROM_CHOICE = 7, /* of hypotheses.h */
     SST_GPU_FROM_PLAIN = 8,  /* disparities alone */

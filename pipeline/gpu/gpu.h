@@ -192,7 +192,7 @@ struct sst_gpu_work {
     enum sst_gpu_shader shader;                     /* prepared */
     const void *push;                               /* constants of the shader's own structure; copied */
     struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; the last ones may be NULL if the shader has fewer */
-    size_t offset[SST_GPU_BUFFERS];                 /* bytes before what it sees of each, multiples of SST_GPU_ALIGN */
+    size_t offset[SST_GPU_BUFFERS];                 /* bytes before its part of each, multiples of SST_GPU_ALIGN */
     uint32_t groups[3];
 };
 SST_MUST_CHECK int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work);

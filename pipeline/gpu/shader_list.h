@@ -71,7 +71,7 @@
     X(VERIFY_BLEND, verify_blend, SST_GPU_MIX_BUFFERS, sst_gpu_verify)                                                 \
     X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
 
-/** Shaders of steps (pipeline/step/), whose definition is what the CPU does: X as above. */
+/** Shaders of steps (pipeline/step/), defined by the step on the CPU: X(NAME, name, buffers, constants). */
 #define SST_GPU_STEP_LIST(X)                                                                                           \
     X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
     X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \

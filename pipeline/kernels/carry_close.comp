@@ -25,7 +25,7 @@ int disparity(uint value)
     return int(value >> 8) - 1;
 }
 
-// The map's word of what has arrived.
+// The map's word of a pixel that has arrived.
 uint word_of(uint value)
 {
     const uint word = (uint(disparity(value)) & 0xFFFF) | (value << 1 & 0xFF) << 16;

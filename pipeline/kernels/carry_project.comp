@@ -21,7 +21,7 @@ layout(std430, push_constant) uniform Constants {
     int width, height, agreed, checked;
 };
 
-// What of two pixels of one disparity stays: the correct one, then the surer one.
+// Order of pixels of one disparity: the correct one, then the surer one.
 uint rank_of(uint word)
 {
     return (word >> 17 & 0x7F) | (checked != 0 && checked_of(word) == CORRECT ? 0x80 : 0);

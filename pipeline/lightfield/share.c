@@ -147,7 +147,7 @@ static struct shape shape_of(const struct sst_share_map *m, void **data)
     return (struct shape){ *data != NULL, 1, *data ? *m->count * m->bytes : 0 };
 }
 
-/* Bytes of a row that count: those behind it are not part of the result. */
+/* Bytes of a row that count: padding is not part of the result. */
 static size_t row_bytes(const struct sst_share_map *m, struct shape shape)
 {
     const size_t width = (size_t)shape.width;

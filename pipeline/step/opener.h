@@ -8,7 +8,7 @@
 
 struct sst_runner_opener; /* opaque; one thread at a time */
 
-/** A device, and what it is for. */
+/** A device and its work. */
 struct sst_runner_opening {
     const char *name; /* as of sst_gpu_open() */
     struct sst_gpu_config cfg;
@@ -21,10 +21,10 @@ struct sst_runner_opening {
 /**
  * Open a device without waiting for it: the first call begins, and waits 50 ms at most, later ones look.
  *
- * @param opener  in and out: NULL, or what the call before left; NULL after all but -EINPROGRESS
- * @param what  read by the first call
+ * @param opener  in and out: NULL, or the value after the call before; NULL after all but -EINPROGRESS
+ * @param what  device; read by the first call
  * @param gpu  out, when 0
- * @param why  out, after an error: what sst_gpu_open_for() says, which is not logged; "": nothing
+ * @param why  out, after an error: the message of sst_gpu_open_for(), which is not logged; "": nothing
  * @return -EINPROGRESS; else as sst_gpu_open_for(), or -ENOMEM or -EAGAIN (no thread)
  */
 SST_MUST_CHECK int sst_runner_open_beside(struct sst_runner_opener **opener, const struct sst_runner_opening *what,

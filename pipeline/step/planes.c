@@ -70,7 +70,7 @@ struct sst_gpu_range sst_step_plane_find(struct sst_step_planes *p, enum sst_ste
     return s->buffer && s->view[view].current ? range_of(p, s, s->view[view].place) : (struct sst_gpu_range){ 0 };
 }
 
-/* An empty place, or that of the view that was used least recently. @return -1: all were used in this turn */
+/* An empty place, or the place of the view that was used least recently. @return -1: all were used in this turn */
 static int oldest_place(const struct sst_step_planes *p, const struct sst_step_places *s)
 {
     int oldest = -1;

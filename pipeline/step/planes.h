@@ -28,7 +28,7 @@ struct sst_gpu_range {
     size_t offset;                 /* bytes, a multiple of SST_GPU_ALIGN */
 };
 
-/** Maps of a view on the host that a plane is made of; those that the plane does not have may be NULL. */
+/** Maps of a view on the host that a plane is made of; maps that the plane does not have may be NULL. */
 struct sst_plane_source {
     const struct sst_image *image;
     const struct sst_map_u8 *seen; /* NULL or without memory: every pixel counts */
@@ -61,7 +61,7 @@ struct sst_step_planes {
     struct sst_step_places plane[SST_PLANES];
 };
 
-/** What planes hold from now on; what they held of another light field is freed. @param pixels  [SST_PLANES] of a view
+/** Claim planes for a light field; planes of another one are freed. @param pixels  [SST_PLANES] of a view
  */
 void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views, int scale,
                            const size_t *pixels);

@@ -1,4 +1,4 @@
-/* A step's items on a device, and on threads what does not end there. */
+/* Items of a step on a device, the rest on threads. */
 #include "pipeline/step/run.h"
 
 #include <errno.h>
@@ -172,7 +172,7 @@ struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane
 {
     if (!r->err && r->memory->planes.plane[plane].places < views)
         sst_run_fail(r, create_plane(r, plane, views));
-    for (int i = 0; i < views; i++) /* those that are there must not make room for the others */
+    for (int i = 0; i < views; i++) /* current places must not make room for the others */
         (void)sst_step_plane_find(&r->memory->planes, plane, view[i]);
     for (int i = 0; i < views; i++)
         (void)sst_run_plane(r, plane, view[i]);
@@ -295,7 +295,7 @@ static int run_on_device(struct sst_run *r, int items, const struct sst_run_opti
     return cancelled ? -ECANCELED : 0;
 }
 
-/* What the device has not done. */
+/* Items that the device has not done. */
 struct rest {
     const struct sst_step *step;
     void *job;

@@ -1,5 +1,5 @@
-/* pipeline/step/run.h - steps of the method, described once: what an item of a step computes on threads, on a device,
- * and what it writes. sst_run() does the rest: uploads, memory, fallback to the CPU, sharing with other processes,
+/* pipeline/step/run.h - steps of the method, described once: the work on an item on threads and on a device,
+ * and its results. sst_run() does the rest: uploads, memory, fallback to the CPU, sharing with other processes,
  * times.
  */
 #ifndef SST_PIPELINE_STEP_RUN_H
@@ -25,7 +25,7 @@ struct sst_step {
     sst_work_fn *cpu;
     /** The same on a device, by the functions below; it writes the same maps. */
     void (*device)(struct sst_run *r, void *job, int view);
-    /** What the work on a view writes, for other processes. */
+    /** Results of the work on a view, for other processes. */
     sst_share_maps_fn *writes;
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(). @return NULL: no memory */
@@ -38,7 +38,7 @@ struct sst_step {
 #define SST_STEP_SAMPLE_HEIGHT 29
 
 /**
- * Compare what a step writes on a device with what it writes on the CPU, on samples of some seeds. Under the lock of
+ * Compare the results of a step on a device with its results on the CPU, on samples of some seeds. Under the lock of
  * the device; its planes stay as they are.
  * @return 0, -ENOTSUP (they differ; logged with the name of the step), or an error of the device
  */
@@ -53,7 +53,7 @@ struct sst_run_options {
 /**
  * Run a step over `items` views: on the device while it has memory and does not fail, the rest on threads.
  *
- * What ends on the CPU is noted in the report and logged with its reason. The results are the same bytes anywhere.
+ * Every fallback to the CPU is noted in the report and logged with its reason. The results are the same bytes anywhere.
  * @param user  of a device; NULL: on the CPU
  * @return 0, -ENOMEM, -ECANCELED, or an error of `cpu` or of sst_share_blocks()
  */
@@ -76,7 +76,7 @@ struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane,
  * before sst_run_plane() of it. */
 struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane, const int *view, int views);
 
-/** Words before those of a view that is there. */
+/** Words before the words of a view that is current. */
 uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view);
 
 /** A plane of a view that the step writes as a whole. */

@@ -25,7 +25,7 @@ struct sst_runner {
     struct runner_memory memory;
     struct sst_runner_opener *opener; /* live: at work on opening it again */
     int err;                          /* live: of the first opening */
-    char why[SST_LOG_MAX];            /* live: what the last error said */
+    char why[SST_LOG_MAX];            /* live: message of the last error */
 };
 
 static void note_opening(struct sst_runner *s)

@@ -10,7 +10,7 @@
 struct sst_runner; /* any thread, under its lock */
 struct sst_step;   /* run.h */
 
-/** What steps have done on a device, and what is left to the CPU. */
+/** Work of steps on a device, and fallbacks to the CPU. */
 struct sst_step_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* of the device that was opened last */
     char why[128];                                 /* the last reason for the CPU */
@@ -29,7 +29,7 @@ struct sst_runner_user {
         *steps; /* that it runs: a device that computes one otherwise than the CPU is refused */
     size_t step_count;
     size_t tested;           /* that follow them, may be refused, and are tested by an opening beside the work */
-    const char *work;        /* what the device is to do, for messages: "match" */
+    const char *work;        /* verb of the work, for messages: "match" */
     void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */
     void *arg;
     /* of the runner */
@@ -66,7 +66,7 @@ void sst_runner_destroy(struct sst_runner *s);
  * of a live device, whose user joins all the same */
 SST_MUST_CHECK int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user);
 
-/** Drop what the user has on the device. */
+/** Drop the buffers of the user. */
 void sst_runner_leave(struct sst_runner *s, struct sst_runner_user *user);
 
 /* Buffers are created, used and freed under the lock. */
@@ -87,7 +87,7 @@ const struct sst_gpu_info *sst_runner_info(const struct sst_runner *s);
  */
 struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *user, int *err);
 
-/** What the last error of a live device said; "": nothing. */
+/** Message of the last error of a live device; "": none. */
 const char *sst_runner_why(const struct sst_runner *s);
 
 /** A piece of work was done. */

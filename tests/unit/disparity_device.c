@@ -297,9 +297,15 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),  serial_test(test_tiles),
-        serial_test(test_bands),      serial_test(test_fallback),     serial_test(test_fallback_later),
-        cmocka_unit_test(test_range), cmocka_unit_test(test_refused),
+        serial_test(test_same_bytes),
+        cmocka_unit_test(test_narrow),
+        serial_test(test_tiles),
+        serial_test(test_bands),
+        serial_test(test_fallback),
+        serial_test(test_fallback_later),
+        cmocka_unit_test(test_steps_are_compared),
+        cmocka_unit_test(test_range),
+        cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

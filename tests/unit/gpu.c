@@ -89,7 +89,7 @@ static void test_faults(void **state)
         [SST_GPU_HOLE_PUSH] = 3,
         [SST_GPU_CLEAR_SURFACE] = 2,
         [SST_GPU_CLEAR_SAMPLE] = 3,
-    }; /* of its self-test; 0: it has none, or one like those of others */
+    }; /* of its self-test; 0: it has none, or the same as another shader */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
     struct sst_gpu *g;

@@ -202,7 +202,7 @@ static void test_matches(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_int_equal(report.stages_on_cpu, 0);
-        assert_int_equal(report.uploads, 8); /* colours, once; what follows the first pass needs no more */
+        assert_int_equal(report.uploads, 8); /* colours, once; later steps need no more */
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21);

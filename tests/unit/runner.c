@@ -98,7 +98,7 @@ static void test_pause(void **state)
     sst_runner_destroy(shared);
 }
 
-/* Who needs memory gets that of the others. */
+/* A kind of work that needs memory gets the memory of the others. */
 static void test_room(void **state)
 {
     struct sst_runner *shared;
@@ -141,7 +141,7 @@ static void test_refused(void **state)
     sst_runner_destroy(NULL);
 }
 
-/* Matching and refinement in turn on one device, with room for one of them, and with faults. */
+/* Matching and refinement in turn on one device, with room for one, and with faults. */
 static void test_stages(void **state)
 {
     static const struct {
@@ -212,7 +212,7 @@ static void carry_one(struct sst_lightfield *lf, struct sst_refine_device *devic
     }
 }
 
-/* Colours and maps of the matching, at half of the size and whole, are those of the labels: only labels go up. */
+/* Colours and maps of the matching, at half of the size and whole, are used for the labels: only labels go up. */
 static void test_stays(void **state)
 {
     enum { BYTES_OF_VIEW = 97 * 61 };

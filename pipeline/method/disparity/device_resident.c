@@ -124,7 +124,7 @@ static int upload_words(struct sst_disparity_device *d, struct sst_gpu_range to,
     return disparity_device_upload_at(d, to.buffer, to.offset, words, n * sizeof(*words));
 }
 
-/* A place for a view, which has none or an old one. @param room  what is not in use makes room */
+/* A place for a view, which has none or an old one. @param room  unused planes make room */
 static int make_place(struct sst_disparity_device *d, enum sst_step_plane plane, int view, bool room,
                       struct sst_gpu_range *out)
 {

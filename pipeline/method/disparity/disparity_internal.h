@@ -105,7 +105,7 @@ void run_report_ranges(const struct disparity_run *run);
 SST_MUST_CHECK int run_check_views(struct disparity_run *run, int threads);
 SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
 
-/** Continue the background into what no view shows, as the last step of carrying; 0 where nothing is known. */
+/** Continue the background into pixels that no view shows, as the last step of carrying; 0 where nothing is known. */
 SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);
 
 /** The same of a map on a device, into the plane of a view. @param scratch  of a map's size @param none  disparity
@@ -277,7 +277,7 @@ struct device_view {
 /** Views of this run stay from now on, those of another light field no more, and no maps yet. @param d  or NULL */
 void disparity_device_claim(struct sst_disparity_device *d, const struct disparity_run *run);
 
-/** Places for views that no run has claimed, none of them current. @param d  or NULL */
+/** Places for views that no run has claimed, none current. @param d  or NULL */
 void disparity_device_adopt(struct sst_disparity_device *d, const struct sst_visible_views *in);
 
 /** The run of struct sst_feature_keeper's `arg`. */
@@ -301,7 +301,7 @@ void disparity_device_map_changed(struct sst_disparity_device *d, int view);
 
 /* Between begin and end: */
 
-/** Free planes that are not of the view in work; then features, and what other kinds of work have. @param plane  that
+/** Free planes that are not of the view in work; then features, and buffers of other kinds of work. @param plane  that
  * stays @return whether there was any */
 bool disparity_device_make_room(struct sst_disparity_device *d, enum sst_step_plane plane);
 

@@ -27,14 +27,14 @@ static void run_source(const void *job, int view, struct sst_plane_source *out)
 {
     const struct disparity_run *run = job;
 
-    /* What is filled keeps the pixels that others are filled from. */
+    /* A filled map keeps the pixels that others are filled from. */
     *out = (struct sst_plane_source){ .disp = run->filled[view].data ? &run->filled[view] : &run->disp[view],
                                       .confidence = &run->confidence[view],
                                       .checked = &run->status[view] };
 }
 
-/* A view and those that it is checked against or filled from: their maps. @param first, other  out: where they begin,
- * and how far disparities move pixels from the view to them (sign 1) or from them to it (-1) */
+/* Maps of a view and of the views that it is checked against or filled from. @param first, other  out: where they
+ * begin, and how far disparities move pixels from the view to them (sign 1) or from them to it (-1) */
 static struct sst_gpu_range load_maps(struct sst_run *r, const struct disparity_run *run, int view,
                                       const struct sst_checked_view *views, int count, int sign, uint32_t *first,
                                       struct sst_gpu_check_other *other)
