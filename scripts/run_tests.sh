@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (one more than there are processors). Those that tests/special.txt marks `waits` run one
+# Run test programs: JOBS at a time (two more than there are processors). Those that tests/special.txt marks `waits` run one
 # after the other in one of these places, so that processors are busy beside them; those marked `first` before the others. A
 # program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. avx2@TEST runs it as on a processor with
 # AVX2 alone, ref@TEST with the references of all kernels. Each test's output is shown whole, in that
@@ -14,7 +14,7 @@ export SST_BUILD="${SST_BUILD:-build}"
 case $SST_BUILD in /*) plain=$SST_BUILD;; *) plain=$PWD/$SST_BUILD;; esac
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
 export LSAN_OPTIONS="${LSAN_OPTIONS:-suppressions=$PWD/scripts/lsan.supp:print_suppressions=0}"
-jobs=${JOBS:-$(($(nproc) + 1))} limit=${TEST_LIMIT:-900}
+jobs=${JOBS:-$(($(nproc) + 2))} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
 trap 'exit 130' INT TERM
