@@ -97,7 +97,7 @@ for i in 1 2; do
 done
 for i in 1 2; do wait "${pid[$i]}" || fail "device, worker $i: $(cat "err$i")"; done
 diff -rq -x .process device device-whole || fail "device: views that were shared differ"
-"$sst" process device-lost --no-labels --device dummy:lost=200 --shard 1/1 --split-views --json >lost.json 2>err ||
+"$sst" process device-lost --no-labels --device dummy:lost=440 --shard 1/1 --split-views --json >lost.json 2>err ||
   fail "a device that is lost: $(cat err)"
 diff -rq -x .process device-lost device-whole || fail "a device that is lost: other bytes"
 python3 - <<'PY' || fail "a device that is lost: $(cat lost.json)"
