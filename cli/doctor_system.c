@@ -17,6 +17,8 @@
 #include "capture/link/link.h"
 #include "cli/cli_internal.h"
 #include "pipeline/gpu/gpu.h"
+#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/step/runner.h"
 
 #define AREA_DISK           "disk"
 #define AREA_GPU            "gpu"
@@ -164,18 +166,21 @@ static void judge_hosts_clock(struct doctor *d, const struct sst_kernel_clock *c
     const char *what = d->cfg->role == SST_CONFIG_NODE ? "node" : "head";
 
     if (!clock->known || !clock->synchronised)
-        doctor_add(d, DOCTOR_PROBLEM, AREA_CLOCK,
-                   "no program keeps the wall clock of this %s: its sets could be named wrongly when it joins; install and "
-                   "enable chrony (chronyc tracking shows its state) or PTP on all hosts",
-                   what);
+        doctor_add(
+            d, DOCTOR_PROBLEM, AREA_CLOCK,
+            "no program keeps the wall clock of this %s: its sets could be named wrongly when it joins; install and "
+            "enable chrony (chronyc tracking shows its state) or PTP on all hosts",
+            what);
     else if (error_ms > period_ms / 10)
-        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
-                   "the wall clock of this %s may be wrong by %.1f ms, more than a tenth of the trigger's period of %.0f ms: "
-                   "use a nearer time server (chronyc sources) or PTP, the same for all hosts",
-                   what, error_ms, period_ms);
+        doctor_add(
+            d, DOCTOR_WARNING, AREA_CLOCK,
+            "the wall clock of this %s may be wrong by %.1f ms, more than a tenth of the trigger's period of %.0f ms: "
+            "use a nearer time server (chronyc sources) or PTP, the same for all hosts",
+            what, error_ms, period_ms);
     else
         doctor_add(d, DOCTOR_OK, AREA_CLOCK,
-                   "the wall clock of this %s is kept, error at most %.1f ms and probably %.3f ms, of a trigger's period of %.0f ms%s",
+                   "the wall clock of this %s is kept, error at most %.1f ms and probably %.3f ms, of a trigger's "
+                   "period of %.0f ms%s",
                    what, error_ms, clock->estimate_us / 1e3, period_ms,
                    clock->tai_s ? "; TAI is set, as by PTP or chrony" : "");
 }
@@ -189,13 +194,15 @@ void doctor_check_clock(struct doctor *d)
     if (d->cfg->role != SST_CONFIG_SINGLE)
         judge_hosts_clock(d, &clock);
     else if (!clock.known)
-        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK, "cannot read whether the clock is synchronised: the system refuses it");
+        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
+                   "cannot read whether the clock is synchronised: the system refuses it");
     else if (!clock.synchronised)
         doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
                    "the wall clock is not synchronised, so the times in recordings may be "
                    "wrong: enable systemd-timesyncd or chrony");
     else
-        doctor_add(d, DOCTOR_OK, AREA_CLOCK, "the wall clock is synchronised, error at most %.1f ms", clock.error_us / 1e3);
+        doctor_add(d, DOCTOR_OK, AREA_CLOCK, "the wall clock is synchronised, error at most %.1f ms",
+                   clock.error_us / 1e3);
     if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
         doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
                    "timers have a resolution of %ld ns: boot with highres=on, or triggers are late by that much",
@@ -249,17 +256,35 @@ void doctor_check_uvcvideo(struct doctor *d)
 
 /* --- devices for `--device` --------------------------------------------------------------------------------------- */
 
-/* Compile the shaders on a device and compare their results with the references. */
+/* True if a device computes the steps of matching as the CPU does. */
+static bool steps_pass(const char *name)
+{
+    struct sst_disparity_device *device = NULL;
+    struct sst_runner *runner;
+    char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
+    bool pass = false;
+
+    if (!sst_runner_create(&runner, name, 0)) {
+        pass = !sst_disparity_device_create(&device, runner);
+        sst_disparity_device_destroy(device);
+        sst_runner_destroy(runner);
+    }
+    (void)sst_log_hold_errors(before);
+    return pass;
+}
+
+/* Compile the shaders on a device and compare their results with the references, then steps with the CPU. */
 static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
 {
     char runs[1024] = "", refuses[1024] = "";
     struct sst_gpu *g;
 
     if (sst_gpu_open(&g, info->name, NULL)) {
-        doctor_add(d, DOCTOR_WARNING, AREA_GPU, "%s cannot be opened: update its driver (%s)", info->name, info->driver);
+        doctor_add(d, DOCTOR_WARNING, AREA_GPU, "%s cannot be opened: update its driver (%s)", info->name,
+                   info->driver);
         return;
     }
-    for (int i = 0; i < SST_GPU_SHADERS; i++) {
+    for (int i = SST_GPU_SHADERS - 1; i >= 0; i--) { /* variants first: the list may be cut */
         char *list;
 
         if (!sst_gpu_can(sst_gpu_get_info(g), (enum sst_gpu_shader)i))
@@ -269,6 +294,8 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
                  sst_gpu_shader_name((enum sst_gpu_shader)i));
     }
     sst_gpu_close(g);
+    if (!*refuses && !steps_pass(info->name))
+        snprintf(refuses, sizeof(refuses), "steps of matching");
     if (*refuses)
         doctor_add(d, DOCTOR_WARNING, AREA_GPU,
                    "%s (%s) gives wrong results for %s and is not used for them: update the driver", info->name,
@@ -286,6 +313,7 @@ void doctor_check_gpu(struct doctor *d)
     for (int i = 0; i < n; i++)
         test_gpu(d, &info[i]);
     if (!n)
-        doctor_add(d, DOCTOR_OK, AREA_GPU, WITH_VULKAN ? "no Vulkan driver answers: everything runs on the CPU" :
-                                                         "built without Vulkan: everything runs on the CPU");
+        doctor_add(d, DOCTOR_OK, AREA_GPU,
+                   WITH_VULKAN ? "no Vulkan driver answers: everything runs on the CPU"
+                               : "built without Vulkan: everything runs on the CPU");
 }
