@@ -399,18 +399,13 @@ void cli_print_align(const struct sst_align_report *a);
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
 
-/* --- process_device.c: work of devices in `sst process` --- */
-
-struct cli_process_devices {
-    struct sst_disparity_device_report matching; /* zeroed: no device */
-    struct sst_refine_device_report refinement;
-};
+/* --- process_device.c: work of the device in `sst process`. d zeroed: no device. --- */
 
 /** For `--json`; "cpu" without a device. */
-json_t *cli_process_devices_json(const struct cli_process_devices *d);
+json_t *cli_process_device_json(const struct sst_disparity_device_report *d);
 
-/** Log the work of devices, and the steps that fell back to the CPU. */
-void cli_process_report_devices(const struct cli_process_devices *d);
+/** Log the work of the device, and the steps that fell back to the CPU. */
+void cli_process_report_device(const struct sst_disparity_device_report *d);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 

@@ -62,13 +62,13 @@ static json_t *skipped_json(double percent, double error)
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
                         struct sst_process_time load, struct sst_process_time saving, const char *dir,
-                        const struct wanted *w, const struct cli_process_devices *devices)
+                        const struct wanted *w, const struct sst_disparity_device_report *device)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
     json_t *root, *levels;
 
-    cli_process_report_devices(devices);
+    cli_process_report_device(device);
     cli_network_report_device(w->networks);
     cli_warn_judgement(&r->judgement, dir);
     levels = cli_levels_json(lf, dir);
@@ -122,7 +122,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         cli_add_notices(root, lf, &r->notices);
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
-        json_object_set_new(root, "device", cli_process_devices_json(devices));
+        json_object_set_new(root, "device", cli_process_device_json(device));
         json_object_set_new(root, "networks", cli_network_device_json(w->networks));
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
@@ -215,28 +215,23 @@ struct job {
     const char *text; /* of the job */
     bool split;       /* workers share views, not light fields */
     struct sst_runner *device;
-    struct sst_refine_device *refinement;
 };
 
-/* One opening of the device, for matching, for refinement, and for networks where there are any. */
+/* One opening of the device, for matching, and for networks where there are any. */
 static int open_devices(struct job *job)
 {
     int err = sst_runner_create(&job->device, job->w.device, (uint64_t)job->w.device_memory << 20);
 
     err = err ? err : sst_disparity_device_create(&job->cfg.disparity.device, job->device);
-    if (job->cfg.refine)
-        err = err ? err : sst_refine_device_create(&job->refinement, job->device);
     if (!err && ((!job->w.no_labels && !job->w.labels_dir) || job->cfg.disparity.cost & SST_COST_MCCNN))
         err = sst_network_device_open_on(&job->w.networks, job->device);
     job->cfg.networks = job->cfg.disparity.networks = job->w.networks;
-    job->cfg.refinement.device = job->refinement;
     return err;
 }
 
 static void close_devices(struct job *job)
 {
     sst_network_device_close(job->w.networks);
-    sst_refine_device_destroy(job->refinement);
     sst_disparity_device_destroy(job->cfg.disparity.device);
     sst_runner_destroy(job->device);
 }
@@ -256,7 +251,7 @@ static int save(void *arg, int i SST_UNUSED, bool again)
 {
     struct computed *c = arg;
     struct sst_process_time clock = { 0, 0 }, saving;
-    struct cli_process_devices devices = { 0 };
+    struct sst_disparity_device_report device = { 0 };
     int err;
 
     if (again)
@@ -267,13 +262,10 @@ static int save(void *arg, int i SST_UNUSED, bool again)
     err = err ? err : sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
     saving = sst_process_lap(&clock);
     cli_progress_end();
-    if (c->job->device) {
-        sst_disparity_device_report(c->job->cfg.disparity.device, &devices.matching);
-        if (c->job->refinement)
-            sst_refine_device_report(c->job->refinement, &devices.refinement);
-    }
+    if (c->job->device)
+        sst_disparity_device_report(c->job->cfg.disparity.device, &device);
     if (!err)
-        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &devices);
+        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device);
     if (c->job->w.networks)
         sst_network_device_clear_report(c->job->w.networks);
     return cli_exit_code(err);

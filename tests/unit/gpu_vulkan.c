@@ -14,7 +14,6 @@
 #include "tests/gpu_field.h"
 #include "tests/match_field.h"
 #include "tests/match_network.h"
-#include "tests/refine_field.h"
 #include "tests/second_field.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
@@ -222,87 +221,6 @@ static void test_matches(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* With less memory than a view in work takes as a whole. */
-static void refine_in_bands(const struct sst_lightfield *lf)
-{
-    static const uint64_t memory[] = { 1650000, 850000 };
-
-    for (int i = 0; i < 2; i++) {
-        struct sst_refine_device_report report;
-        struct sst_refine_device *device;
-        struct sst_runner *shared;
-        struct sst_refine_config cfg;
-
-        assert_true(refine_config(&cfg, i));
-        assert_int_equal(sst_runner_create(&shared, "lavapipe", memory[i]), 0);
-        assert_int_equal(sst_refine_device_create(&device, shared), 0);
-        cfg.device = device;
-        refine_compare(lf, &cfg, &report);
-        assert_int_equal(report.in_parts, 5);
-        sst_refine_device_destroy(device);
-        sst_runner_destroy(shared);
-    }
-}
-
-/* With less than the views of a vote, and of carried labels, take. */
-static void exchange_in_bands(const struct sst_lightfield *lf, int views)
-{
-    const bool carried[6] = { false, true, false, true, false };
-    struct sst_refine_device_report report;
-    struct sst_refine_device *device;
-    struct sst_lightfield near = *lf;
-    struct sst_runner *shared;
-
-    assert_int_equal(sst_runner_create(&shared, "lavapipe", 92000), 0);
-    assert_int_equal(sst_refine_device_create(&device, shared), 0);
-    vote_compare(lf, NULL, device, &report);
-    assert_int_equal(report.voted_in_parts, views);
-    near.disp_min_px = -6;
-    carry_compare(&near, carried, 0, device, &report);
-    assert_true(report.carried_in_parts > 0);
-    assert_int_equal(report.carried_on_cpu, 2); /* gaps are filled from all rows of a picture of this size */
-    enlarge_compare(lf, 0, device, &report);
-    assert_int_equal(report.enlarged_in_parts, 2);
-    sst_refine_device_destroy(device);
-    sst_runner_destroy(shared);
-}
-
-/* Labels are refined, voted on and carried, with the bytes of the CPU. */
-static void test_labels(void **state)
-{
-    const bool carried[6] = { false, true, false, true, false };
-    struct sst_refine_device_report report;
-    struct sst_runner *shared;
-    struct sst_refine_config cfg;
-    struct sst_lightfield lf;
-    struct sst_refine_device *device;
-
-    (void)state;
-    refine_init(&lf, 2, 3, 93, 61);
-    assert_int_equal(sst_runner_create(&shared, "lavapipe", 0), 0);
-    assert_int_equal(sst_refine_device_create(&device, shared), 0);
-    for (int i = 0; refine_config(&cfg, i); i++) {
-        cfg.device = device;
-        refine_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, 5);
-        assert_int_equal(report.on_cpu, 0);
-    }
-    refine_in_bands(&lf);
-    vote_compare(&lf, NULL, device, &report);
-    assert_int_equal(report.voted, 5);
-    exchange_in_bands(&lf, 5);
-    lf.disp_min_px = -6;
-    carry_compare(&lf, carried, 0, device, &report);
-    assert_int_equal(report.carried, 5);
-    enlarge_compare(&lf, 0, device, &report);
-    assert_int_equal(report.enlarged, 2);
-    finish_compare(&lf, shared, device, &report);
-    assert_int_equal(report.finished, 2);
-    sst_refine_device_destroy(device);
-    sst_runner_destroy(shared);
-    sst_lightfield_fini(&lf);
-}
-
 /* The learned cost, whose features any network may give. */
 static void test_learned(void **state)
 {
@@ -471,7 +389,7 @@ int main(void)
         cmocka_unit_test(test_choice),          cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
         cmocka_unit_test(test_pictures),        cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
         cmocka_unit_test(test_second),          cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
-        cmocka_unit_test(test_labels),          cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_learned),         cmocka_unit_test(test_timeout),
         cmocka_unit_test(test_frames_in_bands), cmocka_unit_test(test_longest),
     };
     glob_t drivers;

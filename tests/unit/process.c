@@ -306,12 +306,12 @@ static void most_views_decide_on_a_label(void **state SST_UNUSED)
     label[0][62] = label[2][58] = 4; /* ... at another distance than 60 */
     sst_image_row(&lf.views[0].image, 1, 0)[52] = sst_image_row(&lf.views[2].image, 1, 0)[48] = 125;
     sst_map_u16_row(&lf.views[0].disp, 0)[62] = sst_map_u16_row(&lf.views[2].disp, 0)[58] = 65;
-    assert_int_equal(process_vote_labels(&lf, NULL, NULL, 2, NULL), 0);
+    assert_int_equal(process_vote_labels(&lf, NULL, NULL, 2), 0);
     for (int x = 0; x < WIDTH; x++)
         assert_int_equal(sst_map_u8_row(&lf.views[1].label, 0)[x], x == 30 ? 3 : x == 40 ? 4 : 1);
     assert_int_equal(sst_map_u8_row(&lf.views[2].label, 0)[28], 3);
     sst_map_u8_row(&lf.views[1].label, 0)[20] = 5;
-    assert_int_equal(process_vote_labels(&lf, skip, NULL, 1, NULL), 0);
+    assert_int_equal(process_vote_labels(&lf, skip, NULL, 1), 0);
     assert_int_equal(sst_map_u8_row(&lf.views[1].label, 0)[20], 5); /* one against one: the own label stays */
     assert_int_equal(sst_map_u8_row(&lf.views[0].label, 0)[32], 3); /* skipped */
     sst_lightfield_fini(&lf);

@@ -2,7 +2,6 @@
 #ifndef SST_PIPELINE_METHOD_LABELS_LABELS_H
 #define SST_PIPELINE_METHOD_LABELS_LABELS_H
 
-#include "pipeline/gpu/label.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/image.h"
 #include "pipeline/method/network/network.h"
@@ -47,7 +46,7 @@ void sst_segmenter_close(struct sst_segmenter *seg);
 
 /**
  * Run the network on a device from now on, see sst_network_use_device(); images are resampled and labels brought to
- * their size on the CPU, or as sst_segmenter_use_enlarger() says.
+ * their size on the CPU.
  *
  * @param d  borrowed until the segmenter is closed; NULL: on the CPU
  */
@@ -64,66 +63,6 @@ const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
 
 /** The model's default entropy threshold. */
 double sst_segmenter_eps_h(const struct sst_segmenter *seg);
-
-/** What a network says of an image, on a coarse grid, as the shader label_cells has it (pipeline/gpu/label.h). */
-struct sst_label_cells {
-    int width, height, classes; /* of the grid */
-    const void *cells;
-    size_t cells_bytes;
-    const void *places; /* of the image's columns and rows */
-    size_t places_bytes;
-};
-
-/**
- * Labels of an image's pixels from cells, as labels_upsample() finds them.
- *
- * @param label    out, of the image's size; without entropy only those with an entropy below eps_h
- * @param entropy  out, likewise; or NULL
- * @return false: it is to be done on the CPU
- */
-typedef bool sst_label_enlarge_fn(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
-                                  struct sst_map_f32 *entropy, double eps_h);
-
-/** A network's input and result for a whole image, as the shaders label_input and label_grid have them. */
-struct sst_label_result {
-    struct sst_gpu_label_input input; /* of the image; in_width 0: the CPU makes it; `to`: not yet set */
-    struct sst_gpu_label_grid grid;   /* of the image; `from`: not yet set */
-    const void *tables;               /* of both, after struct sst_gpu_label_place[width + height] */
-    size_t tables_bytes;
-};
-
-/**
- * Make the network's input from an image where it runs, under the lock of the device.
- *
- * @param to         the input
- * @param at         its first word there
- * @param entropies  are wanted of the result
- * @return false: it is to be uploaded
- */
-typedef bool sst_label_feed_fn(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at,
-                               const struct sst_label_result *result, bool entropies);
-
-/**
- * The same from a network's result that lies on a device, under its lock.
- *
- * @param from  the result
- * @param at    its first word there
- * @return false: it is to be done from a copy of the result
- */
-typedef bool sst_label_finish_fn(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at,
-                                 const struct sst_label_result *result, struct sst_map_u8 *label,
-                                 struct sst_map_f32 *entropy, double eps_h);
-
-struct sst_label_enlarger {
-    sst_label_enlarge_fn *enlarge;
-    sst_label_feed_fn *feed;     /* or NULL */
-    sst_label_finish_fn *finish; /* or NULL: `enlarge` alone */
-    void *arg;
-};
-
-/** Bring labels to the image's size by this from now on, in sst_segment_hcsm() and in sst_segment() where entropy is
- * wanted and prob is not. @param by  copied; NULL: on the CPU */
-void sst_segmenter_use_enlarger(struct sst_segmenter *seg, const struct sst_label_enlarger *by);
 
 /** How images are scaled and cut for the network. Zeroed: the default. */
 struct sst_segment_config {

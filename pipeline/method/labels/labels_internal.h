@@ -21,15 +21,6 @@
 SST_MUST_CHECK int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
                                    const double std[3], int threads, struct sst_mem_kept *kept);
 
-/** A sum of samples times *scale, less *shift, is what the above has of it. */
-void resample_scale(float *scale, float *shift, double mean, double std);
-
-/** Words of a column or row of struct sst_gpu_label_grid's tables. */
-size_t resample_words(int from, int to);
-
-/** Weights of an axis. @param words  out [to][resample_words()] */
-void resample_pack_axis(uint32_t *words, int from, int to);
-
 /* --- tiles: one axis cut into overlapping windows of equal length whose weights sum to 1. --- */
 
 struct tiles {
@@ -69,7 +60,7 @@ struct class_grid {
 
 /** Scratch. Zeroed: none yet. */
 struct upsample_memory {
-    struct sst_mem_kept own, resample, packed, tables;
+    struct sst_mem_kept own, resample;
 };
 
 void upsample_memory_fini(struct upsample_memory *memory);
@@ -92,24 +83,5 @@ size_t class_grid_values(int count);
 SST_MUST_CHECK int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob,
                                    struct class_grid *grid, const struct sst_image *img, int threads,
                                    struct upsample_memory *memory);
-
-/**
- * What labels_upsample() computes from, packed for a device.
- *
- * @param memory  holds it until it is used again
- * @return 0 or -ENOMEM (not logged)
- */
-SST_MUST_CHECK int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, const struct sst_image *img,
-                                     int threads, struct upsample_memory *memory);
-
-/**
- * What a device makes cells of a result from, and labels from them.
- *
- * @param out     its grid's sizes are set; tables are set here, and where they are
- * @param memory  holds it until it is used again
- * @return 0 or -ENOMEM (not logged)
- */
-SST_MUST_CHECK int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info *info,
-                                      struct upsample_memory *memory);
 
 #endif

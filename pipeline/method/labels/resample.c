@@ -66,31 +66,6 @@ static struct tap *make_axis(void *at, int from, int to)
     return taps;
 }
 
-size_t resample_words(int from, int to)
-{
-    return 2 + most_samples(from, to);
-}
-
-void resample_pack_axis(uint32_t *words, int from, int to)
-{
-    const size_t step = resample_words(from, to);
-
-    memset(words, 0, (size_t)to * step * sizeof(*words));
-    for (int i = 0; i < to; i++, words += step) {
-        struct tap t = { .weight = (float *)(void *)(words + 2) };
-
-        fill_tap(&t, i, from, to);
-        words[0] = (uint32_t)t.first;
-        words[1] = (uint32_t)t.n;
-    }
-}
-
-void resample_scale(float *scale, float *shift, double mean, double std)
-{
-    *scale = (float)(1 / (255 * std));
-    *shift = (float)(mean / std);
-}
-
 /* One row of one plane: down the columns first, then along the row. */
 static int resample_row(void *arg, int index, int worker)
 {
@@ -98,9 +73,8 @@ static int resample_row(void *arg, int index, int worker)
     const int c = index / j->height, y = index % j->height, w = j->img->width;
     const struct tap *ty = &j->y[y];
     float *row = j->rows + (size_t)worker * (size_t)w, *out = j->out + (size_t)index * (size_t)j->width;
-    float scale, shift;
+    const float scale = (float)(1 / (255 * j->std[c])), shift = (float)(j->mean[c] / j->std[c]);
 
-    resample_scale(&scale, &shift, j->mean[c], j->std[c]);
     memset(row, 0, (size_t)w * sizeof(*row));
     for (int k = 0; k < ty->n; k++) {
         const uint8_t *in = sst_image_row(j->img, c, ty->first + k);

@@ -23,7 +23,6 @@ struct sst_segmenter {
     struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
     struct upsample_memory upsample;
     struct sst_map_f32 entropy; /* of sst_segment_hcsm() */
-    struct sst_label_enlarger enlarger;
 };
 
 /* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
@@ -120,11 +119,6 @@ void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_devi
     sst_network_use_device(seg->net, d);
 }
 
-void sst_segmenter_use_enlarger(struct sst_segmenter *seg, const struct sst_label_enlarger *by)
-{
-    seg->enlarger = by ? *by : (struct sst_label_enlarger){ NULL, NULL, NULL };
-}
-
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
 {
     return &seg->info;
@@ -162,24 +156,12 @@ static int out_of_memory(const struct sst_image *img)
     return -ENOMEM;
 }
 
-/* Labels that the network's device computes, without a grid on the host. */
-struct finish {
-    struct sst_segmenter *seg;
-    const struct sst_image *img;
-    const struct working *working;
-    struct sst_label_result result;
-    struct sst_map_u8 *label;
-    struct sst_map_f32 *entropy; /* or NULL */
-    bool filled, done;           /* the working picture; the labels */
-};
-
 /* The network's input, whole or by windows, and the destination of the windows' results. */
 struct working {
     int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
     struct tiles across, down;                              /* windows in cells of the result */
     float *picture, *window, *out; /* [3][height][width]; the part inside a window (NULL: all); its result */
-    struct finish *finish;         /* or NULL */
 };
 
 /* Sides at the image's proportions: `scale` times those of the nominal area. */
@@ -320,71 +302,24 @@ static void cut_window(const struct working *w, int i, int j)
     }
 }
 
-/* Of a struct sst_network_keeper, like the next two. */
-static bool feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *to, size_t at)
-{
-    const struct finish *f = arg;
-    const struct sst_label_enlarger *by = &f->seg->enlarger;
-
-    return f->result.input.in_width && by->feed(by->arg, g, to, at, &f->result, f->entropy);
-}
-
-static int fill(void *arg)
-{
-    struct finish *f = arg;
-    const struct working *w = f->working;
-    int err = f->filled ? 0 : make_input(w->picture, w->width, w->height, f->img, f->seg);
-
-    f->filled = !err;
-    return err ? out_of_memory(f->img) : 0;
-}
-
-static bool finish(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *from, size_t at)
-{
-    struct finish *f = arg;
-    const struct sst_label_enlarger *by = &f->seg->enlarger;
-
-    f->done = by->finish(by->arg, g, from, at, &f->result, f->label, f->entropy, f->seg->info.eps_h);
-    return f->done;
-}
-
 static int run_windows(struct class_grid *grid, const struct working *w, struct sst_segmenter *seg)
 {
-    const struct sst_network_keeper keeper = { finish, feed, fill, w->finish };
     int err = 0;
 
     for (int j = 0; j < w->down.count && !err; j++) {
         for (int i = 0; i < w->across.count && !err; i++) {
             if (w->window)
                 cut_window(w, i, j);
-            err = sst_network_run_kept(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
-                                       w->out, w->finish ? &keeper : NULL);
-            if (!w->finish || !w->finish->done)
-                err = err ? err : add_window(grid, w, i, j, seg);
+            err = sst_network_run(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
+                                  w->out);
+            err = err ? err : add_window(grid, w, i, j, seg);
         }
     }
     return err;
 }
 
-/* What the device needs to make the input and, from the network's result, the labels of a whole image. */
-static int prepare_finish(struct working *w, struct finish *f, struct sst_segmenter *seg, const struct sst_image *img)
-{
-    f->result.grid = (struct sst_gpu_label_grid){
-        .width = img->width, .height = img->height, .grid_width = w->out_width, .grid_height = w->out_height
-    };
-    if (seg->enlarger.feed && sst_network_in_channels(seg->net) == 3)
-        f->result.input = (struct sst_gpu_label_input){
-            .width = img->width, .height = img->height, .in_width = w->width, .in_height = w->height
-        };
-    f->img = img;
-    f->working = w;
-    w->finish = f;
-    return labels_pack_tables(&f->result, &seg->info, &seg->upsample);
-}
-
-/* Distributions at the network's resolution. @param finish  labels that may be made instead; or NULL */
-static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img,
-                     struct finish *finish)
+/* Distributions at the network's resolution. */
+static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
 {
     struct working w = { 0 };
     size_t cells;
@@ -407,34 +342,16 @@ static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const s
     if (grid->cell)
         memset(grid->cell, 0, cells * sizeof(*grid->cell));
     err = w.picture && (whole || w.window) && w.out && grid->cell ? 0 : -ENOMEM;
-    if (!err && whole && finish && !seg->info.background)
-        err = prepare_finish(&w, finish, seg, img);
-    else if (!err)
-        err = make_input(w.picture, w.width, w.height, img, seg);
+    err = err ? err : make_input(w.picture, w.width, w.height, img, seg);
     return err ? out_of_memory(img) : run_windows(grid, &w, seg);
-}
-
-/* Labels, and entropies if they are wanted, elsewhere. @return 0, 1 (done on the CPU instead), -ENOMEM */
-static int enlarge(struct sst_segmenter *seg, struct class_grid *grid, const struct sst_image *img,
-                   struct sst_map_u8 *label, struct sst_map_f32 *entropy)
-{
-    struct sst_label_cells cells;
-    int err;
-
-    if (!seg->enlarger.enlarge)
-        return 1;
-    err = labels_pack_cells(&cells, grid, img, seg->threads, &seg->upsample);
-    return err ? err : !seg->enlarger.enlarge(seg->enlarger.arg, &cells, label, entropy, seg->info.eps_h);
 }
 
 int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                 struct sst_map_f32 *entropy, float **prob)
 {
     const size_t values = (size_t)seg->info.classes.count * (size_t)img->width * (size_t)img->height;
-    const bool enlarges = entropy && !prob && seg->enlarger.enlarge;
     struct sst_map_u8 label_made = { 0 };
     struct sst_map_f32 entropy_made = { 0 };
-    struct finish finish = { .seg = seg, .label = &label_made, .entropy = &entropy_made };
     struct class_grid grid = { 0 };
     float *prob_made = prob ? malloc(values * sizeof(*prob_made)) : NULL;
     int err = prob && !prob_made ? -ENOMEM : sst_map_u8_init(&label_made, img->width, img->height);
@@ -445,14 +362,11 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
         err = out_of_memory(img);
         goto fail;
     }
-    err = make_grid(&grid, seg, img, enlarges && seg->enlarger.finish ? &finish : NULL);
+    err = make_grid(&grid, seg, img);
     if (err)
         goto fail;
-    if (!finish.done)
-        err = enlarges ? enlarge(seg, &grid, img, &label_made, &entropy_made) : 1;
-    if (err > 0)
-        err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
-                              &seg->upsample);
+    err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
+                          &seg->upsample);
     if (err) {
         err = out_of_memory(img);
         goto fail;
@@ -474,7 +388,6 @@ fail:
     return err;
 }
 
-/* The same on the CPU. */
 static int upsample_hcsm(struct sst_segmenter *seg, struct class_grid *grid, const struct sst_image *img,
                          struct sst_map_u8 *label)
 {
@@ -494,21 +407,17 @@ static int upsample_hcsm(struct sst_segmenter *seg, struct class_grid *grid, con
 int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
 {
     struct sst_map_u8 made = { 0 };
-    struct finish finish = { .seg = seg, .label = &made };
     struct class_grid grid;
     int err = sst_map_u8_init(&made, img->width, img->height);
 
     if (err)
         return out_of_memory(img);
-    err = make_grid(&grid, seg, img, seg->enlarger.finish ? &finish : NULL);
+    err = make_grid(&grid, seg, img);
     if (err) {
         sst_map_u8_fini(&made);
         return err;
     }
-    if (!finish.done)
-        err = enlarge(seg, &grid, img, &made, NULL);
-    if (err > 0)
-        err = upsample_hcsm(seg, &grid, img, &made);
+    err = upsample_hcsm(seg, &grid, img, &made);
     if (err) {
         sst_map_u8_fini(&made);
         return out_of_memory(img);

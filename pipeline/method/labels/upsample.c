@@ -6,10 +6,8 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/gpu/label.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/method/labels/model_info.h"
 
 #define BLOCK SST_CLASS_ROW_MAX
 #define SPREAD                                                                                                         \
@@ -202,8 +200,6 @@ void upsample_memory_fini(struct upsample_memory *m)
 {
     sst_mem_kept_fini(&m->own);
     sst_mem_kept_fini(&m->resample);
-    sst_mem_kept_fini(&m->packed);
-    sst_mem_kept_fini(&m->tables);
 }
 
 /* @param at  start of the next part, advanced past it; NULL: only count the bytes */
@@ -258,111 +254,4 @@ int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float
     prepare_cells(&j);
     prepare_columns(&j);
     return sst_parallel_for(label->height, threads, finish_row, &j);
-}
-
-static void pack_places(struct sst_gpu_label_place *to, int from, int n)
-{
-    for (int i = 0; i < n; i++)
-        to[i].first = (uint32_t)place(i, from, n, to[i].weight);
-}
-
-int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, const struct sst_image *img, int threads,
-                      struct upsample_memory *memory)
-{
-    const size_t cells = (size_t)grid->width * (size_t)grid->height, count = (size_t)grid->count, values = count + 5;
-    const size_t places = (size_t)(img->width + img->height);
-    struct sst_gpu_label_place *place;
-    float *colour, *cell;
-    size_t at = 0;
-    int err;
-
-    for (int pass = 0; pass < 2; pass++) {
-        uint8_t *base = pass ? sst_mem_keep(&memory->packed, at, 1) : NULL;
-
-        if (pass && !base)
-            return -ENOMEM;
-        at = 0;
-        colour = part(base, &at, 3 * cells, sizeof(*colour));
-        cell = part(base, &at, cells * values, sizeof(*cell));
-        place = part(base, &at, places, sizeof(*place));
-    }
-    err = find_colours(colour, grid, img, threads, memory);
-    if (err)
-        return err;
-    for (size_t i = 0; i < cells; i++) {
-        const float *from = grid->cell + i * grid->values;
-        const uint32_t winner = winner_of(from, grid->count);
-        float *to = cell + i * values;
-
-        memcpy(to, from, count * sizeof(*to));
-        to[count] = 1;
-        for (size_t c = 0; c < 3; c++)
-            to[count + 1 + c] = colour[c * cells + i];
-        memcpy(&to[count + 4], &winner, sizeof(winner));
-    }
-    pack_places(place, grid->width, img->width);
-    pack_places(place + img->width, grid->height, img->height);
-    *out = (struct sst_label_cells){
-        grid->width, grid->height, grid->count, cell, cells * values * sizeof(*cell), place, places * sizeof(*place)
-    };
-    return 0;
-}
-
-/* Tables of the input. @param words  out, from `at` on, of its columns, then of its rows; NULL: only count them */
-static size_t pack_input(struct sst_gpu_label_input *in, const struct sst_model_info *info, uint32_t *words, size_t at)
-{
-    const size_t across = resample_words(in->width, in->in_width), down = resample_words(in->height, in->in_height);
-    const size_t down_at = at + across * (size_t)in->in_width;
-
-    if (words) {
-        resample_pack_axis(words + at, in->width, in->in_width);
-        resample_pack_axis(words + down_at, in->height, in->in_height);
-    }
-    in->across = (uint32_t)at;
-    in->across_words = (uint32_t)across;
-    in->down = (uint32_t)down_at;
-    in->down_words = (uint32_t)down;
-    for (uint32_t c = 0; c < 3; c++) {
-        in->channel[c] = info->bgr ? 2 - c : c;
-        resample_scale(&in->scale[c], &in->shift[c], info->mean[c], info->std[c]);
-    }
-    return down_at + down * (size_t)in->in_height - at;
-}
-
-int labels_pack_tables(struct sst_label_result *out, const struct sst_model_info *info, struct upsample_memory *memory)
-{
-    struct sst_gpu_label_grid *g = &out->grid;
-    const size_t place_words = sizeof(struct sst_gpu_label_place) / sizeof(uint32_t);
-    const size_t places = (size_t)(g->width + g->height) * place_words;
-    const size_t across = resample_words(g->width, g->grid_width), down = resample_words(g->height, g->grid_height);
-    const size_t down_at = places + across * (size_t)g->grid_width, of_at = down_at + down * (size_t)g->grid_height;
-    const size_t invalid = of_at + (size_t)info->channels;
-    const size_t words = invalid + 1 + (out->input.in_width ? pack_input(&out->input, info, NULL, 0) : 0);
-    uint32_t *table = sst_mem_keep(&memory->tables, words, sizeof(*table));
-    struct sst_gpu_label_place *place = (struct sst_gpu_label_place *)(void *)table;
-
-    if (!table)
-        return -ENOMEM;
-    pack_places(place, g->grid_width, g->width);
-    pack_places(place + g->width, g->grid_height, g->height);
-    resample_pack_axis(table + places, g->width, g->grid_width);
-    resample_pack_axis(table + down_at, g->height, g->grid_height);
-    for (int c = 0; c < info->channels; c++)
-        table[of_at + (size_t)c] = info->class_of[c];
-    table[invalid] = 0;
-    if (out->input.in_width)
-        (void)pack_input(&out->input, info, table, invalid + 1);
-    g->channels = info->channels;
-    g->classes = info->classes.count;
-    g->across = (uint32_t)places;
-    g->across_words = (uint32_t)across;
-    g->down = (uint32_t)down_at;
-    g->down_words = (uint32_t)down;
-    g->class_of = (uint32_t)of_at;
-    g->invalid = (uint32_t)invalid;
-    g->is_probability = info->probabilities;
-    g->per_temperature = (float)(1 / info->temperature);
-    out->tables = table;
-    out->tables_bytes = words * sizeof(*table);
-    return 0;
 }

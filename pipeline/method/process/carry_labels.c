@@ -10,21 +10,19 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES SST_REFINE_SOURCES /* nearest labelled views that labels come from */
+#define SOURCES 8 /* nearest labelled views that labels come from */
 
 struct job {
     const struct process_carry *c;
     struct sst_map_f32 *entropy; /* or NULL */
     bool fill;
-    int *view;        /* those that labels are carried to */
-    bool *done;       /* [views] on the device */
-    uint64_t **packed; /* [views] of the sources, once the CPU asks them */
-    const int *batch; /* of view: what is done at once */
+    int *view;         /* those that labels are carried to */
+    uint64_t **packed; /* [views] of the sources; NULL: none is asked */
     struct sst_map_f32 *spare; /* [threads] entropies of a view that is done; NULL: they are kept */
 };
 
 /* The nearest labelled views other than the view itself, the nearest first. @return their number */
-static int sources_of(const struct process_carry *c, int view, struct sst_refine_voter source[SOURCES])
+static int sources_of(const struct process_carry *c, int view, struct process_source source[SOURCES])
 {
     const struct sst_lightfield *lf = c->lf;
     const struct sst_view *own = &lf->views[view];
@@ -45,8 +43,8 @@ static int sources_of(const struct process_carry *c, int view, struct sst_refine
             source[at] = source[at - 1];
         }
         distance[at] = far;
-        source[at] = (struct sst_refine_voter){ k, sst_shift_by(own->bx - from->bx, lf->disp_min_px),
-                                                sst_shift_by(own->by - from->by, lf->disp_min_px) };
+        source[at] = (struct process_source){ k, sst_shift_by(own->bx - from->bx, lf->disp_min_px),
+                                              sst_shift_by(own->by - from->by, lf->disp_min_px) };
     }
     return n;
 }
@@ -70,7 +68,7 @@ struct gathered_row {
 
 /* Labels of a row from the nearest sources that show each surface and have a label there. */
 static void gather_row(const struct gathered_row *to, struct process_rays *rays, const struct process_carry *c,
-                       const struct gathered *out, const struct sst_refine_voter *source, int n)
+                       const struct gathered *out, const struct process_source *source, int n)
 {
     for (int i = 0; i < n && rays->count; i++) {
         const int view = source[i].view;
@@ -98,7 +96,7 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
 /* The label of pixel (x, y) from the first of the sources from `first` on that shows its surface and has a label there.
  */
 static uint8_t find_label(const struct process_carry *c, const struct sst_view *own,
-                          const struct sst_refine_voter *source, int first, int n, int x, int y)
+                          const struct process_source *source, int first, int n, int x, int y)
 {
     const int d = sst_map_u16_row(&own->disp, y)[x];
 
@@ -116,7 +114,7 @@ static uint8_t find_label(const struct process_carry *c, const struct sst_view *
 
 /* Labels of a view whose nearest sources are known: mostly they have a label, and the others are not asked. */
 static void gather_known(const struct process_carry *c, int view, const struct gathered *out,
-                         const struct sst_refine_voter *source, int n)
+                         const struct process_source *source, int n)
 {
     const struct sst_view *own = &c->lf->views[view];
     struct process_way way[SOURCES];
@@ -147,7 +145,7 @@ static void gather_known(const struct process_carry *c, int view, const struct g
 static int gather_labels(const struct process_carry *c, int view, const struct gathered *out)
 {
     const struct sst_view *own = &c->lf->views[view];
-    struct sst_refine_voter source[SOURCES];
+    struct process_source source[SOURCES];
     struct process_rays rays = { 0 };
     const int n = sources_of(c, view, source), width = out->label->width;
     int err;
@@ -190,25 +188,12 @@ static int open_view(const struct job *j, int view, struct sst_map_f32 *spare)
     return err || !j->entropy ? err : sst_map_f32_init(&j->entropy[view], lf->width, lf->height);
 }
 
-static bool carry_on_device(const struct process_carry *c, int view, struct sst_map_u8 *label,
-                            struct sst_map_f32 *own_entropy, struct sst_refine_carry *how)
-{
-    struct sst_refine_voter source[SOURCES];
-
-    how->lf = c->lf;
-    how->view = view;
-    how->sources = source;
-    how->count = sources_of(c, view, source);
-    return sst_refine_device_carry(c->device, label, own_entropy, how);
-}
-
-/* What the device has not carried. */
-static int carry_here(const struct job *j, int view, struct sst_map_f32 *spare)
+static int carry_view(const struct job *j, int view, struct sst_map_f32 *spare)
 {
     struct sst_view *own = &j->c->lf->views[view];
     struct sst_map_u8 *source = j->c->source ? &j->c->source[view] : NULL;
     struct gathered gathered;
-    int err = j->c->device ? 0 : open_view(j, view, spare);
+    int err = open_view(j, view, spare);
 
     gathered = (struct gathered){ .label = &own->label,
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
@@ -225,9 +210,9 @@ static int carry_here(const struct job *j, int view, struct sst_map_f32 *spare)
 static int carry_job(void *arg, int index, int worker)
 {
     const struct job *j = arg;
-    const int view = j->view[j->batch[index]];
+    const int view = j->view[index];
     struct sst_map_f32 *spare = j->spare ? &j->spare[worker] : NULL;
-    int err = j->done[view] ? 0 : carry_here(j, view, spare);
+    int err = carry_view(j, view, spare);
 
     if (j->c->then)
         err = err ? err : j->c->then(j->c->arg, view);
@@ -249,18 +234,15 @@ static int pack_job(void *arg, int view, int worker SST_UNUSED)
     return j->packed[view] ? 0 : -ENOMEM;
 }
 
-/* Pack all sources, if a view of the batch needs them. */
+/* Pack all sources, if one of the `count` views needs them. */
 static int pack_sources(struct job *j, int count)
 {
     const int views = j->c->lf->rows * j->c->lf->cols;
     bool needed = false;
 
-    for (int i = 0; i < count; i++) {
-        const int view = j->view[j->batch[i]];
-
-        needed |= !j->done[view] && !(j->c->source && j->c->source[view].data);
-    }
-    if (!needed || j->packed)
+    for (int i = 0; i < count; i++)
+        needed |= !(j->c->source && j->c->source[j->view[i]].data);
+    if (!needed)
         return 0;
     j->packed = calloc((size_t)views, sizeof(*j->packed));
     return j->packed ? sst_parallel_for(views, j->c->threads, pack_job, j) : -ENOMEM;
@@ -271,25 +253,6 @@ static void unpack_sources(struct job *j)
     for (int k = 0; j->packed && k < j->c->lf->rows * j->c->lf->cols; k++)
         sst_mem_free(j->packed[k]);
     free(j->packed);
-}
-
-static int carry_batch(void *arg, const int *index, int count)
-{
-    struct job *j = arg;
-    int err = 0;
-
-    j->batch = index;
-    for (int i = 0; i < count && !err && j->c->device; i++) {
-        const int view = j->view[index[i]];
-        struct sst_refine_carry how = { .entropies = j->entropy, .fill = j->fill };
-
-        err = open_view(j, view, NULL);
-        if (!err)
-            j->done[view] =
-                carry_on_device(j->c, view, &j->c->lf->views[view].label, j->entropy ? &j->entropy[view] : NULL, &how);
-    }
-    err = err ? err : pack_sources(j, count);
-    return err ? err : sst_parallel_for(count, j->c->threads, carry_job, j);
 }
 
 static void carried_maps(void *arg, int index, struct sst_share_maps *out)
@@ -307,29 +270,25 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
     struct job j = { .c = c,
                      .entropy = entropy,
                      .fill = fill,
-                     .view = calloc((size_t)views, sizeof(*j.view)),
-                     .done = calloc((size_t)views, sizeof(*j.done)) };
+                     .view = calloc((size_t)views, sizeof(*j.view)) };
     const int spares = c->then && entropy ? sst_max_int(c->threads, 1) : 0;
-    int count = 0, err = j.view && j.done ? 0 : -ENOMEM;
+    int count = 0, err = j.view ? 0 : -ENOMEM;
 
     if (spares) {
         j.spare = calloc((size_t)spares, sizeof(*j.spare));
         err = j.spare ? err : -ENOMEM;
     }
-    sst_refine_device_next_stage(c->device);
     for (int k = 0; !err && k < views; k++) {
-        if (!c->lf->views[k].present || !c->carried[k])
-            continue;
-        j.view[count++] = k;
-        sst_refine_device_changed(c->device, k);
+        if (c->lf->views[k].present && c->carried[k])
+            j.view[count++] = k;
     }
-    err = err ? err : sst_share_batches(c->share, count, c->share ? c->threads : views, carry_batch, &j, carried_maps);
+    err = err ? err : pack_sources(&j, count);
+    err = err ? err : sst_share_for(c->share, count, c->threads, carry_job, &j, carried_maps);
     unpack_sources(&j);
     for (int i = 0; j.spare && i < spares; i++)
         sst_map_f32_fini(&j.spare[i]);
     free(j.spare);
     free(j.view);
-    free(j.done);
     return err;
 }
 
@@ -337,7 +296,7 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
 static int gather_one(const struct process_carry *c, int view, struct sst_map_u8 *label)
 {
     const int views = c->lf->rows * c->lf->cols;
-    struct sst_refine_voter source[SOURCES];
+    struct process_source source[SOURCES];
     const int n = sources_of(c, view, source);
     uint64_t **packed = calloc((size_t)views, sizeof(*packed));
     int err = packed ? 0 : -ENOMEM;
@@ -356,13 +315,11 @@ static int gather_one(const struct process_carry *c, int view, struct sst_map_u8
 int process_carry_error(const struct process_carry *c, int view, double *percent)
 {
     const struct sst_lightfield *lf = c->lf;
-    struct sst_refine_carry how = { 0 };
     struct sst_map_u8 gathered = { 0 };
     int64_t n = 0, off = 0;
     int err = sst_map_u8_init(&gathered, lf->width, lf->height);
 
-    if (!err && !(c->device && carry_on_device(c, view, &gathered, NULL, &how)))
-        err = gather_one(c, view, &gathered);
+    err = err ? err : gather_one(c, view, &gathered);
     for (int y = 0; !err && y < lf->height; y++) {
         const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y), *there = sst_map_u8_row(&gathered, y);
 

@@ -43,11 +43,11 @@ static struct process_place sample_at(const struct samples *s, int i)
     return (struct process_place){ (int)((i % s->across + 0.5) * s->step_x), (int)((i / s->across + 0.5) * s->step_y) };
 }
 
-static struct sst_refine_voter seen_from(const struct sst_lightfield *lf, int view, int other)
+static struct process_source seen_from(const struct sst_lightfield *lf, int view, int other)
 {
     const struct sst_view *own = &lf->views[view], *there = &lf->views[other];
 
-    return (struct sst_refine_voter){ other, sst_shift_by(own->bx - there->bx, lf->disp_min_px),
+    return (struct process_source){ other, sst_shift_by(own->bx - there->bx, lf->disp_min_px),
                                       sst_shift_by(own->by - there->by, lf->disp_min_px) };
 }
 
@@ -70,7 +70,7 @@ static void probe(struct choice *c, int candidate, int view)
 {
     const struct sst_lightfield *lf = c->lf;
     const struct sst_view *own = &lf->views[view], *there = &lf->views[candidate];
-    const struct sst_refine_voter to = seen_from(lf, view, candidate);
+    const struct process_source to = seen_from(lf, view, candidate);
     uint8_t *shown = shown_by(c, candidate, view);
 
     for (int i = 0; i < c->samples; i++) {
@@ -215,7 +215,7 @@ double process_labels_differ(const struct sst_lightfield *lf, const bool *carrie
 
     for (int pair = 0; pair < views * views; pair++) {
         const int view = pair / views, other = pair % views;
-        const struct sst_refine_voter to = seen_from(lf, view, other);
+        const struct process_source to = seen_from(lf, view, other);
         const struct sst_view *own = &lf->views[view];
 
         for (int i = 0; i < grid.count && view != other && !carried[view] && !carried[other]; i++) {

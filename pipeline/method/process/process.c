@@ -156,9 +156,6 @@ static int segment_view(void *arg, int view, int worker)
     struct run *run = arg;
     struct sst_segmenter *seg = run->segmenters[worker];
     struct sst_view *v = &run->lf->views[view];
-    struct sst_refine_enlarge on = { run->cfg->refinement.device, run->lf, view };
-    const struct sst_label_enlarger by = { sst_refine_device_enlarge, sst_refine_device_feed, sst_refine_device_finish,
-                                           &on };
     int err;
 
     if (worker == 0)
@@ -168,13 +165,10 @@ static int segment_view(void *arg, int view, int worker)
     if (cancelled(run))
         return -ECANCELED;
     sst_map_u8_fini(&v->label);
-    sst_refine_device_changed(on.device, view);
-    sst_segmenter_use_enlarger(seg, on.device ? &by : NULL);
     err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
                        : sst_segment_hcsm(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
-    sst_segmenter_use_enlarger(seg, NULL);
     return err;
 }
 
@@ -240,7 +234,6 @@ static struct process_carry carry_of(const struct run *run)
                                    .carried = run->carried,
                                    .share = cfg->share,
                                    .threads = cfg->threads,
-                                   .device = cfg->refinement.device,
                                    .source = run->source };
 }
 
@@ -438,7 +431,6 @@ static int threshold_views(struct run *run, double eps_h)
 {
     struct threshold t = { run, eps_h };
 
-    sst_refine_device_threshold(run->cfg->refinement.device, run->lf, eps_h);
     return sst_parallel_for(views_of(run), run->cfg->threads, threshold_view, &t);
 }
 
@@ -557,7 +549,6 @@ static int match_views(struct run *run)
     cfg.cancel = run->cfg->cancel;
     cfg.share = run->cfg->share;
     cfg.report = &run->report->skipped;
-    cfg.stays = run->cfg->refinement.device;
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         cfg.disp_min_px = lf->range_min_px;
         cfg.disp_max_px = lf->range_max_px;
@@ -597,7 +588,7 @@ static int refine_views(struct run *run)
     if (run->cfg->refine)
         err = sst_refine_labels(run->lf, &cfg, NULL);
     if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
-        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.share, cfg.threads, cfg.device));
+        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.share, cfg.threads));
     if (run->cfg->refine && run->carried) {
         const struct process_carry carry = carry_of(run);
 
@@ -649,7 +640,6 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     run.report->labels = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
-    sst_refine_device_forget(cfg->refinement.device);
     sst_disparity_device_forget(cfg->disparity.device);
     for (int view = 0; run.source && view < views_of(&run); view++)
         sst_map_u8_fini(&run.source[view]);

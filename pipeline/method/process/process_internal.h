@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "pipeline/lightfield/lightfield.h"
-#include "pipeline/method/refine/refine.h"
+#include "pipeline/lightfield/shift.h"
 
 struct sst_share;
 
@@ -20,8 +20,14 @@ struct process_place {
     int x, y;
 };
 
+/** Another view, whose labels are asked for. */
+struct process_source {
+    int view;
+    struct sst_shift across, down; /* from a view's pixels to the other view's */
+};
+
 /** Where another view would show the surface of pixel (x, y), whose stored disparity is d. */
-static inline struct process_place process_place_in(const struct sst_refine_voter *s, int x, int y, int d)
+static inline struct process_place process_place_in(const struct process_source *s, int x, int y, int d)
 {
     return (struct process_place){ sst_shifted(x, s->across, d), sst_shifted(y, s->down, d) };
 }
@@ -31,7 +37,7 @@ struct process_way {
     int32_t whole[2], part[2], step[2]; /* sst_shift_parts(), across and down */
 };
 
-static inline struct process_way process_way_to(const struct sst_refine_voter *s)
+static inline struct process_way process_way_to(const struct process_source *s)
 {
     struct process_way w;
 
@@ -91,7 +97,7 @@ uint64_t *process_rays_pack(const struct sst_view *v);
 /** Set r->at and r->label: where a view shows the surfaces, as process_place_in() and process_shows().
  *  @param packed  of the view `there` @param s  of that view, nearer than PROCESS_REACH_MOST */
 void process_rays_find(struct process_rays *r, const struct sst_view *there, const uint64_t *packed,
-                       const struct sst_refine_voter *s);
+                       const struct process_source *s);
 
 /** What is known of the views that are labelled, from samples of all views' pixels. */
 struct process_cover {
@@ -132,7 +138,6 @@ struct process_carry {
     const bool *carried;       /* [views] the others */
     struct sst_share *share;   /* with other processes, by views; or NULL */
     int threads;
-    struct sst_refine_device *device; /* with the same bytes; or NULL */
     struct sst_map_u8 *source; /* [views], zeroed, the caller's: filled by the first process_carry_labels(), for later
                                   ones of the same disparities; it frees the maps. NULL: not kept */
     process_carried_fn *then;  /* or NULL; without `share` */
@@ -174,10 +179,9 @@ SST_MUST_CHECK int process_carry_error(const struct process_carry *c, int view, 
  *
  * @param skip    [views] these neither vote nor change; NULL: none
  * @param share   with other processes, by views; or NULL
- * @param device  that counts the votes of the views, or NULL
- * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads, and on every device.
+ * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads.
  */
 SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_share *share,
-                                       int threads, struct sst_refine_device *device);
+                                       int threads);
 
 #endif

@@ -67,7 +67,7 @@ uint64_t *process_rays_pack(const struct sst_view *v)
 }
 
 void process_rays_find(struct process_rays *r, const struct sst_view *there, const uint64_t *packed,
-                       const struct sst_refine_voter *s)
+                       const struct process_source *s)
 {
     const struct sst_shift shift[2] = { s->across, s->down };
     struct sst_shown shown = { .rays = packed,

@@ -7,16 +7,13 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES SST_REFINE_VOTERS /* nearest views that vote beside the view itself */
+#define SOURCES 4 /* nearest views that vote beside the view itself */
 
 struct vote {
     const struct sst_lightfield *lf;
     const bool *skip;       /* or NULL */
     struct sst_map_u8 *out; /* [views] */
     int *view;              /* those that vote */
-    int threads;
-    struct sst_refine_device *device; /* or NULL */
-    const int *batch;                 /* of view: what is done at once */
 };
 
 static bool votes(const struct vote *v, int view)
@@ -27,7 +24,7 @@ static bool votes(const struct vote *v, int view)
 }
 
 /* The nearest voters, the nearest first. @return their number */
-static int voters_of(const struct vote *v, int view, struct sst_refine_voter voter[SOURCES])
+static int voters_of(const struct vote *v, int view, struct process_source voter[SOURCES])
 {
     const struct sst_lightfield *lf = v->lf;
     const struct sst_view *own = &lf->views[view];
@@ -48,8 +45,8 @@ static int voters_of(const struct vote *v, int view, struct sst_refine_voter vot
             voter[at] = voter[at - 1];
         }
         distance[at] = far;
-        voter[at] = (struct sst_refine_voter){ k, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
-                                               sst_shift_by(own->by - other->by, lf->disp_min_px) };
+        voter[at] = (struct process_source){ k, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
+                                             sst_shift_by(own->by - other->by, lf->disp_min_px) };
     }
     return n;
 }
@@ -107,18 +104,15 @@ static uint8_t elect(const struct ballot *ballot, int n, const struct sst_view *
     return label[best];
 }
 
-/* @param index  of the batch */
 static int vote_job(void *arg, int index, int worker SST_UNUSED)
 {
     const struct vote *v = arg;
-    const int view = v->view[v->batch[index]];
+    const int view = v->view[index];
     const struct sst_view *own = &v->lf->views[view];
-    struct sst_refine_voter voter[SOURCES];
+    struct process_source voter[SOURCES];
     struct ballot ballot[SOURCES];
     int n, err;
 
-    if (v->out[view].data)
-        return 0;
     n = voters_of(v, view, voter);
     for (int i = 0; i < n; i++)
         ballot[i] = (struct ballot){ &v->lf->views[voter[i].view], process_way_to(&voter[i]) };
@@ -135,29 +129,6 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
     return err;
 }
 
-/* A view on the device. Without memory or if it fails, the view is left to the CPU. */
-static int vote_on_device(const struct vote *v, int view)
-{
-    const struct sst_map_u8 *label = &v->lf->views[view].label;
-    struct sst_refine_voter voter[SOURCES];
-    const int err = sst_map_u8_init(&v->out[view], label->width, label->height);
-
-    if (!err && !sst_refine_device_vote(v->device, &v->out[view], v->lf, view, voter, voters_of(v, view, voter)))
-        sst_map_u8_fini(&v->out[view]);
-    return err;
-}
-
-static int vote_batch(void *arg, const int *index, int count)
-{
-    struct vote *v = arg;
-    int err = 0;
-
-    v->batch = index;
-    for (int i = 0; v->device && !err && i < count; i++)
-        err = vote_on_device(v, v->view[index[i]]);
-    return err ? err : sst_parallel_for(count, v->threads, vote_job, v);
-}
-
 static void elected_map(void *arg, int index, struct sst_share_maps *out)
 {
     const struct vote *v = arg;
@@ -165,26 +136,21 @@ static void elected_map(void *arg, int index, struct sst_share_maps *out)
     sst_share_add_u8(out, &v->out[v->view[index]]);
 }
 
-int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_share *share, int threads,
-                        struct sst_refine_device *device)
+int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_share *share, int threads)
 {
     const int views = lf->rows * lf->cols;
-    struct vote v = {
-        lf, skip, calloc((size_t)views, sizeof(*v.out)), calloc((size_t)views, sizeof(*v.view)), threads, device, NULL
-    };
+    struct vote v = { lf, skip, calloc((size_t)views, sizeof(*v.out)), calloc((size_t)views, sizeof(*v.view)) };
     int count = 0, err = v.out && v.view ? 0 : -ENOMEM;
 
-    sst_refine_device_next_stage(device);
     for (int k = 0; !err && k < views; k++) {
         if (votes(&v, k))
             v.view[count++] = k;
     }
-    err = err ? err : sst_share_batches(share, count, share ? threads : views, vote_batch, &v, elected_map);
+    err = err ? err : sst_share_for(share, count, threads, vote_job, &v, elected_map);
     for (int k = 0; v.out && k < views; k++) {
         if (!err && v.out[k].data) {
             sst_map_u8_fini(&lf->views[k].label);
             lf->views[k].label = v.out[k];
-            sst_refine_device_take_vote(device, lf, k);
         } else {
             sst_map_u8_fini(&v.out[k]);
         }

@@ -264,15 +264,13 @@ static void assign(const struct refine_job *job, const struct refine_grounds *g,
 static int refine_view(void *arg, int index, int worker)
 {
     struct refine_job *job = arg;
-    const int view = refine_of_batch(job, index);
+    const int view = job->view[index];
     struct refine_worker *w = &job->workers[worker];
     const struct refine_grounds *g = &w->grounds;
     struct sst_view *v = &job->lf->views[view];
     struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0, { 0 } } };
     uint64_t seen, mixed;
 
-    if (job->done[view])
-        return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
     find_grounds(job, w, v);
@@ -318,13 +316,12 @@ static int fit_labels(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     struct refine_job *job = arg;
     const struct sst_lightfield *lf = job->lf;
     const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
-    int err = 0;
+    int err;
 
     job->hist = sst_mem_alloc((size_t)job->n_workers, size * sizeof(*job->hist));
     if (!job->hist)
         return -ENOMEM;
-    if (!job->cfg->device || !refine_device_count(job->cfg->device, job, job->hist))
-        err = sst_parallel_for(lf->rows * lf->cols, job->n_workers, count_view, job);
+    err = sst_parallel_for(lf->rows * lf->cols, job->n_workers, count_view, job);
     for (int k = 1; k < job->n_workers; k++) {
         for (size_t i = 0; i < size; i++)
             job->hist[i] += job->hist[(size_t)k * size + i];
@@ -344,18 +341,6 @@ static void fitted_values(void *arg, int index SST_UNUSED, struct sst_share_maps
 
     sst_share_add_values(out, job->fits, sizeof(job->fits));
     sst_share_add_values(out, job->candidates, SST_DISP_BINS * sizeof(*job->candidates));
-}
-
-/* Views that are refined at once. */
-static int refine_batch(void *arg, const int *index, int count)
-{
-    struct refine_job *job = arg;
-    int err = 0;
-
-    job->batch = index;
-    if (job->cfg->device)
-        err = refine_on_device(job->cfg->device, job, count);
-    return err ? err : sst_parallel_for(count, job->n_workers, refine_view, job);
 }
 
 static void refined_map(void *arg, int index, struct sst_share_maps *out)
@@ -384,7 +369,6 @@ static void job_fini(struct refine_job *job)
     }
     sst_mem_free(job->workers);
     sst_mem_free(job->candidates);
-    sst_mem_free(job->done);
     sst_mem_free(job->view);
 }
 
@@ -412,17 +396,14 @@ static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf,
 
 static int job_init(struct refine_job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
-    const size_t views = (size_t)(lf->rows * lf->cols);
-
     *job = (struct refine_job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
     job->n_workers = sst_min_int(sst_thread_count(cfg->threads), lf->rows * lf->cols);
     for (int i = 0; i < lf->classes.count; i++)
         job->ground |= (uint64_t)lf->classes.ground[i] << i;
     job->workers = sst_mem_alloc((size_t)job->n_workers, sizeof(*job->workers));
     job->candidates = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*job->candidates));
-    job->done = sst_mem_alloc(views, sizeof(*job->done));
-    job->view = sst_mem_alloc(views, sizeof(*job->view));
-    if (!job->workers || !job->candidates || !job->done || !job->view)
+    job->view = sst_mem_alloc((size_t)(lf->rows * lf->cols), sizeof(*job->view));
+    if (!job->workers || !job->candidates || !job->view)
         return -ENOMEM;
     for (int k = 0; k < job->n_workers; k++) {
         if (worker_init(&job->workers[k], lf, cfg))
@@ -445,8 +426,6 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
         sst_log_info("label refinement: the focal length is unknown; the image width, %d px, is used instead",
                      lf->width);
     err = job_init(&job, lf, cfg);
-    if (!err && cfg->device)
-        refine_device_start(cfg->device);
     for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
         if (refine_wants(&job, view))
             job.view[count++] = view;
@@ -454,12 +433,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     if (!err)
         err = sst_share_for(cfg->share, 1, 1, fit_labels, &job, fitted_values);
     if (!err)
-        err = sst_share_batches(cfg->share, count, cfg->share ? job.n_workers : lf->rows * lf->cols, refine_batch, &job,
-                                refined_map);
-    for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
-        if (refine_wants(&job, view) && !job.done[view])
-            sst_refine_device_changed(cfg->device, view);
-    }
+        err = sst_share_for(cfg->share, count, job.n_workers, refine_view, &job, refined_map);
     job_fini(&job);
     if (err == -ENOMEM)
         sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,
