@@ -12,14 +12,12 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/step/opener.h"
 #include "pipeline/method/render/render_internal.h"
 
 #define TEST_BYTES (1 << 20) /* more than the self-tests of clear pictures need */
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
-/* Free what lies on the device. */
 void device_drop(struct render_device *d)
 {
     for (int i = 0; i < d->chunks; i++)
@@ -38,42 +36,26 @@ void device_drop(struct render_device *d)
     d->full = false;
 }
 
-static void close_gpu(struct render_device *d)
+/* Free what lies on the device, which is closed, or whose memory is needed otherwise. */
+static void drop(void *arg)
 {
-    if (!d->gpu)
-        return;
+    struct render_device *d = arg;
+
+    d->gpu = sst_runner_device(d->runner);
     device_drop(d);
-    sst_gpu_close(d->gpu);
-    d->gpu = NULL;
-    d->clear_tested = false;
-    d->verify.small = d->verify.split = d->verify.cramped = false;
 }
 
 /* Of a device that was just opened. */
-static void note_device(struct render_device *d)
+static void note_opening(struct render_device *d)
 {
-    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+    const struct sst_gpu_info *info = sst_runner_info(d->runner);
+
+    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
+    d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
-}
-
-static int open_gpu(struct render_device *d)
-{
-    int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
-
-    if (err) {
-        d->gpu = NULL;
-        return err;
-    }
-    err = sst_gpu_prepare(d->gpu, SST_GPU_BLEND);
-    if (err) {
-        sst_log_error("the device `%s` cannot render: %s; choose another %s", d->name, sst_gpu_error(err),
-                      d->changes ? "one" : "--device");
-        close_gpu(d);
-        return err;
-    }
-    note_device(d);
-    return 0;
+    d->clear_tested = false;
+    d->verify.small = d->verify.split = d->verify.cramped = false;
 }
 
 /* Note that a picture is rendered on the CPU, and why. */
@@ -87,8 +69,9 @@ static void note_cpu(struct render_device *d, const char *why)
  * else. @param why  "": the error's own */
 static void fail(struct render_device *d, int err, const char *why)
 {
-    const int skipped = sst_runner_backoff_fail(&d->backoff);
+    const int skipped = sst_runner_fail(d->runner);
 
+    d->gpu = NULL;
     why = *why ? why : sst_gpu_error(err);
     if (!d->changes)
         sst_log_warning("%s: %s; the picture is rendered on the CPU, and the device is opened again after %d more",
@@ -99,7 +82,6 @@ static void fail(struct render_device *d, int err, const char *why)
     snprintf(d->report.failure, sizeof(d->report.failure), "%s", why);
     d->report.failing = true;
     d->report.failures++;
-    close_gpu(d);
     d->given_up = err == -ENOTSUP;
 }
 
@@ -109,96 +91,61 @@ static void note_success(struct render_device *d)
         sst_log_info("%s: live pictures are rendered on the device again", d->report.name);
     d->report.failing = false;
     d->report.pictures++;
-    sst_runner_backoff_succeed(&d->backoff);
+    sst_runner_succeed(d->runner);
 }
 
-/* Open the device; of a light field that changes, what errors say is kept, and the device is tried again later.
- * @return 0, -ENOENT ("auto" without a GPU), -ENOMEM; else only where the light field does not change */
-static int open_first(struct render_device *d)
+/* Of a light field that changes, shaders that its pictures have needed so far are tested as the device is opened beside
+ * the work. */
+static void list_tested(struct render_device *d)
 {
-    char text[SST_LOG_MAX] = "", *before = NULL;
+#define CLEAR  SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL, SST_GPU_HOLE_PUSH
+#define VERIFY SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS, SST_GPU_VERIFY_MODE, SST_GPU_VERIFY_BLEND
+    static const enum sst_gpu_shader clear_first[] = { SST_GPU_BLEND, CLEAR, VERIFY },
+                                     verify_first[] = { SST_GPU_BLEND, VERIFY };
+#undef CLEAR
+#undef VERIFY
+
+    d->user.shaders = d->clears ? clear_first : verify_first;
+    d->user.count = 1;
+    d->user.tested = (d->clears ? 4 : 0) + (d->verify.wanted ? 4 : 0);
+}
+
+/* @return 0, or why the device is not used: logged, but of a light field that changes, whose device is tried again */
+static int join(struct render_device *d)
+{
     int err;
 
-    if (d->changes)
-        before = sst_log_hold_errors(text);
-    err = open_gpu(d);
-    if (d->changes)
-        sst_log_hold_errors(before);
-    if (!err || !d->changes || (err == -ENOENT && !strcmp(d->name, "auto")))
+    d->user.work = "render";
+    d->user.drop = drop;
+    d->user.arg = d;
+    list_tested(d);
+    err = sst_runner_join(d->runner, &d->user);
+    if (err && !d->changes)
         return err;
-    fail(d, err, text);
+    sst_runner_lock(d->runner);
+    d->gpu = sst_runner_device(d->runner);
+    if (err)
+        fail(d, err, sst_runner_why(d->runner));
+    else
+        note_opening(d);
+    sst_runner_unlock(d->runner);
     return 0;
 }
 
-/* The shaders that live pictures have needed so far. @return their number */
-static size_t list_shaders(struct render_device *d)
-{
-    static const enum sst_gpu_shader clear[] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL,
-                                                 SST_GPU_HOLE_PUSH },
-                                     verify[] = { SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS, SST_GPU_VERIFY_MODE,
-                                                  SST_GPU_VERIFY_BLEND };
-    const struct {
-        const enum sst_gpu_shader *shader;
-        size_t count;
-    } wanted[] = { { clear, d->clears ? ARRAY_LEN(clear) : 0 },
-                   { verify, d->verify.wanted ? ARRAY_LEN(verify) : 0 } };
-    size_t n = 0;
-
-    d->shaders[n++] = SST_GPU_BLEND;
-    for (size_t i = 0; i < ARRAY_LEN(wanted); i++) {
-        for (size_t k = 0; k < wanted[i].count; k++)
-            d->shaders[n++] = wanted[i].shader[k];
-    }
-    return n;
-}
-
-/* Open a device on a thread of its own: tests of shaders may take longer than pictures may wait.
- * @return 0, -EINPROGRESS, or an error */
-static int open_beside(struct render_device *d, char why[SST_LOG_MAX])
-{
-    const struct sst_runner_opening what = { .name = d->name,
-                                          .cfg = d->cfg,
-                                          .shaders = d->shaders,
-                                          .needed = 1,
-                                          .count = d->opener ? 0 : list_shaders(d), /* read when it begins */
-                                          .work = "render" };
-    const int err = sst_runner_open_beside(&d->opener, &what, &d->gpu, why);
-
-    if (!err)
-        note_device(d);
-    return err;
-}
-
-/* Open a device that failed. @return false: it fails again, or is being opened */
-static bool open_again(struct render_device *d)
-{
-    char why[SST_LOG_MAX] = "";
-    const int err = d->changes ? open_beside(d, why) : open_gpu(d);
-
-    if (!err)
-        return true;
-    if (err != -EINPROGRESS)
-        fail(d, err, why);
-    note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
-    return false;
-}
-
-int render_device_create(struct render_device **out, const struct sst_lightfield *lf, const char *name,
-                         const struct sst_gpu_config *cfg, const struct sst_render_live *live)
+int render_device_create(struct render_device **out, const struct sst_lightfield *lf, struct sst_runner *runner,
+                         const struct sst_render_live *live)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
     struct render_device *d = calloc(1, sizeof(*d));
     int err = d ? 0 : -ENOMEM;
 
     if (!err) {
-        pthread_mutex_init(&d->lock, NULL);
         d->lf = lf;
-        d->cfg = *cfg;
+        d->runner = runner;
         d->changes = live;
         d->live = live ? *live : (struct sst_render_live){ 0 };
         d->pitch = (lf->width + 3) / 4 * 4;
-        snprintf(d->name, sizeof(d->name), "%s", name);
-        snprintf(d->report.name, sizeof(d->report.name), "%s", name);
+        snprintf(d->report.name, sizeof(d->report.name), "%s", sst_runner_name(runner));
         d->chunk = calloc(views, sizeof(*d->chunk));
         d->slot = calloc(views, sizeof(*d->slot));
         d->frames.kept = calloc(views, sizeof(*d->frames.kept));
@@ -207,21 +154,22 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
     if (err)
         sst_log_error("not enough memory for a device");
     else
-        err = open_first(d);
-    if (err) {
+        err = join(d);
+    if (!err)
+        *out = d;
+    else if (d)
         render_device_destroy(d);
-        return err;
-    }
-    *out = d;
-    return 0;
+    else
+        sst_runner_destroy(runner);
+    return err;
 }
 
 void render_device_destroy(struct render_device *d)
 {
     if (!d)
         return;
-    sst_runner_opener_destroy(d->opener);
-    close_gpu(d);
+    sst_runner_leave(d->runner, &d->user);
+    sst_runner_destroy(d->runner);
     sst_mem_kept_fini(&d->packed);
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->weights);
@@ -231,7 +179,6 @@ void render_device_destroy(struct render_device *d)
     free(d->verify.cell);
     free(d->chunk);
     free(d->slot);
-    pthread_mutex_destroy(&d->lock);
     free(d);
 }
 
@@ -240,11 +187,21 @@ void render_device_destroy(struct render_device *d)
 /* True if the device may be tried; else the picture is noted as one for the CPU. */
 static bool may_try(struct render_device *d)
 {
-    if (d->given_up || sst_runner_backoff_skips(&d->backoff)) {
+    int err = 0;
+
+    list_tested(d);
+    d->gpu = d->given_up ? NULL : sst_runner_take(d->runner, &d->user, &err);
+    if (d->gpu && d->opening != d->user.opening)
+        note_opening(d);
+    if (d->gpu)
+        return true;
+    if (err && err != -EINPROGRESS)
+        fail(d, err, sst_runner_why(d->runner));
+    if (err)
+        note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
+    else
         d->report.on_cpu++;
-        return false;
-    }
-    return d->gpu || open_again(d);
+    return false;
 }
 
 /* Note that a picture is the CPU's after an error, which the device need not be to blame for. @param err  1: noted */
@@ -291,11 +248,11 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
     bool verified = false;
     int err;
 
-    pthread_mutex_lock(&d->lock);
+    sst_runner_lock(d->runner);
     err = may_try(d) ? device_render_picture(d, p, cells, top, end, &verified) : 1;
     if (err) {
         note_error(d, err);
-        pthread_mutex_unlock(&d->lock);
+        sst_runner_unlock(d->runner);
         return false;
     }
     note_success(d);
@@ -385,13 +342,13 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
     const int64_t start_ns = sst_clock_now_ns();
     int err = 1;
 
-    pthread_mutex_lock(&d->lock);
+    sst_runner_lock(d->runner);
     c->filled = false;
     if (may_try(d))
         err = try_clear(d, c);
     c->pending = err == -EAGAIN;
     if (err) {
-        pthread_mutex_unlock(&d->lock);
+        sst_runner_unlock(d->runner);
         return false;
     }
     note_success(d);
@@ -407,13 +364,13 @@ void render_device_end(struct render_device *d)
 {
     if (d->parts.all)
         device_drop_parts(d);
-    pthread_mutex_unlock(&d->lock);
+    sst_runner_unlock(d->runner);
 }
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out)
 {
-    pthread_mutex_lock(&d->lock);
+    sst_runner_lock(d->runner);
     *out = d->report;
     out->chunks = d->chunks;
-    pthread_mutex_unlock(&d->lock);
+    sst_runner_unlock(d->runner);
 }

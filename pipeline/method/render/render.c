@@ -76,32 +76,31 @@ void sst_renderer_destroy(struct sst_renderer *r)
     free(r);
 }
 
-int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
+static void leave_device(struct sst_renderer *r)
 {
-    int err = 0;
-
     render_device_destroy(r->device);
     r->device = NULL;
-    if (strcmp(name, "cpu"))
-        err = render_device_create(&r->device, r->lf, name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes },
-                                   NULL);
-    return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+}
+
+int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
+{
+    struct sst_runner *runner;
+    int err;
+
+    leave_device(r);
+    err = sst_runner_create(&runner, name, memory_bytes);
+    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, NULL);
 }
 
 int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
                                  const struct sst_render_live *live)
 {
-    int err = 0;
+    struct sst_runner *runner;
+    int err;
 
-    render_device_destroy(r->device);
-    r->device = NULL;
-    if (strcmp(name, "cpu"))
-        err = render_device_create(&r->device, r->lf, name,
-                                   &(struct sst_gpu_config){ .memory_bytes = memory_bytes,
-                                                             .memory_percent = SST_GPU_PICTURES_PERCENT,
-                                                             .prompt = true },
-                                   live);
-    return err == -ENOENT ? 0 : err;
+    leave_device(r);
+    err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
+    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, live);
 }
 
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)

@@ -10,12 +10,12 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
-#include "pipeline/step/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
+#include "pipeline/step/runner.h"
 
 struct explainer; /* of one plan; any number of threads may use it once prepared */
 
@@ -69,10 +69,10 @@ SST_MUST_CHECK int render_plan_init_pending(struct sst_render_plan *p, struct ss
 
 struct render_device; /* one device with one light field; any number of threads, one picture at a time */
 
-/** Open a device for pictures of lf. @param live  NULL: lf does not change while it lives; else as
- *  sst_renderer_use_live_device() @return as that or as sst_renderer_use_device() */
-SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf, const char *name,
-                                        const struct sst_gpu_config *cfg, const struct sst_render_live *live);
+/** Use a device for pictures of lf. @param runner  owned from now on, also on failure @param live  NULL: lf does not
+ *  change while it lives; else as sst_renderer_use_live_device() @return as that or as sst_renderer_use_device() */
+SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf,
+                                        struct sst_runner *runner, const struct sst_render_live *live);
 void render_device_destroy(struct render_device *d);
 
 /**
@@ -203,18 +203,16 @@ struct device_verify {
 };
 
 struct render_device {
-    pthread_mutex_t lock;
+    struct sst_runner *runner; /* owned */
+    struct sst_runner_user user;
     const struct sst_lightfield *lf;
-    char name[SST_GPU_NAME]; /* as asked for */
-    struct sst_gpu_config cfg;
     int pitch;    /* pixels of a row of a view on the device */
     bool changes; /* lf does, as `live` has it */
     struct sst_render_live live;
-    /* under lock */
+    /* under the lock of runner */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    int64_t opening; /* that the fields below are noted of */
     uint64_t limit_bytes; /* that its buffers may use */
-    struct sst_runner_backoff backoff;
-    struct sst_runner_opener *opener; /* at work on opening it again; of a light field that changes */
     bool given_up; /* it computes something else: not opened again */
     bool clears;   /* clear pictures are wanted */
     bool noted;    /* that a clear picture is the CPU's */
@@ -236,7 +234,6 @@ struct render_device {
     struct device_parts parts;
     struct device_frames frames;
     struct device_verify verify;
-    enum sst_gpu_shader shaders[10]; /* that opener prepares */
     bool doubts;       /* chunks have confidences */
     int rows;          /* of the picture that sums and out hold: all, or whole cells where there is room for one */
     size_t table_rows; /* that table holds */
