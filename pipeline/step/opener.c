@@ -1,4 +1,4 @@
-#include "pipeline/step/opener.h"
+#include "pipeline/step/step_internal.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -12,10 +12,10 @@
 /* A fast device is open within this time: nothing goes without it then. */
 #define WAIT_NS INT64_C(50000000)
 
-struct sst_runner_opener {
+struct runner_opener {
     /* fixed after start */
     char name[SST_GPU_NAME];
-    struct sst_runner_opening what;
+    struct runner_opening what;
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t ended; /* on CLOCK_MONOTONIC */
@@ -29,8 +29,8 @@ struct sst_runner_opener {
 
 static void *run(void *arg)
 {
-    struct sst_runner_opener *o = arg;
-    const struct sst_runner_opening *w = &o->what;
+    struct runner_opener *o = arg;
+    const struct runner_opening *w = &o->what;
     char *const before = sst_log_hold_errors(o->why);
     int err = sst_gpu_open_for(&o->gpu, w->name, &w->cfg, w->shaders, w->needed, w->work);
 
@@ -51,9 +51,9 @@ static void *run(void *arg)
     return NULL;
 }
 
-static int start(struct sst_runner_opener **out, const struct sst_runner_opening *what)
+static int start(struct runner_opener **out, const struct runner_opening *what)
 {
-    struct sst_runner_opener *o = calloc(1, sizeof(*o));
+    struct runner_opener *o = calloc(1, sizeof(*o));
     int err;
 
     if (!o)
@@ -74,7 +74,7 @@ static int start(struct sst_runner_opener **out, const struct sst_runner_opening
     return 0;
 }
 
-static bool is_done(struct sst_runner_opener *o, int64_t until_ns)
+static bool is_done(struct runner_opener *o, int64_t until_ns)
 {
     bool done;
 
@@ -86,8 +86,8 @@ static bool is_done(struct sst_runner_opener *o, int64_t until_ns)
     return done;
 }
 
-int sst_runner_open_beside(struct sst_runner_opener **opener, const struct sst_runner_opening *what,
-                           struct sst_gpu **gpu, char why[SST_LOG_MAX])
+int runner_open_beside(struct runner_opener **opener, const struct runner_opening *what,
+                       struct sst_gpu **gpu, char why[SST_LOG_MAX])
 {
     int64_t until_ns = 0;
     int err = 0;
@@ -106,12 +106,12 @@ int sst_runner_open_beside(struct sst_runner_opener **opener, const struct sst_r
     if (!err)
         *gpu = (*opener)->gpu;
     (*opener)->gpu = NULL;
-    sst_runner_opener_destroy(*opener);
+    runner_opener_destroy(*opener);
     *opener = NULL;
     return err;
 }
 
-void sst_runner_opener_destroy(struct sst_runner_opener *o)
+void runner_opener_destroy(struct runner_opener *o)
 {
     if (!o)
         return;

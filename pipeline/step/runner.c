@@ -7,8 +7,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/step/backoff.h"
-#include "pipeline/step/opener.h"
 #include "pipeline/step/step_internal.h"
 
 struct sst_runner {
@@ -20,10 +18,10 @@ struct sst_runner {
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     struct sst_gpu_info info;
     int64_t opening; /* counts them */
-    struct sst_runner_backoff backoff;
+    struct runner_backoff backoff;
     struct sst_runner_user *users;
     struct runner_memory memory;
-    struct sst_runner_opener *opener; /* live: at work on opening it again */
+    struct runner_opener *opener; /* live: at work on opening it again */
     int err;                          /* live: of the first opening */
     char why[SST_LOG_MAX];            /* live: message of the last error */
 };
@@ -49,9 +47,9 @@ static int open_locked(struct sst_runner *s)
 /* Open a live device again beside the work. @return 0, -EINPROGRESS, or an error */
 static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user)
 {
-    const struct sst_runner_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
+    const struct runner_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
                                              user->work };
-    const int err = sst_runner_open_beside(&s->opener, &what, &s->gpu, s->why);
+    const int err = runner_open_beside(&s->opener, &what, &s->gpu, s->why);
 
     if (err)
         return err;
@@ -165,7 +163,7 @@ void sst_runner_destroy(struct sst_runner *s)
 {
     if (!s)
         return;
-    sst_runner_opener_destroy(s->opener);
+    runner_opener_destroy(s->opener);
     close_locked(s);
     pthread_mutex_destroy(&s->lock);
     free(s);
@@ -227,7 +225,7 @@ struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *us
 {
     *err = 0;
     s->memory.planes.turn++;
-    if (sst_runner_backoff_skips(&s->backoff))
+    if (runner_backoff_skips(&s->backoff))
         return NULL;
     if (!s->gpu)
         *err = s->live ? open_beside_locked(s, user) : open_locked(s);
@@ -243,13 +241,13 @@ const char *sst_runner_why(const struct sst_runner *s)
 
 void sst_runner_succeed(struct sst_runner *s)
 {
-    sst_runner_backoff_succeed(&s->backoff);
+    runner_backoff_succeed(&s->backoff);
 }
 
 int sst_runner_fail(struct sst_runner *s)
 {
     close_locked(s);
-    return sst_runner_backoff_fail(&s->backoff);
+    return runner_backoff_fail(&s->backoff);
 }
 
 bool sst_runner_make_room(struct sst_runner *s, const struct sst_runner_user *user)

@@ -50,7 +50,7 @@ SST_MUST_CHECK int sst_runner_create(struct sst_runner **out, const char *name, 
 
 /**
  * The same for the live picture: waits are short (struct sst_gpu_config, `prompt`), a device that cannot be opened now
- * is tried again, beside the work (opener.h), and errors are not logged but kept for sst_runner_why(). One kind of
+ * is tried again, beside the work, and errors are not logged but kept for sst_runner_why(). One kind of
  * work.
  *
  * @param percent  of the device's memory, where memory_bytes is 0
@@ -80,7 +80,7 @@ const char *sst_runner_name(const struct sst_runner *s);
 const struct sst_gpu_info *sst_runner_info(const struct sst_runner *s);
 
 /**
- * The device for a piece of work, opened again if it failed and was left alone long enough (pipeline/step/backoff.h).
+ * The device for a piece of work, opened again if it failed and was left alone long enough (struct runner_backoff).
  * @param err  out: why there is none; 0: it is left alone; -EINPROGRESS: a live device is being opened. Another error
  * is to be reported by sst_runner_fail().
  * @return NULL: there is none for this piece

@@ -1,4 +1,5 @@
-/* pipeline/step/step_internal.h - memory of a device that steps share. */
+/* pipeline/step/step_internal.h - memory of a device that steps share, its pause after failures, its opening beside the
+ * work. */
 #ifndef SST_PIPELINE_STEP_STEP_INTERNAL_H
 #define SST_PIPELINE_STEP_STEP_INTERNAL_H
 
@@ -42,5 +43,68 @@ bool runner_drop_scratch(struct runner_memory *m, struct sst_gpu *g);
 
 /** Name and driver of the device, for the report of a kind of work. */
 void runner_note(struct sst_runner_user *user);
+
+/* --- pause of a device that failed: for 0, 1, 3, 7 ... 63 pieces of work ------------------------------------------ */
+
+#define RUNNER_BACKOFF_MOST 64
+
+/** Zeroed at first; a plain value of its owner. */
+struct runner_backoff {
+    int skip;     /* pieces of work until the device is opened again */
+    int failures; /* in a row: 2^failures - 1 pieces are skipped after the next one */
+};
+
+/** True if this piece of work is not for the device; counts it. */
+static inline bool runner_backoff_skips(struct runner_backoff *b)
+{
+    if (b->skip <= 0)
+        return false;
+    b->skip--;
+    return true;
+}
+
+/** The device failed. @return pieces of work that will be skipped */
+static inline int runner_backoff_fail(struct runner_backoff *b)
+{
+    b->skip = (1 << b->failures) - 1;
+    if (1 << b->failures < RUNNER_BACKOFF_MOST)
+        b->failures++;
+    return b->skip;
+}
+
+/** The device has done a piece of work. */
+static inline void runner_backoff_succeed(struct runner_backoff *b)
+{
+    b->failures = 0;
+}
+
+/* --- opener.c: a device that is opened and tested on a thread of its own, while its owner goes on without --------- */
+
+struct runner_opener; /* opaque; one thread at a time */
+
+/** A device and its work. */
+struct runner_opening {
+    const char *name; /* as of sst_gpu_open() */
+    struct sst_gpu_config cfg;
+    const enum sst_gpu_shader *shaders; /* to prepare; static */
+    size_t needed,
+        count;        /* the device must run the first ones; the others may be refused, and are tested now, not later */
+    const char *work; /* static; as of sst_gpu_open_for() */
+};
+
+/**
+ * Open a device without waiting for it: the first call begins, and waits 50 ms at most, later ones look.
+ *
+ * @param opener  in and out: NULL, or the value after the call before; NULL after all but -EINPROGRESS
+ * @param what  device; read by the first call
+ * @param gpu  out, when 0
+ * @param why  out, after an error: the message of sst_gpu_open_for(), which is not logged; "": nothing
+ * @return -EINPROGRESS; else as sst_gpu_open_for(), or -ENOMEM or -EAGAIN (no thread)
+ */
+SST_MUST_CHECK int runner_open_beside(struct runner_opener **opener, const struct runner_opening *what,
+                                      struct sst_gpu **gpu, char why[SST_LOG_MAX]);
+
+/** Waits for the thread; its device is closed. NULL is fine. */
+void runner_opener_destroy(struct runner_opener *o);
 
 #endif

@@ -36,7 +36,7 @@ void device_drop(struct render_device *d)
     d->full = false;
 }
 
-/* Free what lies on the device, which is closed, or whose memory is needed otherwise. */
+/* Free all buffers: the device is closed, or other work needs the memory. */
 static void drop(void *arg)
 {
     struct render_device *d = arg;
@@ -94,8 +94,7 @@ static void note_success(struct render_device *d)
     sst_runner_succeed(d->runner);
 }
 
-/* Of a light field that changes, shaders that its pictures have needed so far are tested as the device is opened beside
- * the work. */
+/* Shaders that live pictures have needed so far are tested when the device is opened beside the work. */
 static void list_tested(struct render_device *d)
 {
 #define CLEAR  SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL, SST_GPU_HOLE_PUSH
@@ -110,7 +109,7 @@ static void list_tested(struct render_device *d)
     d->user.tested = (d->clears ? 4 : 0) + (d->verify.wanted ? 4 : 0);
 }
 
-/* @return 0, or why the device is not used: logged, but of a light field that changes, whose device is tried again */
+/* @return 0 or an error, logged. A live device that fails is tried again later. */
 static int join(struct render_device *d)
 {
     int err;
