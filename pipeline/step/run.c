@@ -252,21 +252,40 @@ static void leave(struct sst_run *r)
     r->report->failures++;
 }
 
+int sst_run_rows(struct sst_run *r, int rows, int unit)
+{
+    for (int i = 0; i < r->halvings && rows > unit; i++)
+        rows = ((rows + 1) / 2 + unit - 1) / unit * unit;
+    r->divisible = rows > unit;
+    return rows;
+}
+
+/* True if an item that lacked memory begins again in smaller bands. */
+static bool halve(struct sst_run *r)
+{
+    if (r->err != -ENOMEM || !r->divisible)
+        return false;
+    r->err = 0;
+    r->halvings++;
+    r->memory->planes.turn++;
+    runner_drop_scratch(r->memory, r->gpu);
+    return true;
+}
+
 void runner_run_view(struct sst_run *r, int view)
 {
-    const bool dummy = sst_gpu_is_dummy(r->gpu); /* which has computed nothing */
-
-    r->memory->planes.turn++;
-    r->step->device(r, r->job, view);
-    if (!r->err && dummy)
-        r->err = r->step->cpu(r->job, view, 0);
-    for (int i = 0; i < SST_PLANES && (r->err || dummy); i++) {
+    do {
+        r->memory->planes.turn++;
+        r->divisible = false;
+        r->step->device(r, r->job, view);
+    } while (halve(r));
+    for (int i = 0; i < SST_PLANES && r->err; i++) {
         if (r->step->changes >> i & 1)
             sst_step_plane_mark(&r->memory->planes, (enum sst_step_plane)i, view, false);
     }
 }
 
-/* @param done  out, [items]: on the device @return 0, -ECANCELED */
+/* @param done  out, [items]: on the device; a dummy device computes nothing @return 0, -ECANCELED */
 static int run_on_device(struct sst_run *r, int items, const struct sst_run_options *o, bool *done)
 {
     const int64_t start_ns = sst_clock_now_ns();
@@ -281,7 +300,7 @@ static int run_on_device(struct sst_run *r, int items, const struct sst_run_opti
         cancelled = o->cancel && *o->cancel;
         if (!cancelled)
             runner_run_view(r, i);
-        done[i] = !r->err && !cancelled;
+        done[i] = !r->err && !cancelled && !sst_gpu_is_dummy(r->gpu);
     }
     runner_note(r->user);
     if (r->err)
@@ -302,11 +321,26 @@ struct rest {
     const bool *done; /* NULL: nothing */
 };
 
+static bool is_left(const struct rest *r, int view)
+{
+    return r->step->wants(r->job, view) && !(r->done && r->done[view]);
+}
+
+/* What these need. */
+static int make_host(const struct rest *r, int items)
+{
+    for (int i = 0; i < items && r->step->host; i++) {
+        if (is_left(r, i))
+            return r->step->host(r->job);
+    }
+    return 0;
+}
+
 static int run_rest(void *arg, int view, int worker)
 {
     const struct rest *r = arg;
 
-    return !r->step->wants(r->job, view) || (r->done && r->done[view]) ? 0 : r->step->cpu(r->job, view, worker);
+    return is_left(r, view) ? r->step->cpu(r->job, view, worker) : 0;
 }
 
 static void rest_writes(void *arg, int view, struct sst_share_maps *out)
@@ -329,10 +363,11 @@ int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job
         user->report.stages_on_cpu |= step->stages;
     else if (!err && user)
         err = run_on_device(&r, items, o, done);
+    err = err ? err : make_host(&rest, items);
     if (!err)
         err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
     for (int i = 0; user && i < items; i++) {
-        if (step->wants(job, i) && (!done || !done[i]))
+        if (is_left(&rest, i))
             sst_run_changed(user, i, step->changes);
     }
     free(done);

@@ -21,6 +21,8 @@ struct sst_step {
     bool (*wants)(const void *job, int view);
     /** Maps of a view on the host, for planes that are not current. */
     void (*source)(const void *job, int view, struct sst_plane_source *out);
+    /** Before the first item on the CPU: make what only the CPU reads. NULL: nothing. @return 0 or an error of `cpu` */
+    int (*host)(void *job);
     /** The definition: a view on the CPU. @return 0, -ENOMEM, -ECANCELED */
     sst_work_fn *cpu;
     /** The same on a device, by the functions below; it writes the same maps. */
@@ -28,8 +30,10 @@ struct sst_step {
     /** Results of the work on a view, for other processes. */
     sst_share_maps_fn *writes;
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
-    /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(). @return NULL: no memory */
+    /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
+     * @param seed  from 1 on @return NULL: no memory */
     void *(*sample)(uint32_t seed);
+    int seeds; /* samples; 0: 2 */
     void (*sample_free)(void *job);
 };
 
@@ -81,6 +85,12 @@ uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view);
 
 /** A plane of a view that the step writes as a whole. */
 struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane, int view);
+
+/**
+ * Rows of an item that are computed at once: all at first. Where memory lacks, the item begins again with half as many.
+ * @param rows  of the item @param unit  least rows; all bands but the last one are a multiple of it
+ */
+int sst_run_rows(struct sst_run *r, int rows, int unit);
 
 #define SST_RUN_SCRATCH 16
 

@@ -28,6 +28,8 @@ struct sst_run {
     const struct sst_step *step;
     void *job;
     int err;
+    int halvings;   /* of the rows that are computed at once */
+    bool divisible; /* they can be halved once more */
 };
 
 /** A view on the device; r->err says whether it is done. */
