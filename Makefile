@@ -158,7 +158,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -403,7 +403,9 @@ check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, inc
 	scripts/check_includes.sh
 check-words: ## comments name things: stand-ins for nouns are counted, in changed lines and in all; part of check-names
 	$(PYTHON) scripts/check_words.py
-check-names: check-words
+check-structure: ## functions of many parameters or lines, long headers and circles of files are within limits; part of check-names
+	$(PYTHON) scripts/structure.py
+check-names: check-words check-structure
 check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
