@@ -29,7 +29,9 @@ static bool is_equal(const struct sst_step *step, void *device, void *host)
 static int check_seed(struct sst_run *r, uint32_t seed)
 {
     void *host = r->step->sample(seed);
+    bool done[SST_STEP_SAMPLES] = { false };
 
+    r->done = done;
     r->job = r->step->sample(seed);
     r->err = r->job && host ? 0 : -ENOMEM;
     for (int plane = 0; plane < SST_PLANES; plane++) {
@@ -40,6 +42,7 @@ static int check_seed(struct sst_run *r, uint32_t seed)
         if (!r->step->wants(host, i))
             continue;
         runner_run_view(r, i);
+        done[i] = true;
         if (!r->err && sst_gpu_is_dummy(r->gpu)) /* which has computed nothing */
             r->err = r->step->cpu(r->job, i, 0);
         r->err = r->err ? r->err : r->step->cpu(host, i, 0);

@@ -23,9 +23,11 @@ void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const v
 
     p->turn++;
     for (int i = 0; i < SST_PLANES; i++) {
-        if (!same || pixels[i] != p->pixels[i])
+        const size_t n = pixels[i < SST_PLANE_MAP ? i : SST_PLANE_MAP];
+
+        if (!same || n != p->pixels[i])
             sst_step_plane_drop(p, g, (enum sst_step_plane)i);
-        p->pixels[i] = pixels[i];
+        p->pixels[i] = n;
     }
     p->of = of;
     p->views = views;
@@ -133,6 +135,14 @@ void sst_step_plane_mark(struct sst_step_planes *p, enum sst_step_plane plane, i
     s->view[view].current = current && s->buffer && s->view[view].place >= 0;
 }
 
+void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view)
+{
+    struct sst_step_places *s = &p->plane[plane];
+
+    if (s->buffer && s->view[view].place >= 0)
+        s->place[s->view[view].place].used = p->turn - 1;
+}
+
 /* --- words -------------------------------------------------------------------------------------------------------- */
 
 static const uint8_t *row_or_none(const struct sst_map_u8 *map, int y)
@@ -167,7 +177,7 @@ static void pack_map(uint32_t *words, const struct sst_plane_source *from)
 
 void sst_step_plane_pack(uint32_t *words, enum sst_step_plane plane, const struct sst_plane_source *from)
 {
-    if (plane == SST_PLANE_MAP)
+    if (plane == SST_PLANE_MAP || plane == SST_PLANE_BEFORE)
         pack_map(words, from);
     else
         pack_colours(words, from);

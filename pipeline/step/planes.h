@@ -15,6 +15,9 @@ enum sst_step_plane {
     SST_PLANE_COLOUR = 0,  /* R, G, B from the lowest byte up, 255 if the pixel counts */
     SST_PLANE_REDUCED = 1, /* the same at half of the size */
     SST_PLANE_MAP = 2,     /* at the size that is matched: disparity, confidence, SST_MAP_AGREED, result of the check */
+    /* Of the step in work, of the size of maps: */
+    SST_PLANE_BEFORE = 3,  /* SST_PLANE_MAP before the step changed it */
+    SST_PLANE_DERIVED = 4, /* words that the step derives of other planes (struct sst_step) */
     SST_PLANES
 };
 
@@ -30,7 +33,7 @@ struct sst_gpu_range {
 
 /** Maps of a view on the host that a plane is made of; maps that the plane does not have may be NULL. */
 struct sst_plane_source {
-    const struct sst_image *image;
+    const struct sst_image *image; /* at full size, also for SST_PLANE_REDUCED */
     const struct sst_map_u8 *seen; /* NULL or without memory: every pixel counts */
     const struct sst_map_u16 *disp;
     const struct sst_map_u8 *confidence;
@@ -61,8 +64,7 @@ struct sst_step_planes {
     struct sst_step_places plane[SST_PLANES];
 };
 
-/** Claim planes for a light field; planes of another one are freed. @param pixels  [SST_PLANES] of a view
- */
+/** Claim planes for a light field; planes of another one are freed. @param pixels  [SST_PLANE_MAP + 1] of a view */
 void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views, int scale,
                            const size_t *pixels);
 
@@ -85,6 +87,9 @@ SST_MUST_CHECK int sst_step_plane_create(struct sst_step_planes *p, struct sst_g
 
 /** The words of a view are current from now on, or not any more. */
 void sst_step_plane_mark(struct sst_step_planes *p, enum sst_step_plane plane, int view, bool current);
+
+/** A view's words may give way in this turn, too. */
+void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view);
 
 /** Places that were used in this turn. */
 int sst_step_plane_used(const struct sst_step_planes *p, enum sst_step_plane plane);

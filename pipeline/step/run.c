@@ -142,12 +142,55 @@ struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane
     return to;
 }
 
-struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view)
+/* Words of a plane of maps on the host. */
+static void upload_plane(struct sst_run *r, enum sst_step_plane plane, int view, struct sst_gpu_range to)
 {
     const size_t pixels = r->memory->planes.pixels[plane];
-    struct sst_gpu_range at = { 0 };
+    uint32_t *words = sst_mem_keep(&r->memory->words, pixels, sizeof(*words));
     struct sst_plane_source from = { 0 };
-    uint32_t *words;
+    struct sst_image half = { 0 };
+
+    sst_run_fail(r, words ? 0 : -ENOMEM);
+    if (r->err)
+        return;
+    r->step->source(r->job, view, &from);
+    if (plane == SST_PLANE_REDUCED) {
+        sst_run_fail(r, sst_image_halve(&half, from.image));
+        from.image = &half;
+    }
+    if (!r->err) {
+        sst_step_plane_pack(words, plane, &from);
+        upload_timed(r, to, words, pixels * sizeof(*words));
+        r->report->uploads++;
+    }
+    sst_image_fini(&half);
+}
+
+/* Words that this step derives of others. These give way for the next view. */
+static void derive_plane(struct sst_run *r, int view, struct sst_gpu_range to)
+{
+    r->step->derive(r, r->job, view, to);
+    for (int i = 0; i < SST_PLANE_DERIVED; i++)
+        sst_step_plane_release(&r->memory->planes, (enum sst_step_plane)i, view);
+}
+
+/* A map that this step has not changed yet. @return false: the device does not have it */
+static bool copy_before(struct sst_run *r, int view, struct sst_gpu_range to)
+{
+    const struct sst_gpu_range from =
+        r->done[view] ? (struct sst_gpu_range){ 0 } : sst_step_plane_find(&r->memory->planes, SST_PLANE_MAP, view);
+
+    if (!from.buffer)
+        return false;
+    sst_run_fail(r, sst_gpu_copy(r->gpu, to.buffer, to.offset, from.buffer, from.offset,
+                                 r->memory->planes.pixels[SST_PLANE_MAP] * sizeof(uint32_t)));
+    sst_step_plane_release(&r->memory->planes, SST_PLANE_MAP, view);
+    return true;
+}
+
+struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view)
+{
+    struct sst_gpu_range at = { 0 };
 
     if (r->err)
         return at;
@@ -155,14 +198,12 @@ struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane,
     if (at.buffer)
         return at;
     at = sst_run_output(r, plane, view);
-    words = sst_mem_keep(&r->memory->words, pixels, sizeof(*words));
-    sst_run_fail(r, words ? 0 : -ENOMEM);
-    if (!r->err) {
-        r->step->source(r->job, view, &from);
-        sst_step_plane_pack(words, plane, &from);
-        upload_timed(r, at, words, pixels * sizeof(*words));
-        r->report->uploads++;
-    }
+    if (r->err)
+        return at;
+    if (plane == SST_PLANE_DERIVED)
+        derive_plane(r, view, at);
+    else if (plane != SST_PLANE_BEFORE || !copy_before(r, view, at))
+        upload_plane(r, plane, view, at);
     if (r->err)
         sst_step_plane_mark(&r->memory->planes, plane, view, false);
     return at;
@@ -285,22 +326,41 @@ void runner_run_view(struct sst_run *r, int view)
     }
 }
 
-/* @param done  out, [items]: on the device; a dummy device computes nothing @return 0, -ECANCELED */
-static int run_on_device(struct sst_run *r, int items, const struct sst_run_options *o, bool *done)
+/* The device as the step begins. */
+static void begin(struct sst_run *r)
 {
-    const int64_t start_ns = sst_clock_now_ns();
-    bool cancelled = false;
-
-    sst_runner_lock(r->user->runner);
     r->gpu = sst_runner_take(r->user->runner, r->user, &r->err);
     r->memory = runner_memory_of(r->user->runner);
-    for (int i = 0; r->gpu && i < items && !r->err && !cancelled; i++) {
+    for (int plane = SST_PLANE_BEFORE; plane < SST_PLANES; plane++) {
+        for (int i = 0; i < r->memory->planes.views; i++)
+            sst_step_plane_mark(&r->memory->planes, (enum sst_step_plane)plane, i, false);
+    }
+    r->begun = true;
+}
+
+/* Items first .. end - 1, unless the device fails, or has failed. @return 0, -ECANCELED */
+static int run_on_device(struct sst_run *r, int first, int end, const struct sst_run_options *o)
+{
+    bool cancelled = false;
+    int64_t start_ns;
+
+    sst_runner_lock(r->user->runner);
+    start_ns = sst_clock_now_ns();
+    if (r->err) {
+        sst_runner_unlock(r->user->runner);
+        return 0;
+    }
+    if (r->begun)
+        r->gpu = r->gpu ? sst_runner_device(r->user->runner) : NULL;
+    else
+        begin(r);
+    for (int i = first; r->gpu && i < end && !r->err && !cancelled; i++) {
         if (!r->step->wants(r->job, i))
             continue;
         cancelled = o->cancel && *o->cancel;
         if (!cancelled)
             runner_run_view(r, i);
-        done[i] = !r->err && !cancelled && !sst_gpu_is_dummy(r->gpu);
+        r->done[i] = !r->err && !cancelled && !sst_gpu_is_dummy(r->gpu); /* which computes nothing */
     }
     runner_note(r->user);
     if (r->err)
@@ -316,18 +376,17 @@ static int run_on_device(struct sst_run *r, int items, const struct sst_run_opti
 
 /* Items that the device has not done. */
 struct rest {
-    const struct sst_step *step;
-    void *job;
-    const bool *done; /* NULL: nothing */
+    struct sst_run *run;
+    const struct sst_run_options *shared; /* items are done on the device one by one; NULL: on the CPU */
 };
 
-static bool is_left(const struct rest *r, int view)
+static bool is_left(const struct sst_run *r, int view)
 {
     return r->step->wants(r->job, view) && !(r->done && r->done[view]);
 }
 
 /* What these need. */
-static int make_host(const struct rest *r, int items)
+static int make_host(const struct sst_run *r, int items)
 {
     for (int i = 0; i < items && r->step->host; i++) {
         if (is_left(r, i))
@@ -338,14 +397,18 @@ static int make_host(const struct rest *r, int items)
 
 static int run_rest(void *arg, int view, int worker)
 {
-    const struct rest *r = arg;
+    const struct rest *rest = arg;
+    struct sst_run *r = rest->run;
+    int err = 0;
 
-    return is_left(r, view) ? r->step->cpu(r->job, view, worker) : 0;
+    if (rest->shared && r->step->wants(r->job, view))
+        err = run_on_device(r, view, view + 1, rest->shared);
+    return err || !is_left(r, view) ? err : r->step->cpu(r->job, view, worker);
 }
 
 static void rest_writes(void *arg, int view, struct sst_share_maps *out)
 {
-    const struct rest *r = arg;
+    const struct sst_run *r = ((const struct rest *)arg)->run;
 
     if (r->step->wants(r->job, view))
         r->step->writes(r->job, view, out);
@@ -354,20 +417,20 @@ static void rest_writes(void *arg, int view, struct sst_share_maps *out)
 int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
             const struct sst_run_options *o)
 {
-    struct sst_run r = { .user = user, .step = step, .job = job, .report = user ? &user->report : NULL };
-    bool *done = user ? calloc((size_t)items, sizeof(*done)) : NULL;
-    struct rest rest = { step, job, done };
+    bool *done = user ? calloc((size_t)items + 1, sizeof(*done)) : NULL;
+    struct sst_run r = { .user = user, .step = step, .job = job, .report = user ? &user->report : NULL, .done = done };
+    struct rest rest = { &r, user && o->share && step->heavy ? o : NULL };
     int err = user && !done ? -ENOMEM : 0;
 
-    if (!err && user && o->share) /* views are the processes' */
+    if (!err && user && !o->share)
+        err = run_on_device(&r, 0, items, o);
+    else if (!err && user && !step->heavy) /* views are the processes' */
         user->report.stages_on_cpu |= step->stages;
-    else if (!err && user)
-        err = run_on_device(&r, items, o, done);
-    err = err ? err : make_host(&rest, items);
+    err = err ? err : make_host(&r, items);
     if (!err)
         err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
-    for (int i = 0; user && i < items; i++) {
-        if (is_left(&rest, i))
+    for (int i = 0; user && step->changes && i < items; i++) {
+        if (is_left(&r, i))
             sst_run_changed(user, i, step->changes);
     }
     free(done);

@@ -13,16 +13,18 @@
 
 struct sst_run; /* an item of a step on a device; one thread */
 
-/** A step over the views of a light field. Items are its views. */
+/** A step over the views of a light field. Items are its views, or others if the step changes no planes. */
 struct sst_step {
     const char *name; /* for messages: "carrying" */
     unsigned stages;  /* bits of struct sst_step_report, `stages_on_cpu` */
     /** False for views that the step leaves alone. */
     bool (*wants)(const void *job, int view);
-    /** Maps of a view on the host, for planes that are not current. */
+    /** Maps of a view on the host as they were before the step, for planes that are not current. */
     void (*source)(const void *job, int view, struct sst_plane_source *out);
     /** Before the first item on the CPU: make what only the CPU reads. NULL: nothing. @return 0 or an error of `cpu` */
     int (*host)(void *job);
+    /** Write SST_PLANE_DERIVED of a view, of SST_PLANE_BEFORE and planes of colours of this view; or NULL. */
+    void (*derive)(struct sst_run *r, void *job, int view, struct sst_gpu_range to);
     /** The definition: a view on the CPU. @return 0, -ENOMEM, -ECANCELED */
     sst_work_fn *cpu;
     /** The same on a device, by the functions below; it writes the same maps. */
@@ -30,6 +32,7 @@ struct sst_step {
     /** Results of the work on a view, for other processes. */
     sst_share_maps_fn *writes;
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
+    bool heavy;       /* processes that share the views each use a device for theirs, not the CPU */
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
      * @param seed  from 1 on @return NULL: no memory */
     void *(*sample)(uint32_t seed);
@@ -49,7 +52,7 @@ struct sst_step {
 SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
 
 struct sst_run_options {
-    struct sst_share *share;         /* with other processes, which then compute on their CPUs; or NULL */
+    struct sst_share *share;         /* with other processes; only steps that are `heavy` then use devices; or NULL */
     int threads, block;              /* block: as of sst_share_blocks() */
     const SST_ATOMIC(bool) * cancel; /* or NULL */
 };
@@ -77,7 +80,7 @@ bool sst_run_failed(const struct sst_run *r);
 struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view);
 
 /** A plane of these views, current, as one buffer: sst_run_first() says where each begins. At most once for a plane,
- * before sst_run_plane() of it. */
+ * before sst_run_plane() of it; SST_PLANE_DERIVED first. */
 struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane, const int *view, int views);
 
 /** Words before the words of a view that is current. */

@@ -27,6 +27,8 @@ struct sst_run {
     struct sst_gpu *gpu;
     const struct sst_step *step;
     void *job;
+    bool *done; /* [items] on the device */
+    bool begun; /* the device was asked for */
     int err;
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
