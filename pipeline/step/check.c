@@ -57,7 +57,7 @@ static int check_seed(struct sst_run *r, uint32_t seed)
 int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
 {
     const size_t n = (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
-    const size_t pixels[SST_PLANES] = { n, n, n };
+    const size_t pixels[SST_PLANE_MAP + 1] = { n, n, n };
     struct runner_memory *memory = calloc(1, sizeof(*memory));
     struct sst_step_report uncounted = { 0 };
     struct sst_run r = { .user = user, .memory = memory, .report = &uncounted, .gpu = g, .step = step };

@@ -1,6 +1,7 @@
 #include "pipeline/step/planes.h"
 
 #include <errno.h>
+#include <string.h>
 
 void sst_step_plane_drop(struct sst_step_planes *p, struct sst_gpu *g, enum sst_step_plane plane)
 {
@@ -23,7 +24,8 @@ void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const v
 
     p->turn++;
     for (int i = 0; i < SST_PLANES; i++) {
-        const size_t n = pixels[i < SST_PLANE_MAP ? i : SST_PLANE_MAP];
+        const size_t n = pixels[i < SST_PLANE_MAP ? i : SST_PLANE_MAP] *
+                         (i == SST_PLANE_FEATURES ? (size_t)SST_PLANE_FEATURE_WORDS : 1);
 
         if (!same || n != p->pixels[i])
             sst_step_plane_drop(p, g, (enum sst_step_plane)i);
@@ -32,6 +34,14 @@ void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const v
     p->of = of;
     p->views = views;
     p->scale = scale;
+}
+
+void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view)
+{
+    struct sst_step_places *s = &p->plane[plane];
+
+    if (s->buffer && s->view[view].place >= 0)
+        s->place[s->view[view].place].used = p->turn - 1;
 }
 
 int sst_step_plane_used(const struct sst_step_planes *p, enum sst_step_plane plane)
@@ -135,14 +145,6 @@ void sst_step_plane_mark(struct sst_step_planes *p, enum sst_step_plane plane, i
     s->view[view].current = current && s->buffer && s->view[view].place >= 0;
 }
 
-void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view)
-{
-    struct sst_step_places *s = &p->plane[plane];
-
-    if (s->buffer && s->view[view].place >= 0)
-        s->place[s->view[view].place].used = p->turn - 1;
-}
-
 /* --- words -------------------------------------------------------------------------------------------------------- */
 
 static const uint8_t *row_or_none(const struct sst_map_u8 *map, int y)
@@ -150,37 +152,58 @@ static const uint8_t *row_or_none(const struct sst_map_u8 *map, int y)
     return map && map->data ? sst_map_u8_row(map, y) : NULL;
 }
 
-static void pack_colours(uint32_t *words, const struct sst_plane_source *from)
+static void pack_colours(uint32_t *words, const struct sst_plane_source *from, int y)
 {
-    for (int y = 0; y < from->image->height; y++, words += from->image->width) {
-        const uint8_t *r = sst_image_row(from->image, 0, y), *g = sst_image_row(from->image, 1, y);
-        const uint8_t *b = sst_image_row(from->image, 2, y), *seen = row_or_none(from->seen, y);
+    const uint8_t *r = sst_image_row(from->image, 0, y), *g = sst_image_row(from->image, 1, y);
+    const uint8_t *b = sst_image_row(from->image, 2, y), *seen = row_or_none(from->seen, y);
 
-        for (int x = 0; x < from->image->width; x++)
-            words[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
+    for (int x = 0; x < from->image->width; x++)
+        words[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
+}
+
+static void pack_map(uint32_t *words, const struct sst_plane_source *from, int y)
+{
+    const uint16_t *disp = sst_map_u16_row(from->disp, y);
+    const uint8_t *confidence = row_or_none(from->confidence, y), *agreed = row_or_none(from->agreed, y);
+    const uint8_t *checked = row_or_none(from->checked, y);
+
+    for (int x = 0; x < from->disp->width; x++)
+        words[x] = disp[x] | (confidence ? (uint32_t)confidence[x] << 16 : 0) |
+                   (agreed && agreed[x] ? SST_MAP_AGREED : 0) |
+                   (checked ? (uint32_t)checked[x] << SST_MAP_CHECK_SHIFT : 0);
+}
+
+static bool is_map(enum sst_step_plane plane)
+{
+    return plane == SST_PLANE_MAP || plane == SST_PLANE_BEFORE;
+}
+
+void sst_step_plane_shape(enum sst_step_plane plane, const struct sst_plane_source *from, int *rows, size_t *words)
+{
+    if (plane == SST_PLANE_FEATURES) {
+        *rows = SST_PLANE_FEATURE_WORDS * from->height;
+        *words = (size_t)from->width;
+    } else {
+        *rows = is_map(plane) ? from->disp->height : from->image->height;
+        *words = (size_t)(is_map(plane) ? from->disp->width : from->image->width);
     }
 }
 
-static void pack_map(uint32_t *words, const struct sst_plane_source *from)
+void sst_step_plane_pack(uint32_t *words, enum sst_step_plane plane, const struct sst_plane_source *from, int first,
+                         int rows)
 {
-    for (int y = 0; y < from->disp->height; y++, words += from->disp->width) {
-        const uint16_t *disp = sst_map_u16_row(from->disp, y);
-        const uint8_t *confidence = row_or_none(from->confidence, y), *agreed = row_or_none(from->agreed, y);
-        const uint8_t *checked = row_or_none(from->checked, y);
+    size_t width;
+    int height;
 
-        for (int x = 0; x < from->disp->width; x++)
-            words[x] = disp[x] | (confidence ? (uint32_t)confidence[x] << 16 : 0) |
-                       (agreed && agreed[x] ? SST_MAP_AGREED : 0) |
-                       (checked ? (uint32_t)checked[x] << SST_MAP_CHECK_SHIFT : 0);
+    sst_step_plane_shape(plane, from, &height, &width);
+    for (int y = first; y < first + rows; y++, words += width) {
+        if (plane == SST_PLANE_FEATURES)
+            memcpy(words, from->features + (size_t)y * from->feature_stride, width * sizeof(*words));
+        else if (is_map(plane))
+            pack_map(words, from, y);
+        else
+            pack_colours(words, from, y);
     }
-}
-
-void sst_step_plane_pack(uint32_t *words, enum sst_step_plane plane, const struct sst_plane_source *from)
-{
-    if (plane == SST_PLANE_MAP || plane == SST_PLANE_BEFORE)
-        pack_map(words, from);
-    else
-        pack_colours(words, from);
 }
 
 void sst_step_map_unpack(const uint32_t *words, struct sst_map_u16 *disp, struct sst_map_u8 *confidence,

@@ -15,11 +15,14 @@ enum sst_step_plane {
     SST_PLANE_COLOUR = 0,  /* R, G, B from the lowest byte up, 255 if the pixel counts */
     SST_PLANE_REDUCED = 1, /* the same at half of the size */
     SST_PLANE_MAP = 2,     /* at the size that is matched: disparity, confidence, SST_MAP_AGREED, result of the check */
+    SST_PLANE_FEATURES = 3, /* [height][SST_PLANE_FEATURE_WORDS][width] of four components each */
     /* Of the step in work, of the size of maps: */
-    SST_PLANE_BEFORE = 3,  /* SST_PLANE_MAP before the step changed it */
-    SST_PLANE_DERIVED = 4, /* words that the step derives of other planes (struct sst_step) */
+    SST_PLANE_BEFORE = 4,  /* SST_PLANE_MAP before the step changed it */
+    SST_PLANE_DERIVED = 5, /* words that the step derives of other planes (struct sst_step) */
     SST_PLANES
 };
+
+#define SST_PLANE_FEATURE_WORDS 16
 
 /* Bits of a word of SST_PLANE_MAP above 16 of the disparity and 8 of its confidence. */
 #define SST_MAP_AGREED      (1U << 24) /* carried: the sources agree */
@@ -33,11 +36,14 @@ struct sst_gpu_range {
 
 /** Maps of a view on the host that a plane is made of; maps that the plane does not have may be NULL. */
 struct sst_plane_source {
-    const struct sst_image *image; /* at full size, also for SST_PLANE_REDUCED */
+    const struct sst_image *image; /* at full size, or that of SST_PLANE_REDUCED for this */
     const struct sst_map_u8 *seen; /* NULL or without memory: every pixel counts */
     const struct sst_map_u16 *disp;
     const struct sst_map_u8 *confidence;
     const struct sst_map_u8 *agreed, *checked; /* NULL or without memory: 0 */
+    const uint8_t *features;                   /* NULL: lost */
+    size_t feature_stride;                     /* bytes of `width` words and what is between them and the next ones */
+    int width, height;                         /* of the view, for features */
 };
 
 /** A plane of all views. */
@@ -88,14 +94,18 @@ SST_MUST_CHECK int sst_step_plane_create(struct sst_step_planes *p, struct sst_g
 /** The words of a view are current from now on, or not any more. */
 void sst_step_plane_mark(struct sst_step_planes *p, enum sst_step_plane plane, int view, bool current);
 
-/** A view's words may give way in this turn, too. */
-void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view);
-
 /** Places that were used in this turn. */
 int sst_step_plane_used(const struct sst_step_planes *p, enum sst_step_plane plane);
 
-/** Words of a plane, packed. @param words  out [height][width] of the source's maps */
-void sst_step_plane_pack(uint32_t *words, enum sst_step_plane plane, const struct sst_plane_source *from);
+/** The item in work does not use a view's words any more: their place may be given up. */
+void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view);
+
+/** Rows of words of a plane, and the words of each. */
+void sst_step_plane_shape(enum sst_step_plane plane, const struct sst_plane_source *from, int *rows, size_t *words);
+
+/** Rows first .. first + rows - 1 of a plane, packed. @param words  out, those rows */
+void sst_step_plane_pack(uint32_t *words, enum sst_step_plane plane, const struct sst_plane_source *from, int first,
+                         int rows);
 
 /** A map's words, unpacked to the maps that are not NULL. @param words  [height][width] */
 void sst_step_map_unpack(const uint32_t *words, struct sst_map_u16 *disp, struct sst_map_u8 *confidence,

@@ -11,8 +11,9 @@
 #include "base/mem.h"
 #include "pipeline/step/step_internal.h"
 
-#define STEP_MOST  32000     /* a disparity of 16 bits times this fits 32 bits */
-#define SHIFT_MOST (1 << 30) /* px */
+#define STEP_MOST   32000             /* a disparity of 16 bits times this fits 32 bits */
+#define SHIFT_MOST  (1 << 30)         /* px */
+#define STRIP_WORDS ((size_t)1 << 18) /* of a plane that are uploaded at once */
 
 void sst_run_fail(struct sst_run *r, int err)
 {
@@ -142,27 +143,44 @@ struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane
     return to;
 }
 
-/* Words of a plane of maps on the host. */
-static void upload_plane(struct sst_run *r, enum sst_step_plane plane, int view, struct sst_gpu_range to)
+/* Words of a plane on the host, some rows at a time. */
+static void upload_plane(struct sst_run *r, enum sst_step_plane plane, const struct sst_plane_source *from,
+                         struct sst_gpu_range to)
 {
-    const size_t pixels = r->memory->planes.pixels[plane];
-    uint32_t *words = sst_mem_keep(&r->memory->words, pixels, sizeof(*words));
+    uint32_t *words;
+    int height, some;
+    size_t width;
+
+    sst_step_plane_shape(plane, from, &height, &width);
+    some = sst_clamp_int((int)(STRIP_WORDS / (width + 1)), 1, height);
+    words = sst_mem_keep(&r->memory->words, (size_t)some * width, sizeof(*words));
+    sst_run_fail(r, words ? 0 : -ENOMEM);
+    for (int y = 0; y < height && !r->err; y += some) {
+        const int rows = sst_min_int(some, height - y);
+        const struct sst_gpu_range at = { to.buffer, to.offset + (size_t)y * width * sizeof(*words) };
+
+        sst_step_plane_pack(words, plane, from, y, rows);
+        upload_timed(r, at, words, (size_t)rows * width * sizeof(*words));
+    }
+    r->report->uploads++;
+}
+
+/* The same of a view. */
+static void upload_view(struct sst_run *r, enum sst_step_plane plane, int view, struct sst_gpu_range to)
+{
     struct sst_plane_source from = { 0 };
     struct sst_image half = { 0 };
 
-    sst_run_fail(r, words ? 0 : -ENOMEM);
-    if (r->err)
-        return;
     r->step->source(r->job, view, &from);
-    if (plane == SST_PLANE_REDUCED) {
+    if (plane == SST_PLANE_FEATURES && !from.features)
+        sst_run_fail(r, -ENODATA);
+    if (plane == SST_PLANE_REDUCED &&
+        (size_t)from.image->width * (size_t)from.image->height != r->memory->planes.pixels[plane]) {
         sst_run_fail(r, sst_image_halve(&half, from.image));
         from.image = &half;
     }
-    if (!r->err) {
-        sst_step_plane_pack(words, plane, &from);
-        upload_timed(r, to, words, pixels * sizeof(*words));
-        r->report->uploads++;
-    }
+    if (!r->err)
+        upload_plane(r, plane, &from, to);
     sst_image_fini(&half);
 }
 
@@ -203,7 +221,7 @@ struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane,
     if (plane == SST_PLANE_DERIVED)
         derive_plane(r, view, at);
     else if (plane != SST_PLANE_BEFORE || !copy_before(r, view, at))
-        upload_plane(r, plane, view, at);
+        upload_view(r, plane, view, at);
     if (r->err)
         sst_step_plane_mark(&r->memory->planes, plane, view, false);
     return at;
@@ -218,6 +236,12 @@ struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane
     for (int i = 0; i < views; i++)
         (void)sst_run_plane(r, plane, view[i]);
     return (struct sst_gpu_range){ r->err ? NULL : r->memory->planes.plane[plane].buffer, 0 };
+}
+
+void sst_run_release(struct sst_run *r, enum sst_step_plane plane, int view)
+{
+    if (!r->err)
+        sst_step_plane_release(&r->memory->planes, plane, view);
 }
 
 uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view)
@@ -281,10 +305,12 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
 /* Why the rest of a step is the CPU's. */
 static void leave(struct sst_run *r)
 {
-    const char *why = r->err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(r->err);
+    const char *why = r->err == -EOVERFLOW ? "views are too far apart"
+                      : r->err == -ENODATA ? "features of a view are no longer there"
+                                           : sst_gpu_error(r->err);
 
     snprintf(r->report->why, sizeof(r->report->why), "%s", why);
-    if (r->err == -ENOMEM || r->err == -EOVERFLOW) { /* the device is not to blame */
+    if (r->err == -ENOMEM || r->err == -EOVERFLOW || r->err == -ENODATA) { /* the device is not to blame */
         sst_log_warning("%s: %s; %s is done on the CPU", r->report->name, why, r->step->name);
         return;
     }

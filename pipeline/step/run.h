@@ -72,7 +72,8 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
 
 /* For the work on a device: after an error, the functions below do nothing, and the view is left to the CPU. */
 
-/** Note an error: -ENOMEM, -EOVERFLOW (views too far apart for numbers of 32 bits), or one of the device. */
+/** Note an error: -ENOMEM, -EOVERFLOW (views too far apart for numbers of 32 bits), -ENODATA (a view's features are
+ * lost), or one of the device. */
 void sst_run_fail(struct sst_run *r, int err);
 bool sst_run_failed(const struct sst_run *r);
 
@@ -85,6 +86,9 @@ struct sst_gpu_range sst_run_planes(struct sst_run *r, enum sst_step_plane plane
 
 /** Words before the words of a view that is current. */
 uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view);
+
+/** The item does not use a plane of a view any more: others may have its place. */
+void sst_run_release(struct sst_run *r, enum sst_step_plane plane, int view);
 
 /** A plane of a view that the step writes as a whole. */
 struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane, int view);

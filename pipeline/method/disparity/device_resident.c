@@ -119,7 +119,7 @@ static int upload_words(struct sst_disparity_device *d, struct sst_gpu_range to,
 
     if (!words)
         return -ENOMEM;
-    sst_step_plane_pack(words, plane, from);
+    sst_step_plane_pack(words, plane, from, 0, from->image ? from->image->height : from->disp->height);
     d->report.uploads++;
     return disparity_device_upload_at(d, to.buffer, to.offset, words, n * sizeof(*words));
 }
