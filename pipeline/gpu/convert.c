@@ -72,14 +72,6 @@ static uint32_t steps(uint32_t word)
     return ((word & NONE) < SST_SUBPIXEL_NONE ? word & NONE : SST_SUBPIXEL_NONE) * 65537U;
 }
 
-static uint32_t labels(const struct words *w, int x, int y, size_t i)
-{
-    const int scale = (int)w->p->value;
-    const uint32_t d = w->map[y / scale * w->p->full_width + x / scale] & NONE;
-
-    return (w->to[i] & UPPER) | (d == NONE || !counts(w, i) ? NONE : (d * w->p->value & NONE));
-}
-
 static uint32_t chosen(uint32_t word, uint32_t old)
 {
     return (word & NONE) | ((word & CHANGED ? word : old) & 0xFF0000) | (old & 0xFF000000U);
@@ -107,8 +99,6 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
         return lumas(w, x, i);
     case SST_GPU_TO_STEPS:
         return steps(w->map[i]);
-    case SST_GPU_TO_LABELS:
-        return labels(w, x, y, i);
     case SST_GPU_FROM_MATCH:
         return (w->from[i] & 0xFFFFFF) | (counts(w, i) ? 0 : NONE);
     case SST_GPU_FROM_CHOICE:
@@ -178,9 +168,7 @@ int convert_self_test(struct sst_gpu *g)
                                             i / 2 == SST_GPU_TO_HALF ? 2 * TEST_WIDTH - (int)(i % 2) : TEST_WIDTH,
                                         .full_height = 2 * TEST_HEIGHT - (int)(i % 2),
                                         .conversion = i / 2,
-                                        .value = i / 2 == SST_GPU_TO_HYPOTHESES ? 1000 + 30000 * (i % 2)
-                                                 : i / 2 == SST_GPU_TO_LABELS   ? 1 + i % 2
-                                                                                : i % 2,
+                                        .value = i / 2 == SST_GPU_TO_HYPOTHESES ? 1000 + 30000 * (i % 2) : i % 2,
                                         .colours = 3,
                                         .from = 5,
                                         .to = 7 };

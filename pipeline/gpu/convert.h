@@ -1,5 +1,5 @@
-/* pipeline/gpu/convert.h - the shader `convert`: planes of a view in the words that a step of matching or of labels
- * reads, and results of a step in the words of a plane.
+/* pipeline/gpu/convert.h - the shader `convert`: planes of a view in the words that a step of matching reads, and
+ * results of a step in the words of a plane.
  *
  * All numbers are integers. Groups of 32 x 8 pixels.
  */
@@ -21,23 +21,20 @@ enum sst_gpu_conversion {
     SST_GPU_TO_SURFACES = 2, /* maps of surfaces.h */
     SST_GPU_TO_LUMA = 3,     /* pixels of subpixel.h */
     SST_GPU_TO_STEPS = 4,    /* disparities of subpixel.h */
-    SST_GPU_TO_LABELS = 5, /* the lower halves of label.h's first plane, at `value` times the size; SST_DISP_NONE where
-                              colours do not count */
     /* From the result of a step to a map: */
-    SST_GPU_FROM_MATCH = 6,  /* disparities and confidences of match.h; none where colours do not count */
-    SST_GPU_FROM_CHOICE = 7, /* of hypotheses.h */
-    SST_GPU_FROM_PLAIN = 8,  /* disparities alone */
+    SST_GPU_FROM_MATCH = 5,  /* disparities and confidences of match.h; none where colours do not count */
+    SST_GPU_FROM_CHOICE = 6, /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 7,  /* disparities alone */
     /* From a network's result to features of match.h: */
-    SST_GPU_TO_FEATURES = 9, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
+    SST_GPU_TO_FEATURES = 8, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
     /* From colours to what it reads: */
-    SST_GPU_TO_LEVELS = 10, /* words of `from` by luma */
+    SST_GPU_TO_LEVELS = 9, /* words of `from` by luma */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */
 struct sst_gpu_convert {
     int32_t width, height;
-    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the map of SST_GPU_TO_LABELS, of the
-                                        view of SST_GPU_TO_FEATURES */
+    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the view of SST_GPU_TO_FEATURES */
     uint32_t conversion;             /* enum sst_gpu_conversion */
     uint32_t value;
     uint32_t colours, from, to;

@@ -43,26 +43,7 @@
     X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
-    X(LABEL_KEEP, label_keep, SST_GPU_LABEL_KEEP_BUFFERS, sst_gpu_label_keep)                                          \
-    X(LABEL_GRID, label_grid, SST_GPU_LABEL_GRID_BUFFERS, sst_gpu_label_grid)                                          \
-    X(LABEL_INPUT, label_input, SST_GPU_LABEL_INPUT_BUFFERS, sst_gpu_label_input)                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \
-    X(REFINE_MASK, refine_mask, SST_GPU_REFINE_MASK_BUFFERS, sst_gpu_refine_mask)                                      \
-    X(REFINE_COLUMNS, refine_columns, SST_GPU_REFINE_COLUMNS_BUFFERS, sst_gpu_refine_columns)                          \
-    X(REFINE_COMPETE, refine_compete, SST_GPU_REFINE_COMPETE_BUFFERS, sst_gpu_refine_compete)                          \
-    X(REFINE_SUMS, refine_sums, SST_GPU_REFINE_SUMS_BUFFERS, sst_gpu_refine_window)                                    \
-    X(REFINE_PLANES, refine_planes, SST_GPU_REFINE_PLANES_BUFFERS, sst_gpu_refine_window)                              \
-    X(REFINE_NORMALS, refine_normals, SST_GPU_REFINE_NORMALS_BUFFERS, sst_gpu_refine_normals)                          \
-    X(REFINE_ASSIGN, refine_assign, SST_GPU_REFINE_ASSIGN_BUFFERS, sst_gpu_refine_assign)                              \
-    X(REFINE_COUNT, refine_count, SST_GPU_REFINE_COUNT_BUFFERS, sst_gpu_refine_count)                                  \
-    X(REFINE_GROUND_SUMS, refine_ground_sums, SST_GPU_REFINE_GROUND_SUMS_BUFFERS, sst_gpu_refine_fit)                  \
-    X(REFINE_GROUND_MISSES, refine_ground_misses, SST_GPU_REFINE_GROUND_MISSES_BUFFERS, sst_gpu_refine_fit)            \
-    X(REFINE_GROUND_LIMIT, refine_ground_limit, SST_GPU_REFINE_GROUND_LIMIT_BUFFERS, sst_gpu_refine_fit)               \
-    X(REFINE_EXTENTS, refine_extents, SST_GPU_REFINE_EXTENTS_BUFFERS, sst_gpu_refine_extents)                          \
-    X(VOTE, vote, SST_GPU_VOTE_BUFFERS, sst_gpu_vote)                                                                  \
-    X(LABEL_CARRY, label_carry, SST_GPU_VOTE_BUFFERS, sst_gpu_label_carry)                                             \
-    X(LABEL_FILL, label_fill, SST_GPU_LABEL_FILL_BUFFERS, sst_gpu_label_fill)                                          \
-    X(LABEL_CELLS, label_cells, SST_GPU_LABEL_CELLS_BUFFERS, sst_gpu_label_cells)                                      \
     X(VERIFY_SHARE, verify_share, SST_GPU_SHARE_BUFFERS, sst_gpu_verify)                                               \
     X(VERIFY_SCREEN, verify_screen, SST_GPU_SCREEN_BUFFERS, sst_gpu_verify)                                            \
     X(VERIFY_UNEXPLAINED, verify_unexplained, SST_GPU_UNEXPLAINED_BUFFERS, sst_gpu_verify)                             \

@@ -14,8 +14,8 @@ layout(std430, push_constant) uniform Constants {
     uint conversion, value, colours, from, to;
 };
 
-const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_LUMA = 3, TO_STEPS = 4, TO_LABELS = 5, FROM_MATCH = 6,
-           FROM_CHOICE = 7, FROM_PLAIN = 8, TO_FEATURES = 9, TO_LEVELS = 10;
+const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_LUMA = 3, TO_STEPS = 4, FROM_MATCH = 5,
+           FROM_CHOICE = 6, FROM_PLAIN = 7, TO_FEATURES = 8, TO_LEVELS = 9;
 const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
 const int FEATURE_WORDS = 16;
 const uint STEPS_NONE = 32768, CHANGED = 1 << 24;
@@ -61,14 +61,6 @@ uint lumas(int x, int i)
     return luma(i) | luma(next) << 8 | max(map[i] & NONE, map[next] & NONE) << 16;
 }
 
-uint labels(ivec2 at, int i)
-{
-    const int scale = int(value);
-    const uint d = map[at.y / scale * full_width + at.x / scale] & NONE;
-
-    return result[to + i] & 0xFFFF0000 | (d == NONE || !counts(i) ? NONE : d * value & NONE);
-}
-
 void main()
 {
     const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -86,7 +78,6 @@ void main()
         break;
     case TO_LUMA: word = lumas(at.x, i); break;
     case TO_STEPS: word = min(map[i] & NONE, STEPS_NONE) * 65537; break;
-    case TO_LABELS: word = labels(at, i); break;
     case FROM_MATCH: word = source[from + i] & 0xFFFFFF | (counts(i) ? 0 : NONE); break;
     case FROM_CHOICE:
         word = source[from + i] & NONE | old & 0xFF000000;

@@ -1,9 +1,7 @@
 /* pipeline/kernels/surface_ref.h - planes of disparity windows, their normals, and the energies of label refinement.
  *
- * Sums are exact whole numbers. What follows is sums, differences and products of floats in a fixed order, and whole
- * numbers rounded to floats: what every device rounds as the CPU does, so that the shaders refine_planes,
- * refine_normals and refine_assign give the same bits. Quotients and roots, which devices round as they like, are
- * Newton's iterations from a guess by the bits.
+ * Sums are exact whole numbers. All other numbers are sums, differences and products of floats in a fixed order.
+ * Quotients and roots are Newton's iterations from a guess by the bits.
  */
 #ifndef SST_PIPELINE_KERNELS_SURFACE_REF_H
 #define SST_PIPELINE_KERNELS_SURFACE_REF_H
