@@ -8,7 +8,7 @@
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/kernels/kernels.h"
 
-_Static_assert(sizeof(struct sst_gpu_convert) == 36, "the layout of convert.comp");
+_Static_assert(sizeof(struct sst_gpu_convert) == 32, "the layout of convert.comp");
 
 #define NONE    0xFFFFU    /* SST_DISP_NONE */
 #define CODES   253        /* depth codes but the first one */
@@ -30,19 +30,6 @@ static bool counts(const struct words *w, size_t i)
 static uint32_t luma(uint32_t p)
 {
     return (77 * (p & 0xFF) + 150 * (p >> 8 & 0xFF) + 29 * (p >> 16 & 0xFF) + 128) >> 8;
-}
-
-static uint32_t half_of(const struct words *w, int x, int y)
-{
-    const size_t width = (size_t)w->p->full_width, x0 = 2 * (size_t)x, y0 = 2 * (size_t)y * width;
-    const size_t x1 = (size_t)sst_min_int(2 * x + 1, w->p->full_width - 1);
-    const size_t y1 = (size_t)sst_min_int(2 * y + 1, w->p->full_height - 1) * width;
-    const uint32_t p[4] = { w->pixel[y0 + x0], w->pixel[y0 + x1], w->pixel[y1 + x0], w->pixel[y1 + x1] };
-    uint32_t mean = p[0] & p[1] & p[2] & p[3] & 0xFF000000U;
-
-    for (int c = 0; c < 24; c += 8)
-        mean |= (((p[0] >> c & 0xFF) + (p[1] >> c & 0xFF) + (p[2] >> c & 0xFF) + (p[3] >> c & 0xFF) + 2) >> 2) << c;
-    return mean;
 }
 
 static uint32_t hypotheses(const struct words *w, size_t i)
@@ -89,8 +76,6 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
     const uint32_t old = w->to[i];
 
     switch (w->p->conversion) {
-    case SST_GPU_TO_HALF:
-        return half_of(w, x, y);
     case SST_GPU_TO_HYPOTHESES:
         return hypotheses(w, i);
     case SST_GPU_TO_SURFACES:
@@ -160,13 +145,11 @@ int convert_self_test(struct sst_gpu *g)
 
     if (!err)
         fill(t);
-    for (uint32_t i = SST_GPU_TO_HALF; i <= 2 * SST_GPU_TO_LEVELS + 1 && !err; i++) {
+    for (uint32_t i = 0; i <= 2 * SST_GPU_TO_LEVELS + 1 && !err; i++) {
         const bool wide = i / 2 == SST_GPU_TO_FEATURES;
         struct sst_gpu_convert push = { .width = TEST_WIDTH,
                                         .height = TEST_HEIGHT,
-                                        .full_width =
-                                            i / 2 == SST_GPU_TO_HALF ? 2 * TEST_WIDTH - (int)(i % 2) : TEST_WIDTH,
-                                        .full_height = 2 * TEST_HEIGHT - (int)(i % 2),
+                                        .full_width = TEST_WIDTH,
                                         .conversion = i / 2,
                                         .value = i / 2 == SST_GPU_TO_HYPOTHESES ? 1000 + 30000 * (i % 2) : i % 2,
                                         .colours = 3,

@@ -15,27 +15,26 @@
 
 enum sst_gpu_conversion {
     /* From a plane to the input of a step: */
-    SST_GPU_TO_HALF = 0, /* colours at half of the size, of which all four must count */
     SST_GPU_TO_HYPOTHESES =
-        1,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
-    SST_GPU_TO_SURFACES = 2, /* maps of surfaces.h */
-    SST_GPU_TO_LUMA = 3,     /* pixels of subpixel.h */
-    SST_GPU_TO_STEPS = 4,    /* disparities of subpixel.h */
+        0,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
+    SST_GPU_TO_SURFACES = 1, /* maps of surfaces.h */
+    SST_GPU_TO_LUMA = 2,     /* pixels of subpixel.h */
+    SST_GPU_TO_STEPS = 3,    /* disparities of subpixel.h */
     /* From the result of a step to a map: */
-    SST_GPU_FROM_MATCH = 5,  /* disparities and confidences of match.h; none where colours do not count */
-    SST_GPU_FROM_CHOICE = 6, /* of hypotheses.h */
-    SST_GPU_FROM_PLAIN = 7,  /* disparities alone */
+    SST_GPU_FROM_MATCH = 4,  /* disparities and confidences of match.h; none where colours do not count */
+    SST_GPU_FROM_CHOICE = 5, /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 6,  /* disparities alone */
     /* From a network's result to features of match.h: */
-    SST_GPU_TO_FEATURES = 8, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
+    SST_GPU_TO_FEATURES = 7, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
     /* From colours to what it reads: */
-    SST_GPU_TO_LEVELS = 9, /* words of `from` by luma */
+    SST_GPU_TO_LEVELS = 8, /* words of `from` by luma */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */
 struct sst_gpu_convert {
     int32_t width, height;
-    int32_t full_width, full_height; /* of the colours of SST_GPU_TO_HALF; width of the view of SST_GPU_TO_FEATURES */
-    uint32_t conversion;             /* enum sst_gpu_conversion */
+    int32_t full_width;  /* of the view of SST_GPU_TO_FEATURES */
+    uint32_t conversion; /* enum sst_gpu_conversion */
     uint32_t value;
     uint32_t colours, from, to;
 };

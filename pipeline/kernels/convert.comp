@@ -10,12 +10,12 @@ layout(std430, binding = 2) readonly buffer From { uint source[]; };
 layout(std430, binding = 3) buffer To { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, full_width, full_height;
+    int width, height, full_width;
     uint conversion, value, colours, from, to;
 };
 
-const uint TO_HALF = 0, TO_HYPOTHESES = 1, TO_SURFACES = 2, TO_LUMA = 3, TO_STEPS = 4, FROM_MATCH = 5,
-           FROM_CHOICE = 6, FROM_PLAIN = 7, TO_FEATURES = 8, TO_LEVELS = 9;
+const uint TO_HYPOTHESES = 0, TO_SURFACES = 1, TO_LUMA = 2, TO_STEPS = 3, FROM_MATCH = 4, FROM_CHOICE = 5,
+           FROM_PLAIN = 6, TO_FEATURES = 7, TO_LEVELS = 8;
 const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
 const int FEATURE_WORDS = 16;
 const uint STEPS_NONE = 32768, CHANGED = 1 << 24;
@@ -30,20 +30,6 @@ uint luma(int i)
     const uint p = pixel[colours + i];
 
     return (77 * (p & 0xFF) + 150 * (p >> 8 & 0xFF) + 29 * (p >> 16 & 0xFF) + 128) >> 8;
-}
-
-// Means of four colours, the last column and row twice where there is no other.
-uint half_of(ivec2 at)
-{
-    const int x0 = 2 * at.x, x1 = min(x0 + 1, full_width - 1);
-    const int y0 = 2 * at.y * full_width, y1 = min(2 * at.y + 1, full_height - 1) * full_width;
-    const uint p[4] = uint[4](pixel[colours + y0 + x0], pixel[colours + y0 + x1], pixel[colours + y1 + x0],
-                              pixel[colours + y1 + x1]);
-    uint mean = p[0] & p[1] & p[2] & p[3] & 0xFF000000;
-
-    for (int c = 0; c < 24; c += 8)
-        mean |= ((p[0] >> c & 0xFF) + (p[1] >> c & 0xFF) + (p[2] >> c & 0xFF) + (p[3] >> c & 0xFF) + 2 >> 2) << c;
-    return mean;
 }
 
 uint hypotheses(int i)
@@ -71,7 +57,6 @@ void main()
         return;
     old = result[to + i];
     switch (conversion) {
-    case TO_HALF: word = half_of(at); break;
     case TO_HYPOTHESES: word = hypotheses(i); break;
     case TO_SURFACES:
         word = map[i] & NONE | (counts(i) ? 0 : UNSEEN) | ((map[i] & MAP_AGREED) != 0 ? SURFACE_AGREED : 0);

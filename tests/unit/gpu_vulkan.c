@@ -386,11 +386,11 @@ static void test_longest(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_choice),          cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
-        cmocka_unit_test(test_pictures),        cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
-        cmocka_unit_test(test_second),          cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
-        cmocka_unit_test(test_learned),         cmocka_unit_test(test_timeout),
-        cmocka_unit_test(test_frames_in_bands), cmocka_unit_test(test_longest),
+        cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
+        cmocka_unit_test(test_second),   cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),  cmocka_unit_test(test_frames_in_bands),
+        cmocka_unit_test(test_longest),
     };
     glob_t drivers;
 

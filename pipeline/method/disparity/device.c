@@ -203,9 +203,8 @@ void disparity_device_forget(struct sst_disparity_device *d, const struct dispar
     disparity_device_resume(d);
     if (d->run == run)
         disparity_device_drop_views(d);
+    disparity_device_unclaim(d);
     disparity_device_end(d);
-    if (!run->cfg->stays)
-        sst_disparity_device_forget(d);
 }
 
 const char *disparity_device_refuses(const struct disparity_run *run)

@@ -1,4 +1,4 @@
-/* What stays of the views on a device while they are matched, and for the labels afterwards: colours, and the maps as
+/* What stays of the views on a device while they are matched: colours, and the maps as
  * steps leave them. Steps read it in words of their own, which the device makes. What does not stay, for lack of room
  * or since the CPU changed it, is uploaded for the view in work. */
 #include <errno.h>
@@ -30,7 +30,6 @@ void disparity_device_claim(struct sst_disparity_device *d, const struct dispari
     for (int k = 0; k < p->views; k++)
         sst_step_plane_mark(p, SST_PLANE_MAP, k, false);
     d->lf = run->lf;
-    d->stays = run->cfg->stays;
     disparity_device_end(d);
 }
 
@@ -52,16 +51,12 @@ void disparity_device_adopt(struct sst_disparity_device *d, const struct sst_vis
     disparity_device_end(d);
 }
 
-void sst_disparity_device_forget(struct sst_disparity_device *d)
+void disparity_device_unclaim(struct sst_disparity_device *d)
 {
     static const size_t none[SST_PLANES];
 
-    if (!d)
-        return;
-    disparity_device_resume(d);
     sst_step_planes_claim(planes_of(d), d->gpu, NULL, 0, 1, none);
     d->lf = NULL;
-    disparity_device_end(d);
 }
 
 static void drop_map(struct sst_disparity_device *d, int view)
@@ -161,25 +156,6 @@ static int make_plane(struct sst_disparity_device *d, enum sst_step_plane plane,
     return err;
 }
 
-/* Half of the colours that stay for the labels, where there is room for both. @return -ENOMEM: there is none */
-static int halve_colours(struct sst_disparity_device *d, int view, int width, int height, struct sst_gpu_range to)
-{
-    const struct sst_view *v = &d->lf->views[view];
-    const struct sst_gpu_convert push = {
-        .width = width, .height = height, .full_width = d->lf->width, .full_height = d->lf->height
-    };
-    const struct sst_plane_source from = { .image = &v->image, .seen = &v->valid };
-    struct sst_gpu_range full = disparity_device_find(d, SST_PLANE_COLOUR, view);
-    int err = 0;
-
-    if (!full.buffer) {
-        err = make_place(d, SST_PLANE_COLOUR, view, false, &full);
-        err = err ? err : upload_words(d, full, SST_PLANE_COLOUR, &from);
-        sst_step_plane_mark(planes_of(d), SST_PLANE_COLOUR, view, !err);
-    }
-    return err ? err : disparity_device_convert(d, push, full, NO_RANGE, NO_RANGE, to);
-}
-
 int disparity_device_colours(struct sst_disparity_device *d, const struct device_view *v, struct sst_gpu_range *out)
 {
     const int scale = planes_of(d)->scale;
@@ -195,14 +171,11 @@ int disparity_device_colours(struct sst_disparity_device *d, const struct device
     err = make_plane(d, plane, v->view, n, v->stays ? KEPT : KEPT_COLOURS, out);
     if (err)
         return err;
-    err = scale == 1 || !d->stays ? -ENOMEM : halve_colours(d, v->view, v->width, v->height, *out);
-    if (err == -ENOMEM) {
-        err = image->width == v->width && image->height == v->height ? 0 : sst_image_halve(&half, image);
-        err = err ? err
-                  : upload_words(d, *out, plane,
-                                 &(struct sst_plane_source){ .image = half.width ? &half : image, .seen = v->seen });
-        sst_image_fini(&half);
-    }
+    err = image->width == v->width && image->height == v->height ? 0 : sst_image_halve(&half, image);
+    err = err ? err
+              : upload_words(d, *out, plane,
+                             &(struct sst_plane_source){ .image = half.width ? &half : image, .seen = v->seen });
+    sst_image_fini(&half);
     if (err)
         sst_step_plane_mark(planes_of(d), plane, v->view, false);
     return err;

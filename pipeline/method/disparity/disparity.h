@@ -81,7 +81,6 @@ struct sst_disparity_config {
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), which all have the same maps and
                                 report then: both passes, checks and carrying by views; or NULL */
     struct sst_disparity_device *device; /* that light fields are matched on, with the same bytes; NULL: on the CPU */
-    bool stays; /* colours and maps stay there, for the labels: sst_disparity_device_forget() follows */
 };
 
 /** What was skipped, and the error that this adds; percent, NaN where nothing was. */
@@ -141,9 +140,6 @@ void sst_disparity_device_destroy(struct sst_disparity_device *d);
 
 /** What it has done since the last report. */
 void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out);
-
-/** Free what stays there after sst_disparity_lightfield() with `stays`. @param d  or NULL */
-void sst_disparity_device_forget(struct sst_disparity_device *d);
 
 /** Note that a stage was done on the CPU. @param d  or NULL: nothing is noted */
 void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_disparity_stage stage);

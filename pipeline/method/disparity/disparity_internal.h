@@ -220,7 +220,6 @@ struct sst_disparity_device {
     struct sst_gpu_buffer *kept[KEPT];
     size_t bytes[KEPT];
     const struct sst_lightfield *lf; /* whose views stay; NULL: none */
-    bool stays;                      /* also when it has been matched */
     bool borrowed;                   /* from a network that runs: no other buffer is freed to make room */
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
@@ -304,6 +303,9 @@ void disparity_device_map_changed(struct sst_disparity_device *d, int view);
 /** Free planes that are not of the view in work; then features, and buffers of other kinds of work. @param plane  that
  * stays @return whether there was any */
 bool disparity_device_make_room(struct sst_disparity_device *d, enum sst_step_plane plane);
+
+/** Free the planes of all views: the light field is matched. */
+void disparity_device_unclaim(struct sst_disparity_device *d);
 
 /** Free what stays and is not of the view in work. @return whether there was any */
 bool disparity_device_drop_unused(struct sst_disparity_device *d);

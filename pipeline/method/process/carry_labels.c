@@ -16,8 +16,8 @@ struct job {
     const struct process_carry *c;
     struct sst_map_f32 *entropy; /* or NULL */
     bool fill;
-    int *view;         /* those that labels are carried to */
-    uint64_t **packed; /* [views] of the sources; NULL: none is asked */
+    int *view;                 /* those that labels are carried to */
+    uint64_t **packed;         /* [views] of the sources; NULL: none is asked */
     struct sst_map_f32 *spare; /* [threads] entropies of a view that is done; NULL: they are kept */
 };
 
@@ -267,10 +267,7 @@ static void carried_maps(void *arg, int index, struct sst_share_maps *out)
 int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill)
 {
     const int views = c->lf->rows * c->lf->cols;
-    struct job j = { .c = c,
-                     .entropy = entropy,
-                     .fill = fill,
-                     .view = calloc((size_t)views, sizeof(*j.view)) };
+    struct job j = { .c = c, .entropy = entropy, .fill = fill, .view = calloc((size_t)views, sizeof(*j.view)) };
     const int spares = c->then && entropy ? sst_max_int(c->threads, 1) : 0;
     int count = 0, err = j.view ? 0 : -ENOMEM;
 

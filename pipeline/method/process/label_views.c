@@ -48,7 +48,7 @@ static struct process_source seen_from(const struct sst_lightfield *lf, int view
     const struct sst_view *own = &lf->views[view], *there = &lf->views[other];
 
     return (struct process_source){ other, sst_shift_by(own->bx - there->bx, lf->disp_min_px),
-                                      sst_shift_by(own->by - there->by, lf->disp_min_px) };
+                                    sst_shift_by(own->by - there->by, lf->disp_min_px) };
 }
 
 static uint8_t *shown_by(const struct choice *c, int candidate, int view)

@@ -230,11 +230,9 @@ static struct process_carry carry_of(const struct run *run)
 {
     const struct sst_process_config *cfg = run->cfg;
 
-    return (struct process_carry){ .lf = run->lf,
-                                   .carried = run->carried,
-                                   .share = cfg->share,
-                                   .threads = cfg->threads,
-                                   .source = run->source };
+    return (struct process_carry){
+        .lf = run->lf, .carried = run->carried, .share = cfg->share, .threads = cfg->threads, .source = run->source
+    };
 }
 
 /* What one process measures for all. */
@@ -640,7 +638,6 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     run.report->labels = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
-    sst_disparity_device_forget(cfg->disparity.device);
     for (int view = 0; run.source && view < views_of(&run); view++)
         sst_map_u8_fini(&run.source[view]);
     free(run.source);
