@@ -257,18 +257,13 @@ void doctor_check_uvcvideo(struct doctor *d)
 /* --- devices for `--device` --------------------------------------------------------------------------------------- */
 
 /* True if a device computes the steps of matching as the CPU does. */
-static bool steps_pass(const char *name)
+static bool steps_pass(struct sst_runner *runner)
 {
     struct sst_disparity_device *device = NULL;
-    struct sst_runner *runner;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
-    bool pass = false;
+    const bool pass = !sst_disparity_device_create(&device, runner);
 
-    if (!sst_runner_create(&runner, name, 0)) {
-        pass = !sst_disparity_device_create(&device, runner);
-        sst_disparity_device_destroy(device);
-        sst_runner_destroy(runner);
-    }
+    sst_disparity_device_destroy(device);
     (void)sst_log_hold_errors(before);
     return pass;
 }
@@ -277,13 +272,15 @@ static bool steps_pass(const char *name)
 static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
 {
     char runs[1024] = "", refuses[1024] = "";
+    struct sst_runner *runner;
     struct sst_gpu *g;
 
-    if (sst_gpu_open(&g, info->name, NULL)) {
+    if (sst_runner_create_to_test(&runner, info->name)) {
         doctor_add(d, DOCTOR_WARNING, AREA_GPU, "%s cannot be opened: update its driver (%s)", info->name,
                    info->driver);
         return;
     }
+    g = sst_runner_device(runner);
     for (int i = SST_GPU_SHADERS - 1; i >= 0; i--) { /* variants first: the list may be cut */
         char *list;
 
@@ -293,16 +290,16 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
         snprintf(list + strlen(list), sizeof(runs) - strlen(list), "%s%s", *list ? ", " : "",
                  sst_gpu_shader_name((enum sst_gpu_shader)i));
     }
-    sst_gpu_close(g);
-    if (!*refuses && !steps_pass(info->name))
+    if (!*refuses && !steps_pass(runner))
         snprintf(refuses, sizeof(refuses), "steps of matching");
     if (*refuses)
         doctor_add(d, DOCTOR_WARNING, AREA_GPU,
                    "%s (%s) gives wrong results for %s and is not used for them: update the driver", info->name,
                    info->driver, refuses);
     else
-        doctor_add(d, DOCTOR_OK, AREA_GPU, "%s (%s) passes its tests: %s%s", info->name, info->driver, runs,
+        doctor_add(d, DOCTOR_OK, AREA_GPU, "%s (%s) passes its tests, run again: %s%s", info->name, info->driver, runs,
                    info->kind == SST_GPU_SOFTWARE ? "; it is no GPU, and used only by name" : "");
+    sst_runner_destroy(runner);
 }
 
 void doctor_check_gpu(struct doctor *d)

@@ -11,7 +11,6 @@
 #include "base/log.h"
 #include "pipeline/gpu/gpu_internal.h"
 
-#define PREFIX "pipelines-"
 
 struct header {
     char magic[8];
@@ -50,11 +49,11 @@ static bool find_folder(char out[SST_PATH_MAX])
     return !access(out, W_OK);
 }
 
-static bool find_file(char out[SST_PATH_MAX], uint64_t key)
+static bool find_file(char out[SST_PATH_MAX], const char *kind, uint64_t key)
 {
     char folder[SST_PATH_MAX], name[64];
 
-    snprintf(name, sizeof(name), PREFIX "%016" PRIx64 ".bin", key);
+    snprintf(name, sizeof(name), "%s-%016" PRIx64 ".bin", kind, key);
     return find_folder(folder) && !sst_path_join(out, folder, name);
 }
 
@@ -69,12 +68,12 @@ static bool fits(const uint8_t *file, size_t size, uint64_t key)
            h.hash == gpu_hash(GPU_HASH_START, file + sizeof(h), size - sizeof(h));
 }
 
-void *gpu_cache_read(uint64_t key, size_t *bytes)
+void *gpu_cache_read(const char *kind, uint64_t key, size_t *bytes)
 {
     char path[SST_PATH_MAX], text[SST_LOG_MAX], *const held = sst_log_hold_errors(text);
     uint8_t *file = NULL;
     size_t size = 0;
-    const bool found = find_file(path, key) && sst_path_exists(path);
+    const bool found = find_file(path, kind, key) && sst_path_exists(path);
     const int err = found ? sst_file_read(path, sizeof(struct header) + GPU_CACHE_BYTES_MAX, &file, &size) : -ENOENT;
 
     sst_log_hold_errors(held);
@@ -82,7 +81,7 @@ void *gpu_cache_read(uint64_t key, size_t *bytes)
         return NULL;
     if (err || !fits(file, size, key)) {
         free(file);
-        sst_log_warning("%s is damaged and removed: shaders are compiled again", path);
+        sst_log_warning("%s is damaged and removed: shaders are compiled and tested again", path);
         (void)unlink(path);
         return NULL;
     }
@@ -98,8 +97,8 @@ static int64_t changed_ns(const char *path)
     return stat(path, &st) ? 0 : st.st_mtim.tv_sec * (int64_t)1000000000 + st.st_mtim.tv_nsec;
 }
 
-/* Remove the oldest file if there are more than GPU_CACHE_FILES: a call adds at most one. */
-static void remove_oldest(const char *folder)
+/* Remove the oldest file of a kind if there are more than GPU_CACHE_FILES: a call adds at most one. */
+static void remove_oldest(const char *folder, const char *kind)
 {
     char oldest[SST_PATH_MAX] = "", path[SST_PATH_MAX];
     int64_t oldest_ns = INT64_MAX;
@@ -107,7 +106,7 @@ static void remove_oldest(const char *folder)
     int n = 0;
 
     for (struct dirent *e; d && (e = readdir(d));) {
-        if (strncmp(e->d_name, PREFIX, strlen(PREFIX)) || sst_path_join(path, folder, e->d_name))
+        if (strncmp(e->d_name, kind, strlen(kind)) || sst_path_join(path, folder, e->d_name))
             continue;
         n++;
         if (changed_ns(path) < oldest_ns) {
@@ -121,13 +120,13 @@ static void remove_oldest(const char *folder)
         (void)unlink(oldest);
 }
 
-void gpu_cache_write(uint64_t key, const void *data, size_t bytes)
+void gpu_cache_write(const char *kind, uint64_t key, const void *data, size_t bytes)
 {
     struct header h = { .key = key, .bytes = bytes, .hash = gpu_hash(GPU_HASH_START, data, bytes) };
     char path[SST_PATH_MAX], folder[SST_PATH_MAX], text[SST_LOG_MAX], *held;
     uint8_t *file;
 
-    if (bytes > GPU_CACHE_BYTES_MAX || !find_folder(folder) || !find_file(path, key))
+    if (bytes > GPU_CACHE_BYTES_MAX || !find_folder(folder) || !find_file(path, kind, key))
         return;
     file = malloc(sizeof(h) + bytes);
     if (!file)
@@ -137,8 +136,8 @@ void gpu_cache_write(uint64_t key, const void *data, size_t bytes)
     memcpy(file + sizeof(h), data, bytes);
     held = sst_log_hold_errors(text);
     if (sst_file_write(path, file, sizeof(h) + bytes))
-        sst_log_debug("pipelines are not kept: %s", text);
+        sst_log_debug("%s are not kept: %s", kind, text);
     sst_log_hold_errors(held);
     free(file);
-    remove_oldest(folder);
+    remove_oldest(folder, kind);
 }

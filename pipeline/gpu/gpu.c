@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "pipeline/gpu/gpu_internal.h"
 
+#define FUSES               "fma() rounds once" /* verdict, see sst_gpu_fuses() */
 #define TIMEOUT_MS          20000
 #define SOFTWARE_TIMEOUT_MS 600000 /* it shares the CPU with everything else */
 
@@ -103,7 +104,8 @@ static int prepare_all(struct sst_gpu *g)
     return err;
 }
 
-static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
+/* The configuration, and passes of earlier runs. */
+static void set_up(struct sst_gpu *g, const struct sst_gpu_config *cfg)
 {
     g->cfg = cfg ? *cfg : (struct sst_gpu_config){ 0 };
     if (!g->cfg.memory_bytes)
@@ -112,6 +114,7 @@ static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
     if (!g->cfg.timeout_ms)
         g->cfg.timeout_ms =
             (g->info.kind == SST_GPU_SOFTWARE ? SOFTWARE_TIMEOUT_MS : TIMEOUT_MS) / (g->cfg.prompt ? 10 : 1);
+    gpu_verdicts_open(g);
 }
 
 /* The first real device that passes every self-test. */
@@ -123,7 +126,7 @@ static int open_real(struct sst_gpu **out, const struct sst_gpu_info *info, cons
 
         if (info[order[i]].kind == SST_GPU_SOFTWARE || gpu_vulkan_open(&g, order[i]))
             continue;
-        set_limits(g, cfg);
+        set_up(g, cfg);
         if (!prepare_all(g)) {
             *out = g;
             return 0;
@@ -145,7 +148,7 @@ static int open_named(struct sst_gpu **out, const char *name, const struct sst_g
             continue;
         err = gpu_vulkan_open(out, order[i]);
         if (!err)
-            set_limits(*out, cfg);
+            set_up(*out, cfg);
     }
     return err;
 }
@@ -172,7 +175,7 @@ int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_co
     if (!strcmp(name, "dummy") || !strncmp(name, "dummy:", 6)) {
         err = gpu_dummy_open(out, name[5] ? name + 6 : "");
         if (!err)
-            set_limits(*out, cfg);
+            set_up(*out, cfg);
         return err;
     }
     n = list_in_order(info, order);
@@ -184,8 +187,10 @@ int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_co
 
 void sst_gpu_close(struct sst_gpu *g)
 {
-    if (g)
-        g->ops->close(g);
+    if (!g)
+        return;
+    gpu_verdicts_close(g);
+    g->ops->close(g);
 }
 
 const struct sst_gpu_info *sst_gpu_get_info(const struct sst_gpu *g)
@@ -211,6 +216,26 @@ static int note(struct sst_gpu *g, int err)
 /* Variants whose self-test a device did not survive. */
 static SST_ATOMIC(bool) deadly[SST_GPU_SHADERS];
 
+/* Compare a shader that is compiled with its reference, unless it has passed. */
+static int test_shader(struct sst_gpu *g, enum sst_gpu_shader shader)
+{
+    const struct gpu_shader *s = &gpu_shaders[shader];
+    int err;
+
+    if (!s->self_test)
+        return 0;
+    if (sst_gpu_has_passed(g, s->name)) {
+        g->fuses = g->fuses || (shader == SST_GPU_NET_CONV && sst_gpu_has_passed(g, FUSES));
+        return 0;
+    }
+    err = s->self_test(g);
+    if (!err || err == -ENOTSUP)
+        sst_gpu_note_verdict(g, s->name, !err);
+    if (!err && shader == SST_GPU_NET_CONV && g->fuses)
+        sst_gpu_note_verdict(g, FUSES, true);
+    return err;
+}
+
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     int err;
@@ -230,7 +255,7 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
     }
     if (!err) {
         g->ready[shader] = GPU_READY; /* which the test runs */
-        err = gpu_shaders[shader].self_test ? gpu_shaders[shader].self_test(g) : 0;
+        err = test_shader(g, shader);
     }
     if (err == -ENOTSUP) {
         g->ready[shader] = GPU_REFUSED;

@@ -85,6 +85,7 @@ struct sst_gpu_config {
     uint64_t memory_bytes; /* that buffers use at most; 0: */
     int memory_percent;    /* of the device's memory; 0: 75 */
     int timeout_ms;        /* limit of one wait; 0: 20 s, on software devices 10 minutes */
+    bool test_again;       /* also shaders and steps that have passed */
     bool prompt;           /* short limits of a wait, for live use: by default 2 s, on software devices 60 s */
 };
 
@@ -119,7 +120,8 @@ const struct sst_gpu_info *sst_gpu_get_info(const struct sst_gpu *g);
 uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
 
 /**
- * Compile a shader and compare its results on small inputs with those of its C reference, on the first call.
+ * Compile a shader and compare its results on small inputs with those of its C reference, on the first call, unless it
+ * has passed on this device before (sst_gpu_has_passed()).
  * @return 0, -ENOTSUP (they differ, or the device cannot run it: refused while g is open), or an error of the device;
  *         a warning is logged, except for a variant that the device does not have (sst_gpu_can())
  */
@@ -135,6 +137,13 @@ SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader
  * @return as sst_gpu_prepare() of the shader itself
  */
 SST_MUST_CHECK int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out);
+
+/** True if a comparison of this name was noted as passed, now or in another run of the same build with the same driver,
+ * device and CPU. Never on the dummy device. */
+bool sst_gpu_has_passed(const struct sst_gpu *g, const char *test);
+
+/** Note a comparison, for sst_gpu_has_passed(); kept when the device is closed. @param test  its name, one line */
+void sst_gpu_note_verdict(struct sst_gpu *g, const char *test, bool passed);
 
 /** True for the dummy device, which computes nothing of shaders without a reference: whoever dispatches them does. */
 bool sst_gpu_is_dummy(const struct sst_gpu *g);

@@ -151,6 +151,13 @@ struct gpu_ops {
     int (*fill)(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, size_t bytes, uint32_t word);
 };
 
+/** Names of comparisons, "\nname\nname\n" or NULL. */
+struct gpu_verdicts {
+    uint64_t key; /* 0: nothing is kept */
+    char *passed, *failed;
+    bool changed;
+};
+
 enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };
 
 /** What a back end embeds first. */
@@ -161,7 +168,9 @@ struct sst_gpu {
     uint64_t used_bytes;       /* of buffers */
     int lost;                  /* 0, or the error that every call returns from now on */
     enum gpu_ready ready[SST_GPU_SHADERS];
-    bool fuses; /* see sst_gpu_fuses() */
+    bool fuses;         /* see sst_gpu_fuses() */
+    uint64_t cache_key; /* driver, device and shaders: files of others are not read; 0: nothing is kept */
+    struct gpu_verdicts verdicts;
 };
 
 /** @param faults  "" or "lost=3,memory=64" */
@@ -347,7 +356,6 @@ struct gpu_vulkan_device {
     bool hung;                      /* a wait ended without an answer: memory may still be in use */
     struct gpu_vulkan_device *next; /* after close, of those that hung */
     VkPipelineCache cache;
-    uint64_t cache_key;
     size_t cache_bytes; /* that were read */
     struct gpu_vulkan_pipeline pipeline[SST_GPU_SHADERS];
     struct gpu_vulkan_times times;
@@ -391,10 +399,10 @@ SST_MUST_CHECK int gpu_vulkan_open_cache(struct gpu_vulkan_device *v);
 void gpu_vulkan_store_cache(struct gpu_vulkan_device *v);
 #endif
 
-/* --- cache.c: compiled pipelines on disk, one file per driver and set of shaders ----------------------------------
+/* --- cache.c: compiled pipelines and verdicts of tests on disk ----------------------------------------------------
  *
  * In $XDG_CACHE_HOME/sst, else /var/cache/sst where that can be written, else ~/.cache/sst. Without any of them nothing
- * is kept, and nothing is logged: compiling again costs only time. */
+ * is kept, and nothing is logged: it costs only time. */
 
 #define GPU_CACHE_BYTES_MAX ((size_t)16 << 20) /* of a file; larger data is not stored */
 #define GPU_CACHE_FILES     8                  /* the oldest ones beyond are removed */
@@ -403,9 +411,18 @@ void gpu_vulkan_store_cache(struct gpu_vulkan_device *v);
 #define GPU_HASH_START 14695981039346656037U
 uint64_t gpu_hash(uint64_t hash, const void *data, size_t bytes);
 
-/** Read what is stored for a key. A damaged file is removed and logged as a warning.
+/** Read a file. A damaged one is removed and logged as a warning.
+ *  @param kind  first word of its name: "pipelines"
  *  @return malloc()ed data, or NULL: nothing */
-void *gpu_cache_read(uint64_t key, size_t *bytes);
-void gpu_cache_write(uint64_t key, const void *data, size_t bytes);
+void *gpu_cache_read(const char *kind, uint64_t key, size_t *bytes);
+void gpu_cache_write(const char *kind, uint64_t key, const void *data, size_t bytes);
+
+/* --- verdicts.c --------------------------------------------------------------------------------------------------- */
+
+/** Read passes of earlier runs, unless all is to be tested again. The configuration is set. */
+void gpu_verdicts_open(struct sst_gpu *g);
+
+/** Store new passes, unless the device is lost; free. */
+void gpu_verdicts_close(struct sst_gpu *g);
 
 #endif

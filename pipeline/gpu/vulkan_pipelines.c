@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define KIND "pipelines"
+
 static const struct gpu_spirv *find_spirv(const char *name)
 {
     const struct gpu_spirv *s = gpu_spirvs;
@@ -114,8 +116,8 @@ int gpu_vulkan_open_cache(struct gpu_vulkan_device *v)
     void *data;
     VkResult rc;
 
-    v->cache_key = key_of(v);
-    data = gpu_cache_read(v->cache_key, &info.initialDataSize);
+    v->gpu.cache_key = key_of(v);
+    data = gpu_cache_read(KIND, v->gpu.cache_key, &info.initialDataSize);
     v->cache_bytes = info.initialDataSize;
     info.pInitialData = data;
     rc = v->vk->vkCreatePipelineCache(v->device, &info, NULL, &v->cache);
@@ -133,6 +135,6 @@ void gpu_vulkan_store_cache(struct gpu_vulkan_device *v)
         return;
     data = malloc(bytes);
     if (data && !v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, data))
-        gpu_cache_write(v->cache_key, data, bytes);
+        gpu_cache_write(KIND, v->gpu.cache_key, data, bytes);
     free(data);
 }

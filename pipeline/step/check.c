@@ -1,5 +1,6 @@
 /* Comparison of a step on a device with its definition on the CPU. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "base/log.h"
@@ -54,7 +55,7 @@ static int check_seed(struct sst_run *r, uint32_t seed)
     return r->err;
 }
 
-int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
+static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
 {
     const size_t n = (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
     const size_t pixels[SST_PLANE_MAP + 1] = { n, n, n };
@@ -71,6 +72,20 @@ int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct
     if (memory)
         runner_memory_drop(memory, g);
     free(memory);
+    return err;
+}
+
+int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
+{
+    char test[SST_GPU_NAME];
+    int err;
+
+    snprintf(test, sizeof(test), "step %s", step->name);
+    if (sst_gpu_has_passed(g, test))
+        return 0;
+    err = compare(user, g, step);
+    if (!err || err == -ENOTSUP)
+        sst_gpu_note_verdict(g, test, !err);
     if (err == -ENOTSUP)
         sst_log_warning("%s: the step `%s` is refused: its results differ from those of the CPU",
                         sst_gpu_get_info(g)->name, step->name);

@@ -139,7 +139,7 @@ int sst_runner_create_live(struct sst_runner **out, const char *name, uint64_t m
     return 0;
 }
 
-int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory_bytes)
+static int create_open(struct sst_runner **out, const char *name, const struct sst_gpu_config *cfg)
 {
     struct sst_runner *s;
     int err;
@@ -147,7 +147,7 @@ int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory
     *out = NULL;
     if (!strcmp(name, "cpu"))
         return 0;
-    s = create(name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes });
+    s = create(name, cfg);
     if (!s)
         return -ENOMEM;
     err = open_locked(s);
@@ -157,6 +157,16 @@ int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory
     }
     *out = s;
     return 0;
+}
+
+int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory_bytes)
+{
+    return create_open(out, name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes });
+}
+
+int sst_runner_create_to_test(struct sst_runner **out, const char *name)
+{
+    return create_open(out, name, &(struct sst_gpu_config){ .test_again = true });
 }
 
 void sst_runner_destroy(struct sst_runner *s)

@@ -59,6 +59,9 @@ SST_MUST_CHECK int sst_runner_create(struct sst_runner **out, const char *name, 
 SST_MUST_CHECK int sst_runner_create_live(struct sst_runner **out, const char *name, uint64_t memory_bytes,
                                           int percent);
 
+/** The same, to test a device: comparisons that it has passed before are done again. */
+SST_MUST_CHECK int sst_runner_create_to_test(struct sst_runner **out, const char *name);
+
 /** After its last user has left. NULL is fine. */
 void sst_runner_destroy(struct sst_runner *s);
 

@@ -110,6 +110,15 @@ grep -q "damaged and removed" err || fail "damaged pipelines are not reported: $
 cmp -s gpu1.png again.png || fail "damaged pipelines change the picture"
 "$sst" render lf --device lavapipe -o again.png 2>err && [ ! -s err ] || fail "they are not stored again: $(cat err)"
 
+# --- verdicts of tests are kept as well ---
+[ "$(compgen -G 'cache/sst/verdicts-*.bin' | wc -l)" -eq 1 ] || fail "one file of verdicts, not: $(ls cache/sst)"
+for known in yes no; do
+  [ $known = yes ] || rm cache/sst/verdicts-*.bin
+  SST_GPU_TIMES=1 "$sst" render lf --device lavapipe -o again.png -v 2>err || fail "verdicts: $(cat err)"
+  grep -q ': blend: .* in 1 dispatches' err && tested=no || tested=yes
+  [ $tested != $known ] || fail "verdicts are known: $known, tested: $tested: $(grep blend err)"
+done
+
 # --- failures end on the CPU, counted and logged ---
 for fault in lost=13:lost timeout=13:answer buffer=55:memory; do
   "$sst" render lf --device dummy:${fault%:*} -o fault.png --json >fault.json 2>err || fail "${fault%:*}: $(cat err)"
@@ -250,6 +259,6 @@ grep -q 'the shader `blend` is refused' err && grep -q 'error: the device `dummy
 "$sst" version | grep -q 'device .*lavapipe.*used only by name' || fail "version"
 "$sst" version | grep -q 'dot products of bytes' || fail "version: no abilities"
 "$sst" version --json | grep -q '"net_conv8_dot"' || fail "version: no variants"
-"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: .*, carry_close, .*, check, .*, verify_blend, ' || fail "doctor"
-"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: .*net_conv8_dot' || fail "doctor: no variants"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests, run again: .*, carry_close, .*, check, .*, verify_blend, ' || fail "doctor"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests, run again: .*net_conv8_dot' || fail "doctor: no variants"
 exit $failed

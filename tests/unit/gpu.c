@@ -1,5 +1,5 @@
 /* pipeline/gpu/ and pictures on a device, on the dummy device: choice, limits, faults, what ends on the CPU; the cache
- * of pipelines. */
+ * of pipelines and verdicts. */
 #include <dirent.h>
 #include <errno.h>
 #include <sys/stat.h>
@@ -551,7 +551,7 @@ static int count_files(const char *folder)
 static void assert_cached(uint64_t key, const char *want)
 {
     size_t bytes = 0;
-    char *data = gpu_cache_read(key, &bytes);
+    char *data = gpu_cache_read("pipelines", key, &bytes);
 
     if (!want) {
         assert_null(data);
@@ -589,25 +589,102 @@ static void test_cache(void **state)
     (void)state;
     setenv("XDG_CACHE_HOME", test_folder, 1);
     assert_cached(7, NULL);
-    gpu_cache_write(7, "compiled", 8);
+    gpu_cache_write("pipelines", 7, "compiled", 8);
     assert_cached(7, "compiled");
     assert_cached(8, NULL);
     for (long at = 0; at < 40; at += 13) { /* magic, key, size or data */
-        gpu_cache_write(7, "compiled", 8);
+        gpu_cache_write("pipelines", 7, "compiled", 8);
         damage(path, at, false);
         assert_cached(7, NULL);
         assert_false(sst_path_exists(path));
-        gpu_cache_write(7, "compiled", 8);
+        gpu_cache_write("pipelines", 7, "compiled", 8);
         damage(path, at, true);
         assert_cached(7, NULL);
     }
     for (uint64_t key = 1; key <= GPU_CACHE_FILES + 3; key++)
-        gpu_cache_write(key, "x", 1);
+        gpu_cache_write("pipelines", key, "x", 1);
     assert_int_equal(count_files(below), GPU_CACHE_FILES);
     assert_cached(GPU_CACHE_FILES + 3, "x");
-    gpu_cache_write(99, large, GPU_CACHE_BYTES_MAX + 1);
+    gpu_cache_write("pipelines", 99, large, GPU_CACHE_BYTES_MAX + 1);
     assert_cached(99, NULL);
     free(large);
+}
+
+/* A device with verdicts, as a back end opens it. */
+static struct sst_gpu *open_known(bool test_again)
+{
+    struct sst_gpu *g;
+
+    assert_int_equal(sst_gpu_open(&g, "dummy", &(struct sst_gpu_config){ .test_again = test_again }), 0);
+    g->cache_key = 7;
+    gpu_verdicts_open(g);
+    return g;
+}
+
+static void assert_passed(const char *test, bool want)
+{
+    struct sst_gpu *g = open_known(false);
+
+    assert_int_equal(sst_gpu_has_passed(g, test), want);
+    sst_gpu_close(g);
+}
+
+static void note(const char *test, bool passed, bool again, int lost)
+{
+    struct sst_gpu *g = open_known(again);
+
+    assert_true(!again || !sst_gpu_has_passed(g, test));
+    sst_gpu_note_verdict(g, test, passed);
+    g->lost = lost;
+    sst_gpu_close(g);
+}
+
+/* Passes are kept for the same program, CPU and device; refusals are not, and a failure ends a pass. */
+static void test_verdicts(void **state)
+{
+    struct sst_gpu *g, *other;
+    char path[SST_PATH_MAX];
+
+    (void)state;
+    setenv("XDG_CACHE_HOME", test_folder, 1);
+    g = open_known(false);
+    snprintf(path, sizeof(path), "%s/verdicts-%016llx.bin", test_path("sst"), (unsigned long long)g->verdicts.key);
+    sst_gpu_close(g);
+    assert_false(sst_path_exists(path)); /* nothing new */
+    note("step carrying", false, false, 0);
+    assert_passed("step carrying", false);
+    note("step carrying", true, false, 0);
+    assert_passed("step carrying", true);
+    assert_passed("step carry", false);
+    assert_passed("carrying", false);
+    note("blend", true, false, -ENODEV); /* of a device that is lost */
+    assert_passed("blend", false);
+    /* two at once keep the passes of both */
+    g = open_known(false);
+    other = open_known(false);
+    sst_gpu_note_verdict(g, "blend", true);
+    sst_gpu_note_verdict(other, "check", true);
+    sst_gpu_close(g);
+    sst_gpu_close(other);
+    assert_passed("blend", true);
+    assert_passed("check", true);
+    /* tested again */
+    note("blend", false, true, 0);
+    assert_passed("blend", false);
+    assert_passed("check", true);
+    /* with other results of the CPU */
+    setenv("ONEDNN_MAX_CPU_ISA", "SSE41", 1);
+    assert_passed("check", false);
+    unsetenv("ONEDNN_MAX_CPU_ISA");
+    assert_passed("check", true);
+    damage(path, 20, true);
+    assert_passed("check", false);
+    assert_false(sst_path_exists(path));
+    /* the dummy device by itself */
+    assert_int_equal(sst_gpu_open(&g, "dummy", NULL), 0);
+    sst_gpu_note_verdict(g, "blend", true);
+    assert_false(sst_gpu_has_passed(g, "blend"));
+    sst_gpu_close(g);
 }
 
 /* Without a folder nothing is kept, and nothing fails. */
@@ -615,7 +692,7 @@ static void test_no_cache(void **state)
 {
     (void)state;
     setenv("XDG_CACHE_HOME", "/proc/no such folder", 1);
-    gpu_cache_write(7, "compiled", 8);
+    gpu_cache_write("pipelines", 7, "compiled", 8);
     assert_cached(7, NULL);
 }
 
@@ -643,6 +720,7 @@ int main(void)
         cmocka_unit_test(test_reasons_logged),
         serial_test(test_verify_lost),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(test_verdicts, test_folder_create, test_folder_remove),
         cmocka_unit_test(test_no_cache),
     };
 
