@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "cli/cli_internal.h"
+#include "cli/shard_internal.h"
 
 #define STATES ".state" /* of the output: a folder with the claim of each piece */
 #define LOGS   "logs"

@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "cli/shard_internal.h"
 
 #define MAX_ARGS 24
 

@@ -5,6 +5,7 @@
 
 #include "base/file.h"
 #include "cli/cli_internal.h"
+#include "cli/shard_internal.h"
 
 /* Figures of a piece: a member of a report. */
 static const struct column {

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 #include "pipeline/calibration/report/report.h"
 
 struct options {

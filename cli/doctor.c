@@ -1,5 +1,6 @@
 /* sst doctor: checks of all that capturing needs; each finding is one sentence with its remedy. */
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 
 #include <stdarg.h>
 #include <stdio.h>

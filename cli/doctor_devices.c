@@ -9,6 +9,7 @@
 
 #include "base/text.h"
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 #include "drivers/grab/grab.h"
 #include "drivers/still/still.h"
 #include "drivers/trigger/trigger.h"

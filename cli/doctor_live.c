@@ -6,6 +6,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 #include "config/sstd.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/live/live.h"

@@ -16,6 +16,7 @@
 #include "base/kernel_clock.h"
 #include "capture/link/link.h"
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/step/runner.h"

@@ -4,6 +4,7 @@
 
 #include "base/thread.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 #include "pipeline/eval/evaluation.h"
 
 static json_t *disparity_json(const struct sst_disparity_error *d, int views)

@@ -6,6 +6,7 @@
 
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 #include "pipeline/image/codec.h"
 
 #define PATCH       15 /* pixels around a ray */

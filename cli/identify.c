@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/font.h"
 #include "pipeline/image/raw.h"

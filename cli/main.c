@@ -8,6 +8,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "cli/shard_internal.h"
 
 #define LARGE_BYTES (32 << 20)  /* blocks from here on are the system's again when they are freed */
 #define KEPT_BYTES  (256 << 20) /* freed memory that is kept at most */

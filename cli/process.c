@@ -12,6 +12,8 @@
 #include "base/claim.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
+#include "cli/shard_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/external_maps.h"

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/correction.h"
 

@@ -1,4 +1,5 @@
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 
 #include <errno.h>
 #include <math.h>

@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "cli/cli_internal.h"
+#include "cli/shard_internal.h"
 
 #define MOST_ATTEMPTS 3 /* a piece that ended this many workers is not tried again */
 #define POLL_NS       (200 * INT64_C(1000000))

@@ -8,6 +8,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 #include "pipeline/image/codec.h"
 
 /* Setting that changes from picture to picture. */

@@ -3,6 +3,7 @@
 
 #include "base/thread.h"
 #include "cli/cli_internal.h"
+#include "cli/doctor_internal.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/live/live.h"

@@ -1,5 +1,6 @@
 /* Loader of video_libav.c, the part libsst-video.so: FFmpeg has more than a hundred libraries. */
 #include "cli/cli_internal.h"
+#include "cli/render_internal.h"
 
 #include <errno.h>
 

@@ -2,8 +2,8 @@
 # Names and arrows of the built objects and of the headers:
 # - code depends one way, and no circle of folders is linked (base < drivers, pipeline < capture < daemon, cli; base < client < publishers, cli);
 # - the first word after sst_ belongs to one folder and its subfolders; sst_sim_ to simulators/;
-# - sst_ means public: a folder has at most one private header, FOLDER_internal.h, in which no function or tag has sst_,
-#   and only files of the folder, of its subfolders and tests include it; functions in other headers have sst_;
+# - sst_ means public: a folder's private headers are FOLDER_internal.h and, where that would be too long, PART_internal.h, in which no
+#   function or tag has sst_, and only files of the folder, of its subfolders and tests include them; functions in other headers have sst_;
 # - a struct, union or enum tag that a header defines stands for one type.
 # - a class of the page defines a method once.
 # Exceptions: headers that bring a library's types (*_dnnl.h, rtsp_*.h) or C++ (opencv_*.h) into a few files of a folder,
@@ -83,14 +83,14 @@ grep -hoE '(struct|union|enum) sst_[a-z0-9_]+' $(echo "$headers" | grep -v '_int
 for h in $headers; do
   exempt "$h" && continue
   dir=${h%/*} own=${h%/*}/$(basename "${h%/*}")_internal.h
-  if [ "$h" = "$own" ]; then
+  case $h in *_internal.h) private=1; [ -e "$own" ] || fail "$h: the private header of $dir is called $own";; *) private=0;; esac
+  if [ $private = 1 ]; then
     # An opaque type is named by a public header and defined in the private one.
     for n in $(functions_of "$h") $(tags_of "$h"); do
       case $n in sst_*) grep -qx "$n" "$opaque" || fail "$h: $n is private and has sst_";; esac
     done
     echo "$includes" | awk -v h="$h" -v d="$dir" '$2 == h { f = $1; sub(/\/[^\/]*$/, "", f); if (f != d && index(f, d "/") != 1) { print "error: " $1 " includes " h ", which is private"; bad = 1 } } END { exit bad }' >&2 || bad=1
   else
-    case $h in *_internal.h) fail "$h: the private header of $dir is called $own";; esac
     for n in $(functions_of "$h"); do case $n in sst_*|main) ;; *) fail "$h: $n is public and has no sst_";; esac; done
     # Included by its own folder alone, and not through another public header: private.
     echo "$includes" | awk -v h="$h" -v d="$dir" '$2 == h { f = $1; sub(/\/[^\/]*$/, "", f); n++; if (f != d || $1 ~ /\.h$/) open = 1 } END { exit n && !open }' ||

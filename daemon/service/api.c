@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include "base/clock.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define REFUSED_NS INT64_C(60000000000) /* between events about wrong passwords */

@@ -1,3 +1,4 @@
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #include <errno.h>

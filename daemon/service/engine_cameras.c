@@ -4,6 +4,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/jpeg_tables.h"

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define CLEAR_SIZE    0.05  /* of a visitor's height: the foot is found no better, ... */

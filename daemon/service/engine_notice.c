@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
 

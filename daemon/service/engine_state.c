@@ -1,4 +1,5 @@
 /* State of the live engine as status, metrics and the page show it: sets, ranges, devices, rates, labels. */
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #include <errno.h>

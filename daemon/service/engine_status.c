@@ -5,6 +5,7 @@
 
 #include "base/border.h"
 #include "base/clock.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define ROW      SST_FIELD

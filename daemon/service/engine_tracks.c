@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define TRACK_PX 3.0 /* of the disparities of one thing */

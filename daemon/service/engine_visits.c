@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "base/stats.h"
 #include "base/text.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define PICTURE_QUALITY 85

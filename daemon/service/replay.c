@@ -13,6 +13,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "capture/recording/recording.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define KEPT_NS   INT64_C(10000000000) /* without a request of its client it ends */

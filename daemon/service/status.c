@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define ROW      SST_FIELD

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "config/sstd.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
 #define REVISION_MAX 20

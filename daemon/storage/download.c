@@ -13,6 +13,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 
 #define WAIT_NS 200000000 /* of a call for a light field that is being made */
 

@@ -14,6 +14,7 @@
 #include "base/log.h"
 #include "capture/recording/recording.h"
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 
 #define ABOUT       "storage.json"
 #define ABOUT_MAX   ((size_t)16 << 10)

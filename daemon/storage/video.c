@@ -1,4 +1,5 @@
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>

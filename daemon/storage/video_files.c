@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 
 #define UNUSED_NS   60000000000 /* without a request: the file is closed, or no longer written */
 #define FRESH_NS    5000000000  /* an error, and a video of a recording that still grows, are good for this long */

@@ -1,5 +1,6 @@
 /* simulators/devices/gpio_front.c - front end of the GPIO model as /dev/gpiochipN. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>

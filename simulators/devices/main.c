@@ -11,6 +11,7 @@
 
 #include "base/log.h"
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #define EXIT_USAGE  2
 #define EXIT_INPUT  3

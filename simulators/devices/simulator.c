@@ -1,5 +1,6 @@
 /* World, server and devices: opened in order, closed in reverse; the session's control calls. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* The still camera of a session: PTP behind usbfs, pictures of the world at the rig's pose, faults. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>

@@ -1,6 +1,7 @@
 /* simulators/devices/sysfs.c - files and links of a session's /sys. */
 #define _XOPEN_SOURCE 700
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #include <dirent.h>
 #include <errno.h>

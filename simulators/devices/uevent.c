@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #define GROUP_KERNEL 1 /* netlink groups, bits */
 #define GROUP_UDEV   2

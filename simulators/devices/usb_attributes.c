@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 /* --- a device's --------------------------------------------------------------------------------------------------- */
 

@@ -1,5 +1,7 @@
 /* simulators/devices/usb_front.c - front end of the USB model, and its faults. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #include <errno.h>
 #include <stdio.h>

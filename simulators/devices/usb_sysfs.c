@@ -3,6 +3,8 @@
 #include <string.h>
 
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #include "base/text.h"
 

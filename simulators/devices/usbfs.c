@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #define REAPERS 8 /* threads that wait in USBDEVFS_REAPURB */
 

@@ -1,5 +1,7 @@
 /* simulators/devices/wires.c - connects trigger edges, cameras, the bus and the rig. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>

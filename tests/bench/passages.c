@@ -16,6 +16,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"

@@ -11,6 +11,7 @@
 #include "capture/array/ring.h"
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "tests/test.h"
 

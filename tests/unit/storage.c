@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 #include "tests/quick.h"
 #include "tests/storage_bench.h"
 

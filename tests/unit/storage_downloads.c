@@ -2,6 +2,7 @@
 #include <fcntl.h>
 
 #include "daemon/storage/storage_internal.h"
+#include "daemon/storage/video_internal.h"
 #include "tests/storage_bench.h"
 
 #if WITH_AVFORMAT

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "tests/folder.h"
 #include "tests/test.h"

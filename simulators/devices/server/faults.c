@@ -1,5 +1,6 @@
 /* Registry of faults: names and values. */
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
 
 #include <errno.h>
 #include <math.h>

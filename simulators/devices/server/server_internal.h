@@ -3,6 +3,8 @@
 #define SST_SIMULATORS_DEVICES_SERVER_SERVER_INTERNAL_H
 
 #include "simulators/devices/devices_internal.h"
+#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #define SST_SIM_HANDLES_MAX 16384
 

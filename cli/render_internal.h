@@ -1,0 +1,113 @@
+/* cli/render_internal.h - options, input and output of rendered pictures, shared by the commands that render. */
+#ifndef SST_CLI_RENDER_INTERNAL_H
+#define SST_CLI_RENDER_INTERNAL_H
+
+#include "cli/cli_internal.h"
+#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/method/render/render.h"
+
+/* --- render_args: common parts of `sst render` and `sst sweep`: options of a picture, loading, output formats. --- */
+
+struct render_args {
+    struct sst_render_config cfg;
+    const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
+    const char *remove_label, *remove_at;                                 /* of the clear method */
+    double cut;                                                           /* NaN: not given */
+    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, and is the focus found */
+    int pictures;      /* to be rendered: `--sampling auto` depends on it */
+    bool views_needed; /* rectified views are looked at besides */
+    bool disparities_needed; /* also by methods that do not use them */
+    double f_stop;           /* 0: not given */
+    bool no_verify;          /* altered views are accepted */
+    const char *device;      /* as written */
+    const char *skip;        /* as written; NULL: nothing is skipped */
+    int device_memory;       /* MiB; 0: not given */
+    bool json, force;
+};
+
+#define RENDER_OPTIONS 28
+
+/** The shared options, their values set to the defaults; pictures is 1. */
+void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
+
+/** Accept images that differ from their SHA-256. */
+#define CLI_NO_VERIFY_OPTION(value)                                                                                    \
+    {                                                                                                                  \
+        "no-verify", 0, CLI_FLAG, &(value), NULL, "accept views whose bytes differ from the hash in lightfield.json",  \
+            0, 0                                                                                                       \
+    }
+
+/** Value of `--verify-rays`. */
+#define CLI_VERIFY_OPTION(value)                                                                                       \
+    {                                                                                                                  \
+        "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
+            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off",  \
+            0, 0, "auto on off"                                                                                        \
+    }
+
+/** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */
+int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd);
+
+/** A light field ready to render. */
+struct render_input {
+    const char *path;
+    struct sst_lightfield lf;
+    struct sst_renderer *renderer;
+    bool rectified;             /* lf has raw frames, and rays are of rectified views */
+    struct sst_map_u8 *removed; /* of --remove-at: [rows * cols]; NULL: not given */
+};
+
+/**
+ * Read the words among the options, load the data that the method needs, as raw frames or rectified, find the label and
+ * the removal of the clear method, and turn the f-stop into a radius.
+ * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
+ */
+int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);
+void cli_render_close(struct render_input *in);
+
+/** Report of the device, for `--json`; "cpu" without one. */
+json_t *cli_render_device_json(const struct render_input *in);
+
+/** One line of the log about it: a warning where pictures were rendered on the CPU instead. */
+void cli_render_report_device(const struct render_input *in);
+
+/** Report of skips and the error that they added, for `--json`; null without skips. */
+json_t *cli_render_skips_json(const struct render_input *in, const struct render_args *a);
+
+/** Print one line about it. @param out  the output's name */
+void cli_render_report_skips(const struct render_input *in, const char *out);
+
+/** Does the name end so (".png"), upper or lower case? */
+bool cli_has_suffix(const char *path, const char *suffix);
+
+/** PNG or JPEG by the name's ending, which the caller has checked. */
+int cli_write_picture(const struct sst_image *img, const char *path);
+
+/** Refuse (logged) a folder that cli_render_explain() could not make, before the picture is computed. @param path  light field */
+int cli_explain_check(const struct render_args *a, const char *dir, const char *path);
+
+/** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
+int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);
+
+/* --- video: a silent MP4 from pictures, whole or not at all. --- */
+
+struct video;
+
+/**
+ * H.264 where an encoder is present, else MPEG-4 part 2; 4:2:0; an odd last column or row is left out.
+ *
+ * @return 0, -ENOTSUP (built without libavformat, or no encoder), -EINVAL (below 2 pixels a side), -EIO, -ENOSPC,
+ *         -ENOMEM; logged
+ */
+SST_MUST_CHECK int video_open(struct video **out, const char *path, int width, int height, double fps);
+
+/** Append one picture of the video's size. */
+SST_MUST_CHECK int video_add(struct video *v, const struct sst_image *img);
+
+/** Finish the file under its name. On failure nothing is left; v still is to be closed. */
+SST_MUST_CHECK int video_commit(struct video *v);
+
+/** Free; an uncommitted file is removed. NULL is fine. */
+void video_close(struct video *v);
+
+#endif

@@ -1,0 +1,271 @@
+/* daemon/service/engine_internal.h - state of the live engine, shared by its files: views, requests, visits. */
+#ifndef SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
+#define SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
+
+#include "daemon/service/service_internal.h"
+
+/* --- settings: settings of one view as JSON (docs/integrate/api.md). --- */
+
+struct view_settings {
+    struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
+    char focus_label[SST_CLASS_NAME_MAX];  /* "": none */
+    bool follow;                           /* the focus tracks that label */
+    uint32_t follow_track;                 /* ... or this track, as long as it is there; 0: none */
+    char remove_label[SST_CLASS_NAME_MAX]; /* of clear pictures; their cut_px NaN: the automatic one */
+    bool outline, tint;                    /* of clear pictures */
+};
+
+void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
+
+/** Apply the defaults that a new configuration changes; other settings keep the clients' values. */
+void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
+                          const struct sst_live_settings *to);
+
+/**
+ * Apply the members of an object; missing ones keep their values.
+ * @param error  out, one sentence on failure
+ * @return 0, -EINVAL (s untouched)
+ */
+SST_MUST_CHECK int view_settings_take(struct view_settings *s, const json_t *from, char error[512]);
+
+/** NULL: no memory. */
+json_t *view_settings_json(const struct view_settings *s);
+
+/* --- state behind live_engine; used by the files of live_engine only --- */
+
+#define VIEWS_MAX  17                   /* "main" and the viewers' */
+#define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
+#define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
+#define FRESH_MS   800                  /* a picture is waited for no longer */
+#define STARTED_MS 2000                 /* and the set begun by the live thread, for this long in addition */
+#define RATE_SLOTS 16                   /* seconds that rates are averaged over, and some */
+
+/** One view. */
+struct view {
+    bool used;
+    char id[16];
+    char client[96]; /* client that may change it; "": only controlling ones */
+    struct view_settings settings;
+    unsigned version;       /* of the settings */
+    unsigned shown_version; /* version that its picture shows */
+    uint64_t shown_update;  /* state of the light field that its picture shows */
+    int64_t shown_t_ns;     /* of a recording: the set that its picture shows */
+    double shown_focus_px;
+    double track_px;                    /* where the track that it follows was last; live thread */
+    struct sst_livepicture_clear shown; /* of its picture */
+    int64_t used_ns;                    /* time of the last request for it */
+    struct sst_slot *slot;
+    struct sst_livepicture *picture; /* live thread only */
+};
+
+/** A picture shared by all clients: of a camera, of labels or disparities. */
+struct shared {
+    struct sst_slot *slot;
+    int64_t used_ns;
+    uint64_t shown; /* update, or number of the set */
+};
+
+enum request_kind {
+    REQUEST_PICK = 0,
+    REQUEST_TOGGLE = 1, /* remove the thing at a point, or bring it back */
+    REQUEST_RESTORE = 2,
+};
+
+/** Work done by the live thread for another thread, which waits for it. */
+struct request {
+    enum request_kind kind;
+    bool pending, started, done; /* started: it will be done, so that its answer is waited for */
+    unsigned number;             /* a request that timed out is not answered */
+    char id[16];
+    int x, y, err;
+    struct sst_livepicture_pick pick;
+    bool removed;
+    int objects;
+};
+
+/** Counts of one second. */
+struct second {
+    int64_t s;
+    uint64_t sets, tiles, changed;
+    int64_t cpu_ns;
+};
+
+#define VISIT_POINTS 32
+
+struct visit_point {
+    int64_t t_ns;
+    double x, y, disp_px; /* fractions of the picture */
+};
+
+/** Where a visit is beside a line of the zones. Zeroed: not known. */
+struct visit_line {
+    int side;     /* the one on which it was last clear of the line: 1: right, -1: left; 0: not known */
+    bool between; /* it last went over between the ends of the line, not beside them */
+};
+
+#define VISIT_CROSSINGS 8
+
+struct visit_crossing {
+    int zone; /* a line */
+    bool forward;
+    int64_t t_ns;
+};
+
+/** A track from its report until it has gone. */
+struct visit {
+    uint32_t id;
+    bool there;  /* in this set */
+    bool hidden; /* it was seen behind the foreground */
+    int label;
+    bool announced; /* its first event has been emitted */
+    unsigned zones; /* that it has been in, and lines that it has crossed */
+    struct visit_line line[SST_ZONES_MAX];
+    struct visit_crossing crossing[VISIT_CROSSINGS]; /* the last ones */
+    int crossings;
+    int64_t from_ns, from_wall_ns;
+    double nearest_px;
+    struct visit_point path[VISIT_POINTS], last; /* where it stood */
+    int points;
+    double box[4]; /* fractions of the picture, in the set of its best picture */
+    double best;   /* share of the picture that it took there */
+    int pictures;
+    bool of_camera; /* one picture is the reference camera's */
+    int64_t picture_ns;
+};
+
+struct live_engine {
+    /* fixed after open */
+    struct sst_ring *ring;
+    struct engine_source source;
+    struct sst_storage *storage; /* this and the next two: NULL of a recording */
+    struct sst_visits *kept;
+    struct sst_events *events;
+    pthread_t thread, camera_thread, check_thread, notice_thread;
+    bool camera_runs;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+
+    /* live thread */
+    struct sst_live *live; /* set and cleared under lock, so that stop can cancel it */
+    struct sst_use_calibration use;
+    struct sst_live_config live_config;
+    struct sst_live_input input;   /* of the last set */
+    struct sst_live_report report; /* about it */
+    struct array_layout layout;
+    char model[SST_PATH_MAX], device[SST_CONFIG_TEXT_MAX];
+    uint64_t last; /* number of the last set */
+    int64_t last_ns, retry_ns;
+    int64_t updated_ns; /* when the light field was last brought up to date */
+    bool moved;         /* a watched set has changes that are not processed */
+    uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
+    int64_t set_t_ns, set_wall_ns;
+    int64_t tried_t_ns; /* the last set that was processed, or could not be; 0: none */
+    bool latency_due; /* the next pictures are the first of a set */
+    int notice_at;    /* the view that was measured last */
+    bool notice_whole;     /* all views were measured */
+    int64_t notice_due_ns; /* when the next one is */
+    struct visit visit[SST_LIVE_TRACKS];
+    int visits;
+    struct sst_livepicture *visit_picture; /* NULL until the first */
+    struct sst_jpeg_encoder *encoder;      /* NULL until the first picture */
+    struct sst_image overlay_image;        /* of labels or disparities; empty until the first */
+
+    /* under lock */
+    struct sst_config config;
+    unsigned config_count, config_seen;
+    bool zones_changed; /* zones of `config` are not in `live` yet */
+    bool stop, ended, camera_ended, check_runs, check_ended, notice_runs, notice_ended;
+    unsigned notice_count; /* light fields */
+    struct sst_notice_view noticed_view[SST_MAX_VIEWS];
+    int64_t interaction_ns; /* when a client last changed settings; 0: never */
+    int64_t check_due_ns;   /* when the calibration is to be checked next; 0: not known yet */
+    struct engine_state state;
+    struct second second[RATE_SLOTS];
+    uint64_t update; /* states of the light field */
+    bool behind;     /* the last set was only watched */
+    int64_t served_t_ns; /* tried_t_ns, when its pictures were rendered */
+    struct view view[VIEWS_MAX];
+    struct shared overlay[2], camera[SST_CAMERAS_MAX];
+    struct request request;
+    struct sst_classes classes;
+    float share[256]; /* of the reference view, by label */
+    struct sst_live_track track[SST_LIVE_TRACKS];
+    int tracks;
+    uint64_t tracks_set; /* the set that they are of, and its time */
+    int64_t tracks_t_ns;
+};
+
+/* engine_state.c */
+/** Note the work of the devices of pictures and labels since the last call, and the events of a loss or return. Live
+ *  thread. */
+void engine_follow_device(struct live_engine *v);
+/** Count processed sets, 0 or 1, and their processor time in their second. */
+void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets);
+/** Note the results of a set. @param wait_ns  from its trigger until it was processed */
+void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
+/** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
+void engine_note_scene(struct live_engine *v, bool changed);
+
+/* engine_views.c */
+int engine_views_open(struct live_engine *v);
+/** Apply a new configuration to the main view, before it becomes the current one. */
+void engine_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to);
+void engine_views_close(struct live_engine *v);
+/** Render every wanted picture that is out of date. Live thread. */
+void engine_publish(struct live_engine *v);
+/** Encode a picture. Live thread. @param out  to free with free() @return 0, -ENOMEM */
+SST_MUST_CHECK int engine_jpeg(struct live_engine *v, const struct sst_image *image, int quality, uint8_t **out,
+                               size_t *bytes);
+/** Discard all rendered pictures before the light field is freed.  Live thread. */
+void engine_forget_pictures(struct live_engine *v);
+/** Serve engine_pick() and engine_remove().  Live thread. */
+void engine_serve(struct live_engine *v);
+
+/* engine_tracks.c */
+/** Tracks of the last set, and the events of new and ended ones. Live thread. */
+void engine_tracks_follow(struct live_engine *v);
+/** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
+const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
+const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);
+json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_live_track *t);
+
+/* engine_visits.c */
+/** Visits of these tracks, their events and pictures. Live thread. */
+void engine_visits_follow(struct live_engine *v, const struct sst_live_track *track, int n);
+/** Is there a visit now that a trigger asks for? Live thread. */
+bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t);
+/** The zones are others: zones and lines that visits have met count no more. Live thread. */
+void engine_visits_forget_zones(struct live_engine *v);
+/** NaN: not known without a calibration. */
+double engine_distance_m(const struct live_engine *v, double disp_px);
+/** "": none */
+const char *engine_label_name(const struct live_engine *v, int label);
+
+/* engine_lines.c */
+/** The lines that a visit crosses on its way from a point to where it is. @param height_px  of the visitor
+ *  @return number */
+int engine_lines_follow(struct live_engine *v, struct visit *a, const struct visit_point *from, double height_px,
+                        struct visit_crossing out[SST_ZONES_MAX]);
+
+/* engine_cameras.c */
+void *engine_run_cameras(void *arg);
+/** Get the JPEG slot of a shared picture; created if there is none.  @return 0, -ENOMEM */
+int engine_share_locked(struct shared *s, struct sst_slot **out);
+bool engine_wanted(struct sst_slot *slot, int64_t used_ns);
+/** Does a client need a picture of a view, of labels or disparities, or an answer about one? */
+bool engine_seen_locked(const struct live_engine *v);
+/** May an event start a recording of the main view, which begins some time before? */
+bool engine_armed_locked(const struct live_engine *v);
+
+/* engine_check.c; both on the live thread, join also after it has ended */
+void engine_check_by_time(struct live_engine *v);
+void engine_check_join(struct live_engine *v);
+
+/* engine_notice.c; all on the live thread, join also after it has ended */
+/** Look at the next view if it is time for one, while the frames of a set are borrowed. */
+void engine_notice_follow(struct live_engine *v);
+/** The light field is another one. */
+void engine_notice_forget(struct live_engine *v);
+void engine_notice_join(struct live_engine *v);
+
+#endif
