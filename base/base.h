@@ -22,6 +22,11 @@
 #define SST_EXTERN_C_END
 #endif
 
+/** Pixels of columns x0 .. x1 - 1 and rows y0 .. y1 - 1. */
+struct sst_rect {
+    int x0, y0, x1, y1;
+};
+
 static inline int sst_min_int(int a, int b)
 {
     return a < b ? a : b;

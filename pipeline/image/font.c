@@ -33,3 +33,31 @@ bool sst_font_dot(const char *text, int x, int y)
     c = strchr(GLYPHS, toupper((unsigned char)text[x / SST_FONT_WIDTH]));
     return c && *c && (glyphs[c - GLYPHS][y] >> (4 - x % SST_FONT_WIDTH) & 1);
 }
+
+void sst_pen_dot(const struct sst_pen *pen, int x, int y)
+{
+    if (x < 0 || y < 0 || x >= pen->image->width || y >= pen->image->height)
+        return;
+    for (int c = 0; c < 3; c++)
+        sst_image_row(pen->image, c, y)[x] = (uint8_t)(pen->colour >> (16 - 8 * c));
+}
+
+void sst_pen_fill(const struct sst_pen *pen, struct sst_rect part)
+{
+    for (int y = part.y0; y < part.y1; y++) {
+        for (int x = part.x0; x < part.x1; x++)
+            sst_pen_dot(pen, x, y);
+    }
+}
+
+void sst_pen_text(const struct sst_pen *pen, int x, int y, const char *text)
+{
+    const int n = (int)strlen(text) * SST_FONT_WIDTH * pen->zoom;
+
+    for (int j = 0; j < SST_FONT_HEIGHT * pen->zoom; j++) {
+        for (int i = 0; i < n; i++) {
+            if (sst_font_dot(text, i / pen->zoom, j / pen->zoom))
+                sst_pen_dot(pen, x + i, y + j);
+        }
+    }
+}

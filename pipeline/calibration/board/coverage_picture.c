@@ -20,28 +20,17 @@ static const uint32_t covered[3] = { 0xE3F1E6, 0xC9E6CF, 0xA9D6B3 }; /* a little
 
 /* --- drawing ----------------------------------------------------------------------------------------------------- */
 
-static void put(struct sst_image *img, int x, int y, uint32_t colour)
+static void fill(struct sst_image *img, struct sst_rect part, uint32_t colour)
 {
-    if (x < 0 || y < 0 || x >= img->width || y >= img->height)
-        return;
-    for (int c = 0; c < 3; c++)
-        sst_image_row(img, c, y)[x] = (uint8_t)(colour >> (16 - 8 * c));
+    sst_pen_fill(&(struct sst_pen){ img, colour, 1 }, part);
 }
 
-static void fill(struct sst_image *img, int x, int y, int width, int height, uint32_t colour)
+static void outline(struct sst_image *img, struct sst_rect box, uint32_t colour)
 {
-    for (int j = y; j < y + height; j++) {
-        for (int i = x; i < x + width; i++)
-            put(img, i, j, colour);
-    }
-}
-
-static void outline(struct sst_image *img, int x, int y, int width, int height, uint32_t colour)
-{
-    fill(img, x, y, width, 1, colour);
-    fill(img, x, y + height - 1, width, 1, colour);
-    fill(img, x, y, 1, height, colour);
-    fill(img, x + width - 1, y, 1, height, colour);
+    fill(img, (struct sst_rect){ box.x0, box.y0, box.x1, box.y0 + 1 }, colour);
+    fill(img, (struct sst_rect){ box.x0, box.y1 - 1, box.x1, box.y1 }, colour);
+    fill(img, (struct sst_rect){ box.x0, box.y0, box.x0 + 1, box.y1 }, colour);
+    fill(img, (struct sst_rect){ box.x1 - 1, box.y0, box.x1, box.y1 }, colour);
 }
 
 static int text_width(const char *text, int zoom)
@@ -49,19 +38,12 @@ static int text_width(const char *text, int zoom)
     return (int)strlen(text) * SST_FONT_WIDTH * zoom - zoom;
 }
 
-static void write(struct sst_image *img, int x, int y, const char *text, int zoom, uint32_t colour)
+/* Symbol of a tilted board in a square: its near side is drawn longer. */
+static void tilt_sign(struct sst_image *img, struct sst_rect square, int tilt, uint32_t colour)
 {
-    for (int j = 0; j < SST_FONT_HEIGHT * zoom; j++) {
-        for (int i = 0; i < text_width(text, zoom); i++) {
-            if (sst_font_dot(text, i / zoom, j / zoom))
-                put(img, x + i, y + j, colour);
-        }
-    }
-}
+    const struct sst_pen pen = { img, colour, 1 };
+    const int size = square.x1 - square.x0;
 
-/* Symbol of a tilted board: its near side is drawn longer. */
-static void tilt_sign(struct sst_image *img, int x, int y, int size, int tilt, uint32_t colour)
-{
     for (int j = 0; j < size; j++) {
         for (int i = 0; i < size; i++) {
             const double u = (i + 0.5) / size - 0.5, v = (j + 0.5) / size - 0.5;
@@ -70,7 +52,7 @@ static void tilt_sign(struct sst_image *img, int x, int y, int size, int tilt, u
             const double across = tilt == 0 || tilt > 2 ? u : v, other = tilt == 0 || tilt > 2 ? v : u;
 
             if (fabs(across) <= half && fabs(other) <= depth)
-                put(img, x + i, y + j, colour);
+                sst_pen_dot(&pen, square.x0 + i, square.y0 + j);
         }
     }
 }
@@ -81,51 +63,72 @@ struct layout {
     int tile_width, tile_height, picture_width, picture_height, zoom, foot;
 };
 
-static void draw_cells(struct sst_image *img, int x0, int y0, const struct layout *l, const struct sst_coverage *c)
+/* One camera's tile, from x, y on. */
+struct tile {
+    struct sst_image *img;
+    const struct layout *l;
+    const struct sst_detections *all;
+    const struct sst_coverage *c;
+    int view, x, y;
+};
+
+static void put_text(const struct tile *t, int x, int y, const char *text, uint32_t colour)
 {
+    sst_pen_text(&(struct sst_pen){ t->img, colour, t->l->zoom }, x, y, text);
+}
+
+static void draw_cells(const struct tile *t, int x0, int y0)
+{
+    const struct layout *l = t->l;
+
     for (int row = 0; row < SST_COVERAGE_CELLS; row++) {
         for (int col = 0; col < SST_COVERAGE_CELLS; col++) {
             const int left = col * l->picture_width / SST_COVERAGE_CELLS;
             const int top = row * l->picture_height / SST_COVERAGE_CELLS;
             const int right = (col + 1) * l->picture_width / SST_COVERAGE_CELLS;
             const int bottom = (row + 1) * l->picture_height / SST_COVERAGE_CELLS;
-            const int n = c->cell[row][col];
-            const uint32_t colour = !sst_coverage_cell_done(c, row, col) ? missing
+            const int n = t->c->cell[row][col];
+            const uint32_t colour = !sst_coverage_cell_done(t->c, row, col) ? missing
                                                                          : covered[n < 20   ? 0
                                                                                    : n < 60 ? 1
                                                                                             : 2];
 
-            fill(img, x0 + left, y0 + top, right - left - 1, bottom - top - 1, colour);
+            fill(t->img, (struct sst_rect){ x0 + left, y0 + top, x0 + right - 1, y0 + bottom - 1 }, colour);
         }
     }
 }
 
-static void draw_corners(struct sst_image *img, int x0, int y0, const struct layout *l,
-                         const struct sst_detections *all, int view)
+static void draw_corners(const struct tile *t, int x0, int y0)
 {
+    const struct sst_pen pen = { t->img, dot, 1 };
+    const struct sst_detections *all = t->all;
+    const struct layout *l = t->l;
+
     for (int i = 0; i < all->count; i++) {
         const struct sst_detection *d = &all->detection[i];
 
-        for (int k = 0; d->view == view && k < d->corners; k++) {
+        for (int k = 0; d->view == t->view && k < d->corners; k++) {
             const double x = (d->corner[k].x + 0.5) * l->picture_width / all->width;
             const double y = (d->corner[k].y + 0.5) * l->picture_height / all->height;
 
             if (x >= 0 && y >= 0 && x < l->picture_width - 1 && y < l->picture_height - 1)
-                put(img, x0 + (int)x, y0 + (int)y, dot);
+                sst_pen_dot(&pen, x0 + (int)x, y0 + (int)y);
         }
     }
 }
 
 /* Below the picture: tilts, then depth ratio and frames where there is room. */
-static void draw_foot(struct sst_image *img, int x, int y, const struct layout *l, const struct sst_coverage *c)
+static void draw_foot(const struct tile *t, int x, int y)
 {
+    const struct layout *l = t->l;
+    const struct sst_coverage *c = t->c;
     const int size = l->foot, high = y + (size - SST_FONT_HEIGHT * l->zoom) / 2;
     const double ratio = sst_coverage_depth_ratio(c);
     char text[32];
     int at = x;
 
     for (int i = 0; i < SST_COVERAGE_TILTS; i++, at += size + 2)
-        tilt_sign(img, at, y, size, i, c->tilt[i] ? 0x4B8F5B : missing_ink);
+        tilt_sign(t->img, (struct sst_rect){ at, y, at + size, y + size }, i, c->tilt[i] ? 0x4B8F5B : missing_ink);
     if (ratio > 0)
         snprintf(text, sizeof(text), "DEPTH %.1f", floor(10 * ratio) / 10);
     else
@@ -133,35 +136,37 @@ static void draw_foot(struct sst_image *img, int x, int y, const struct layout *
     at += 4;
     if (at + text_width(text, l->zoom) > x + l->picture_width)
         return;
-    write(img, at, high, text, l->zoom, ratio >= SST_COVERAGE_RATIO ? faint : missing_ink);
+    put_text(t, at, high, text, ratio >= SST_COVERAGE_RATIO ? faint : missing_ink);
     at += text_width(text, l->zoom) + 8;
     snprintf(text, sizeof(text), "%d FRAME%s", c->frames, c->frames == 1 ? "" : "S");
     if (at + text_width(text, l->zoom) <= x + l->picture_width)
-        write(img, x + l->picture_width - text_width(text, l->zoom), high, text, l->zoom,
-              c->frames >= SST_COVERAGE_FRAMES ? faint : missing_ink);
+        put_text(t, x + l->picture_width - text_width(text, l->zoom), high, text,
+                 c->frames >= SST_COVERAGE_FRAMES ? faint : missing_ink);
 }
 
-static void draw_tile(struct sst_image *img, int x, int y, const struct layout *l, const struct sst_detections *all,
-                      const struct sst_coverage *c, int view)
+static void draw_tile(const struct tile *t)
 {
-    const int inner_x = x + PADDING, name_y = y + PADDING, line = SST_FONT_HEIGHT * l->zoom;
+    const struct layout *l = t->l;
+    const struct sst_rect box = { t->x, t->y, t->x + l->tile_width, t->y + l->tile_height };
+    const double covered_share = sst_coverage_share(t->c);
+    const int inner_x = t->x + PADDING, name_y = t->y + PADDING, line = SST_FONT_HEIGHT * l->zoom;
     const int picture_y = name_y + line + 5;
     char name[64], share[16];
     int room;
 
-    fill(img, x, y, l->tile_width, l->tile_height, card);
-    outline(img, x, y, l->tile_width, l->tile_height, frame);
-    snprintf(share, sizeof(share), "%d of 100", (int)floor(100 * sst_coverage_share(&c[view]) + 1e-9));
-    snprintf(name, sizeof(name), "%s", all->camera_name[view]);
+    fill(t->img, box, card);
+    outline(t->img, box, frame);
+    snprintf(share, sizeof(share), "%d of 100", (int)floor(100 * covered_share + 1e-9));
+    snprintf(name, sizeof(name), "%s", t->all->camera_name[t->view]);
     room = (l->picture_width - text_width(share, l->zoom) - 6) / (SST_FONT_WIDTH * l->zoom);
     if ((int)strlen(name) > room) /* keep the end: serials and ports begin alike */
         memmove(name, name + strlen(name) - (size_t)sst_max_int(room, 0), (size_t)sst_max_int(room, 0) + 1);
-    write(img, inner_x, name_y, name, l->zoom, ink);
-    write(img, inner_x + l->picture_width - text_width(share, l->zoom), name_y, share, l->zoom,
-          sst_coverage_share(&c[view]) > 0.999 ? 0x2E7D43 : missing_ink);
-    draw_cells(img, inner_x, picture_y, l, &c[view]);
-    draw_corners(img, inner_x, picture_y, l, all, view);
-    draw_foot(img, inner_x, picture_y + l->picture_height + 4, l, &c[view]);
+    put_text(t, inner_x, name_y, name, ink);
+    put_text(t, inner_x + l->picture_width - text_width(share, l->zoom), name_y, share,
+             covered_share > 0.999 ? 0x2E7D43 : missing_ink);
+    draw_cells(t, inner_x, picture_y);
+    draw_corners(t, inner_x, picture_y);
+    draw_foot(t, inner_x, picture_y + l->picture_height + 4);
 }
 
 /* --- the picture ------------------------------------------------------------------------------------------------- */
@@ -195,10 +200,10 @@ static void draw_heading(struct sst_image *img, const struct sst_detections *all
         done += *all->camera_name[view] && sst_coverage_share(&coverage[view]) > 0.999;
     }
     snprintf(text, sizeof(text), "%d of %d cameras have seen enough", done, cameras);
-    write(img, EDGE, EDGE, text, zoom, ink);
+    sst_pen_text(&(struct sst_pen){ img, ink, zoom }, EDGE, EDGE, text);
     snprintf(text, sizeof(text), "red is missing");
     if (2 * EDGE + text_width(text, zoom) + SST_FONT_WIDTH * zoom * 34 < img->width)
-        write(img, img->width - EDGE - text_width(text, zoom), EDGE, text, zoom, missing_ink);
+        sst_pen_text(&(struct sst_pen){ img, missing_ink, zoom }, img->width - EDGE - text_width(text, zoom), EDGE, text);
 }
 
 int sst_coverage_picture(struct sst_image *out, const struct sst_detections *all, const struct sst_coverage *coverage)
@@ -209,16 +214,16 @@ int sst_coverage_picture(struct sst_image *out, const struct sst_detections *all
 
     if (err)
         return err;
-    fill(out, 0, 0, out->width, out->height, paper);
+    fill(out, (struct sst_rect){ 0, 0, out->width, out->height }, paper);
     draw_heading(out, all, coverage);
     for (int view = 0; view < all->rows * all->cols; view++) {
         const int x = EDGE + view % all->cols * (l.tile_width + GAP);
         const int y = EDGE + HEADING + view / all->cols * (l.tile_height + GAP);
 
         if (*all->camera_name[view])
-            draw_tile(out, x, y, &l, all, coverage, view);
+            draw_tile(&(struct tile){ out, &l, all, &coverage[view], view, x, y });
         else
-            outline(out, x, y, l.tile_width, l.tile_height, hole);
+            outline(out, (struct sst_rect){ x, y, x + l.tile_width, y + l.tile_height }, hole);
     }
     return 0;
 }

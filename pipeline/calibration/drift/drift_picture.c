@@ -15,66 +15,49 @@
 #define BAR    6    /* width of a pair's bar */
 #define LEAST  510  /* least width, for the key */
 
-struct colour {
-    uint8_t rgb[3];
-};
-
-static const struct colour paper = { { 250, 250, 248 } }, ink = { { 30, 32, 36 } }, grey = { { 190, 192, 196 } },
-                           lost = { { 120, 20, 110 } }, white = { { 255, 255, 255 } };
+static const uint32_t paper = 0xFAFAF8, ink = 0x1E2024, grey = 0xBEC0C4, lost = 0x78146E, white = 0xFFFFFF;
 
 /* Green at 0, yellow at the limit, red at four times it. */
-static struct colour colour_of(double off_px, double ok_px)
+static uint32_t colour_of(double off_px, double ok_px)
 {
     static const double stop[3][3] = { { 62, 152, 84 }, { 236, 190, 50 }, { 204, 48, 40 } };
     const double t = off_px <= ok_px ? off_px / ok_px : 1 + fmin((off_px - ok_px) / (3 * ok_px), 1);
     const int i = t >= 1;
-    struct colour c;
+    uint32_t c = 0;
 
     for (int k = 0; k < 3; k++)
-        c.rgb[k] = (uint8_t)(stop[i][k] + (t - i) * (stop[i + 1][k] - stop[i][k]) + 0.5);
+        c = c << 8 | (uint8_t)(stop[i][k] + (t - i) * (stop[i + 1][k] - stop[i][k]) + 0.5);
     return c;
 }
 
-static void dot(struct sst_image *out, int x, int y, struct colour c)
+/* A box of size w x h. */
+static struct sst_rect at(int x, int y, int w, int h)
 {
-    if (x < 0 || y < 0 || x >= out->width || y >= out->height)
-        return;
-    for (int k = 0; k < 3; k++)
-        sst_image_row(out, k, y)[x] = c.rgb[k];
+    return (struct sst_rect){ x, y, x + w, y + h };
 }
 
-static void box(struct sst_image *out, int x0, int y0, int w, int h, struct colour c)
+static void fill(struct sst_image *out, struct sst_rect box, uint32_t c)
 {
-    for (int y = y0; y < y0 + h; y++) {
-        for (int x = x0; x < x0 + w; x++)
-            dot(out, x, y, c);
-    }
+    sst_pen_fill(&(struct sst_pen){ out, c, 1 }, box);
 }
 
-static void text(struct sst_image *out, int x0, int y0, int size, const char *s, struct colour c)
+static void text(struct sst_image *out, int x, int y, const char *s, uint32_t c)
 {
-    const int n = (int)strlen(s) * SST_FONT_WIDTH;
-
-    for (int y = 0; y < SST_FONT_HEIGHT; y++) {
-        for (int x = 0; x < n; x++) {
-            if (sst_font_dot(s, x, y))
-                box(out, x0 + x * size, y0 + y * size, size, size, c);
-        }
-    }
+    sst_pen_text(&(struct sst_pen){ out, c, 1 }, x, y, s);
 }
 
-static void text_middle(struct sst_image *out, int x, int y, const char *s, struct colour c)
+static void text_middle(struct sst_image *out, int x, int y, const char *s, uint32_t c)
 {
-    text(out, x - (int)strlen(s) * SST_FONT_WIDTH / 2, y, 1, s, c);
+    text(out, x - (int)strlen(s) * SST_FONT_WIDTH / 2, y, s, c);
 }
 
 /* A line three pixels wide. */
-static void line(struct sst_image *out, double x0, double y0, double x1, double y1, struct colour c)
+static void line(struct sst_image *out, double x0, double y0, double x1, double y1)
 {
     const int n = (int)ceil(fmax(fabs(x1 - x0), fabs(y1 - y0))) + 1;
 
     for (int i = 0; i <= n; i++)
-        box(out, (int)floor(x0 + (x1 - x0) * i / n + 0.5) - 1, (int)floor(y0 + (y1 - y0) * i / n + 0.5) - 1, 3, 3, c);
+        fill(out, at((int)floor(x0 + (x1 - x0) * i / n + 0.5) - 1, (int)floor(y0 + (y1 - y0) * i / n + 0.5) - 1, 3, 3), ink);
 }
 
 /* From the middle of a camera; longer ones end at its neighbours. */
@@ -84,17 +67,17 @@ static void arrow(struct sst_image *out, double x, double y, double dx, double d
     double ux, uy, tx, ty;
 
     if (length < 2) {
-        box(out, (int)x - 1, (int)y - 1, 3, 3, ink);
+        fill(out, at((int)x - 1, (int)y - 1, 3, 3), ink);
         return;
     }
     ux = dx / length;
     uy = dy / length;
     tx = x + ux * drawn;
     ty = y + uy * drawn;
-    line(out, x, y, tx, ty, ink);
+    line(out, x, y, tx, ty);
     if (drawn > 5) {
-        line(out, tx, ty, tx - 6 * ux + 4 * uy, ty - 6 * uy - 4 * ux, ink);
-        line(out, tx, ty, tx - 6 * ux - 4 * uy, ty - 6 * uy + 4 * ux, ink);
+        line(out, tx, ty, tx - 6 * ux + 4 * uy, ty - 6 * uy - 4 * ux);
+        line(out, tx, ty, tx - 6 * ux - 4 * uy, ty - 6 * uy + 4 * ux);
     }
 }
 
@@ -102,16 +85,16 @@ static void draw_pair(struct sst_image *out, const struct sst_drift *check, cons
 {
     const int x0 = p->a % check->cols * CELL + CELL / 2, y0 = p->a / check->cols * CELL + CELL / 2 + TOP;
     const int x1 = p->b % check->cols * CELL + CELL / 2, y1 = p->b / check->cols * CELL + CELL / 2 + TOP;
-    struct colour c = grey;
+    uint32_t c = grey;
 
     if (p->state == SST_DRIFT_PAIR_MEASURED)
         c = colour_of(fabs(p->mean_px), check->ok_px);
     else if (p->state == SST_DRIFT_PAIR_LOST)
         c = lost;
     if (y0 == y1)
-        box(out, x0, y0 - BAR / 2, x1 - x0, BAR, c);
+        fill(out, at(x0, y0 - BAR / 2, x1 - x0, BAR), c);
     else
-        box(out, x0 - BAR / 2, y0, BAR, y1 - y0, c);
+        fill(out, at(x0 - BAR / 2, y0, BAR, y1 - y0), c);
 }
 
 static void draw_camera(struct sst_image *out, const struct sst_drift *check, int view)
@@ -121,8 +104,8 @@ static void draw_camera(struct sst_image *out, const struct sst_drift *check, in
     char line_of[32];
 
     if (c->drifted)
-        box(out, x - BOX / 2 - 3, y - BOX / 2 - 3, BOX + 6, BOX + 6, ink);
-    box(out, x - BOX / 2, y - BOX / 2, BOX, BOX, c->lost ? lost : c->known ? colour_of(c->off_px, check->ok_px) : grey);
+        fill(out, at(x - BOX / 2 - 3, y - BOX / 2 - 3, BOX + 6, BOX + 6), ink);
+    fill(out, at(x - BOX / 2, y - BOX / 2, BOX, BOX), c->lost ? lost : c->known ? colour_of(c->off_px, check->ok_px) : grey);
     snprintf(line_of, sizeof(line_of), "%02d_%02d", view / check->cols, view % check->cols);
     text_middle(out, x, y - BOX / 2 + 3, line_of, c->lost ? white : ink);
     if (c->lost)
@@ -140,13 +123,13 @@ static void draw_key(struct sst_image *out, const struct sst_drift *check)
     char value[32];
 
     for (int x = 0; x < width; x++)
-        box(out, 12 + x, y, 1, 12, colour_of(4.0 * check->ok_px * x / width, check->ok_px));
+        fill(out, at(12 + x, y, 1, 12), colour_of(4.0 * check->ok_px * x / width, check->ok_px));
     for (int i = 0; i <= 4; i++) {
         snprintf(value, sizeof(value), "%.2f", i * check->ok_px);
-        text(out, 12 + width * i / 4 - (i ? i == 4 ? 24 : 12 : 0), y + 18, 1, value, ink);
+        text(out, 12 + width * i / 4 - (i ? i == 4 ? 24 : 12 : 0), y + 18, value, ink);
     }
-    text(out, 12 + width + 16, y + 2, 1, "PX OFF. ARROWS: SHIFTS TIMES 30.", ink);
-    text(out, 12 + width + 16, y + 16, 1, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
+    text(out, 12 + width + 16, y + 2, "PX OFF. ARROWS: SHIFTS TIMES 30.", ink);
+    text(out, 12 + width + 16, y + 16, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
 }
 
 int sst_drift_picture(struct sst_image *out, const struct sst_drift *check)
@@ -156,11 +139,11 @@ int sst_drift_picture(struct sst_image *out, const struct sst_drift *check)
 
     if (err)
         return -ENOMEM;
-    box(out, 0, 0, out->width, out->height, paper);
-    text(out, 12, 8, 2, sst_drift_verdict_name(check->verdict), ink);
+    fill(out, at(0, 0, out->width, out->height), paper);
+    sst_pen_text(&(struct sst_pen){ out, ink, 2 }, 12, 8, sst_drift_verdict_name(check->verdict));
     if (check->measured)
         snprintf(figures, sizeof(figures), "EPIPOLAR ERROR: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
-    text(out, 12, 27, 1, figures, ink);
+    text(out, 12, 27, figures, ink);
     for (int i = 0; i < check->pairs; i++)
         draw_pair(out, check, &check->pair[i]);
     for (int v = 0; v < check->rows * check->cols; v++)
