@@ -72,7 +72,9 @@ ifneq (,$(SAN))
 $(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
 endif
 # KERNEL_OPT=FLAGS: of kernels alone.
-$(if $(KERNEL_OPT),$(eval $(BUILD)/obj/pipeline/kernels/%.o: OPT = $(KERNEL_OPT)))
+ifdef KERNEL_OPT
+$(BUILD)/obj/pipeline/kernels/%.o: override OPT = $(KERNEL_OPT)
+endif
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
 # With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
 SANWARN := $(if $(SAN),-Wno-format-truncation -Wno-maybe-uninitialized)
