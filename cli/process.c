@@ -514,7 +514,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "align", 0, CLI_STRING, &job.w.align, "WHEN",
           "auto: pictures that are displaced or have other gains are corrected; off: not", 0, 0, "auto off" },
         { "device", 0, CLI_STRING, &job.w.device, "D",
-          "where views are labelled, matched and refined: cpu (default), gpu, auto (gpu if there is one) or a part of "
+          "where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of "
           "a name" },
         { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure pictures, matching, label refinement and networks on every device against the CPU, interleaved in
+"""Measure pictures, matching and networks on every device against the CPU, interleaved in
 one run, and renew docs/measured/gpu.md.
 
 All through `sst render`, `sst process` and benches on simulated light fields: times of the device and the CPU, and what differs
@@ -26,7 +26,7 @@ import gpu_pictures  # noqa: E402
 import gpu_stages  # noqa: E402
 
 ROUNDS = 3
-LONG = ("matching", "refinement", "times")  # one round with --quick
+LONG = ("matching", "times")  # one round with --quick
 ONCE = ("limits", "sgm", "whole")
 SPEED = ("live", "sgm", "times")  # without a meaning for software devices
 
@@ -40,7 +40,7 @@ def bench_limits(bench):
 # In the order of the page; `limits` is measured with each of the others.
 PARTS = {"limits": bench_limits, "pictures": gpu_pictures.bench_pictures, "frames": gpu_pictures.bench_frames,
          "rays": gpu_pictures.bench_rays, "matching": gpu_stages.bench_matching,
-         "sgm": gpu_stages.bench_sgm, "refinement": gpu_stages.bench_refinement, "whole": gpu_stages.bench_whole,
+         "sgm": gpu_stages.bench_sgm, "whole": gpu_stages.bench_whole,
          "times": gpu_stages.bench_times, "networks": gpu_stages.bench_networks}
 
 

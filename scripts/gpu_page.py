@@ -8,8 +8,7 @@ PAGE = os.path.join(ROOT, "docs/measured/gpu.md")
 PRODUCTS = {"pspnet-small.onnx": 6.025 / (480 * 360), "pspnet-large.onnx": 11.599 / (480 * 360), "mccnn-fast.onnx": 111168e-9}
 # Headings of a device's sections after its name, in the order of the page; the first one has none.
 PARTS = {"limits": "", "pictures": "pictures", "frames": "pictures of raw frames", "rays": "verified rays in little memory",
-         "matching": "matching", "sgm": "semi-global optimisation",
-         "refinement": "label refinement", "whole": "whole light fields", "times": "where the time goes",
+         "matching": "matching", "sgm": "semi-global optimisation", "whole": "whole light fields", "times": "where the time goes",
          "networks": "networks"}
 
 SOFTWARE = "A software device: it runs on the CPU, and shows what the shaders compute, not how fast a GPU is."
@@ -21,8 +20,7 @@ which another machine may have measured.
 
 The CPU and the device work in turn; figures are medians of the rounds, and ratios above 1 mean that the CPU is faster. Pictures:
 "with device" is a whole picture as the caller sees it, "on device" is the shader with its waits; the upload happens once per
-light field. Matching: seconds of the whole disparity stage of `sst process`, with the device opened and tested before. Label
-refinement: its stage, with given disparities, and labels with gaps.
+light field. Matching: seconds of the whole disparity stage of `sst process`, with the device opened and tested before.
 
 """
 

@@ -82,37 +82,6 @@ def bench_matching(bench):
                               ["views matched / tested", "stages on the CPU", "maps that differ"], rows)
 
 
-def cut_labels(truth, folder, unknown=0.55):
-    """Label maps with gaps: at random, as if they had a high entropy."""
-    os.makedirs(folder, exist_ok=True)
-    random = np.random.default_rng(1)
-    for name in sorted(n for n in os.listdir(truth) if n.endswith(".png")):
-        label = np.asarray(Image.open(os.path.join(truth, name))).copy()
-        label[random.random(label.shape) < unknown] = 0
-        Image.fromarray(label).save(os.path.join(folder, name))
-
-
-def bench_refinement(bench):
-    """Of true disparities and of labels with gaps."""
-    rows = []
-    for grid_rows, cols, width, height in matched_sizes(bench):
-        world = bench.world("bush", (width, height), (grid_rows, cols))
-        field, labels, rounds = bench.field(f"{world}/views", grid=(grid_rows, cols)), bench.path("labels"), []
-        cut_labels(f"{world}/truth", labels)
-        bench.progress("refinement", width, height)
-        for _ in range(bench.rounds):
-            reports, copies = process_both(bench, field, "--labels", labels, "--disparity", f"{world}/truth")
-            d = reports[1]["device"]["refinement"]
-            assert d["on_cpu"] == 0 and d["failures"] == 0 and d["views"] > 0, d
-            rounds.append(figures("refinement", reports, d))
-        other, maps = same_maps(*copies, ("labels",))
-        rows.append([f"{grid_rows}x{cols} of {width}x{height}"] + figures_text(rounds) +
-                    [str(d["views"]), f"{other} of {maps}"])
-        bench.remove(field)
-        bench.remove(labels)
-    return charts.table(["`bush`, views of"] + FIGURES + ["views refined", "maps that differ"], rows)
-
-
 def measure_whole(bench, field, preset):
     """The whole of `sst process` with labels and the proposed clear picture, once by the CPU and once by the device."""
     (cpu, gpu), copies = process_both(bench, field, "--preset", preset)
@@ -120,13 +89,11 @@ def measure_whole(bench, field, preset):
     for copy, name in zip(copies, ("cpu", bench.device["name"])):
         bench.sst("render", copy, "--device", name, "-o", f"{copy}.png")
         pictures.append(np.asarray(Image.open(f"{copy}.png")).astype(int))
-    matched, refined, network = gpu["device"], gpu["device"]["refinement"], gpu["networks"]
-    assert sum(d["on_cpu"] + d["failures"] for d in (matched, refined, network)) == 0, gpu
+    matched, network = gpu["device"], gpu["networks"]
+    assert sum(d["on_cpu"] + d["failures"] for d in (matched, network)) == 0, gpu
     other, maps = same_maps(*copies, ("disparity", "confidence", "labels"))
-    kept = [f"{name}: {', '.join(d['stages_on_cpu'])}" for name, d in (("matching", matched), ("refinement", refined))
-            if d["stages_on_cpu"]]
     return [f"{cpu['seconds']['total']:.2f}", f"{gpu['seconds']['total']:.2f}", f"{other} of {maps}",
-            str(abs(pictures[0] - pictures[1]).max()), "; ".join(kept) or "none"]
+            str(abs(pictures[0] - pictures[1]).max()), ", ".join(matched["stages_on_cpu"]) or "none"]
 
 
 def bench_whole(bench):
