@@ -216,24 +216,25 @@ static int note(struct sst_gpu *g, int err)
 /* Variants whose self-test a device did not survive. */
 static SST_ATOMIC(bool) deadly[SST_GPU_SHADERS];
 
-/* Compare a shader that is compiled with its reference, unless it has passed. */
+/* Compare a shader that is compiled with its reference. */
 static int test_shader(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     const struct gpu_shader *s = &gpu_shaders[shader];
-    int err;
+    const int err = s->self_test ? s->self_test(g) : 0;
 
-    if (!s->self_test)
-        return 0;
-    if (sst_gpu_has_passed(g, s->name)) {
-        g->fuses = g->fuses || (shader == SST_GPU_NET_CONV && sst_gpu_has_passed(g, FUSES));
-        return 0;
-    }
-    err = s->self_test(g);
-    if (!err || err == -ENOTSUP)
+    if (s->self_test && (!err || err == -ENOTSUP))
         sst_gpu_note_verdict(g, s->name, !err);
     if (!err && shader == SST_GPU_NET_CONV && g->fuses)
         sst_gpu_note_verdict(g, FUSES, true);
     return err;
+}
+
+/* True if a shader needs no test now. */
+static bool is_late(const struct sst_gpu *g, enum sst_gpu_shader shader)
+{
+    if (!gpu_shaders[shader].self_test)
+        return !sst_gpu_is_variant(shader) && !g->cfg.test_again;
+    return sst_gpu_has_passed(g, gpu_shaders[shader].name);
 }
 
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
@@ -243,9 +244,14 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
     if (g->lost)
         return g->lost;
     if (g->ready[shader] != GPU_UNTESTED)
-        return g->ready[shader] == GPU_READY ? 0 : -ENOTSUP;
+        return g->ready[shader] == GPU_REFUSED ? -ENOTSUP : 0;
     if (!sst_gpu_can(&g->info, shader))
         return -ENOTSUP;
+    if (is_late(g, shader)) {
+        g->ready[shader] = GPU_LATE;
+        g->fuses = g->fuses || (shader == SST_GPU_NET_CONV && sst_gpu_has_passed(g, FUSES));
+        return 0;
+    }
     err = g->ops->compile(g, shader);
     if (err == -EIO && sst_gpu_is_variant(shader)) {
         g->ready[shader] = GPU_REFUSED;
@@ -381,6 +387,13 @@ int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
     if (g->lost)
         return g->lost;
+    if (g->ready[work->shader] == GPU_LATE) {
+        const int err = note(g, g->ops->compile(g, work->shader));
+
+        if (err)
+            return err;
+        g->ready[work->shader] = GPU_READY;
+    }
     if (g->ready[work->shader] != GPU_READY)
         return -ENOTSUP;
     return note(g, g->ops->dispatch(g, work));

@@ -121,7 +121,7 @@ uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
 
 /**
  * Compile a shader and compare its results on small inputs with those of its C reference, on the first call, unless it
- * has passed on this device before (sst_gpu_has_passed()).
+ * has passed on this device before (sst_gpu_has_passed()): then its first dispatch compiles it.
  * @return 0, -ENOTSUP (they differ, or the device cannot run it: refused while g is open), or an error of the device;
  *         a warning is logged, except for a variant that the device does not have (sst_gpu_can())
  */

@@ -158,7 +158,12 @@ struct gpu_verdicts {
     bool changed;
 };
 
-enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };
+enum gpu_ready {
+    GPU_UNTESTED = 0,
+    GPU_READY = 1,
+    GPU_REFUSED = 2,
+    GPU_LATE = 3, /* passed in an earlier run, or is tested by its step: compiled by its first dispatch */
+};
 
 /** What a back end embeds first. */
 struct sst_gpu {
