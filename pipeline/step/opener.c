@@ -38,6 +38,11 @@ static void *run(void *arg)
         err = sst_gpu_prepare(o->gpu, w->shaders[i]);
         err = err == -ENOTSUP ? 0 : err;
     }
+    for (size_t i = 0; i < w->step_count && !err; i++) {
+        err = sst_step_check(NULL, o->gpu, w->steps[i]);
+        if (err)
+            sst_log_error("the device `%s` cannot %s: %s; choose another device", w->name, w->work, sst_gpu_error(err));
+    }
     sst_log_hold_errors(before);
     if (err) {
         sst_gpu_close(o->gpu);

@@ -14,10 +14,19 @@
 #define STEP_MOST   32000             /* a disparity of 16 bits times this fits 32 bits */
 #define SHIFT_MOST  (1 << 30)         /* px */
 #define STRIP_WORDS ((size_t)1 << 18) /* of a plane that are uploaded at once */
+#define LEFT        (-ENOSYS)         /* by sst_run_leave() */
 
 void sst_run_fail(struct sst_run *r, int err)
 {
     r->err = r->err ? r->err : err;
+}
+
+void sst_run_leave(struct sst_run *r, const char *why)
+{
+    if (r->err && r->err != -ENOMEM)
+        return;
+    snprintf(r->why, sizeof(r->why), "%s", why);
+    r->err = LEFT;
 }
 
 bool sst_run_failed(const struct sst_run *r)
@@ -59,11 +68,11 @@ static bool make_room(struct sst_run *r, int plane, int *attempt)
     for (; *attempt < 4; (*attempt)++) {
         if ((*attempt == 0 && runner_drop_scratch(r->memory, r->gpu)) ||
             (*attempt == 1 && sst_step_planes_trim(&r->memory->planes, r->gpu, plane)) ||
-            (*attempt == 2 && sst_runner_make_room(r->user->runner, r->user))) {
+            (*attempt == 2 && r->user && sst_runner_make_room(r->user->runner, r->user))) {
             (*attempt)++;
             return true;
         }
-        if (*attempt == 3) {
+        if (*attempt == 3 && r->user) {
             r->user->drop(r->user->arg);
             (*attempt)++;
             return true;
@@ -72,10 +81,23 @@ static bool make_room(struct sst_run *r, int plane, int *attempt)
     return false;
 }
 
+struct sst_gpu_buffer *sst_run_buffer(struct sst_run *r, size_t bytes)
+{
+    struct sst_gpu_buffer *b = NULL;
+    int attempt = 0, err;
+
+    if (r->err)
+        return NULL;
+    do
+        err = sst_gpu_buffer_create(r->gpu, &b, bytes);
+    while (err == -ENOMEM && make_room(r, -1, &attempt));
+    sst_run_fail(r, err);
+    return err ? NULL : b;
+}
+
 struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes)
 {
     struct runner_scratch *s = &r->memory->scratch[which];
-    int attempt = 0, err = -ENOMEM;
 
     if (r->err)
         return (struct sst_gpu_range){ 0 };
@@ -84,12 +106,8 @@ struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes)
         return (struct sst_gpu_range){ s->buffer, 0 };
     sst_gpu_buffer_destroy(r->gpu, s->buffer);
     s->buffer = NULL;
-    do
-        err = sst_gpu_buffer_create(r->gpu, &s->buffer, bytes);
-    while (err == -ENOMEM && make_room(r, -1, &attempt));
-    s->bytes = err ? 0 : bytes;
-    s->buffer = err ? NULL : s->buffer;
-    sst_run_fail(r, err);
+    s->buffer = sst_run_buffer(r, bytes);
+    s->bytes = s->buffer ? bytes : 0;
     return (struct sst_gpu_range){ s->buffer, 0 };
 }
 
@@ -106,10 +124,12 @@ static int create_plane(struct sst_run *r, enum sst_step_plane plane, int least)
     return err;
 }
 
-static void upload_timed(struct sst_run *r, struct sst_gpu_range to, const void *data, size_t bytes)
+void sst_run_write(struct sst_run *r, struct sst_gpu_range to, const void *data, size_t bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
 
+    if (r->err)
+        return;
     sst_run_fail(r, sst_gpu_upload(r->gpu, to.buffer, to.offset, data, bytes));
     r->report->upload_bytes += (int64_t)bytes;
     r->report->upload_ns += sst_clock_now_ns() - start_ns;
@@ -119,8 +139,7 @@ struct sst_gpu_range sst_run_upload(struct sst_run *r, int which, const void *da
 {
     const struct sst_gpu_range to = sst_run_scratch(r, which, bytes);
 
-    if (!r->err)
-        upload_timed(r, to, data, bytes);
+    sst_run_write(r, to, data, bytes);
     return to;
 }
 
@@ -160,7 +179,7 @@ static void upload_plane(struct sst_run *r, enum sst_step_plane plane, const str
         const struct sst_gpu_range at = { to.buffer, to.offset + (size_t)y * width * sizeof(*words) };
 
         sst_step_plane_pack(words, plane, from, y, rows);
-        upload_timed(r, at, words, (size_t)rows * width * sizeof(*words));
+        sst_run_write(r, at, words, (size_t)rows * width * sizeof(*words));
     }
     r->report->uploads++;
 }
@@ -272,19 +291,26 @@ void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void 
     sst_run_fail(r, sst_gpu_dispatch(r->gpu, &work));
 }
 
-const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size_t words)
+void sst_run_read(struct sst_run *r, void *data, struct sst_gpu_range from, size_t bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    uint32_t *to = sst_mem_keep(&r->memory->words, words, sizeof(*to));
     int64_t done_ns;
 
     if (!r->err)
-        sst_run_fail(r, to ? sst_gpu_wait(r->gpu) : -ENOMEM);
+        sst_run_fail(r, sst_gpu_wait(r->gpu));
     done_ns = sst_clock_now_ns();
     if (!r->err)
-        sst_run_fail(r, sst_gpu_download(r->gpu, to, from.buffer, from.offset, words * sizeof(*to)));
+        sst_run_fail(r, sst_gpu_download(r->gpu, data, from.buffer, from.offset, bytes));
     r->report->wait_ns += done_ns - start_ns;
     r->report->download_ns += sst_clock_now_ns() - done_ns;
+}
+
+const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size_t words)
+{
+    uint32_t *to = sst_mem_keep(&r->memory->words, words, sizeof(*to));
+
+    sst_run_fail(r, to ? 0 : -ENOMEM);
+    sst_run_read(r, to, from, words * sizeof(*to));
     return r->err ? NULL : to;
 }
 
@@ -302,21 +328,54 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
     sst_runner_unlock(user->runner);
 }
 
+struct sst_gpu *sst_run_gpu(struct sst_run *r)
+{
+    return r->gpu;
+}
+
+/* Work on the CPU, for messages. */
+static const char *phrase_of(const struct sst_run *r, char text[64])
+{
+    snprintf(text, 64, "%s is done", r->step->name);
+    return r->user->phrase ? r->user->phrase : text;
+}
+
+static const char *why_of(const struct sst_run *r)
+{
+    return r->err == LEFT           ? r->why
+           : r->err == -EOVERFLOW   ? "views are too far apart"
+           : r->err == -ENODATA     ? "features of a view are no longer there"
+           : r->err == -EINPROGRESS ? "the device is being opened"
+                                    : sst_gpu_error(r->err);
+}
+
 /* Why the rest of a step is the CPU's. */
 static void leave(struct sst_run *r)
 {
-    const char *why = r->err == -EOVERFLOW ? "views are too far apart"
-                      : r->err == -ENODATA ? "features of a view are no longer there"
-                                           : sst_gpu_error(r->err);
+    const bool live = sst_runner_is_live(r->user->runner),
+               blameless = r->err == -ENOMEM || r->err == -EOVERFLOW || r->err == -ENODATA;
+    const char *why = why_of(r);
+    const bool known = !strcmp(why, r->report->why);
+    char text[64];
 
     snprintf(r->report->why, sizeof(r->report->why), "%s", why);
-    if (r->err == -ENOMEM || r->err == -EOVERFLOW || r->err == -ENODATA) { /* the device is not to blame */
-        sst_log_warning("%s: %s; %s is done on the CPU", r->report->name, why, r->step->name);
+    if (r->err == -EINPROGRESS)
         return;
-    }
-    sst_log_warning("%s: %s; %s is done on the CPU, and the device is opened again after %d more", r->report->name, why,
-                    r->step->name, sst_runner_fail(r->user->runner));
-    r->report->failures++;
+    if (live ? (blameless || r->err == LEFT) && !known : blameless)
+        sst_log_warning("%s: %s; %s on the CPU", r->report->name, why, phrase_of(r, text));
+    if (!blameless && r->err != LEFT)
+        sst_runner_report_failure(r->user, phrase_of(r, text), r->err,
+                                  r->gpu ? "" : sst_runner_why(r->user->runner));
+}
+
+static void succeed(struct sst_run *r)
+{
+    char text[64];
+
+    if (r->report->failing && sst_runner_is_live(r->user->runner))
+        sst_log_info("%s: %s on the device again", r->report->name, phrase_of(r, text));
+    r->report->failing = false;
+    sst_runner_succeed(r->user->runner);
 }
 
 int sst_run_rows(struct sst_run *r, int rows, int unit)
@@ -392,7 +451,7 @@ static int run_on_device(struct sst_run *r, int first, int end, const struct sst
     if (r->err)
         leave(r);
     else if (r->gpu)
-        sst_runner_succeed(r->user->runner);
+        succeed(r);
     if (r->err || !r->gpu)
         r->report->stages_on_cpu |= r->step->stages;
     r->report->total_ns += sst_clock_now_ns() - start_ns;

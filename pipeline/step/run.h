@@ -29,8 +29,10 @@ struct sst_step {
     sst_work_fn *cpu;
     /** The same on a device, by the functions below; it writes the same maps. */
     void (*device)(struct sst_run *r, void *job, int view);
-    /** Results of the work on a view, for other processes. */
+    /** Results of the work on a view, for other processes, and to be compared by sst_step_check(). */
     sst_share_maps_fn *writes;
+    /** True if results of two jobs are as near as they must be; NULL: their bytes are equal. */
+    bool (*same)(const void *device, const void *host, int view);
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
     bool heavy;       /* processes that share the views each use a device for theirs, not the CPU */
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
@@ -47,6 +49,7 @@ struct sst_step {
 /**
  * Compare the results of a step on a device with its results on the CPU, on samples of some seeds. Under the lock of
  * the device; its planes stay as they are.
+ * @param user  whose buffers make room; or NULL
  * @return 0, -ENOTSUP (they differ; logged with the name of the step), or an error of the device
  */
 SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
@@ -75,6 +78,10 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
 /** Note an error: -ENOMEM, -EOVERFLOW (views too far apart for numbers of 32 bits), -ENODATA (a view's features are
  * lost), or one of the device. */
 void sst_run_fail(struct sst_run *r, int err);
+
+/** Leave the view to the CPU for a reason that is no fault of the device, in place of -ENOMEM as well: noted, and logged
+ * of a live device only. */
+void sst_run_leave(struct sst_run *r, const char *why);
 bool sst_run_failed(const struct sst_run *r);
 
 /** A plane of a view, current. */
@@ -107,6 +114,12 @@ struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes)
 /** The same with contents; bytes is a multiple of 4. */
 struct sst_gpu_range sst_run_upload(struct sst_run *r, int which, const void *data, size_t bytes);
 
+/** Memory for the user, who frees it in `drop`. @return NULL after an error */
+struct sst_gpu_buffer *sst_run_buffer(struct sst_run *r, size_t bytes);
+
+/** Set the contents of a range; bytes is a multiple of 4. */
+void sst_run_write(struct sst_run *r, struct sst_gpu_range to, const void *data, size_t bytes);
+
 /** Set words of a range from its word `first` on. */
 void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word);
 
@@ -124,6 +137,12 @@ void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void 
 /** Words of a range, once all that was dispatched is done; they stay until the next call. @return NULL after an error
  */
 const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size_t words);
+
+/** The contents of a range, once all that was dispatched is done. @param data  out; as it was after an error */
+void sst_run_read(struct sst_run *r, void *data, struct sst_gpu_range from, size_t bytes);
+
+/** The device, for other work on the same buffers; its errors are to be noted by sst_run_fail(). */
+struct sst_gpu *sst_run_gpu(struct sst_run *r);
 
 /** Where a disparity puts a pixel, for shaders. @return 0, -EOVERFLOW: it does not fit 32 bits */
 SST_MUST_CHECK int sst_step_shift(struct sst_gpu_shift *out, struct sst_shift across, struct sst_shift down);

@@ -47,8 +47,14 @@ static int open_locked(struct sst_runner *s)
 /* Open a live device again beside the work. @return 0, -EINPROGRESS, or an error */
 static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user)
 {
-    const struct runner_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
-                                             user->work };
+    const struct runner_opening what = { .name = s->name,
+                                         .cfg = s->cfg,
+                                         .shaders = user->shaders,
+                                         .needed = user->count,
+                                         .count = user->count + user->tested,
+                                         .steps = user->steps,
+                                         .step_count = user->step_count,
+                                         .work = user->work };
     const int err = runner_open_beside(&s->opener, &what, &s->gpu, s->why);
 
     if (err)
@@ -192,6 +198,7 @@ int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user)
     if (!err || s->live) {
         user->next = s->users;
         s->users = user;
+        runner_note(user);
     }
     sst_runner_unlock(s);
     return err;
@@ -235,7 +242,7 @@ struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *us
 {
     *err = 0;
     s->memory.planes.turn++;
-    if (runner_backoff_skips(&s->backoff))
+    if (user->given_up || runner_backoff_skips(&s->backoff))
         return NULL;
     if (!s->gpu)
         *err = s->live ? open_beside_locked(s, user) : open_locked(s);
@@ -258,6 +265,30 @@ int sst_runner_fail(struct sst_runner *s)
 {
     close_locked(s);
     return runner_backoff_fail(&s->backoff);
+}
+
+void sst_runner_report_failure(struct sst_runner_user *user, const char *phrase, int err, const char *why)
+{
+    struct sst_step_report *r = &user->report;
+    const bool live = user->runner->live;
+    const int skipped = sst_runner_fail(user->runner);
+
+    why = *why ? why : sst_gpu_error(err);
+    user->given_up = live && err == -ENOTSUP;
+    if (!live)
+        sst_log_warning("%s: %s; %s on the CPU, and the device is opened again after %d more", r->name, why, phrase,
+                        skipped);
+    else if (!r->failing)
+        sst_log_warning("%s: %s; %s on the CPU%s", r->name, why, phrase,
+                        user->given_up ? "" : ", and the device is tried again now and then");
+    snprintf(r->failure, sizeof(r->failure), "%s", why);
+    r->failing = true;
+    r->failures++;
+}
+
+bool sst_runner_is_live(const struct sst_runner *s)
+{
+    return s->live;
 }
 
 bool sst_runner_make_room(struct sst_runner *s, const struct sst_runner_user *user)
@@ -287,7 +318,8 @@ void runner_note(struct sst_runner_user *user)
 {
     const struct sst_gpu_info *info = sst_runner_info(user->runner);
 
-    snprintf(user->report.name, sizeof(user->report.name), "%s", info->name);
+    snprintf(user->report.name, sizeof(user->report.name), "%s",
+             *info->name ? info->name : sst_runner_name(user->runner));
     snprintf(user->report.driver, sizeof(user->report.driver), "%s", info->driver);
 }
 

@@ -16,6 +16,8 @@ struct sst_step_report {
     char why[128];                                 /* the last reason for the CPU */
     unsigned stages_on_cpu;                        /* bits by struct sst_step, `stages` */
     int64_t failures;                              /* of the device */
+    bool failing;                                  /* it failed at the last piece of work, or could not be opened */
+    char failure[SST_LOG_MAX];                     /* the last one's reason; "": none */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* wait_ns: until the device has computed */
 };
@@ -30,6 +32,7 @@ struct sst_runner_user {
     size_t step_count;
     size_t tested;           /* that follow them, may be refused, and are tested by an opening beside the work */
     const char *work;        /* verb of the work, for messages: "match" */
+    const char *phrase;      /* work on the CPU, for messages: "live labels are computed"; NULL: the step "is done" */
     void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */
     void *arg;
     /* of the runner */
@@ -37,6 +40,7 @@ struct sst_runner_user {
     struct sst_step_report report; /* of sst_run(), under the lock */
     struct sst_runner_user *next;
     int64_t opening; /* in which its shaders were prepared */
+    bool given_up;   /* a live device computes something else: it is not opened again */
 };
 
 /**
@@ -65,8 +69,8 @@ SST_MUST_CHECK int sst_runner_create_to_test(struct sst_runner **out, const char
 /** After its last user has left. NULL is fine. */
 void sst_runner_destroy(struct sst_runner *s);
 
-/** Prepare the shaders of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of the device; logged, but
- * of a live device, whose user joins all the same */
+/** Prepare the shaders of a kind of work, and compare its steps. @return 0, -ENOTSUP (one is refused), or an error of
+ * the device; logged, but of a live device, whose user joins all the same: it is to be reported then */
 SST_MUST_CHECK int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user);
 
 /** Drop the buffers of the user. */
@@ -99,6 +103,13 @@ void sst_runner_succeed(struct sst_runner *s);
 /** The device failed: all users drop their buffers, and it is closed. @return pieces of work until it is opened again
  */
 int sst_runner_fail(struct sst_runner *s);
+
+/** sst_runner_fail(), noted in the report of a kind of work and logged, of a live device only if it did not fail before.
+ * @param phrase  of the work, see struct sst_runner_user @param why  "": that of the error */
+void sst_runner_report_failure(struct sst_runner_user *user, const char *phrase, int err, const char *why);
+
+/** Errors are kept for sst_runner_why(), and a device is opened beside the work. */
+bool sst_runner_is_live(const struct sst_runner *s);
 
 /** Let the other users drop their buffers, and views that this piece of work does not use. @return true if this freed
  * memory */

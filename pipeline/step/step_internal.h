@@ -32,6 +32,7 @@ struct sst_run {
     int err;
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
+    char why[128]; /* of sst_run_leave() */
 };
 
 /** A view on the device; r->err says whether it is done. */
@@ -93,6 +94,8 @@ struct runner_opening {
     const enum sst_gpu_shader *shaders; /* to prepare; static */
     size_t needed,
         count;        /* the device must run the first ones; the others may be refused, and are tested now, not later */
+    const struct sst_step *const *steps; /* that it must compute as the CPU does; static */
+    size_t step_count;
     const char *work; /* static; as of sst_gpu_open_for() */
 };
 
