@@ -121,7 +121,7 @@ PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 # Sources of optional parts, by whether they are built; *_none.c replaces one that has callers without it.
 OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_CURL := client/curl.c
-OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c)
+OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c sample.c)
 OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events reply request stream web)
 OPTIONAL_UDEV := drivers/grab/udev.c
 OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vulkan*.c))

@@ -154,7 +154,7 @@ static SST_UNUSED void nets_expect_features(struct sst_network_device *d, enum s
         assert_int_equal(open_with(&net, &models[i], precision, 1), 0);
         sst_network_use_device(net, i ? d : NULL);
         assert_non_null(out[i]);
-        assert_int_equal(sst_network_run_s8(net, in.d, 19, 13, 127, out[i]), 0);
+        assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in.d, 19, 13, 127, out[i], NULL }), 0);
         sst_network_close(net);
     }
     for (int i = 0; i < n; i++) {

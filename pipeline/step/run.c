@@ -447,7 +447,8 @@ static int run_on_device(struct sst_run *r, int first, int end, const struct sst
             runner_run_view(r, i);
         r->done[i] = !r->err && !cancelled && !sst_gpu_is_dummy(r->gpu); /* which computes nothing */
     }
-    runner_note(r->user);
+    if (r->gpu)
+        runner_note(r->user);
     if (r->err)
         leave(r);
     else if (r->gpu)

@@ -198,7 +198,10 @@ int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user)
     if (!err || s->live) {
         user->next = s->users;
         s->users = user;
-        runner_note(user);
+        if (err)
+            snprintf(user->report.name, sizeof(user->report.name), "%s", s->name);
+        else
+            runner_note(user);
     }
     sst_runner_unlock(s);
     return err;
@@ -282,6 +285,7 @@ void sst_runner_report_failure(struct sst_runner_user *user, const char *phrase,
         sst_log_warning("%s: %s; %s on the CPU%s", r->name, why, phrase,
                         user->given_up ? "" : ", and the device is tried again now and then");
     snprintf(r->failure, sizeof(r->failure), "%s", why);
+    snprintf(r->why, sizeof(r->why), "%s", sst_gpu_error(err));
     r->failing = true;
     r->failures++;
 }
@@ -318,8 +322,7 @@ void runner_note(struct sst_runner_user *user)
 {
     const struct sst_gpu_info *info = sst_runner_info(user->runner);
 
-    snprintf(user->report.name, sizeof(user->report.name), "%s",
-             *info->name ? info->name : sst_runner_name(user->runner));
+    snprintf(user->report.name, sizeof(user->report.name), "%s", info->name);
     snprintf(user->report.driver, sizeof(user->report.driver), "%s", info->driver);
 }
 

@@ -30,6 +30,7 @@ static double work(const struct sst_graph *g, const struct sst_shape *shapes)
 
 static void run(const struct sst_graph *g, const struct sst_shape *shapes)
 {
+    const struct net_plan_config cfg = { g, "fuzz", WIDTH, HEIGHT, 1, SST_PRECISION_F32 };
     const struct sst_shape *out = &shapes[g->output];
     float *x = calloc((size_t)g->in_channels * WIDTH * HEIGHT, sizeof(*x));
     float *y = calloc((size_t)out->c * (size_t)out->h * (size_t)out->w, sizeof(*y));
@@ -37,7 +38,7 @@ static void run(const struct sst_graph *g, const struct sst_shape *shapes)
 
     for (int i = 0; x && i < g->in_channels * WIDTH * HEIGHT; i++)
         x[i] = (float)(i % 7) - 3;
-    if (x && y && !net_plan_create(&plan, g, shapes, 1, SST_PRECISION_F32, "fuzz") && net_plan_run(plan, x, y))
+    if (x && y && !net_plan_create(&plan, &cfg) && net_plan_run(plan, x, y))
         abort();
     net_plan_destroy(plan);
     free(x);

@@ -126,7 +126,7 @@ static int8_t *whole_view(struct sst_network *net, const struct sst_map_u8 *luma
 
         in[i] = (float)((v - sum / (double)n) / (sqrt((double)n * squares - sum * sum) / (double)n));
     }
-    assert_int_equal(sst_network_run_s8(net, in, luma->width, luma->height, SST_FEATURE_ONE, out), 0);
+    assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in, luma->width, luma->height, SST_FEATURE_ONE, out, NULL }), 0);
     free(in);
     return out;
 }

@@ -321,7 +321,7 @@ static void bytes_equal_hand_worked_numbers(void **state SST_UNUSED)
         ow_value(&graph, 12, "y", 2);
         model = ow_model(&graph, 13);
         assert_int_equal(open_model(&net, &model, 1), 0);
-        assert_int_equal(sst_network_run_s8(net, in.d, 3, 1, with_norm ? 127 : 2, out), 0);
+        assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in.d, 3, 1, with_norm ? 127 : 2, out, NULL }), 0);
         assert_memory_equal(out, want[!with_norm], sizeof(out));
         sst_network_close(net);
         free(a.p);

@@ -224,8 +224,8 @@ static int make_band(struct bands *b, int i, bool *kept)
         k->level = b->level;
         k->kept = false;
     }
-    err =
-        sst_network_run_s8_kept(b->net, b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out, k ? &device : &cpu);
+    err = sst_network_run_s8(b->net, &(struct sst_network_bytes){
+                                         b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out, k ? &device : &cpu });
     *kept = k && k->kept;
     if (err || *kept)
         return err;

@@ -1,7 +1,4 @@
-/* Networks on a device: plans stay on it, those that were used least recently give way to new ones.
- *
- * A device that fails is closed. The network in work and the next ones then run on the CPU, as in
- * pipeline/method/render/device.c, also where it serves live pictures (`live`). */
+/* Networks on a device: plans stay on it, those that were used least recently give way to new ones. */
 #include "pipeline/method/network/device.h"
 
 #include <errno.h>
@@ -9,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "base/log.h"
+#include "pipeline/gpu/net.h"
 #include "pipeline/method/network/network_internal.h"
 
 #define MOST_PLANS 16
@@ -22,26 +19,24 @@ struct entry {
     int width, height;
     struct net_device_plan *plan; /* NULL: refused */
     char why[NET_DEVICE_WHY];     /* if so */
+    size_t weights, activations;  /* bytes on the device; activations share their memory */
     int64_t used;                 /* turn in which it was used last */
 };
 
 struct sst_network_device {
     struct sst_runner *shared;
     bool owns_shared; /* opened by this one, and closed with it */
-    bool live;
     struct sst_runner_user user;
     /* under the lock of shared */
-    struct sst_gpu *gpu; /* in work */
-    bool given_up;       /* live: it computes something else, and is not opened again */
-    bool noted;          /* live: that a network is the CPU's */
     struct entry entry[MOST_PLANS];
     int entries;
+    const struct net_device_plan *in_work; /* NULL: none; not freed */
     int64_t turn;
-    struct sst_network_device_report report;
+    struct sst_network_device_report report; /* but for that of the user */
 };
 
 #if WITH_DNNL
-/* --- opening and failing ------------------------------------------------------------------------------------------ */
+/* --- plans -------------------------------------------------------------------------------------------------------- */
 
 static void remove_entry(struct sst_network_device *d, int i)
 {
@@ -53,23 +48,152 @@ static void drop(void *arg)
 {
     struct sst_network_device *d = arg;
 
-    while (d->entries)
-        remove_entry(d, 0);
+    for (int i = d->entries - 1; i >= 0; i--) {
+        if (!d->in_work || d->entry[i].plan != d->in_work)
+            remove_entry(d, i);
+    }
 }
 
-static void note_name(struct sst_network_device *d)
+static void remove_oldest(struct sst_network_device *d)
 {
-    const struct sst_gpu_info *info = sst_runner_info(d->shared);
+    int oldest = 0;
 
-    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
+    for (int i = 1; i < d->entries; i++) {
+        if (d->entry[i].used < d->entry[oldest].used)
+            oldest = i;
+    }
+    remove_entry(d, oldest);
 }
 
-static struct sst_network_device *create(struct sst_runner *shared)
+/* The entry of a network, planned or refused. */
+static struct entry *find_entry(struct sst_run *r, struct sst_network_device *d, const struct net_job *job)
 {
-    /* A device must run the first ones; a network that needs others is refused if they are. */
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV, SST_GPU_NET_MOVE,
-                                                   SST_GPU_NET_RESIZE, SST_GPU_NET_POOL };
+    const struct net_plan_config *cfg = &job->cfg;
+    struct entry made = { .id = job->id, .precision = cfg->precision, .width = cfg->width, .height = cfg->height };
+
+    for (int i = 0; i < d->entries; i++) {
+        struct entry *e = &d->entry[i];
+
+        if (e->id == job->id && e->width == cfg->width && e->height == cfg->height && e->precision == cfg->precision)
+            return e;
+    }
+    if (d->entries == MOST_PLANS)
+        remove_oldest(d);
+    made.plan = net_device_plan_create(r, cfg, made.why);
+    if (made.plan)
+        net_device_plan_bytes(made.plan, &made.weights, &made.activations);
+    d->entry[d->entries] = made;
+    return &d->entry[d->entries++];
+}
+
+static void run_planned(struct sst_run *r, struct sst_network_device *d, struct net_job *job)
+{
+    struct entry *e = find_entry(r, d, job);
+
+    e->used = ++d->turn;
+    d->in_work = e->plan;
+    if (!e->plan)
+        sst_run_leave(r, e->why);
+    else if (net_device_plan_has_s8(e->plan) != !job->out)
+        sst_run_leave(r, "a normalisation whose result is wanted in floats, or another one in bytes");
+    else
+        net_device_plan_run(e->plan, r, job);
+    if (d->in_work && net_device_plan_conv8(d->in_work))
+        snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(d->in_work));
+    d->in_work = NULL;
+}
+
+/* --- the step ----------------------------------------------------------------------------------------------------- */
+
+static bool wants(const void *job SST_UNUSED, int item SST_UNUSED)
+{
+    return true;
+}
+
+static int make_input(void *arg)
+{
+    const struct sst_network_keeper *k = ((const struct net_job *)arg)->keeper;
+
+    return k && k->fill ? k->fill(k->arg) : 0;
+}
+
+static int run_on_cpu(void *arg, int item, int worker SST_UNUSED)
+{
+    struct net_job *job = (struct net_job *)arg + item;
+    int err = *job->plan ? 0 : net_plan_create(job->plan, &job->cfg);
+
+    if (err)
+        return err;
+    err = job->out ? net_plan_run(*job->plan, job->in, job->out)
+                   : net_plan_run_s8(*job->plan, job->in, job->factor, job->out_s8);
+    if (err)
+        sst_log_error("model %s: oneDNN failed to run it; use another model", job->cfg.name);
+    return err;
+}
+
+static void run_on_device(struct sst_run *r, void *arg, int item)
+{
+    struct net_job *job = (struct net_job *)arg + item;
+    char why[NET_DEVICE_WHY];
+    struct net_device_plan *p;
+
+    if (job->device) {
+        run_planned(r, job->device, job);
+        return;
+    }
+    p = net_device_plan_create(r, &job->cfg, why);
+    if (p)
+        net_device_plan_run(p, r, job);
+    net_device_plan_destroy(p);
+}
+
+static const struct sst_step step = { .name = "networks",
+                                      .wants = wants,
+                                      .host = make_input,
+                                      .cpu = run_on_cpu,
+                                      .device = run_on_device,
+                                      .same = net_sample_same,
+                                      .sample = net_sample,
+                                      .sample_free = net_sample_free };
+
+int net_job_run(struct net_job *job)
+{
+    struct sst_network_device *d = job->device;
+    const int err = sst_run(d ? &d->user : NULL, &step, job, 1, &(struct sst_run_options){ .threads = 1, .block = 1 });
+
+    if (!d)
+        return err;
+    sst_runner_lock(d->shared);
+    d->report.runs += job->done;
+    d->report.fed += job->done && job->fed;
+    d->report.kept += job->done && job->kept;
+    d->report.on_cpu += !job->done;
+    sst_runner_unlock(d->shared);
+    return err;
+}
+#else
+static const struct sst_step step;
+
+static void drop(void *arg SST_UNUSED)
+{
+}
+#endif
+
+void net_device_note_cpu(struct sst_network_device *d, const char *why)
+{
+    sst_runner_lock(d->shared);
+    d->report.on_cpu++;
+    snprintf(d->user.report.why, sizeof(d->user.report.why), "%s", why);
+    sst_runner_unlock(d->shared);
+}
+
+/* --- opening ------------------------------------------------------------------------------------------------------ */
+
+static struct sst_network_device *create(struct sst_runner *shared, const char *phrase)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8,  SST_GPU_NET_CONV, SST_GPU_NET_MOVE,
+                                                   SST_GPU_NET_RESIZE, SST_GPU_NET_POOL, SST_GPU_NET_UNIT };
+    static const struct sst_step *const steps[] = { &step };
     struct sst_network_device *d = calloc(1, sizeof(*d));
 
     if (!d) {
@@ -77,9 +201,14 @@ static struct sst_network_device *create(struct sst_runner *shared)
         return NULL;
     }
     d->shared = shared;
-    d->user = (struct sst_runner_user){
-        .shaders = shaders, .count = 2, .tested = ARRAY_LEN(shaders) - 2, .work = "run networks", .drop = drop, .arg = d
-    };
+    d->user = (struct sst_runner_user){ .shaders = shaders,
+                                        .count = ARRAY_LEN(shaders),
+                                        .steps = steps,
+                                        .step_count = ARRAY_LEN(steps),
+                                        .work = "run networks",
+                                        .phrase = phrase,
+                                        .drop = drop,
+                                        .arg = d };
     return d;
 }
 
@@ -89,19 +218,23 @@ int sst_network_device_open_on(struct sst_network_device **out, struct sst_runne
     int err;
 
     *out = NULL;
-    if (!shared)
+    if (!shared || (!WITH_DNNL && !strcmp(sst_runner_name(shared), "auto")))
         return 0;
-    d = create(shared);
+    if (!WITH_DNNL) {
+        sst_log_error("device `%s`: this build has no oneDNN, whose plans networks on a device need; leave out "
+                      "--device",
+                      sst_runner_name(shared));
+        return -ENOTSUP;
+    }
+    d = create(shared, "the network runs");
     if (!d)
         return -ENOMEM;
     err = sst_runner_join(shared, &d->user);
-    if (err) {
+    if (err)
         free(d);
-        return err;
-    }
-    note_name(d);
-    *out = d;
-    return 0;
+    else
+        *out = d;
+    return err;
 }
 
 int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
@@ -111,11 +244,39 @@ int sst_network_device_open(struct sst_network_device **out, const char *name, u
 
     *out = NULL;
     err = err ? err : sst_network_device_open_on(out, shared);
-    if (err)
-        sst_runner_destroy(shared);
-    else if (*out)
+    if (*out)
         (*out)->owns_shared = true;
+    else
+        sst_runner_destroy(shared);
     return err;
+}
+
+int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+{
+    static const char phrase[] = "live labels are computed";
+    struct sst_runner *shared;
+    struct sst_network_device *d;
+    int err = sst_runner_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
+
+    *out = NULL;
+    if (err || !shared)
+        return err;
+    if (!WITH_DNNL && strcmp(name, "auto"))
+        sst_log_warning("device `%s`: this build has no oneDNN, whose plans networks on a device need; %s on the CPU",
+                        name, phrase);
+    d = WITH_DNNL ? create(shared, phrase) : NULL;
+    if (!d) {
+        sst_runner_destroy(shared);
+        return WITH_DNNL ? -ENOMEM : 0;
+    }
+    d->owns_shared = true;
+    err = sst_runner_join(shared, &d->user);
+    sst_runner_lock(shared);
+    if (err)
+        sst_runner_report_failure(&d->user, phrase, err, sst_runner_why(shared));
+    sst_runner_unlock(shared);
+    *out = d;
+    return 0;
 }
 
 void sst_network_device_close(struct sst_network_device *d)
@@ -128,281 +289,42 @@ void sst_network_device_close(struct sst_network_device *d)
     free(d);
 }
 
-/* Note that a network runs on the CPU, and why. */
-static void note_cpu(struct sst_network_device *d, const char *why)
-{
-    d->report.on_cpu++;
-    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
-}
-
-/* After an error of the device: close it, and leave it alone for some runs. @param why  "": the error's own */
-static void fail(struct sst_network_device *d, int err, const char *why)
-{
-    const int skipped = sst_runner_fail(d->shared);
-
-    why = *why ? why : sst_gpu_error(err);
-    d->given_up = d->live && err == -ENOTSUP;
-    if (!d->live)
-        sst_log_warning("%s: %s; the network runs on the CPU, and the device is opened again after %d more runs",
-                        d->report.name, why, skipped);
-    else if (!d->report.failing)
-        sst_log_warning("%s: %s; live labels are computed on the CPU%s", d->report.name, why,
-                        d->given_up ? "" : ", and the device is tried again now and then");
-    snprintf(d->report.failure, sizeof(d->report.failure), "%s", why);
-    d->report.failing = true;
-    d->report.failures++;
-}
-
-static void note_success(struct sst_network_device *d)
-{
-    if (d->report.failing && d->live)
-        sst_log_info("%s: live labels are computed on the device again", d->report.name);
-    d->report.failing = false;
-    sst_runner_succeed(d->shared);
-}
-
-/* True if the device may be tried; else the run is noted as one for the CPU. */
-static bool may_try(struct sst_network_device *d)
-{
-    int err = -ENOTSUP;
-
-    d->gpu = d->given_up ? NULL : sst_runner_take(d->shared, &d->user, &err);
-    if (d->gpu) {
-        note_name(d);
-        return true;
-    }
-    if (err && err != -EINPROGRESS && !d->given_up)
-        fail(d, err, sst_runner_why(d->shared));
-    if (err)
-        note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
-    else
-        d->report.on_cpu++;
-    return false;
-}
-
-int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
-{
-    struct sst_runner *shared;
-    struct sst_network_device *d;
-    int err = sst_runner_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
-
-    *out = NULL;
-    if (err || !shared)
-        return err;
-    d = create(shared);
-    if (!d) {
-        sst_runner_destroy(shared);
-        return -ENOMEM;
-    }
-    d->owns_shared = d->live = true;
-    snprintf(d->report.name, sizeof(d->report.name), "%s", name);
-    err = sst_runner_join(shared, &d->user);
-    sst_runner_lock(shared);
-    if (err)
-        fail(d, err, sst_runner_why(shared));
-    else
-        note_name(d);
-    sst_runner_unlock(shared);
-    *out = d;
-    return 0;
-}
-
-/* --- plans -------------------------------------------------------------------------------------------------------- */
-
-static struct entry *find_entry(struct sst_network_device *d, const struct net_device_job *job)
-{
-    for (int i = 0; i < d->entries; i++) {
-        struct entry *e = &d->entry[i];
-
-        if (e->id == job->id && e->width == job->width && e->height == job->height && e->precision == job->precision)
-            return e;
-    }
-    return NULL;
-}
-
-/* Free the plan that was used least recently, or any one that was refused. @return false: there is none */
-static bool remove_oldest(struct sst_network_device *d)
-{
-    int oldest = 0;
-
-    if (!d->entries)
-        return false;
-    for (int i = 1; i < d->entries; i++) {
-        if (d->entry[i].used < d->entry[oldest].used)
-            oldest = i;
-    }
-    remove_entry(d, oldest);
-    return true;
-}
-
-/* Plan a network; one that the device does not hold or compute is remembered as refused. */
-static int create_plan(struct sst_network_device *d, struct entry *e, const struct net_device_job *job)
-{
-    struct sst_shape *shapes = calloc((size_t)job->graph->n_values, sizeof(*shapes));
-    int err = shapes ? sst_graph_shapes(job->graph, job->width, job->height, shapes, NULL) : -ENOMEM;
-
-    if (!err) {
-        do
-            err = net_device_plan_create(&e->plan, d->gpu, job->graph, shapes, job->precision, e->why);
-        while (err == -ENOMEM && (remove_oldest(d) || sst_runner_make_room(d->shared, &d->user)));
-        if (!err && net_device_plan_conv8(e->plan))
-            snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(e->plan));
-    }
-    free(shapes);
-    if (err == -ENOMEM)
-        snprintf(e->why, sizeof(e->why), "a network of %d x %d pixels does not fit into the device's memory",
-                 job->width, job->height);
-    return err == -ENOMEM || err == -ENOTSUP ? 0 : err;
-}
-
-/* The entry of a network, planned or refused. */
-static int make_entry(struct sst_network_device *d, struct entry **out, const struct net_device_job *job)
-{
-    struct entry made = { .id = job->id, .precision = job->precision, .width = job->width, .height = job->height };
-    int err;
-
-    *out = find_entry(d, job);
-    if (*out)
-        return 0;
-    err = create_plan(d, &made, job);
-    if (err)
-        return err;
-    if (d->entries == MOST_PLANS)
-        (void)remove_oldest(d);
-    *out = &d->entry[d->entries++];
-    **out = made;
-    return 0;
-}
-
-/* @return 0, 1 (the CPU must run it; noted), or an error of the device */
-static int run(struct sst_network_device *d, const struct net_device_job *job)
-{
-    struct net_device_times times = { 0 };
-    const int64_t start_ns = sst_clock_now_ns();
-    struct entry *e;
-    int err = make_entry(d, &e, job);
-
-    if (err)
-        return err;
-    e->used = ++d->turn;
-    if (!e->plan || net_device_plan_has_s8(e->plan) != !job->out) {
-        note_cpu(d, e->plan ? "a normalisation whose result is wanted in floats, or another one in bytes" : e->why);
-        if (d->live && !d->noted)
-            sst_log_warning("%s: %s; live labels are computed on the CPU", d->report.name, d->report.why);
-        d->noted = true;
-        return 1;
-    }
-    err = net_device_plan_run(e->plan, job->in, job->out ? (void *)job->out : job->out_s8, job->factor, job->keeper,
-                              &times);
-    d->report.dispatches += times.dispatches;
-    if (err == -ENOMEM) {
-        note_cpu(d, sst_gpu_error(err));
-        return 1;
-    }
-    if (err)
-        return err;
-    d->report.runs++;
-    d->report.fed += times.fed;
-    d->report.kept += times.kept;
-    d->report.upload_ns += times.upload_ns;
-    d->report.download_ns += times.download_ns;
-    d->report.total_ns += sst_clock_now_ns() - start_ns - times.kept_ns;
-    return 0;
-}
-
-bool net_device_run(struct sst_network_device *d, const struct net_device_job *job)
-{
-    int err;
-
-    sst_runner_lock(d->shared);
-    err = may_try(d) ? run(d, job) : 1;
-    if (err < 0) {
-        fail(d, err, "");
-        note_cpu(d, sst_gpu_error(err));
-    } else if (!err) {
-        note_success(d);
-    }
-    sst_runner_unlock(d->shared);
-    return !err;
-}
-
-void net_device_note_cpu(struct sst_network_device *d, const char *why)
-{
-    sst_runner_lock(d->shared);
-    note_cpu(d, why);
-    sst_runner_unlock(d->shared);
-}
+/* --- report ------------------------------------------------------------------------------------------------------- */
 
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
 {
+    const struct sst_step_report *r = &d->user.report;
+    size_t weights = 0, activations = 0;
+
     sst_runner_lock(d->shared);
     *out = d->report;
-    out->memory_bytes = 0;
-    out->plans = 0;
+    snprintf(out->name, sizeof(out->name), "%s", r->name);
+    snprintf(out->driver, sizeof(out->driver), "%s", r->driver);
+    snprintf(out->failure, sizeof(out->failure), "%s", r->failure);
+    snprintf(out->why, sizeof(out->why), "%s", r->why);
+    out->failing = r->failing;
+    out->failures = r->failures;
+    out->dispatches = r->dispatches;
+    out->total_ns = r->total_ns;
+    out->upload_ns = r->upload_ns;
+    out->download_ns = r->download_ns;
     for (int i = 0; i < d->entries; i++) {
-        if (d->entry[i].plan) {
-            out->plans++;
-            out->memory_bytes += (int64_t)net_device_plan_bytes(d->entry[i].plan);
-        }
+        out->plans += d->entry[i].plan != NULL;
+        weights += d->entry[i].weights;
+        if (d->entry[i].activations > activations)
+            activations = d->entry[i].activations;
     }
+    out->memory_bytes = (int64_t)(weights + activations);
     sst_runner_unlock(d->shared);
 }
 
 void sst_network_device_clear_report(struct sst_network_device *d)
 {
     struct sst_network_device_report *r = &d->report;
+    struct sst_step_report *of = &d->user.report;
 
     sst_runner_lock(d->shared);
-    r->runs = r->fed = r->kept = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns =
-        0;
+    r->runs = r->fed = r->kept = r->on_cpu = 0;
+    of->failures = of->dispatches = of->total_ns = of->upload_ns = of->download_ns = 0;
     sst_runner_unlock(d->shared);
 }
-#else
-int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
-{
-    *out = NULL;
-    if (!strcmp(name, "cpu") || !strcmp(name, "auto"))
-        return 0;
-    sst_log_error("device `%s`: this build has no oneDNN, whose plans networks on a device need; leave out --device",
-                  name);
-    return -ENOTSUP;
-}
-
-int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared)
-{
-    *out = NULL;
-    return shared ? sst_network_device_open(out, sst_runner_name(shared), 0) : 0;
-}
-
-int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
-{
-    *out = NULL;
-    if (strcmp(name, "cpu") != 0 && strcmp(name, "auto") != 0)
-        sst_log_warning("device `%s`: this build has no oneDNN, whose plans networks on a device need; live labels are "
-                        "computed on the CPU",
-                        name);
-    return 0;
-}
-
-void sst_network_device_close(struct sst_network_device *d SST_UNUSED)
-{
-}
-
-void net_device_note_cpu(struct sst_network_device *d SST_UNUSED, const char *why SST_UNUSED)
-{
-}
-
-bool net_device_run(struct sst_network_device *d SST_UNUSED, const struct net_device_job *job SST_UNUSED)
-{
-    return false;
-}
-
-void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
-{
-    *out = d->report;
-}
-
-void sst_network_device_clear_report(struct sst_network_device *d SST_UNUSED)
-{
-}
-#endif

@@ -357,16 +357,25 @@ void sst_network_in_size(const struct sst_network *net, int *width, int *height)
 /* --- one size at a time --------------------------------------------------------------------------- */
 
 #if WITH_DNNL
-/* @param shape_only  of the result: the plan is made when the CPU runs the network */
-static int plan_dnnl(struct sst_network *net, int width, int height, bool shape_only)
+static struct net_job job_of(struct sst_network *net, int width, int height)
 {
+    return (struct net_job){ .cfg = { &net->graph, net->path, width, height, net->threads, net->precision },
+                             .plan = &net->plan,
+                             .device = net->device,
+                             .id = net->id };
+}
+
+/* The plan of a network with a device is made when the CPU runs it. */
+static int plan_dnnl(struct sst_network *net, int width, int height)
+{
+    const struct net_job job = job_of(net, width, height);
     struct sst_shape *shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
     int err = shapes ? sst_graph_shapes(&net->graph, width, height, shapes, net->path) : -ENOMEM;
 
     if (!err)
         net->out = shapes[net->graph.output];
-    if (!err && !shape_only)
-        err = net_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
+    if (!err && !net->device)
+        err = net_plan_create(&net->plan, &job.cfg);
     free(shapes);
     return err;
 }
@@ -376,30 +385,6 @@ static bool ends_in_norm(const struct sst_network *net)
 {
     return net->graph.n_ops && net->graph.ops[net->graph.n_ops - 1].kind == SST_OP_NORMALIZE &&
            net->graph.ops[net->graph.n_ops - 1].out == net->graph.output;
-}
-
-/* Run on the device. @return false: the CPU must */
-static bool run_on_device(struct sst_network *net, const float *in, float *out, int8_t *out_s8, float factor,
-                          const struct sst_network_keeper *keeper)
-{
-    const struct net_device_job job = { .graph = &net->graph,
-                                        .id = net->id,
-                                        .precision = net->precision,
-                                        .width = net->width,
-                                        .height = net->height,
-                                        .in = in,
-                                        .out = out,
-                                        .out_s8 = out_s8,
-                                        .factor = factor,
-                                        .keeper = keeper };
-
-    return net->device && net_device_run(net->device, &job);
-}
-
-/* The CPU's plan, for the size of plan(). */
-static int need_plan(struct sst_network *net)
-{
-    return net->plan ? 0 : plan_dnnl(net, net->width, net->height, false);
 }
 #endif
 
@@ -414,12 +399,6 @@ bool sst_network_accepts(const struct sst_network *net, int width, int height)
     ok = shapes && !sst_graph_shapes(&net->graph, width, height, shapes, NULL);
     free(shapes);
     return ok;
-}
-
-/* The input for the CPU. */
-static int need_input(const struct sst_network_keeper *keeper)
-{
-    return keeper && keeper->fill ? keeper->fill(keeper->arg) : 0;
 }
 
 static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
@@ -470,7 +449,7 @@ static int plan(struct sst_network *net, int width, int height)
     net_plan_destroy(net->plan);
     net->plan = NULL;
     if (!net->cv)
-        err = plan_dnnl(net, width, height, net->device);
+        err = plan_dnnl(net, width, height);
 #endif
     if (net->cv)
         err = plan_opencv(net, width, height);
@@ -496,12 +475,6 @@ int sst_network_out_shape(struct sst_network *net, int width, int height, int *o
 
 int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out)
 {
-    return sst_network_run_kept(net, in, width, height, out, NULL);
-}
-
-int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, int width, int height,
-                         float *out SST_UNUSED, const struct sst_network_keeper *keeper)
-{
     int err = plan(net, width, height);
 
     if (err)
@@ -510,71 +483,57 @@ int sst_network_run_kept(struct sst_network *net, const float *in SST_UNUSED, in
         struct sst_shape shape;
         const float *result;
 
-        err = need_input(keeper);
-        err = err ? err : run_opencv(net, in, width, height, &result, &shape);
+        err = run_opencv(net, in, width, height, &result, &shape);
         if (!err)
             memcpy(out, result, (size_t)net->out.c * (size_t)net->out.h * (size_t)net->out.w * sizeof(*out));
         return err;
     }
 #if WITH_DNNL
-    if (run_on_device(net, in, out, NULL, 0, keeper))
-        return 0;
-    err = need_input(keeper);
-    err = err ? err : need_plan(net);
-    if (err)
-        return err;
-    err = net_plan_run(net->plan, in, out);
-    if (err)
-        sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
+    struct net_job job = job_of(net, width, height);
+
+    job.in = in;
+    job.out = out;
+    err = net_job_run(&job);
 #endif
     return err;
 }
 
 /* Via floats. */
-static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out,
-                       const struct sst_network_keeper *keeper)
+static int run_rounded(struct sst_network *net, const struct sst_network_bytes *run)
 {
     const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
     float *values = sst_mem_alloc_raw(plane * c, sizeof(*values));
-    const struct sst_network_keeper fill = { .fill = keeper ? keeper->fill : NULL, .arg = keeper ? keeper->arg : NULL };
-    int err = values ? sst_network_run_kept(net, in, width, height, values, &fill) : -ENOMEM;
+    int err = values ? 0 : -ENOMEM;
 
-    if (!values)
-        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
-                      height);
+    if (err)
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, run->width,
+                      run->height);
+    if (!err && run->keeper && run->keeper->fill)
+        err = run->keeper->fill(run->keeper->arg);
+    if (!err)
+        err = sst_network_run(net, run->in, run->width, run->height, values);
     for (size_t i = 0; !err && i < plane * c; i++)
-        out[i] = op_to_byte(values[i % c * plane + i / c] * factor);
+        run->out[i] = op_to_byte(values[i % c * plane + i / c] * run->factor);
     sst_mem_free(values);
     return err;
 }
 
-int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+int sst_network_run_s8(struct sst_network *net, const struct sst_network_bytes *run)
 {
-    return sst_network_run_s8_kept(net, in, width, height, factor, out, NULL);
-}
-
-int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out,
-                            const struct sst_network_keeper *keeper)
-{
-    int err = plan(net, width, height);
+    const int err = plan(net, run->width, run->height);
 
     if (err)
         return err;
 #if WITH_DNNL
     if (!net->cv && ends_in_norm(net)) {
-        if (run_on_device(net, in, NULL, out, factor, keeper))
-            return 0;
-        err = need_input(keeper);
-        err = err ? err : need_plan(net);
-        if (err)
-            return err;
-    }
-    if (!net->cv && net->plan && net_plan_has_s8(net->plan)) {
-        err = net_plan_run_s8(net->plan, in, factor, out);
-        if (err)
-            sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
-        return err;
+        struct net_job job = job_of(net, run->width, run->height);
+
+        job.in = run->in;
+        job.out_s8 = run->out;
+        job.factor = run->factor;
+        job.keeper = run->keeper;
+        return net_job_run(&job);
     }
 #endif
-    return run_rounded(net, in, width, height, factor, out, keeper);
+    return run_rounded(net, run);
 }

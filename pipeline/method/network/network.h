@@ -88,15 +88,6 @@ SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int
  */
 SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
 
-/**
- * Run once, with the result times factor as bytes: rounded to nearest, halves away from 0, clamped to -127..127; NaN
- * gives 0. Faster and smaller than floats if the network ends with a normalisation.
- *
- * @param out  [out_height][out_width][out_channels]
- */
-SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor,
-                                      int8_t *out);
-
 struct sst_gpu;
 struct sst_gpu_buffer;
 
@@ -112,11 +103,20 @@ struct sst_network_keeper {
     void *arg;
 };
 
-/* The same. @param keeper  or NULL */
-SST_MUST_CHECK int sst_network_run_kept(struct sst_network *net, const float *in, int width, int height, float *out,
-                                        const struct sst_network_keeper *keeper);
-SST_MUST_CHECK int sst_network_run_s8_kept(struct sst_network *net, const float *in, int width, int height,
-                                           float factor, int8_t *out, const struct sst_network_keeper *keeper);
+/** A run whose result is in bytes. */
+struct sst_network_bytes {
+    const float *in; /* [in_channels][height][width] */
+    int width, height;
+    float factor;
+    int8_t *out;                             /* [out_height][out_width][out_channels] */
+    const struct sst_network_keeper *keeper; /* or NULL */
+};
+
+/**
+ * Run once, with the result times factor as bytes: rounded to nearest, halves away from 0, clamped to -127..127; NaN
+ * gives 0. Faster and smaller than floats if the network ends with a normalisation.
+ */
+SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const struct sst_network_bytes *run);
 
 struct sst_network_device; /* device.h */
 

@@ -8,6 +8,7 @@
 #include "pipeline/method/network/device.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network.h"
+#include "pipeline/step/run.h"
 
 /* --- graph_build: shared by graph*.c: ONNX nodes with their names resolved, on the way to operations. --- */
 
@@ -149,15 +150,20 @@ struct net_plan; /* one thread at a time */
 /* Limit of memory for activations and scratch; real networks stay far below it. */
 #define NET_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
 
+/** A graph for an input size. */
+struct net_plan_config {
+    const struct sst_graph *graph;
+    const char *name; /* of the model, for messages; "": that it is planned is not logged */
+    int width, height, threads;
+    enum sst_precision precision; /* not SST_PRECISION_AUTO */
+};
+
 /**
- * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
- * @param precision  not SST_PRECISION_AUTO
- * @param name  of the model, for messages; borrowed
- * @return 0, -ENOMEM, -EINVAL (more than NET_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
- * layer on this machine); logged.
+ * @param cfg  borrowed during the call, its graph and name until destroy
+ * @return 0, -ENOMEM, -EINVAL (the graph has no such size, or needs more than NET_PLAN_MAX_BYTES of the input's
+ * pixels), -ENOTSUP (oneDNN has no code for a layer on this machine); logged.
  */
-SST_MUST_CHECK int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
-                                   int threads, enum sst_precision precision, const char *name);
+SST_MUST_CHECK int net_plan_create(struct net_plan **out, const struct net_plan_config *cfg);
 void net_plan_destroy(struct net_plan *plan);
 
 /** True if this processor multiplies and adds bytes in one instruction (VNNI) and oneDNN may use it. */
@@ -175,26 +181,49 @@ bool net_plan_has_s8(const struct net_plan *plan);
 /** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */
 SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
-/* --- plan_device.c: the same on a device --- */
+/* --- device.c --- */
 
-struct net_device_plan; /* of one open device */
+/** A network, its input and its result. */
+struct net_job {
+    struct net_plan_config cfg;
+    struct net_plan **plan;            /* of the CPU; NULL in it: made when the CPU runs the network */
+    struct sst_network_device *device; /* NULL: the CPU */
+    uint64_t id;                       /* there: a hash of the file's path and of its weights */
+    const float *in;
+    float *out; /* or NULL, and in bytes: */
+    int8_t *out_s8;
+    float factor;
+    const struct sst_network_keeper *keeper; /* or NULL */
+    /* out */
+    bool done;      /* on the device */
+    bool fed, kept; /* its input was made there; its result stays there */
+};
+
+/** Run a network, on its device or, which is counted, on the CPU. @return 0 or an error of the CPU, logged */
+SST_MUST_CHECK int net_job_run(struct net_job *job);
+
+/** Count a run that is no work for a device. */
+void net_device_note_cpu(struct sst_network_device *d, const char *why);
+
+/* --- plan_device.c: a plan on a device; under its lock --- */
+
+struct net_device_plan;
 
 #define NET_DEVICE_WHY 128 /* bytes of a reason */
 
 /**
  * Upload the weights and reserve memory for the activations.
  *
- * @param graph, shapes  borrowed during the call
- * @param why  out, when -ENOTSUP: what has no shader, or which shader is refused
- * @return 0, -ENOTSUP, -ENOMEM (also: more than the device allows), or an error of the device
+ * @param cfg  borrowed during the call
+ * @param why  out, without a plan: a layer has no shader, or memory lacks
+ * @return NULL: there is none; errors of the device are noted in r
  */
-SST_MUST_CHECK int net_device_plan_create(struct net_device_plan **out, struct sst_gpu *gpu,
-                                          const struct sst_graph *graph, const struct sst_shape *shapes,
-                                          enum sst_precision precision, char why[NET_DEVICE_WHY]);
+struct net_device_plan *net_device_plan_create(struct sst_run *r, const struct net_plan_config *cfg,
+                                               char why[NET_DEVICE_WHY]);
 void net_device_plan_destroy(struct net_device_plan *p);
 
-/** Memory on the device. */
-size_t net_device_plan_bytes(const struct net_device_plan *p);
+/** Memory on the device: of the weights; of the activations, which plans share. */
+void net_device_plan_bytes(const struct net_device_plan *p, size_t *weights, size_t *activations);
 
 /** Shader of convolutions on 8 bits. NULL: there are none */
 const char *net_device_plan_conv8(const struct net_device_plan *p);
@@ -202,35 +231,13 @@ const char *net_device_plan_conv8(const struct net_device_plan *p);
 /** True where the result is in bytes, as of net_plan_run_s8(); else it is in floats. */
 bool net_device_plan_has_s8(const struct net_device_plan *p);
 
-struct net_device_times {
-    int64_t upload_ns, download_ns, kept_ns; /* kept_ns: of the keeper's `keep` */
-    bool fed, kept;                          /* the input was made on the device; the result stays there */
-    int dispatches;
-};
+/** Run once, without job->keeper on a dummy device, which computes nothing. */
+void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct net_job *job);
 
-/** Run once. @param out  as of net_plan_run() or net_plan_run_s8() @param keeper  or NULL */
-SST_MUST_CHECK int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
-                                       const struct sst_network_keeper *keeper, struct net_device_times *times);
+/* --- sample.c: of struct sst_step --- */
 
-/* --- device.c --- */
-
-/** A network, as a device knows it. */
-struct net_device_job {
-    const struct sst_graph *graph;
-    uint64_t id; /* a hash of its file's path and of its weights */
-    enum sst_precision precision;
-    int width, height;
-    const float *in;
-    float *out; /* or NULL, and in bytes: */
-    int8_t *out_s8;
-    float factor;
-    const struct sst_network_keeper *keeper; /* or NULL */
-};
-
-/** Run a network. @return false: it must run on the CPU, which is counted */
-bool net_device_run(struct sst_network_device *d, const struct net_device_job *job);
-
-/** Count a run that is no work for a device. */
-void net_device_note_cpu(struct sst_network_device *d, const char *why);
+void *net_sample(uint32_t seed);
+void net_sample_free(void *job);
+bool net_sample_same(const void *device, const void *host, int item);
 
 #endif

@@ -211,10 +211,13 @@ static int add_ops(struct net_plan *p)
     return 0;
 }
 
-static int build(struct net_plan *p)
+static int build(struct net_plan *p, struct sst_shape *shapes, const struct net_plan_config *cfg)
 {
     const size_t n = (size_t)p->graph->n_values;
-    int err = net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
+    int err = sst_graph_shapes(p->graph, cfg->width, cfg->height, shapes, cfg->name);
+
+    if (!err)
+        err = net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
 
     if (!err)
         err = net_plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
@@ -233,38 +236,39 @@ static int build(struct net_plan *p)
     return allocate(p);
 }
 
-int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
-                    enum sst_precision precision, const char *name)
+int net_plan_create(struct net_plan **out, const struct net_plan_config *cfg)
 {
     const int before = omp_get_max_threads();
     struct net_plan *p = calloc(1, sizeof(*p));
+    struct sst_shape *shapes = calloc((size_t)cfg->graph->n_values, sizeof(*shapes));
     int err = -ENOMEM;
 
-    if (p) {
+    if (p && shapes) {
         *p = (struct net_plan){
-            .graph = graph,
+            .graph = cfg->graph,
             .shapes = shapes,
-            .threads = threads,
-            .precision = precision,
-            .name = name,
+            .threads = cfg->threads,
+            .precision = cfg->precision,
+            .name = cfg->name,
         };
-        err = build(p);
+        err = build(p, shapes, cfg);
         omp_set_num_threads(before);
-    }
-    if (!err) {
-        sst_log_info("model %s: %d steps, %zu MiB of activations, %zu MiB of scratch for an image of %d x %d", name,
-                     p->n_steps, p->arena_bytes >> 20, p->scratch_bytes >> 20, shapes[graph->input].w,
-                     shapes[graph->input].h);
         p->shapes = NULL;
+    }
+    free(shapes);
+    if (!err) {
+        if (*cfg->name)
+            sst_log_info("model %s: %d steps, %zu MiB of activations, %zu MiB of scratch for an image of %d x %d",
+                         cfg->name, p->n_steps, p->arena_bytes >> 20, p->scratch_bytes >> 20, cfg->width, cfg->height);
         *out = p;
         return 0;
     }
     if (err == -ENOMEM)
-        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", name,
-                      shapes[graph->input].w, shapes[graph->input].h);
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", cfg->name, cfg->width,
+                      cfg->height);
     else if (err != -EINVAL)
         sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model",
-                      name, shapes[graph->input].w, shapes[graph->input].h);
+                      cfg->name, cfg->width, cfg->height);
     net_plan_destroy(p);
     return err;
 }

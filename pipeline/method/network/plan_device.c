@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "base/mem.h"
 #include "pipeline/gpu/net.h"
 #include "pipeline/method/network/plan_dnnl.h"
@@ -49,12 +48,15 @@ struct net_device_plan {
     bool ends_in_bytes;
     const char *conv8; /* shader of convolutions on 8 bits; NULL: there are none */
     struct sst_gpu *gpu;
-    struct sst_gpu_buffer *weights, *arena;
+    struct sst_gpu_buffer *weights;
     size_t arena_bytes;
 };
 
+enum { ARENA, PROBED }; /* scratch memory */
+
 struct building {
     struct net_device_plan *p;
+    struct sst_run *r;
     struct net_plan bits; /* graph, precision, values */
     const struct sst_shape *shapes;
     char *why;
@@ -64,6 +66,12 @@ static int unsupported(struct building *b, const char *why)
 {
     snprintf(b->why, NET_DEVICE_WHY, "%s", why);
     return -ENOTSUP;
+}
+
+static void too_large(const struct net_plan_config *cfg, char why[NET_DEVICE_WHY])
+{
+    snprintf(why, NET_DEVICE_WHY, "a network of %d x %d pixels does not fit into the device's memory", cfg->width,
+             cfg->height);
 }
 
 /* --- tensors ------------------------------------------------------------------------------------------------------ */
@@ -485,9 +493,35 @@ static int place(struct net_device_plan *p)
     return 0;
 }
 
+/* True if fma() rounds once: 1.000244140625^2 - 1.00048828125 is 2^-24 then, and else 0. */
+static bool fuses(struct sst_run *r)
+{
+    enum { WEIGHTS = SST_GPU_NET_SLAB * SST_GPU_NET_TILE_OUT, WORDS = WEIGHTS + SST_GPU_NET_TILE_OUT };
+    const struct sst_gpu_net_tensor one = { 0, 4, SST_GPU_NET_F32, 1, 1 };
+    const struct sst_gpu_net_conv c = { .from = one,
+                                        .to = { 4, 4, SST_GPU_NET_F32, 1, 1 },
+                                        .channels = 1,
+                                        .kernel = 1 << 16 | 1,
+                                        .stride = 1 << 16 | 1,
+                                        .dilation = 1 << 16 | 1,
+                                        .bias_at = WEIGHTS,
+                                        .residual_mode = SST_GPU_NET_NONE,
+                                        .bias_first = 1 };
+    float fixed[WORDS] = { [0] = 1.000244140625f, [WEIGHTS] = -1.00048828125f }, io[8] = { 1.000244140625f };
+    const struct sst_gpu_range weights = sst_run_upload(r, PROBED, fixed, sizeof(fixed));
+    const struct sst_gpu_range values = sst_run_upload(r, ARENA, io, sizeof(io));
+
+    sst_run_dispatch(r, SST_GPU_NET_CONV, &c, (const uint32_t[]){ 1, 1, 1 },
+                     (const struct sst_gpu_range[]){ weights, values, values }, SST_GPU_NET_BUFFERS);
+    sst_run_read(r, io, values, sizeof(io));
+    return io[4] > 0;
+}
+
 /* Addresses of the steps, now that tensors have theirs. */
 static int resolve(struct building *b)
 {
+    const bool by_parts = !fuses(b->r);
+
     for (int i = 0; i < b->p->n_steps; i++) {
         struct step *s = &b->p->steps[i];
         struct sst_gpu_work work = { .shader = s->shader, .push = &s->conv };
@@ -497,7 +531,7 @@ static int resolve(struct building *b)
         if (sst_gpu_net_is_conv(s->shader)) {
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
-            s->conv.by_parts = !sst_gpu_fuses(b->p->gpu);
+            s->conv.by_parts = by_parts;
             s->conv.bias_first = net_plan_bias_first();
             if (s->residual != NONE) {
                 s->conv.residual_at = b->p->tensors[s->residual].at.at;
@@ -515,20 +549,19 @@ static int resolve(struct building *b)
     return 0;
 }
 
-static int make_buffers(struct net_device_plan *p)
+static int make_buffers(struct building *b)
 {
-    int err;
+    struct net_device_plan *p = b->p;
+    const size_t bytes = p->fixed_words * sizeof(*p->fixed);
 
-    if (p->arena_bytes > UINT32_MAX || p->fixed_words > UINT32_MAX / 4)
+    if (p->arena_bytes > UINT32_MAX || bytes > UINT32_MAX)
         return -ENOMEM;
-    err = sst_gpu_buffer_create(p->gpu, &p->weights, p->fixed_words * sizeof(*p->fixed));
-    if (!err)
-        err = sst_gpu_buffer_create(p->gpu, &p->arena, p->arena_bytes);
-    if (!err)
-        err = sst_gpu_upload(p->gpu, p->weights, 0, p->fixed, p->fixed_words * sizeof(*p->fixed));
+    p->weights = sst_run_buffer(b->r, bytes);
+    (void)sst_run_scratch(b->r, ARENA, p->arena_bytes); /* or it is known not to fit */
+    sst_run_write(b->r, (struct sst_gpu_range){ p->weights, 0 }, p->fixed, bytes);
     free(p->fixed);
     p->fixed = NULL;
-    return err;
+    return sst_run_failed(b->r) ? -ENOMEM : 0;
 }
 
 /* Test the shaders, and choose the variant of convolutions on 8 bits. */
@@ -578,28 +611,37 @@ static int build(struct building *b)
         err = prepare(b);
     if (!err)
         err = resolve(b);
-    return err ? err : make_buffers(b->p);
+    return err ? err : make_buffers(b);
 }
 
-int net_device_plan_create(struct net_device_plan **out, struct sst_gpu *gpu, const struct sst_graph *graph,
-                           const struct sst_shape *shapes, enum sst_precision precision, char why[NET_DEVICE_WHY])
+struct net_device_plan *net_device_plan_create(struct sst_run *r, const struct net_plan_config *cfg,
+                                               char why[NET_DEVICE_WHY])
 {
+    struct sst_shape *shapes = calloc((size_t)cfg->graph->n_values, sizeof(*shapes));
     struct building b = { .p = calloc(1, sizeof(*b.p)),
-                          .bits = { .graph = graph, .precision = precision },
+                          .r = r,
+                          .bits = { .graph = cfg->graph, .precision = cfg->precision },
                           .shapes = shapes,
                           .why = why };
-    int err = b.p ? 0 : -ENOMEM;
+    int err = b.p && shapes ? sst_graph_shapes(cfg->graph, cfg->width, cfg->height, shapes, cfg->name) : -ENOMEM;
 
+    why[0] = 0;
     if (!err) {
-        b.p->gpu = gpu;
+        b.p->gpu = sst_run_gpu(r);
         err = build(&b);
     }
     free(b.bits.values);
-    if (err)
-        net_device_plan_destroy(b.p);
-    else
-        *out = b.p;
-    return err;
+    free(shapes);
+    if (!err)
+        return b.p;
+    if (err == -ENOMEM)
+        too_large(cfg, why);
+    else if (err != -ENOTSUP)
+        sst_run_fail(r, err);
+    if (*why)
+        sst_run_leave(r, why);
+    net_device_plan_destroy(b.p);
+    return NULL;
 }
 
 void net_device_plan_destroy(struct net_device_plan *p)
@@ -607,16 +649,16 @@ void net_device_plan_destroy(struct net_device_plan *p)
     if (!p)
         return;
     sst_gpu_buffer_destroy(p->gpu, p->weights);
-    sst_gpu_buffer_destroy(p->gpu, p->arena);
     free(p->tensors);
     free(p->steps);
     free(p->fixed);
     free(p);
 }
 
-size_t net_device_plan_bytes(const struct net_device_plan *p)
+void net_device_plan_bytes(const struct net_device_plan *p, size_t *weights, size_t *activations)
 {
-    return p->arena_bytes + p->fixed_words * sizeof(*p->fixed);
+    *weights = p->fixed_words * sizeof(*p->fixed);
+    *activations = p->arena_bytes;
 }
 
 const char *net_device_plan_conv8(const struct net_device_plan *p)
@@ -630,54 +672,51 @@ bool net_device_plan_has_s8(const struct net_device_plan *p)
 }
 
 /* The input, made there or uploaded. */
-static int load(struct net_device_plan *p, const float *in, const struct sst_network_keeper *keeper,
-                struct net_device_times *times)
+static void load(struct net_device_plan *p, struct sst_run *r, struct net_job *job, struct sst_gpu_range arena)
 {
     const struct tensor *to = &p->tensors[p->input];
-    int err = 0;
+    const struct sst_network_keeper *k = job->keeper;
 
-    times->fed = keeper && keeper->feed && keeper->feed(keeper->arg, p->gpu, p->arena, to->at.at);
-    if (times->fed)
-        return 0;
-    if (keeper && keeper->fill)
-        err = keeper->fill(keeper->arg);
-    return err ? err
-               : sst_gpu_upload(p->gpu, p->arena, 4 * (size_t)to->at.at, in, (size_t)to->channels * to->at.pitch * 4);
+    job->fed = k && k->feed && !sst_gpu_is_dummy(p->gpu) && k->feed(k->arg, p->gpu, arena.buffer, to->at.at);
+    if (job->fed)
+        return;
+    if (k && k->fill)
+        sst_run_fail(r, k->fill(k->arg));
+    arena.offset = 4 * (size_t)to->at.at;
+    sst_run_write(r, arena, job->in, (size_t)to->channels * to->at.pitch * 4);
 }
 
-int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
-                        const struct sst_network_keeper *keeper, struct net_device_times *times)
+void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct net_job *job)
 {
+    const struct sst_network_keeper *k = job->keeper;
     const struct tensor *to = &p->tensors[p->output];
-    const size_t pixels = (size_t)to->at.width * (size_t)to->at.height;
-    const size_t out_bytes = p->ends_in_bytes ? pixels * (size_t)to->channels : pixels * (size_t)to->channels * 4;
-    int64_t start_ns = sst_clock_now_ns(), kept_ns;
-    int err = load(p, in, keeper, times);
+    const size_t values = (size_t)to->at.width * (size_t)to->at.height * (size_t)to->channels;
+    struct sst_gpu_range arena = sst_run_scratch(r, ARENA, p->arena_bytes);
+    const struct sst_gpu_range range[] = { { p->weights, 0 }, arena, arena };
 
-    times->upload_ns = sst_clock_now_ns() - start_ns;
-    for (int i = 0; i < p->n_steps && !err; i++) {
+    if (!arena.buffer) {
+        char why[NET_DEVICE_WHY];
+
+        too_large(&job->cfg, why);
+        sst_run_leave(r, why);
+        return;
+    }
+    load(p, r, job, arena);
+    for (int i = 0; i < p->n_steps; i++) {
         struct step *s = &p->steps[i];
-        struct sst_gpu_work work = { .shader = s->shader,
-                                     .push = &s->conv,
-                                     .buffer = { p->weights, p->arena, p->arena } };
+        struct sst_gpu_work work = { .shader = s->shader, .push = &s->conv };
 
         if (s->shader == SST_GPU_NET_UNIT)
-            s->layer.factor = factor;
+            s->layer.factor = job->factor;
         sst_gpu_net_groups(&work);
-        err = sst_gpu_dispatch(p->gpu, &work);
-        times->dispatches++;
+        sst_run_dispatch(r, s->shader, &s->conv, work.groups, range, SST_GPU_NET_BUFFERS);
     }
-    if (!err && keeper && keeper->keep)
-        err = sst_gpu_wait(p->gpu); /* the times of the keeper are its own */
-    kept_ns = sst_clock_now_ns();
-    if (!err && keeper && keeper->keep)
-        times->kept = keeper->keep(keeper->arg, p->gpu, p->arena, to->at.at);
-    times->kept_ns = sst_clock_now_ns() - kept_ns;
-    if (!err)
-        err = sst_gpu_wait(p->gpu);
-    start_ns = sst_clock_now_ns();
-    if (!err && !times->kept)
-        err = sst_gpu_download(p->gpu, out, p->arena, 4 * (size_t)to->at.at, out_bytes);
-    times->download_ns = sst_clock_now_ns() - start_ns;
-    return err;
+    job->kept = k && k->keep && !sst_run_failed(r) && !sst_gpu_is_dummy(p->gpu) &&
+                k->keep(k->arg, p->gpu, arena.buffer, to->at.at);
+    arena.offset = 4 * (size_t)to->at.at;
+    if (job->kept)
+        sst_run_fail(r, sst_gpu_wait(p->gpu));
+    else
+        sst_run_read(r, job->out ? (void *)job->out : job->out_s8, arena, p->ends_in_bytes ? values : 4 * values);
+    job->done = !sst_run_failed(r);
 }
