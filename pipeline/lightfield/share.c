@@ -167,29 +167,41 @@ static size_t row_bytes(const struct sst_share_map *m, struct shape shape)
     return shape.bytes;
 }
 
-static bool maps_equal(const struct sst_share_map *a, const struct sst_share_map *b)
+static bool rows_equal(const uint8_t *a, const uint8_t *b, size_t bytes, int levels)
+{
+    bool equal = true;
+
+    if (!levels)
+        return !memcmp(a, b, bytes);
+    for (size_t i = 0; i < bytes; i++)
+        equal = equal && abs(a[i] - b[i]) <= levels;
+    return equal;
+}
+
+static bool maps_equal(const struct sst_share_map *a, const struct sst_share_map *b, int levels)
 {
     void *data[2];
     const struct shape shape = shape_of(a, &data[0]), other = shape_of(b, &data[1]);
     const size_t rows = (size_t)shape.height * (a->kind == KIND_IMAGE ? 3 : 1);
 
+    levels = a->kind == KIND_IMAGE || a->kind == KIND_U8 ? levels : 0;
     if (a->kind != b->kind || shape.width != other.width || shape.height != other.height || shape.bytes != other.bytes)
         return false;
     for (size_t y = 0; shape.width && y < rows; y++) {
         const size_t at = y * (shape.bytes / rows);
 
-        if (memcmp((const char *)data[0] + at, (const char *)data[1] + at, row_bytes(a, shape)))
+        if (!rows_equal((const uint8_t *)data[0] + at, (const uint8_t *)data[1] + at, row_bytes(a, shape), levels))
             return false;
     }
     return true;
 }
 
-bool sst_share_maps_equal(const struct sst_share_maps *a, const struct sst_share_maps *b)
+bool sst_share_maps_equal(const struct sst_share_maps *a, const struct sst_share_maps *b, int levels)
 {
     bool equal = a->count == b->count && !a->failed && !b->failed;
 
     for (int i = 0; equal && i < a->count; i++)
-        equal = maps_equal(&a->map[i], &b->map[i]);
+        equal = maps_equal(&a->map[i], &b->map[i], levels);
     return equal;
 }
 

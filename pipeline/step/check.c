@@ -24,7 +24,7 @@ static bool is_equal(const struct sst_step *step, void *device, void *host)
         }
         step->writes(device, i, &a);
         step->writes(host, i, &b);
-        equal = sst_share_maps_equal(&a, &b);
+        equal = sst_share_maps_equal(&a, &b, step->levels);
         sst_share_maps_fini(&a);
         sst_share_maps_fini(&b);
     }

@@ -34,6 +34,21 @@ bool sst_run_failed(const struct sst_run *r)
     return r->err;
 }
 
+bool sst_run_retry(struct sst_run *r)
+{
+    if (r->err != -ENOMEM)
+        return false;
+    r->err = 0;
+    r->memory->planes.turn++;
+    runner_drop_scratch(r->memory, r->gpu);
+    return true;
+}
+
+struct sst_gpu *sst_run_gpu(const struct sst_run *r)
+{
+    return r->gpu;
+}
+
 int sst_step_shift(struct sst_gpu_shift *out, struct sst_shift across, struct sst_shift down)
 {
     if (llabs(across.step) > STEP_MOST || llabs(down.step) > STEP_MOST || llabs(across.at >> 16) > SHIFT_MOST ||
@@ -84,13 +99,15 @@ static bool make_room(struct sst_run *r, int plane, int *attempt)
 struct sst_gpu_buffer *sst_run_buffer(struct sst_run *r, size_t bytes)
 {
     struct sst_gpu_buffer *b = NULL;
-    int attempt = 0, err;
+    int attempt = 0, err = -ENOMEM;
 
     if (r->err)
         return NULL;
-    do
-        err = sst_gpu_buffer_create(r->gpu, &b, bytes);
-    while (err == -ENOMEM && make_room(r, -1, &attempt));
+    if (bytes <= sst_gpu_get_info(r->gpu)->buffer_bytes) { /* else there is none, whatever is freed */
+        do
+            err = sst_gpu_buffer_create(r->gpu, &b, bytes);
+        while (err == -ENOMEM && make_room(r, -1, &attempt));
+    }
     sst_run_fail(r, err);
     return err ? NULL : b;
 }
@@ -409,6 +426,21 @@ void runner_run_view(struct sst_run *r, int view)
         if (r->step->changes >> i & 1)
             sst_step_plane_mark(&r->memory->planes, (enum sst_step_plane)i, view, false);
     }
+}
+
+int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void *job, int item)
+{
+    struct sst_run r = { .user = user,
+                         .memory = runner_memory_of(user->runner),
+                         .report = &user->report,
+                         .gpu = sst_runner_device(user->runner),
+                         .step = step,
+                         .job = job };
+
+    runner_run_view(&r, item);
+    if (!r.err && sst_gpu_is_dummy(r.gpu)) /* which computes nothing */
+        r.err = step->cpu(job, item, 0);
+    return r.err;
 }
 
 /* The device as the step begins. */

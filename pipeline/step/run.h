@@ -34,6 +34,7 @@ struct sst_step {
     /** True if results of two jobs are as near as they must be; NULL: their bytes are equal. */
     bool (*same)(const void *device, const void *host, int view);
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
+    int levels;       /* by which pictures and maps of 8 bits may differ from those of the CPU; 0: the same bytes */
     bool heavy;       /* processes that share the views each use a device for theirs, not the CPU */
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
      * @param seed  from 1 on @return NULL: no memory */
@@ -70,6 +71,13 @@ struct sst_run_options {
 SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
                            const struct sst_run_options *o);
 
+/**
+ * Run one item of a step on the device, for users that go on from its errors in their own way: between
+ * sst_runner_take() and sst_runner_succeed() or sst_runner_fail(), under the lock.
+ * @return 0, -ENOMEM, -EOVERFLOW, an error of the device, or of `cpu` on the dummy device
+ */
+SST_MUST_CHECK int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void *job, int item);
+
 /** The CPU has changed planes of a view (bits). @param user  or NULL */
 void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
 
@@ -83,6 +91,13 @@ void sst_run_fail(struct sst_run *r, int err);
  * of a live device only. */
 void sst_run_leave(struct sst_run *r, const char *why);
 bool sst_run_failed(const struct sst_run *r);
+
+/** Forget that memory was short, and what this item has on the device: it is tried again with less.
+ * @return false: it failed otherwise, or did not fail */
+bool sst_run_retry(struct sst_run *r);
+
+/** The device, for work that has buffers of its own. */
+struct sst_gpu *sst_run_gpu(const struct sst_run *r);
 
 /** A plane of a view, current. */
 struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view);
