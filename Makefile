@@ -118,7 +118,7 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 # Simulated devices go into sst-sim and the library that it preloads, never into the product.
 SIM_SRC := $(sort $(wildcard simulators/devices/*.c simulators/devices/camera/*.c simulators/devices/server/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
-# Sources of optional parts, by whether they are built; *_none.c replaces one that has callers without it.
+# Sources of optional parts, by whether they are built; gpio_none.c and sysfs.c replace parts that have callers without them.
 OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_CURL := client/curl.c
 OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c sample.c)
@@ -127,7 +127,7 @@ OPTIONAL_UDEV := drivers/grab/udev.c
 OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vulkan*.c))
 LEFT_OUT := $(foreach x,AVFORMAT CURL DNNL HTTPD UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
             $(filter-out drivers/trigger/gpio_$(if $(filter 1 2,$(WITH_GPIOD)),v$(WITH_GPIOD),none).c,$(wildcard drivers/trigger/gpio_*.c)) \
-            $(if $(filter 1,$(WITH_UDEV)),drivers/grab/udev_none.c)
+            $(if $(filter 1,$(WITH_UDEV)),drivers/grab/sysfs.c)
 LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))

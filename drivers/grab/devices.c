@@ -24,6 +24,47 @@ int grab_probe_node(struct grab_node *node)
     return fd;
 }
 
+int grab_node_number(const char *name)
+{
+    char *end;
+    long n;
+
+    if (strncmp(name, "video", 5) != 0 || name[5] < '0' || name[5] > '9')
+        return -1;
+    n = strtol(name + 5, &end, 10);
+    return *end || n > 65535 ? -1 : (int)n;
+}
+
+void grab_identify_off_usb(struct grab_node *node)
+{
+    const int fd = *node->device.port ? -1 : grab_probe_node(node);
+
+    if (fd >= 0)
+        close(fd);
+}
+
+int grab_scan(struct grab_node **nodes, int *count)
+{
+    struct grab_node *list = calloc(SST_GRAB_NODES_MAX, sizeof(*list));
+    int n;
+
+    if (!list) {
+        sst_log_error("no memory for a list of cameras");
+        return -ENOMEM;
+    }
+    n = grab_list(list);
+    if (n < 0) {
+        free(list);
+        return n;
+    }
+    for (int i = 0; i < n; i++)
+        grab_identify_off_usb(&list[i]);
+    qsort(list, (size_t)n, sizeof(*list), grab_node_order);
+    *nodes = list;
+    *count = n;
+    return 0;
+}
+
 struct probe {
     struct grab_job job;
     int index;

@@ -170,7 +170,7 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
     }
     err = open_descriptors(g);
     err = err ? err : grab_monitor_open(&g->watch);
-    if (!err)
+    if (!err && g->watch)
         err = watch_fd(g, grab_monitor_fd(g->watch), TAG_PLUG);
     err = err ? err : hotplug_scan(g);
     err = err ? err : hotplug_assign(g);

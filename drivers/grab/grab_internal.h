@@ -52,12 +52,20 @@ void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_bin
  */
 SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 
+/** List the video nodes by libudev (udev.c) or sysfs (sysfs.c). @param nodes  out [SST_GRAB_NODES_MAX], in any order
+ *  @return their number, -ENOMEM or -errno; logged */
+SST_MUST_CHECK int grab_list(struct grab_node *nodes);
+/** Number of "video12"; -1 for other names. */
+int grab_node_number(const char *name);
+/** Set the port of a node without one: outside of USB that is its bus_info, and the query does not access hardware that may hang. */
+void grab_identify_off_usb(struct grab_node *node);
+
 /** Open a node to see whether it captures pictures. @return descriptor or -errno, also in its `error` */
 int grab_probe_node(struct grab_node *node);
 
 struct grab_monitor; /* opaque; hotplug events */
 
-/** @return 0, -errno, logged; -ENOPKG: built without libudev, also from grab_scan(). */
+/** @return 0, -errno, logged. *out is NULL in a build without libudev: there are no events. */
 SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
 int grab_monitor_fd(const struct grab_monitor *watch);
 

@@ -7,9 +7,9 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* While a camera is missing, nodes are scanned periodically, since events do get lost. Without udev this is the only
- * way. */
-#define RESCAN_NS (5000 * SST_MS)
+/* While a camera is missing, nodes are scanned periodically, since events do get lost; without libudev there are none. */
+#define RESCAN_NS                (5000 * SST_MS)
+#define RESCAN_WITHOUT_EVENTS_NS (1000 * SST_MS)
 
 static struct grab_camera *camera_of(struct sst_grab *g, int number)
 {
@@ -227,7 +227,7 @@ void hotplug_time(struct sst_grab *g, int64_t now_ns)
 
     if (g->scanning || now_ns < g->scan_ns)
         return;
-    g->scan_ns = now_ns + RESCAN_NS;
+    g->scan_ns = now_ns + (g->watch ? RESCAN_NS : RESCAN_WITHOUT_EVENTS_NS);
     if (!any_missing(g))
         return;
     s = calloc(1, sizeof(*s));

@@ -15,51 +15,6 @@ static void copy(char out[SST_GRAB_NAME_MAX], const char *text)
     snprintf(out, SST_GRAB_NAME_MAX, "%s", text ? text : "");
 }
 
-/* Number of "video12" or "/dev/video12", -1 for other names. */
-static int node_number(const char *name)
-{
-    const char *digits = strstr(name, "video");
-    char *end;
-    long n;
-
-    if (!digits || digits[5] < '0' || digits[5] > '9')
-        return -1;
-    n = strtol(digits + 5, &end, 10);
-    return *end || n > 65535 ? -1 : (int)n;
-}
-
-/* Outside of USB the bus_info of a device is its port, and querying it does not access hardware that may hang. */
-static void identify_off_usb(struct grab_node *node)
-{
-    const int fd = grab_probe_node(node);
-
-    if (fd >= 0)
-        close(fd);
-}
-
-struct node_list {
-    struct grab_node *node;
-    int count;
-};
-
-static int list_init(struct node_list *list)
-{
-    list->count = 0;
-    list->node = calloc(SST_GRAB_NODES_MAX, sizeof(*list->node));
-    if (!list->node)
-        sst_log_error("no memory for a list of cameras");
-    return list->node ? 0 : -ENOMEM;
-}
-
-static void list_sort(struct node_list *list)
-{
-    for (int i = 0; i < list->count; i++) {
-        if (!*list->node[i].device.port)
-            identify_off_usb(&list->node[i]);
-    }
-    qsort(list->node, (size_t)list->count, sizeof(*list->node), grab_node_order);
-}
-
 struct grab_monitor {
     struct udev *udev;
     struct udev_monitor *monitor;
@@ -73,9 +28,9 @@ static bool node_from_udev(struct grab_node *node, struct udev_device *d)
     const char *serial = udev_device_get_property_value(d, "ID_SERIAL_SHORT");
     struct udev_device *usb = udev_device_get_parent_with_subsystem_devtype(d, "usb", "usb_device");
 
-    if (!path || node_number(udev_device_get_sysname(d)) < 0)
+    if (!path || grab_node_number(udev_device_get_sysname(d)) < 0)
         return false;
-    *node = (struct grab_node){ .number = node_number(udev_device_get_sysname(d)), .capture = -1 };
+    *node = (struct grab_node){ .number = grab_node_number(udev_device_get_sysname(d)), .capture = -1 };
     if (!serial && usb)
         serial = udev_device_get_sysattr_value(usb, "serial");
     copy(node->device.node, path);
@@ -89,47 +44,31 @@ static bool node_from_udev(struct grab_node *node, struct udev_device *d)
     return true;
 }
 
-static int scan_udev(struct udev *udev, struct node_list *list)
+int grab_list(struct grab_node *nodes)
 {
-    struct udev_enumerate *e = udev_enumerate_new(udev);
+    struct udev *udev = udev_new();
+    struct udev_enumerate *e = udev ? udev_enumerate_new(udev) : NULL;
     struct udev_list_entry *entry;
-    int err = e ? udev_enumerate_add_match_subsystem(e, "video4linux") : -ENOMEM;
+    int count = 0, err = e ? udev_enumerate_add_match_subsystem(e, "video4linux") : -ENOMEM;
 
     err = err < 0 ? err : udev_enumerate_scan_devices(e);
     if (err < 0) {
         sst_log_error("cannot list cameras: udev: %s; is /sys mounted?", strerror(-err));
-        udev_enumerate_unref(e);
-        return err;
+        goto done;
     }
     udev_list_entry_foreach(entry, udev_enumerate_get_list_entry(e))
     {
         struct udev_device *d = udev_device_new_from_syspath(udev, udev_list_entry_get_name(entry));
 
-        if (d && list->count < SST_GRAB_NODES_MAX && node_from_udev(&list->node[list->count], d))
-            list->count++;
+        if (d && count < SST_GRAB_NODES_MAX && node_from_udev(&nodes[count], d))
+            count++;
         udev_device_unref(d);
     }
+
+done:
     udev_enumerate_unref(e);
-    return 0;
-}
-
-int grab_scan(struct grab_node **nodes, int *count)
-{
-    struct udev *udev = udev_new();
-    struct node_list list = { 0 };
-    int err = udev ? list_init(&list) : -ENOMEM;
-
-    if (!err)
-        err = scan_udev(udev, &list);
     udev_unref(udev);
-    if (err) {
-        free(list.node);
-        return err;
-    }
-    list_sort(&list);
-    *nodes = list.node;
-    *count = list.count;
-    return 0;
+    return err < 0 ? err : count;
 }
 
 int grab_monitor_open(struct grab_monitor **out)
@@ -182,7 +121,7 @@ int grab_monitor_next(struct grab_monitor *watch, struct grab_node *node)
         udev_device_unref(d);
     }
     if (what == 1 && !*node->device.port)
-        identify_off_usb(node);
+        grab_identify_off_usb(node);
     return what;
 }
 

@@ -63,6 +63,16 @@ static int open_descriptors(void)
     return n;
 }
 
+/* Without libudev a camera has no serial and no USB port. */
+static void need_usb(void)
+{
+    if (!WITH_UDEV) {
+        print_message("built without libudev: cameras have no serials\n");
+        skip();
+    }
+    assert_true(*rig.bindings[0].serial);
+}
+
 static struct sst_grab_counters counters(int cam)
 {
     struct sst_grab_counters c;
@@ -328,7 +338,7 @@ static void climb(void)
 static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
 {
     assert_int_equal(rig_config(&rig, 8), 0);
-    assert_true(*rig.bindings[0].serial);
+    need_usb();
     measured(climb);
 }
 
@@ -373,7 +383,7 @@ static void come_back(void)
 static void a_camera_comes_back(void **state SST_UNUSED)
 {
     assert_int_equal(rig_config(&rig, 6), 0);
-    assert_true(*rig.bindings[0].serial);
+    need_usb();
     measured(come_back);
 }
 
@@ -500,7 +510,7 @@ static void two_devices_of_one_serial_are_refused(void **state SST_UNUSED)
     char text[SST_LOG_MAX] = "";
 
     assert_int_equal(rig_config(&rig, 6), 0);
-    assert_true(*rig.bindings[0].serial);
+    need_usb();
     assert_int_equal(rig_fault("camera.%d.swap=1", 3), 0); /* SIM0004 twice */
     (void)sst_log_hold_errors(text);
     assert_int_equal(rig_start(&rig), -ENOTUNIQ);
@@ -563,10 +573,6 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(controls_are_read_back, clean_up),
     };
 
-    if (!WITH_UDEV) {
-        puts("built without libudev");
-        return 77;
-    }
     rig_enter_session(argv, "tests/grab_world.yaml");
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
