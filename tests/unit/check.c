@@ -157,7 +157,7 @@ static void alignment_is_unbiased(void **state)
         for (int i = 0; i < a.first[DRIFT_CELLS]; i++) {
             struct drift_match m = { .dx = 2, .dy = -1 };
 
-            drift_refine_match(&m, &a, &b, &a.feature[i], &s, 0);
+            drift_refine_match(&m, &(struct drift_views){ &a, &b, &s }, &a.feature[i], 0);
             if (m.outcome != DRIFT_FOUND)
                 continue;
             sum[0] += m.dx - r.fault[1].x;
@@ -198,7 +198,7 @@ static void sigmas_are_true(void **state)
     for (int i = 0; i < a.first[DRIFT_CELLS]; i++) {
         struct drift_match m = { .dx = 0, .dy = 0 };
 
-        drift_refine_match(&m, &a, &b, &a.feature[i], &s, 0);
+        drift_refine_match(&m, &(struct drift_views){ &a, &b, &s }, &a.feature[i], 0);
         if (m.outcome != DRIFT_FOUND)
             continue;
         cross += pow(m.dx - 0.3, 2) / m.var_across;

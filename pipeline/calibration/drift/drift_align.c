@@ -71,13 +71,24 @@ static void project(float p[][LANES], const struct window *w, bool along)
     }
 }
 
-static bool window_read(struct window *w, const struct drift_pyramid *view, int level, int x0, int y0, int radius)
+/* A pixel of a level, around which windows lie. */
+struct place {
+    int level, x, y;
+};
+
+/* The square around a place. */
+static struct sst_rect around(struct place at, int radius)
+{
+    return (struct sst_rect){ at.x - radius, at.y - radius, at.x + radius + 1, at.y + radius + 1 };
+}
+
+static bool window_read(struct window *w, const struct drift_pyramid *view, struct place at, int radius)
 {
     const int n = 2 * radius + 1, side = n + 2;
     float patch[(2 * RADIUS + 3) * (2 * RADIUS + 3)];
     double sum = 0;
 
-    if (!drift_read_patch(patch, view, level, x0 - radius - 1, y0 - radius - 1, side, side))
+    if (!drift_read_patch(patch, view, at.level, around(at, radius + 1)))
         return false;
     memset(w, 0, sizeof(*w));
     w->radius = radius;
@@ -114,9 +125,16 @@ static void cubic(float w[4], double t)
     w[3] = (float)(t * t * (-0.5 + 0.5 * t));
 }
 
-/* The window at (px, py) of a patch, less `mean`. */
-static void resample(float out[][LANES], const float *patch, int side, int n, double px, double py, float mean)
+/* Side of the patch in which a window is aligned. */
+static int patch_side(const struct window *w)
 {
+    return 2 * (w->radius + REACH + 1) + 2;
+}
+
+/* The window at (px, py) of a patch, less its template's mean. */
+static void resample(float out[][LANES], const struct window *w, const float *patch, double px, double py)
+{
+    const int side = patch_side(w), n = 2 * w->radius + 1;
     const int x0 = (int)floor(px), y0 = (int)floor(py);
     float wx[4], wy[4], rows[2 * RADIUS + 4][LANES] = { { 0 } };
 
@@ -126,7 +144,7 @@ static void resample(float out[][LANES], const float *patch, int side, int n, do
         const float *p = patch + (y0 - 1 + y) * side + x0 - 1;
 
         for (int x = 0; x < n; x++)
-            rows[y][x] = wx[0] * p[x] + wx[1] * p[x + 1] + wx[2] * p[x + 2] + wx[3] * p[x + 3] - mean;
+            rows[y][x] = wx[0] * p[x] + wx[1] * p[x + 1] + wx[2] * p[x + 2] + wx[3] * p[x + 3] - w->mean;
     }
     for (int y = 0; y < n; y++) {
         for (int x = 0; x < LANES; x++)
@@ -146,22 +164,27 @@ static double fit_quality(const struct window *w, float i[][LANES], double gain,
     return spread > 0 ? gain * sqrt(w->tt / spread) : 0;
 }
 
-/* Align view b at (x0 + *px, y0 + *py) with the window around (x0, y0); pixels of the level. */
-static bool align(const struct window *w, const struct drift_pyramid *b, int level, int x0, int y0, double *px,
-                  double *py, double *variance, double *correlation)
-{
-    const int n = 2 * w->radius + 1, edge = w->radius + REACH + 1, side = 2 * edge + 2;
-    const int cx = (int)floor(*px + 0.5), cy = (int)floor(*py + 0.5);
-    float patch[(2 * (RADIUS + REACH) + 4) * (2 * (RADIUS + REACH) + 4)], i[2 * RADIUS + 1][LANES] = { { 0 } };
-    double x = *px - cx, y = *py - cy; /* from the patch's middle */
+/* A window in the other view: its displacement, in pixels of the level, and its fit. */
+struct aligned {
+    double x, y, variance, correlation;
+};
 
-    if (!drift_read_patch(patch, b, level, x0 + cx - edge, y0 + cy - edge, side, side))
+/* Align view b with the window around a place. @param out  in and out: the displacement */
+static bool align(const struct window *w, const struct drift_pyramid *b, struct place at, struct aligned *out)
+{
+    const int n = 2 * w->radius + 1, edge = w->radius + REACH + 1, side = patch_side(w);
+    const int cx = (int)floor(out->x + 0.5), cy = (int)floor(out->y + 0.5);
+    const int x0 = at.x + cx - edge, y0 = at.y + cy - edge;
+    float patch[(2 * (RADIUS + REACH) + 4) * (2 * (RADIUS + REACH) + 4)], i[2 * RADIUS + 1][LANES] = { { 0 } };
+    double x = out->x - cx, y = out->y - cy; /* from the patch's middle */
+
+    if (!drift_read_patch(patch, b, at.level, (struct sst_rect){ x0, y0, x0 + side, y0 + side }))
         return false;
     for (int round = 0; round < ROUNDS; round++) {
         const double to = REACH + 1;
         double sx, sy, gain, dx, dy;
 
-        resample(i, patch, side, n, x + to, y + to, w->mean);
+        resample(i, w, patch, x + to, y + to);
         gain = window_sum((const float(*)[LANES])i, w->t, n) / w->tt;
         if (gain < 0.2 || gain > 5)
             return false;
@@ -175,10 +198,10 @@ static bool align(const struct window *w, const struct drift_pyramid *b, int lev
             return false;
         if (dx * dx + dy * dy > SETTLED * SETTLED)
             continue;
-        *px = cx + x;
-        *py = cy + y;
-        *correlation = fit_quality(w, i, gain, variance);
-        return *correlation > CORRELATION;
+        out->x = cx + x;
+        out->y = cy + y;
+        out->correlation = fit_quality(w, i, gain, &out->variance);
+        return out->correlation > CORRELATION;
     }
     return false;
 }
@@ -206,43 +229,45 @@ void drift_weigh_match(struct drift_match *m, const struct drift_search *s)
         m->outcome = DRIFT_NOWHERE;
 }
 
-static bool forth(struct window *w, struct drift_match *m, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                  const struct drift_feature *f, int level, int radius, double *misfit)
+/* Follow a feature from m's displacement at a level to level 0. @return variance of its residual; NAN: not found */
+static double forth(struct window *w, struct drift_match *m, const struct drift_views *v, struct place feature, int radius)
 {
-    double correlation;
+    struct aligned fit = { 0 };
 
-    for (; level >= 0; level--) {
-        const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
-        double px = m->dx / (1 << level), py = m->dy / (1 << level);
+    for (int level = feature.level; level >= 0; level--) {
+        const struct place at = { level, drift_to_level(feature.x, level), drift_to_level(feature.y, level) };
 
-        if (!window_read(w, a, level, x, y, level ? RADIUS_SMALL : radius) ||
-            !align(w, b, level, x, y, &px, &py, misfit, &correlation))
-            return false;
-        m->dx = px * (1 << level);
-        m->dy = py * (1 << level);
+        fit.x = m->dx / (1 << level);
+        fit.y = m->dy / (1 << level);
+        if (!window_read(w, v->a, at, level ? RADIUS_SMALL : radius) || !align(w, v->b, at, &fit))
+            return NAN;
+        m->dx = fit.x * (1 << level);
+        m->dy = fit.y * (1 << level);
     }
-    return true;
+    return fit.variance;
 }
 
-static void refine(struct drift_match *m, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                   const struct drift_feature *f, const struct drift_search *s, int level, int radius)
+static void refine(struct drift_match *m, const struct drift_views *v, const struct drift_feature *f, int level, int radius)
 {
+    const struct drift_search *s = v->s;
     struct window w, back;
-    double misfit = 0, back_misfit = 0, unused, bx, by;
-    int x, y;
+    struct aligned fit = { 0 };
+    struct place there = { 0 };
+    double misfit;
 
     m->outcome = DRIFT_NOWHERE;
-    if (!forth(&w, m, a, b, f, level, radius, &misfit))
+    misfit = forth(&w, m, v, (struct place){ level, f->x, f->y }, radius);
+    if (isnan(misfit))
         return;
-    x = (int)floor(f->x + m->dx + 0.5);
-    y = (int)floor(f->y + m->dy + 0.5);
-    bx = -m->dx;
-    by = -m->dy;
-    if (!window_read(&back, b, 0, x, y, radius) || !align(&back, a, 0, x, y, &bx, &by, &back_misfit, &unused) ||
-        hypot(m->dx + bx, m->dy + by) > BOTH_WAYS_PX)
+    there.x = (int)floor(f->x + m->dx + 0.5);
+    there.y = (int)floor(f->y + m->dy + 0.5);
+    fit.x = -m->dx;
+    fit.y = -m->dy;
+    if (!window_read(&back, v->b, there, radius) || !align(&back, v->a, there, &fit) ||
+        hypot(m->dx + fit.x, m->dy + fit.y) > BOTH_WAYS_PX)
         return;
-    m->dx = 0.5 * (m->dx - bx);
-    m->dy = 0.5 * (m->dy - by);
+    m->dx = 0.5 * (m->dx - fit.x);
+    m->dy = 0.5 * (m->dy - fit.y);
     m->along = s->u[0] * m->dx + s->u[1] * m->dy;
     m->across = s->n[0] * m->dx + s->n[1] * m->dy;
     m->residual = misfit;
@@ -253,15 +278,14 @@ static void refine(struct drift_match *m, const struct drift_pyramid *a, const s
     drift_weigh_match(m, s);
 }
 
-void drift_refine_match(struct drift_match *m, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                        const struct drift_feature *f, const struct drift_search *s, int level)
+void drift_refine_match(struct drift_match *m, const struct drift_views *v, const struct drift_feature *f, int level)
 {
     static const int radius[] = { RADIUS, RADIUS_SMALL };
     const struct drift_match start = *m;
 
     for (size_t i = 0; i < ARRAY_LEN(radius); i++) {
         *m = start;
-        refine(m, a, b, f, s, level, radius[i]);
+        refine(m, v, f, level, radius[i]);
         if (m->outcome == DRIFT_FOUND)
             return;
     }

@@ -52,10 +52,16 @@ struct system {
     bool seen[SST_MAX_VIEWS];   /* cameras that take part */
 };
 
-/* Derivatives by the states of the displacement at x, along `axis`, times f. */
-static void add_part(struct observation *o, const struct system *s, int cam, const double at[2], const double axis[2],
-                     double f)
+/* A direction, and the factor of its derivatives. */
+struct direction {
+    const double *axis; /* [2] */
+    double f;
+};
+
+/* Derivatives by the states of the displacement at a point, along a direction. */
+static void add_part(struct observation *o, const struct system *s, int cam, const double at[2], struct direction d)
 {
+    const double *axis = d.axis, f = d.f;
     const double x = (at[0] - s->centre[0]) / s->radius, y = (at[1] - s->centre[1]) / s->radius;
     int i = 0;
 
@@ -69,14 +75,13 @@ static void add_part(struct observation *o, const struct system *s, int cam, con
     o->part[i][3] += f * (axis[0] * x + axis[1] * y);
 }
 
-static void add_match(struct observation *o, const struct system *s, const struct drift_link *l, int k,
-                      const double axis[2], double f)
+static void add_match(struct observation *o, const struct system *s, const struct drift_link *l, int k, struct direction d)
 {
     const struct drift_feature *p = &s->w->view[l->a].feature[l->feature[k]];
     const double at_a[2] = { p->x, p->y }, at_b[2] = { p->x + l->m[k].dx, p->y + l->m[k].dy };
 
-    add_part(o, s, l->b, at_b, axis, f);
-    add_part(o, s, l->a, at_a, axis, -f);
+    add_part(o, s, l->b, at_b, d);
+    add_part(o, s, l->a, at_a, (struct direction){ d.axis, -d.f });
 }
 
 /* Disparity along p less that along q, which begin at the same view. */
@@ -86,8 +91,8 @@ static struct observation two_disparities(const struct system *s, const struct d
     struct observation o = { .link = -1, .value = difference };
 
     o.sigma = sqrt(p->m[k].var_along / (p->length * p->length) + q->m[k].var_along / (q->length * q->length));
-    add_match(&o, s, p, k, p->s.u, -1 / p->length);
-    add_match(&o, s, q, k, q->s.u, 1 / q->length);
+    add_match(&o, s, p, k, (struct direction){ p->s.u, -1 / p->length });
+    add_match(&o, s, q, k, (struct direction){ q->s.u, 1 / q->length });
     return o;
 }
 
@@ -118,7 +123,7 @@ static void observe(struct system *s)
 
             if (!l->used[k])
                 continue;
-            add_match(&o, s, l, k, l->s.n, 1);
+            add_match(&o, s, l, k, (struct direction){ l->s.n, 1 });
             s->o[s->count++] = o;
             mark_observed(s, l);
             if (other && drift_disparity_difference(&difference, l, other, k))
@@ -154,10 +159,10 @@ static void presume(struct system *s)
         if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
             continue;
         *o = (struct observation){ .sigma = sigma };
-        add_part(o, s, p->b, origin, p->s.u, -1 / p->length);
-        add_part(o, s, p->a, origin, p->s.u, 1 / p->length);
-        add_part(o, s, q->b, origin, q->s.u, 1 / q->length);
-        add_part(o, s, q->a, origin, q->s.u, -1 / q->length);
+        add_part(o, s, p->b, origin, (struct direction){ p->s.u, -1 / p->length });
+        add_part(o, s, p->a, origin, (struct direction){ p->s.u, 1 / p->length });
+        add_part(o, s, q->b, origin, (struct direction){ q->s.u, 1 / q->length });
+        add_part(o, s, q->a, origin, (struct direction){ q->s.u, -1 / q->length });
         /* Of the shifts alone. */
         for (int k = 0; k < o->cams; k++)
             o->part[k][2] = o->part[k][3] = 0;

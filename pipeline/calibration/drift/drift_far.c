@@ -70,6 +70,7 @@ static bool cell_disparity(const struct drift_work *w, int view, int k, int *fea
 /* Appends the magnitudes of the matches of one pair that are used. */
 static int far_pair(struct drift_link *far, const struct drift_work *w, int a, int b, double *v)
 {
+    const struct drift_views views = { &w->view[a], &w->view[b], &far->s };
     int n = 0;
 
     drift_link_set(far, w, a, b);
@@ -83,7 +84,7 @@ static int far_pair(struct drift_link *far, const struct drift_work *w, int a, i
             continue;
         m->dx = -d * far->length * far->s.u[0];
         m->dy = -d * far->length * far->s.u[1];
-        drift_refine_match(m, &w->view[a], &w->view[b], &w->view[a].feature[feature], &far->s, 1);
+        drift_refine_match(m, &views, &w->view[a].feature[feature], 1);
     }
     drift_link_judge(far, 1);
     for (int k = 0; k < DRIFT_CELLS; k++) {

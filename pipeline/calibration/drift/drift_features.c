@@ -279,49 +279,57 @@ int drift_to_level(int x, int level)
     return (int)floor((x - 0.5 * ((1 << level) - 1)) / (1 << level) + 0.5);
 }
 
-void drift_read_grey_row(uint8_t *out, const struct drift_pyramid *view, int level, int x0, int y, int n)
+void drift_read_grey(uint8_t *out, const struct drift_pyramid *view, int level, struct sst_rect part)
 {
-    if (level) {
-        memcpy(out, sst_map_u8_row(&view->level[level], y) + x0, (size_t)n);
-    } else {
-        const uint8_t *r = sst_image_row(view->image, 0, y) + x0, *g = sst_image_row(view->image, 1, y) + x0;
-        const uint8_t *b = sst_image_row(view->image, 2, y) + x0;
+    const int n = part.x1 - part.x0;
 
-        for (int x = 0; x < n; x++)
-            out[x] = (uint8_t)((r[x] + 2 * g[x] + b[x] + 2) >> 2);
+    for (int y = part.y0; y < part.y1; y++, out += n) {
+        if (level) {
+            memcpy(out, sst_map_u8_row(&view->level[level], y) + part.x0, (size_t)n);
+        } else {
+            const uint8_t *r = sst_image_row(view->image, 0, y) + part.x0;
+            const uint8_t *g = sst_image_row(view->image, 1, y) + part.x0;
+            const uint8_t *b = sst_image_row(view->image, 2, y) + part.x0;
+
+            for (int x = 0; x < n; x++)
+                out[x] = (uint8_t)((r[x] + 2 * g[x] + b[x] + 2) >> 2);
+        }
     }
 }
 
 #define PATCH_MAX 64 /* with the margin */
 
-/* A row of grey values: at full size R + 2 G + B over 4, unrounded. */
-static void grey_row(float *out, const struct drift_pyramid *view, int level, int x0, int y, int n)
+/* Columns x0 .. x1 - 1 of a row of grey values: at full size R + 2 G + B over 4, unrounded. */
+static void grey_row(float *out, const struct drift_pyramid *view, int level, int y, const int x[2])
 {
+    const int x0 = x[0], n = x[1] - x0;
+
     if (level) {
         const uint8_t *p = sst_map_u8_row(&view->level[level], y) + x0;
 
-        for (int x = 0; x < n; x++)
-            out[x] = p[x];
+        for (int i = 0; i < n; i++)
+            out[i] = p[i];
     } else {
         const uint8_t *r = sst_image_row(view->image, 0, y) + x0, *g = sst_image_row(view->image, 1, y) + x0;
         const uint8_t *b = sst_image_row(view->image, 2, y) + x0;
 
-        for (int x = 0; x < n; x++)
-            out[x] = 0.25f * (float)(r[x] + 2 * g[x] + b[x]);
+        for (int i = 0; i < n; i++)
+            out[i] = 0.25f * (float)(r[i] + 2 * g[i] + b[i]);
     }
 }
 
-bool drift_read_patch(float *out, const struct drift_pyramid *view, int level, int x0, int y0, int width, int height)
+bool drift_read_patch(float *out, const struct drift_pyramid *view, int level, struct sst_rect part)
 {
+    const int width = part.x1 - part.x0, height = part.y1 - part.y0, columns[2] = { part.x0 - 2, part.x1 + 2 };
     float row[PATCH_MAX], across[PATCH_MAX][PATCH_MAX];
     int w, h;
 
     drift_level_size(view, level, &w, &h);
-    if (x0 < 2 || y0 < 2 || x0 > w - width - 2 || y0 > h - height - 2 || width > PATCH_MAX - 4 ||
+    if (part.x0 < 2 || part.y0 < 2 || part.x1 > w - 2 || part.y1 > h - 2 || width > PATCH_MAX - 4 ||
         height > PATCH_MAX - 4)
         return false;
     for (int y = 0; y < height + 4; y++) {
-        grey_row(row, view, level, x0 - 2, y0 + y - 2, width + 4);
+        grey_row(row, view, level, part.y0 + y - 2, columns);
         for (int x = 0; x < width; x++)
             across[y][x] = row[x] + row[x + 4] + 4 * (row[x + 1] + row[x + 3]) + 6 * row[x + 2];
     }

@@ -41,8 +41,8 @@ void drift_pyramid_fini(struct drift_pyramid *view);
 /** Where level 0's pixel x is on another level, rounded: (x - (2^level - 1) / 2) / 2^level. */
 int drift_to_level(int x, int level);
 
-/** Grey values of a row: (R + 2 G + B) / 4 at level 0, rounded. */
-void drift_read_grey_row(uint8_t *out, const struct drift_pyramid *view, int level, int x0, int y, int n);
+/** Grey values of a rectangle of a level: (R + 2 G + B) / 4 at level 0, rounded. @param out  [height][width] */
+void drift_read_grey(uint8_t *out, const struct drift_pyramid *view, int level, struct sst_rect part);
 
 /** Size of a level. */
 void drift_level_size(const struct drift_pyramid *view, int level, int *width, int *height);
@@ -52,8 +52,7 @@ void drift_level_size(const struct drift_pyramid *view, int level, int *width, i
  * @param out  [height][width]
  * @return false: the rectangle with the two pixels around it is not inside the picture
  */
-SST_MUST_CHECK bool drift_read_patch(float *out, const struct drift_pyramid *view, int level, int x0, int y0, int width,
-                                     int height);
+SST_MUST_CHECK bool drift_read_patch(float *out, const struct drift_pyramid *view, int level, struct sst_rect part);
 
 /* --- drift_search.c, drift_align.c: a feature in another view ----------------------------------------------------- */
 
@@ -81,6 +80,12 @@ struct drift_search {
     bool loose;   /* DRIFT_MISFIT_LOOSE */
 };
 
+/** Two views, whose features are searched in the second. */
+struct drift_views {
+    const struct drift_pyramid *a, *b;
+    const struct drift_search *s;
+};
+
 struct drift_match {
     enum drift_outcome outcome;
     double dx, dy;        /* place in b less place in a, px */
@@ -94,15 +99,13 @@ struct drift_match {
 };
 
 /** Coarse search on one level: px of level 0, good to about half a pixel of its level. */
-void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                        const struct drift_feature *f, const struct drift_search *s, int level);
+void drift_search_match(struct drift_match *out, const struct drift_views *v, const struct drift_feature *f, int level);
 
 /**
  * From dx, dy of *m, good to two pixels of `level`, to sub-pixel ones at level 0, forth and back.
  * Sets all of *m.
  */
-void drift_refine_match(struct drift_match *m, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                        const struct drift_feature *f, const struct drift_search *s, int level);
+void drift_refine_match(struct drift_match *m, const struct drift_views *v, const struct drift_feature *f, int level);
 
 /** Set outcome, misfit and variances of a match from its residual and the noise. */
 void drift_weigh_match(struct drift_match *m, const struct drift_search *s);

@@ -98,7 +98,8 @@ static int vote(struct job *job, int index, double band)
 {
     struct drift_work *w = job->w;
     struct drift_link *link = &w->link[index];
-    const struct drift_pyramid *a = &w->view[link->a], *b = &w->view[link->b];
+    const struct drift_pyramid *a = &w->view[link->a];
+    const struct drift_views views = { a, &w->view[link->b], &link->s };
     const double size = 1 << job->vote_level;
     double across[VOTES], spread[VOTES], *d = job->vote + (size_t)index * VOTES;
     int n = 0, tried = 0;
@@ -112,7 +113,7 @@ static int vote(struct job *job, int index, double band)
 
         if (a->first[cell] == a->first[cell + 1])
             continue;
-        drift_search_match(&m, a, b, &a->feature[a->first[cell]], &link->s, job->vote_level);
+        drift_search_match(&m, &views, &a->feature[a->first[cell]], job->vote_level);
         tried += m.outcome != DRIFT_OUTSIDE && m.outcome != DRIFT_AMBIGUOUS;
         if (m.outcome != DRIFT_FOUND)
             continue;
@@ -165,6 +166,8 @@ static void range_of_votes(struct job *job)
 /* The cells' best features, at half the coarsest size. */
 static void match_best(struct drift_link *link, const struct drift_pyramid *a, const struct drift_pyramid *b, int level)
 {
+    const struct drift_views views = { a, b, &link->s };
+
     for (int k = 0; k < DRIFT_CELLS; k++) {
         struct drift_match *m = &link->m[k];
 
@@ -172,9 +175,9 @@ static void match_best(struct drift_link *link, const struct drift_pyramid *a, c
         link->feature[k] = a->first[k];
         if (a->first[k] == a->first[k + 1])
             continue;
-        drift_search_match(m, a, b, &a->feature[a->first[k]], &link->s, level);
+        drift_search_match(m, &views, &a->feature[a->first[k]], level);
         if (m->outcome == DRIFT_FOUND)
-            drift_refine_match(m, a, b, &a->feature[a->first[k]], &link->s, level);
+            drift_refine_match(m, &views, &a->feature[a->first[k]], level);
     }
 }
 
@@ -182,6 +185,8 @@ static void match_best(struct drift_link *link, const struct drift_pyramid *a, c
  * only so. */
 static void match_rest(struct drift_link *link, const struct drift_pyramid *a, const struct drift_pyramid *b)
 {
+    const struct drift_views views = { a, b, &link->s };
+
     if (link->matches >= FEW) {
         link->s.across_px = link->median_px;
         link->s.band_px = fmin(fmax(NARROW_PX, 5 * link->spread_px), link->s.band_px);
@@ -190,9 +195,9 @@ static void match_rest(struct drift_link *link, const struct drift_pyramid *a, c
         for (int i = a->first[k]; link->m[k].outcome != DRIFT_FOUND && i < a->first[k + 1]; i++) {
             struct drift_match m;
 
-            drift_search_match(&m, a, b, &a->feature[i], &link->s, 0);
+            drift_search_match(&m, &views, &a->feature[i], 0);
             if (m.outcome == DRIFT_FOUND)
-                drift_refine_match(&m, a, b, &a->feature[i], &link->s, 0);
+                drift_refine_match(&m, &views, &a->feature[i], 0);
             if (m.outcome != DRIFT_FOUND)
                 continue;
             link->m[k] = m;

@@ -34,23 +34,22 @@ static const uint8_t *area_at(const struct area *a, int x, int y)
     return a->v + (size_t)(y - a->y0) * (size_t)a->width + (x - a->x0);
 }
 
-/* Set the size of the part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
-static bool area_set(struct area *a, const struct drift_pyramid *view, int level, int x0, int y0, int x1, int y1)
+/* Set the size of the part of a level inside a rectangle. @return false: none, or too large a part */
+static bool area_set(struct area *a, const struct drift_pyramid *view, int level, struct sst_rect within)
 {
     int w, h;
 
     drift_level_size(view, level, &w, &h);
-    a->x0 = sst_max_int(x0, 0);
-    a->y0 = sst_max_int(y0, 0);
-    a->width = sst_min_int(x1, w - 1) - a->x0 + 1;
-    a->height = sst_min_int(y1, h - 1) - a->y0 + 1;
+    a->x0 = sst_max_int(within.x0, 0);
+    a->y0 = sst_max_int(within.y0, 0);
+    a->width = sst_min_int(within.x1, w) - a->x0;
+    a->height = sst_min_int(within.y1, h) - a->y0;
     return a->width >= BLOCK_W && a->height >= BLOCK_H && (int64_t)a->width * a->height <= AREA_MAX;
 }
 
 static void area_read(struct area *a, const struct drift_pyramid *view, int level)
 {
-    for (int y = 0; y < a->height; y++)
-        drift_read_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
+    drift_read_grey(a->v, view, level, (struct sst_rect){ a->x0, a->y0, a->x0 + a->width, a->y0 + a->height });
 }
 
 static void block_read(struct block *b, const struct area *in, int x, int y)
@@ -187,24 +186,6 @@ static void to_pixel(const struct drift_search *s, double along, double across, 
     *y = (int)floor(s->u[1] * along + s->n[1] * across + 0.5);
 }
 
-/* Everything that the search can touch: the corners of the band, and the block around. */
-static bool set_band(struct area *area, const struct drift_pyramid *b, const struct drift_search *s, int level, int x,
-                     int y, double from, double to, double low, double high)
-{
-    int x0 = INT32_MAX, y0 = INT32_MAX, x1 = INT32_MIN, y1 = INT32_MIN;
-
-    for (int i = 0; i < 4; i++) {
-        int px, py;
-
-        to_pixel(s, i % 2 ? to : from, i / 2 ? high : low, &px, &py);
-        x0 = sst_min_int(x0, px);
-        x1 = sst_max_int(x1, px);
-        y0 = sst_min_int(y0, py);
-        y1 = sst_max_int(y1, py);
-    }
-    return area_set(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
-}
-
 /* Search: a block's places in an area of the other view. */
 struct band {
     const struct drift_pyramid *b;
@@ -215,6 +196,24 @@ struct band {
     int across;      /* steps to each side */
     double from, middle;
 };
+
+/* Everything that the search can touch: the corners of the band, and the block around. */
+static bool set_band(struct band *n, int along)
+{
+    struct sst_rect r = { INT32_MAX, INT32_MAX, INT32_MIN, INT32_MIN };
+
+    for (int i = 0; i < 4; i++) {
+        int px, py;
+
+        to_pixel(n->s, i % 2 ? n->from + along - 1 : n->from, i / 2 ? n->middle + n->across : n->middle - n->across, &px,
+                 &py);
+        r.x0 = sst_min_int(r.x0, n->x + px - 4);
+        r.x1 = sst_max_int(r.x1, n->x + px + 5);
+        r.y0 = sst_min_int(r.y0, n->y + py - 4);
+        r.y1 = sst_max_int(r.y1, n->y + py + 5);
+    }
+    return area_set(&n->area, n->b, n->level, r);
+}
 
 /* @param field  along and across are set: large, its values are written before they are read */
 static void search_band(struct drift_match *out, struct band *n, struct sums *sums, struct field *field)
@@ -274,13 +273,13 @@ static __attribute__((noinline)) void search_large(struct drift_match *out, stru
     search_band(out, n, &(struct sums){ one, two }, field);
 }
 
-void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
-                        const struct drift_feature *f, const struct drift_search *s, int level)
+void drift_search_match(struct drift_match *out, const struct drift_views *v, const struct drift_feature *f, int level)
 {
+    const struct drift_search *s = v->s;
     const double size = 1 << level;
     const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
     const int across = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
-    struct band n = { .b = b,
+    struct band n = { .b = v->b,
                       .s = s,
                       .x = x,
                       .y = y,
@@ -294,10 +293,10 @@ void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, 
     field.along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX);
     field.across = 2 * across + 1;
     *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
-    if (!area_set(&n.area, a, level, x - 4, y - 4, x + 4, y + 4))
+    if (!area_set(&n.area, v->a, level, (struct sst_rect){ x - 4, y - 4, x + 5, y + 5 }))
         return;
     n.area.v = own;
-    area_read(&n.area, a, level);
+    area_read(&n.area, v->a, level);
     if (!block_inside(&n.area, x, y))
         return;
     block_read(&n.block, &n.area, x, y);
@@ -305,7 +304,7 @@ void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, 
         out->outcome = DRIFT_AMBIGUOUS;
         return;
     }
-    if (!set_band(&n.area, b, s, level, x, y, n.from, n.from + field.along - 1, n.middle - across, n.middle + across))
+    if (!set_band(&n, field.along))
         return;
     if (n.area.width * n.area.height <= AREA_SMALL)
         search_small(out, &n, &field);
