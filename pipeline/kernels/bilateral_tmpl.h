@@ -1,5 +1,5 @@
-/* bilateral_row: one vector of pixels at a time, the last one overlaps its predecessor. Steps that count fit 16 bits, and
- * so does the sum of weights. */
+/* bilateral_row: one vector of pixels at a time, the last one overlaps its predecessor. Steps that count fit 16 bits,
+ * and so does the sum of weights. */
 #include "pipeline/kernels/simd.h"
 
 #define BILATERAL_LANES ((size_t)SIMD_BYTES / 2)
@@ -58,8 +58,11 @@ static inline void KERNEL(bilateral_pixels)(uint16_t *out, const uint16_t *const
 {
     const uint16_t contrast = (uint16_t)(tau - 1);
     const simd_u16 centre = simd_load_u16(disp[3] + x);
-    const simd_u16 darkest = KERNEL(bilateral_luma)(luma[3] + x) - contrast, nearest = centre - SST_BILATERAL_STEP_Q6;
-    const simd_u16 steps = simd_set_u16(2 * SST_BILATERAL_STEP_Q6), levels = simd_set_u16((uint16_t)(2 * contrast));
+    const simd_u16 darkest = KERNEL(bilateral_luma)(luma[3] + x) - contrast,
+                   levels = simd_set_u16((uint16_t)(2 * contrast));
+    /* Not below 0, where an unknown disparity is. */
+    const simd_u16 nearest = simd_less_u16(centre, simd_set_u16(SST_BILATERAL_STEP_Q6));
+    const simd_u16 steps = centre + SST_BILATERAL_STEP_Q6 - nearest;
     simd_s32 sum[2] = { simd_set_s32(0), simd_set_s32(0) }, all[2] = { sum[0], sum[0] }, mean[2];
     simd_u16 total = simd_set_u16(0);
 

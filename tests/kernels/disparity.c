@@ -457,7 +457,7 @@ static void bilateral(void **state SST_UNUSED)
     int16_t weight[49];
 
     for (int i = 0; i < 7 * 150; i++)
-        disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : 1000 + disp[i] % 200);
+        disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : (i % 150 < 60 ? 0 : 1000) + disp[i] % 200);
     for (int i = 0; i < 49; i++)
         weight[i] = (int16_t)(i == 24 ? 4096 : sst_random_u64(&seed) % 600);
     for (size_t n = 1; n < 130; n++) {
