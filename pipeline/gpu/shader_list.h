@@ -27,8 +27,6 @@
     X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
     X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
     X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
-    X(SUBPIXEL_FIT, subpixel_fit, SST_GPU_SUBPIXEL_FIT_BUFFERS, sst_gpu_subpixel_fit)                                  \
-    X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)                      \
     X(SWEEP_POINTS, sweep_points, SST_GPU_SWEEP_POINTS_BUFFERS, sst_gpu_sweep)                                         \
     X(SWEEP_GATHER, sweep_gather, SST_GPU_SWEEP_GATHER_BUFFERS, sst_gpu_sweep_gather)                                  \
     X(SWEEP_PEAKS, sweep_peaks, SST_GPU_SWEEP_PEAKS_BUFFERS, sst_gpu_sweep_peaks)                                      \
@@ -61,7 +59,9 @@
     X(FILL_ALONG, fill_along, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                          \
     X(FILL_DOWN, fill_down, SST_GPU_BACKGROUND_BUFFERS, sst_gpu_background)                                            \
     X(CARRY_PROJECT, carry_project, SST_GPU_CARRY_PROJECT_BUFFERS, sst_gpu_carry)                                      \
-    X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)
+    X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)                                            \
+    X(SUBPIXEL_FIT, subpixel_fit, SST_GPU_SUBPIXEL_FIT_BUFFERS, sst_gpu_subpixel_fit)                                  \
+    X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
  * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */

@@ -1,6 +1,6 @@
 // Sums of weights and disparities over the similar pixels of 5x5 windows, subpixel_window_row of kernels.h, and the
 // disparities that follow from them. Buffers and constants: pipeline/gpu/subpixel.h. Definition: subpixel_ref.c, and
-// subpixel_window_reference() for what follows.
+// step_all() and finish() of pipeline/method/disparity/subpixel.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -257,11 +257,9 @@ static void carry_on_device(struct sst_run *r, void *job, int k)
 static void carried_source(const void *job, int k, struct sst_plane_source *out)
 {
     const struct carry *c = job;
-    const struct sst_visible_view *v = &c->in->view[k];
 
-    *out = (struct sst_plane_source){ .disp = v->disp,
-                                      .confidence = v->confidence,
-                                      .checked = c->status ? &c->status[k] : NULL };
+    visible_source(c->in, k, out);
+    out->checked = c->status ? &c->status[k] : NULL;
 }
 
 static void carried_maps(void *arg, int k, struct sst_share_maps *out)

@@ -26,7 +26,7 @@ static const enum sst_gpu_shader shaders[] = {
 };
 
 static const struct sst_step *const steps[] = { &disparity_check_step, &disparity_fill_step, &disparity_background_step,
-                                                &disparity_carry_step };
+                                                &disparity_subpixel_step, &disparity_carry_step };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
     [SST_DISPARITY_STAGE_RANGE] = "range",           [SST_DISPARITY_STAGE_SURFACES] = "surfaces",

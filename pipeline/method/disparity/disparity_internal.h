@@ -138,7 +138,16 @@ struct disparity_sample *disparity_sample(uint32_t seed, bool checked, bool carr
 void disparity_sample_free(struct disparity_sample *s); /* NULL is fine */
 
 /** Steps of a run, for sst_step_check(). */
-extern const struct sst_step disparity_check_step, disparity_fill_step, disparity_background_step, disparity_carry_step;
+extern const struct sst_step disparity_check_step, disparity_fill_step, disparity_background_step, disparity_carry_step,
+    disparity_subpixel_step;
+
+/* --- visible.c: views of a pass on a device --- */
+
+/** Maps of view k, for planes. */
+void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_source *out);
+
+/** The plane of colours of the size of the maps. */
+enum sst_step_plane visible_colours(const struct sst_visible_views *in);
 
 /* --- hypotheses.c: the second pass, one view --- */
 
@@ -425,27 +434,6 @@ SST_MUST_CHECK int disparity_device_find_points(struct sst_disparity_device *d, 
 
 /** Leave the hypotheses of a view in KEPT_LIST, and how many in KEPT_COUNTS. */
 SST_MUST_CHECK int disparity_device_gather(struct sst_disparity_device *d, const struct device_hypotheses *in);
-
-/* --- device_subpixel.c: refinement between pixels on a device --- */
-
-struct sst_gpu_subpixel_window;
-
-/** A view to refine. */
-struct device_refine {
-    const struct sst_subpixel_fit *fit;
-    const int *nearest; /* [fit->views] these views */
-    const struct sst_visible_views *in;
-    int view;                                            /* which is refined */
-    int steps, first_views;                              /* views that the first step compares at most */
-    const struct sst_gpu_subpixel_window *window, *wide; /* of a step, and after the last one */
-    struct sst_map_u16 *out;                             /* initialised */
-};
-
-/** Load the lumas of all views, packed as for struct sst_subpixel_view. @return false: the CPU is to do it; noted */
-bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_visible_views *in);
-
-/** Refine a view of those. @return false: the CPU is to do this one and the next ones; noted */
-bool disparity_device_refine(struct sst_disparity_device *d, const struct device_refine *in);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

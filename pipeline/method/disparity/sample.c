@@ -1,11 +1,13 @@
-/* Random maps of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
- * slanted one in front, noise, unknown pixels. */
+/* Random views of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
+ * slanted one in front, noise, unknown pixels; behind the edge a surface shows through gaps that no map has. */
 #include <stdlib.h>
 
 #include "pipeline/method/disparity/disparity_internal.h"
 
 #define GRID    3
 #define NOTHING 5 /* view that is absent */
+#define PARTLY  1 /* view of which a part must not be matched */
+#define BACK    200
 
 static uint32_t next(uint32_t *state)
 {
@@ -20,12 +22,38 @@ static uint16_t disparity_at(int x, int y, uint32_t *state)
     return next(state) % 12 ? (uint16_t)(y > 20 ? slanted : edge) : (uint16_t)SST_DISP_NONE;
 }
 
+/* Every point of a surface has a colour of its own, above smooth ones. */
+static uint8_t colour_at(int x, int y, int channel)
+{
+    uint32_t point = (uint32_t)(x * 8191 + y * 131 + channel * 7);
+
+    return (uint8_t)(y < 12 ? 5 * x + 3 * y + 40 * channel : 60 + (int)(next(&point) % 90));
+}
+
+static void draw_row(const struct disparity_sample *s, int k, int y, uint32_t *state)
+{
+    const struct sst_view *v = &s->lf.views[k];
+
+    for (int x = 0; x < SST_STEP_SAMPLE_WIDTH; x++) {
+        const uint16_t d = sst_map_u16_row(&s->disp[k], y)[x];
+        const double px = (d == SST_DISP_NONE || (x >= 25 && x % 8 < 5) ? BACK : d) / 64.0;
+
+        for (int c = 0; c < 3; c++)
+            sst_image_row(&v->image, c, y)[x] =
+                (uint8_t)(colour_at(x + (int)(px * v->bx + 64) - 64, y + (int)(px * v->by + 64) - 64, c) +
+                          next(state) % 4);
+        sst_map_u8_row(&v->valid, y)[x] = k == PARTLY && x > 44 ? 0 : 255;
+    }
+}
+
 static int fill_view(struct disparity_sample *s, int k, bool checked, uint32_t *state)
 {
     const int width = SST_STEP_SAMPLE_WIDTH, height = SST_STEP_SAMPLE_HEIGHT;
     int err = sst_map_u16_init(&s->disp[k], width, height);
 
     err = err ? err : sst_map_u8_init(&s->confidence[k], width, height);
+    err = err ? err : sst_image_init(&s->lf.views[k].image, width, height);
+    err = err ? err : sst_map_u8_init(&s->lf.views[k].valid, width, height);
     err = err || !checked ? err : sst_map_u8_init(&s->status[k], width, height);
     for (int y = 0; y < height && !err; y++) {
         for (int x = 0; x < width; x++) {
@@ -36,6 +64,7 @@ static int fill_view(struct disparity_sample *s, int k, bool checked, uint32_t *
                     (uint8_t)(sst_map_u16_row(&s->disp[k], y)[x] == SST_DISP_NONE ? SST_DISPARITY_OCCLUSION
                                                                                   : next(state) % 3);
         }
+        draw_row(s, k, y, state);
     }
     return err;
 }
@@ -56,6 +85,7 @@ struct disparity_sample *disparity_sample(uint32_t seed, bool checked, bool carr
         if (v->present)
             err = fill_view(s, k, checked, &state);
         s->view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
+                                                .seen = k == PARTLY ? &v->valid : NULL,
                                                 .disp = &s->disp[k],
                                                 .confidence = &s->confidence[k],
                                                 .agreed = seed % 2 ? &s->agreed[k] : NULL,

@@ -11,6 +11,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/subpixel.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -42,9 +43,10 @@ struct pass {
     const struct sst_visible_views *in;
     int steps, views;
     struct packed *view;     /* [in->count] */
-    struct sst_map_u16 *out; /* [in->count]; without memory: not refined yet */
-    bool *stays;             /* [in->count] the device has `out` as well */
+    struct sst_map_u16 *out; /* [in->count]; without memory: not refined */
     struct planes *planes;   /* [threads] made by the first view of a thread */
+    int threads;
+    struct disparity_sample *sample; /* that these are of; or NULL */
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -313,20 +315,25 @@ static void finish(struct planes *p, struct sst_map_u16 *out, int range, float *
     }
 }
 
+static bool refines(const void *job, int k)
+{
+    const struct pass *p = job;
+
+    return p->in->view[k].image && !p->in->view[k].carried;
+}
+
 static int refine_job(void *arg, int k, int worker)
 {
     struct pass *p = arg;
-    const struct sst_visible_view *v = &p->in->view[k];
     struct planes *planes = &p->planes[worker];
     struct sst_subpixel_fit fit;
     float *rows = NULL;
     int nearest[SST_SUBPIXEL_VIEWS], err, views;
 
-    if (!v->image || v->carried || p->out[k].data)
-        return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
-    err = load(planes, p, v);
+    sst_map_u16_fini(&p->out[k]);
+    err = load(planes, p, &p->in->view[k]);
     err = err ? err : sst_map_u16_init(&p->out[k], planes->width, planes->height);
     if (!err) {
         rows = sst_mem_alloc_raw(2 * (size_t)planes->width, sizeof(*rows));
@@ -348,86 +355,173 @@ static int refine_job(void *arg, int k, int worker)
 static void refined_maps(void *arg, int k, struct sst_share_maps *out)
 {
     struct pass *p = arg;
-    const struct sst_visible_view *v = &p->in->view[k];
 
-    if (v->image && !v->carried)
-        sst_share_add_u16(out, &p->out[k]);
+    sst_share_add_u16(out, &p->out[k]);
 }
 
 /* --- on a device -------------------------------------------------------------------------------------------------- */
 
-/* @return 0; -ECANCELED; 1: the device fails at it */
-static int refine_on_device(struct pass *p, int k)
+static void refined_source(const void *job, int k, struct sst_plane_source *out)
 {
-    const struct sst_visible_view *v = &p->in->view[k];
-    const int width = v->disp->width, height = v->disp->height, last = p->in->range * 64;
+    visible_source(((const struct pass *)job)->in, k, out);
+}
+
+/* Lumas, packed as pack_luma() does. */
+static void derive_luma(struct sst_run *r, void *job, int k, struct sst_gpu_range to)
+{
+    const struct sst_visible_views *in = ((const struct pass *)job)->in;
+    const struct sst_map_u16 *disp = in->view[k].disp;
+    const struct sst_gpu_convert push = { .width = disp->width,
+                                          .height = disp->height,
+                                          .conversion = SST_GPU_TO_LUMA };
+    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
+    const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
+
+    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
+}
+
+/* Lumas of the view and of those that it is compared with, and where these lie. @param views  out */
+static struct sst_gpu_range load_lumas(struct sst_run *r, const struct pass *p, int k, struct sst_subpixel_fit *f,
+                                       struct sst_gpu_range *views)
+{
+    struct sst_gpu_subpixel_view view[SST_SUBPIXEL_VIEWS] = { { 0 } };
+    int index[1 + SST_SUBPIXEL_VIEWS] = { k };
+    struct sst_gpu_range lumas;
+
+    set_fit(f, p, k, index + 1);
+    lumas = sst_run_planes(r, SST_PLANE_DERIVED, index, 1 + f->views);
+    for (int i = 0; i < f->views; i++) {
+        const struct sst_subpixel_view *v = &f->view[i];
+
+        view[i] = (struct sst_gpu_subpixel_view){
+            v->x, v->y, v->dx, v->dy, v->bx, v->by, v->gain, v->offset, sst_run_first(r, SST_PLANE_DERIVED, index[1 + i])
+        };
+    }
+    *views = sst_run_upload(r, 0, view, (size_t)sst_max_int(f->views, 1) * sizeof(*view));
+    return lumas;
+}
+
+static void refine_on_device(struct sst_run *r, void *job, int k)
+{
+    enum { VIEWS, FITS, WINDOWS, FIRST, NEXT };
+    struct pass *p = job;
+    const int width = p->in->view[k].disp->width, height = p->in->view[k].disp->height, last = p->in->range * 64;
+    const size_t n = (size_t)width * (size_t)height, weights = n * sizeof(struct sst_gpu_subpixel_weight);
     const struct sst_gpu_subpixel_window window = { width, height, 1, SIMILAR, APART, 0, MOST, last, FEW, ENOUGH };
     const struct sst_gpu_subpixel_window wide = { width, height, WIDE_STEP, SIMILAR, WIDE_APART,
                                                   1,     MOST,   last,      FEW,     ENOUGH };
-    struct sst_subpixel_fit fit;
-    int nearest[SST_SUBPIXEL_VIEWS];
-    const struct device_refine in = { .fit = &fit,
-                                      .nearest = nearest,
-                                      .in = p->in,
-                                      .view = k,
-                                      .steps = p->steps,
-                                      .first_views = FIRST_VIEWS,
-                                      .window = &window,
-                                      .wide = &wide,
-                                      .out = &p->out[k] };
-    int err = p->in->cancel && *p->in->cancel ? -ECANCELED : sst_map_u16_init(&p->out[k], width, height);
+    const struct sst_gpu_convert start = { .width = width, .height = height, .conversion = SST_GPU_TO_STEPS };
+    const struct sst_gpu_convert end = { .width = width, .height = height, .conversion = SST_GPU_FROM_PLAIN };
+    struct sst_subpixel_fit f;
+    struct sst_gpu_range views;
+    const struct sst_gpu_range lumas = load_lumas(r, p, k, &f, &views);
+    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(p->in), k);
+    const struct sst_gpu_range map = sst_run_plane(r, SST_PLANE_MAP, k);
+    const struct sst_gpu_range fits = sst_run_scratch(r, FITS, weights), shared = sst_run_scratch(r, WINDOWS, weights);
+    const struct sst_gpu_range disp[2] = { sst_run_scratch(r, FIRST, n * sizeof(uint32_t)),
+                                           sst_run_scratch(r, NEXT, n * sizeof(uint32_t)) };
+    struct sst_gpu_subpixel_fit push = {
+        width, height, sst_min_int(f.views, FIRST_VIEWS), sst_run_first(r, SST_PLANE_DERIVED, k), f.tolerance,
+        f.inverse_limit
+    };
+    const uint32_t *words;
 
-    if (err)
-        return err;
-    set_fit(&fit, p, k, nearest);
-    p->stays[k] = disparity_device_refine(p->in->device, &in);
-    if (!p->stays[k])
-        sst_map_u16_fini(&p->out[k]);
-    return !p->stays[k];
-}
+    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &start, width, height, 1, map, map, map, disp[0]);
+    for (int i = 0; i < p->steps; i++) {
+        const struct sst_gpu_range from = disp[i % 2], to = disp[(i + 1) % 2];
 
-/* Refine as many views as the device does. */
-static int refine_all_on_device(struct pass *p)
-{
-    const struct sst_visible_views *in = p->in;
-    int err = !disparity_device_begin_refining(in->device, in);
-
-    for (int k = 0; k < in->count && !err; k++) {
-        if (in->view[k].image && !in->view[k].carried)
-            err = refine_on_device(p, k);
+        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_FIT, &push, width, height, 1, views, lumas, from, fits);
+        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &window, width, height, 1, colours, from, fits, shared, to);
+        push.views = f.views;
     }
-    return err > 0 ? 0 : err;
+    /* The large windows write no weights. */
+    SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &wide, width, height, 1, colours, disp[p->steps % 2], shared, fits,
+                   disp[(p->steps + 1) % 2]);
+    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &end, width, height, 1, map, map, disp[(p->steps + 1) % 2], map);
+    words = sst_run_fetch(r, map, n);
+    sst_map_u16_fini(&p->out[k]);
+    sst_run_fail(r, sst_map_u16_init(&p->out[k], width, height));
+    if (words && !sst_run_failed(r))
+        sst_step_map_unpack(words, &p->out[k], NULL, NULL, NULL);
 }
+
+/* --- the step ----------------------------------------------------------------------------------------------------- */
+
+static void pass_fini(struct pass *p)
+{
+    for (int k = 0; k < p->in->count; k++) {
+        if (p->out)
+            sst_map_u16_fini(&p->out[k]);
+        if (p->view)
+            sst_mem_free(p->view[k].memory);
+    }
+    for (int i = 0; p->planes && i < p->threads; i++)
+        sst_mem_free(p->planes[i].memory);
+    free(p->planes);
+    free(p->view);
+    free(p->out);
+}
+
+/* @return 0, -ENOMEM; pass_fini() frees all, also after a failure */
+static int pass_init(struct pass *p)
+{
+    p->view = calloc((size_t)p->in->count, sizeof(*p->view));
+    p->out = calloc((size_t)p->in->count, sizeof(*p->out));
+    p->planes = calloc((size_t)p->threads, sizeof(*p->planes));
+    return p->view && p->out && p->planes ? sst_parallel_for(p->in->count, p->threads, pack_job, p) : -ENOMEM;
+}
+
+static void refine_sample_free(void *job)
+{
+    struct pass *p = job;
+
+    if (!p)
+        return;
+    pass_fini(p);
+    disparity_sample_free(p->sample);
+    free(p);
+}
+
+static void *refine_sample(uint32_t seed)
+{
+    struct disparity_sample *s = disparity_sample(seed, false, !(seed % 2));
+    struct pass *p = s ? calloc(1, sizeof(*p)) : NULL;
+
+    if (!p) {
+        disparity_sample_free(s);
+        return NULL;
+    }
+    *p = (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .threads = 1, .sample = s };
+    if (!pass_init(p))
+        return p;
+    refine_sample_free(p);
+    return NULL;
+}
+
+const struct sst_step disparity_subpixel_step = { .name = "subpixel",
+                                                  .stages = 1U << SST_DISPARITY_STAGE_SUBPIXEL,
+                                                  .wants = refines,
+                                                  .source = refined_source,
+                                                  .derive = derive_luma,
+                                                  .cpu = refine_job,
+                                                  .device = refine_on_device,
+                                                  .writes = refined_maps,
+                                                  .changes = 1U << SST_PLANE_MAP,
+                                                  .sample = refine_sample,
+                                                  .sample_free = refine_sample_free };
 
 int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
 {
-    struct pass p = { .in = in, .steps = steps, .views = views };
-    int err = -ENOMEM;
+    const struct sst_run_options how = { in->share, threads, 1, in->cancel };
+    struct pass p = { .in = in, .steps = steps, .views = views, .threads = threads };
+    int err = pass_init(&p);
 
-    p.view = calloc((size_t)in->count, sizeof(*p.view));
-    p.out = calloc((size_t)in->count, sizeof(*p.out));
-    p.stays = calloc((size_t)in->count, sizeof(*p.stays));
-    p.planes = calloc((size_t)threads, sizeof(*p.planes));
-    if (p.view && p.out && p.stays && p.planes)
-        err = sst_parallel_for(in->count, threads, pack_job, &p);
-    if (in->device && in->share) /* its views are the processes' */
-        sst_disparity_device_note_stage(in->device, SST_DISPARITY_STAGE_SUBPIXEL);
-    else if (in->device)
-        err = err ? err : refine_all_on_device(&p);
-    err = err ? err : sst_share_for(in->share, in->count, threads, refine_job, &p, refined_maps);
-    for (int k = 0; p.view && p.out && p.stays && p.planes && k < in->count; k++) {
-        if (!err && p.out[k].data)
+    disparity_device_adopt(in->device, in);
+    err = err ? err : sst_run(disparity_device_user(in->device), &disparity_subpixel_step, &p, in->count, &how);
+    for (int k = 0; !err && k < in->count; k++) {
+        if (p.out[k].data)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);
-        if (p.out[k].data && !p.stays[k])
-            disparity_device_map_changed(in->device, k);
-        sst_map_u16_fini(&p.out[k]);
-        sst_mem_free(p.view[k].memory);
     }
-    for (int i = 0; p.planes && i < threads; i++)
-        sst_mem_free(p.planes[i].memory);
-    free(p.planes);
-    free(p.view);
-    free(p.stays);
-    free(p.out);
+    pass_fini(&p);
     return err;
 }

@@ -165,6 +165,20 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
     return n;
 }
 
+enum sst_step_plane visible_colours(const struct sst_visible_views *in)
+{
+    return in->scale == 1 ? SST_PLANE_COLOUR : SST_PLANE_REDUCED;
+}
+
+void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_source *out)
+{
+    const struct sst_visible_view *v = &in->view[k];
+
+    *out = (struct sst_plane_source){
+        .image = v->image, .seen = v->seen, .disp = v->disp, .confidence = v->confidence, .agreed = v->agreed
+    };
+}
+
 int sst_visible_block(const struct sst_visible_views *in)
 {
     size_t pixels = 0;
