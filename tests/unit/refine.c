@@ -241,11 +241,11 @@ static void planes_are_exact_on_a_plane(void **state SST_UNUSED)
         CLOSE(p->variance, 0, 1e-7);
     }
     /* (f a, f b, c) = (3, 2, 0.5 + (640 + 45 + 40) / 64 = 11.828125), length sqrt(152.9045410) = 12.3654575. */
-    assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, 0, 0));
+    assert_true(sst_normal_at(n, &s.planes, &frame, 0, 0));
     CLOSE(n[0], 0.2426113, 1e-5);
     CLOSE(n[1], 0.1617409, 1e-5);
     CLOSE(n[2], 0.9565457, 1e-5);
-    assert_false(sst_normal_at(n, &s.planes, &s.disp, &frame, 30, 40));
+    assert_false(sst_normal_at(n, &s.planes, &frame, 30, 40));
     surface_fini(&s);
 }
 
@@ -283,7 +283,7 @@ static void planes_refuse_lines(void **state SST_UNUSED)
         surface_fit(&s);
         for (int i = 0; i < 25 * 25; i++)
             assert_true(s.planes.at[i].variance == SST_SURFACE_NONE);
-        assert_false(sst_normal_at(n, &s.planes, &s.disp, &frame, 12, 12));
+        assert_false(sst_normal_at(n, &s.planes, &frame, 12, 12));
         CLOSE(n[0], 5, 0);
     }
     surface_fini(&s);
@@ -301,9 +301,9 @@ static void normals_keep_to_their_side(void **state SST_UNUSED)
         sst_map_u16_row(&s.disp, i / 80)[i % 80] = (uint16_t)(i / 80 < 40 ? 640 : 640 + 16 * (i / 80 - 40));
     surface_fit(&s);
     for (int x = 0; x < 80; x += 13) {
-        assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, x, 38));
+        assert_true(sst_normal_at(n, &s.planes, &frame, x, 38));
         CLOSE(n[2], 1, 1e-5);
-        assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, x, 42));
+        assert_true(sst_normal_at(n, &s.planes, &frame, x, 42));
         CLOSE(n[1], 20 / hypot(20, 10 - 0.125), 1e-5); /* floor: b = 1/4, 10 px at row 40, so c = 9.875 */
     }
     surface_fini(&s);
@@ -326,7 +326,7 @@ static void rough_surfaces_have_no_normals(void **state SST_UNUSED)
     cfg.matcher_sigma_px = 0.4;
     frame = sst_normal_frame_of(&lf, &cfg);
     assert_true(frame.focal_px == 50 && frame.cx == 19.5 && frame.zero_px == 0);
-    assert_false(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
+    assert_false(sst_normal_at(n, &s.planes, &frame, 20, 20));
     cfg.matcher_sigma_px = 0.6;
     lf.focal_px = 0;
     lf.disp_min_px = 4;
@@ -338,7 +338,7 @@ static void rough_surfaces_have_no_normals(void **state SST_UNUSED)
     assert_true(frame.zero_px == 11 && frame.cx == 19.5 && frame.cy == 22);
     lf.infinity_px = lf.off_centre_px[1] = 0;
     frame = sst_normal_frame_of(&lf, &cfg);
-    assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
+    assert_true(sst_normal_at(n, &s.planes, &frame, 20, 20));
     surface_fini(&s);
 }
 

@@ -10,17 +10,21 @@
 #define WHOLE        16777216.0 /* 2^24 */
 #define MOST_SLOPE   0x1p40
 #define MOST_VALUE   0x1p57
+#define ROUNDS       4
+#define SPREAD_Q24   124369502 /* limit by median residual: LIMIT_SIGMAS of MAD_TO_SIGMA median |residual| */
 
-#ifndef __clang__ /* to which this is no constant */
-_Static_assert((int64_t)(LIMIT_SIGMAS *MAD_TO_SIGMA *WHOLE + 0.5) == SST_GROUND_SPREAD_Q24, "steps of 2^-24");
-#endif
+/* Sums over pixels with the label and a disparity d as it is stored: at most 2^28 of them, each term below 2^31. */
+struct sums {
+    int64_t n, x, y, d, xx, xy, yy, xd, yd;
+};
 
 static int64_t whole(double v, double most)
 {
     return llround(sst_clamp_double(v * WHOLE, -most, most));
 }
 
-int64_t sst_ground_floor(const struct sst_refine_config *cfg)
+/* Least limit, by the matcher's noise. */
+static int64_t least_limit(const struct sst_refine_config *cfg)
 {
     return whole(LIMIT_SIGMAS * fmax(cfg->matcher_sigma_px * SST_DISP_SCALE, 0.5), MOST_VALUE);
 }
@@ -31,7 +35,8 @@ static double centred(int64_t uv, int64_t u, int64_t v, int64_t n)
     return (double)((__int128)n * uv - (__int128)u * v);
 }
 
-bool sst_ground_solve(struct sst_ground *g, const struct sst_ground_sums *s, int min_pixels)
+/* Plane of least squares; the limit stays. @return false (untouched): fewer than min_pixels, or all near one line */
+static bool solve(struct sst_ground *g, const struct sums *s, int min_pixels)
 {
     const double xx = centred(s->xx, s->x, s->x, s->n), yy = centred(s->yy, s->y, s->y, s->n);
     const double xy = centred(s->xy, s->x, s->y, s->n), det = xx * yy - xy * xy;
@@ -48,12 +53,7 @@ bool sst_ground_solve(struct sst_ground *g, const struct sst_ground_sums *s, int
     return true;
 }
 
-bool sst_ground_is_plane(int64_t kept, int64_t all)
-{
-    return 4 * (all - kept) <= all;
-}
-
-/* Of a pixel in a row, to the plane. @param row_q24  the plane where the row begins */
+/* Distance of a pixel to the plane. @param row_q24  the plane where the row begins */
 static int64_t miss(const struct sst_ground *g, int64_t row_q24, int x, uint16_t q)
 {
     return llabs(((int64_t)q << 24) - (row_q24 + g->a_q24 * x));
@@ -71,11 +71,13 @@ static int first_of(const uint8_t *label, int width, int value)
     return first ? (int)(first - label) : width;
 }
 
-/* Add a row, whose own sums are small. */
-static void add_row(struct sst_ground_sums *s, const struct sst_ground *g, const uint8_t *label, const uint16_t *q,
-                    int width, int y, int value)
+/* Add a row of the region, whose own sums are small. */
+static void add_row(struct sums *s, const struct sst_ground *g, const struct sst_view *v, int y, int value)
 {
     const int64_t row_q24 = g->d0_q24 + g->b_q24 * y;
+    const uint8_t *label = sst_map_u8_row(&v->label, y);
+    const uint16_t *q = sst_map_u16_row(&v->disp, y);
+    const int width = v->label.width;
     int64_t n = 0, sum_x = 0, sum_d = 0;
 
     for (int x = first_of(label, width, value); x < width; x++) {
@@ -97,12 +99,12 @@ static void add_row(struct sst_ground_sums *s, const struct sst_ground *g, const
 }
 
 /* Over the region's pixels whose residual to the current plane is within its limit. */
-static struct sst_ground_sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
+static struct sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
 {
-    struct sst_ground_sums s = { 0 };
+    struct sums s = { 0 };
 
     for (int y = 0; y < v->label.height; y++)
-        add_row(&s, g, sst_map_u8_row(&v->label, y), sst_map_u16_row(&v->disp, y), v->label.width, y, value);
+        add_row(&s, g, v, y, value);
     return s;
 }
 
@@ -140,19 +142,19 @@ bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int val
                     int64_t *hist)
 {
     struct sst_ground g = { .limit_q24 = INT64_MAX };
-    struct sst_ground_sums s = sum_up(&g, v, value);
-    const int64_t all = s.n, least_q24 = sst_ground_floor(cfg);
+    struct sums s = sum_up(&g, v, value);
+    const int64_t all = s.n, least_q24 = least_limit(cfg);
 
-    for (int i = 0; i < SST_GROUND_ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         int64_t limit_q24;
 
-        if (!sst_ground_solve(&g, &s, cfg->min_pixels))
+        if (!solve(&g, &s, cfg->min_pixels))
             return false;
-        limit_q24 = (int64_t)SST_GROUND_SPREAD_Q24 * median_miss(&g, v, value, hist, all);
+        limit_q24 = (int64_t)SPREAD_Q24 * median_miss(&g, v, value, hist, all);
         g.limit_q24 = limit_q24 > least_q24 ? limit_q24 : least_q24;
         s = sum_up(&g, v, value);
     }
-    if (!sst_ground_is_plane(s.n, all))
+    if (4 * (all - s.n) > all)
         return false;
     *ground = g;
     return true;

@@ -1,9 +1,10 @@
-/* pipeline/method/refine/parts.h - the pieces of label refinement; code outside pipeline/method/refine and
- * pipeline/live uses refine.h. */
+/* pipeline/method/refine/parts.h - pieces of label refinement; code outside pipeline/method/refine and pipeline/live
+ * uses refine.h. */
 #ifndef SST_PIPELINE_METHOD_REFINE_PARTS_H
 #define SST_PIPELINE_METHOD_REFINE_PARTS_H
 
-#include "pipeline/kernels/surface_ref.h"
+#include <string.h>
+
 #include "pipeline/method/refine/refine.h"
 
 #define SST_DISP_BINS         65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
@@ -82,19 +83,36 @@ uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y);
 
 /* --- normals.c: surface normals from planes in disparity space ---------------------------------------------------- */
 
-/** The planes of a view. */
-struct sst_planes {
-    int width, height, window;
-    struct sst_surface_plane *at; /* [height][width] */
+#define SST_SURFACE_NONE 1e30F /* variance of a window without a plane */
+
+/** Plane d = d0 + a (x - x0) + b (y - y0) of the window around a pixel (x0, y0). */
+struct sst_surface_plane {
+    float a, b;     /* px per px */
+    float d0;       /* px above disp_min_px */
+    float variance; /* of the residuals, px^2; SST_SURFACE_NONE: fewer than 3 pixels, or all near one line */
 };
 
-/** Working memory of sst_planes_fit(): 6 * width sums. */
-#define SST_PLANE_SUMS 6
+/** Camera that turns disparity planes into normals in space. */
+struct sst_surface_frame {
+    float focal_px;  /* > 0 */
+    float cx, cy;    /* principal point */
+    float zero_px;   /* disparity of stored value 0, counted from points at infinity */
+    float score_max; /* px^2, below SST_SURFACE_NONE: a plane with a residual variance of this or more has no normal */
+};
+
+/** Planes of a view. */
+struct sst_planes {
+    int width, height, window;
+    struct sst_surface_plane *at;   /* [height][width] */
+    const struct sst_map_u16 *disp; /* set by sst_planes_fit() */
+};
+
+#define SST_PLANE_SUMS 6 /* of sst_planes_fit() for each column */
 
 /**
  * Least squares planes in windows clipped at the border, without unknown disparities. Sums slide and are exact
- * integers; what sst_surface_fit() makes of them is float. Rejected: determinant of the centred 2x2 system below
- * SST_SURFACE_COLLINEAR of the product of its diagonal.
+ * integers, planes are floats. Rejected: determinant of the centred 2x2 system below a thousandth of the product of its
+ * diagonal.
  *
  * @param sums  scratch [SST_PLANE_SUMS * width]
  */
@@ -118,33 +136,15 @@ struct sst_surface_frame sst_normal_frame_of(const struct sst_lightfield *lf, co
  *
  * @return false if there is none, or the best score is frame->score_max or more; n is then untouched
  */
-bool sst_normal_at(float n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
-                   const struct sst_surface_frame *frame, int x, int y);
+bool sst_normal_at(float n[3], const struct sst_planes *planes, const struct sst_surface_frame *frame, int x, int y);
 
 /* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
 
 /** d = d0 + a x + b y in steps of 2^-24 of a stored disparity, x and y from the corner; `limit` bounds the residuals of
- * its own pixels. Whole numbers, so that every device decides alike: slopes up to 2^40, values up to 2^57. */
+ * its own pixels. Slopes up to 2^40, values up to 2^57. */
 struct sst_ground {
     int64_t a_q24, b_q24, d0_q24, limit_q24;
 };
-
-/** Sums over pixels with the label and a disparity d as it is stored: at most 2^28 of them, each term below 2^31. */
-struct sst_ground_sums {
-    int64_t n, x, y, d, xx, xy, yy, xd, yd;
-};
-
-#define SST_GROUND_ROUNDS     4
-#define SST_GROUND_SPREAD_Q24 124369502 /* limit by median residual: 5 sigmas of 1.4826 median |residual| */
-
-/** Least limit, by the matcher's noise. */
-int64_t sst_ground_floor(const struct sst_refine_config *cfg);
-
-/** Plane of least squares; the limit stays. @return false (untouched): fewer than min_pixels, or all near one line */
-bool sst_ground_solve(struct sst_ground *ground, const struct sst_ground_sums *sums, int min_pixels);
-
-/** True if no more than a quarter of all pixels lie beyond the limit. */
-bool sst_ground_is_plane(int64_t kept, int64_t all);
 
 /**
  * Fit the plane of a ground's confident pixels in one view.
@@ -152,7 +152,7 @@ bool sst_ground_is_plane(int64_t kept, int64_t all);
  * A ground spans many depths, so the distribution of its disparities says little about a pixel; its plane determines
  * it. Least squares with exact sums, repeated three times without the pixels whose residual exceeds the limit: 5 times
  * the larger of 1.4826 median |residual| and the matcher's noise. The median is one of residuals rounded to stored
- * disparities. On a device all that is done for each pixel is the device's, with the same bytes: device_ground.c.
+ * disparities.
  *
  * @param hist  scratch [SST_DISP_BINS]
  * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no
@@ -164,7 +164,23 @@ bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int val
 /** True if a disparity at a pixel lies on the ground, within its limit. */
 bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6);
 
+/** 1 / v by four of Newton's iterations, relative error at most 3e-7. @param v  1e-30 .. 1e30 */
+static inline float sst_reciprocal(float v)
+{
+    uint32_t bits;
+    float r;
+
+    memcpy(&bits, &v, sizeof(bits));
+    bits = 0x7EF311C7U - bits;
+    memcpy(&r, &bits, sizeof(r));
+    for (int i = 0; i < 4; i++)
+        r = r * (2.0F - v * r);
+    return r;
+}
+
 /* --- energy.c: E = p_n E_n + p_d E_d ------------------------------------------------------------------------------ */
+
+#define SST_SURFACE_ONE 1048576 /* 2^20: a component of 1 of a normal, as a whole number: sums are exact */
 
 /** Confident region of a label in one view, as used by the energy. */
 struct sst_region {
@@ -173,6 +189,9 @@ struct sst_region {
     int64_t pixels;     /* with a normal or without */
     float mean[3];      /* of the normals; set by sst_region_finish() */
 };
+
+/** Add the unit normal of a pixel. */
+void sst_region_add(struct sst_region *region, const float normal[3]);
 
 /** Set the mean from the sums; 0 without normals. */
 void sst_region_finish(struct sst_region *region);
@@ -189,7 +208,8 @@ bool sst_region_has_normal(const struct sst_region *region);
  */
 float sst_energy_normal(const float m[3], const struct sst_region *region, double tau);
 
-/** E_d = min |p-r|^2 / max |p-r|^2, 0..1. */
+/** E_d = min |p-r|^2 / max |p-r|^2, 0..1, rounded down to steps of 2^-24: equal shares are equal. farthest2 0: a region
+ * of one pixel, at it; E_d is 0. */
 float sst_energy_distance(uint32_t nearest2, uint32_t farthest2);
 
 /** True if E_d of the first pair is less than that of the second, exactly. @param farthest2  above 0 */

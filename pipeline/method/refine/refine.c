@@ -8,7 +8,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
-#include "pipeline/method/refine/refine_internal.h"
+#include "pipeline/method/refine/parts.h"
 
 /* Nearest candidate so far of an unlabeled pixel with two or more: among the objects [0] and among the grounds [1]. */
 struct choice {
@@ -16,8 +16,14 @@ struct choice {
     uint8_t label[2];                   /* 0: none yet */
 };
 
+/* Grounds of a view that are planes there. */
+struct grounds {
+    uint64_t planar; /* bit i: label i + 1 is one */
+    struct sst_ground ground[SST_MAX_CLASSES];
+};
+
 /* Scratch of one worker. */
-struct refine_worker {
+struct worker {
     struct choice *choice; /* [height * width] */
     uint32_t *nearest2;    /* [height * width] */
     struct sst_planes planes;
@@ -25,9 +31,36 @@ struct refine_worker {
     struct sst_distance_scratch distance;
     uint32_t *extents; /* [height] */
     struct sst_hull hull;
-    struct refine_grounds grounds; /* of the view in work */
-    int64_t *misses;               /* [SST_DISP_BINS] */
+    int64_t *misses; /* [SST_DISP_BINS] */
+    /* of the view in work */
+    struct grounds grounds;
+    struct sst_region regions[SST_MAX_CLASSES]; /* by label - 1; zeroed: not needed */
 };
+
+/* Refinement of all views. */
+struct job {
+    struct sst_lightfield *lf; /* each view's labels are written by its own job */
+    const struct sst_refine_config *cfg;
+    struct sst_surface_frame frame;
+    uint64_t ground;      /* bit i: label i + 1 is a ground */
+    uint64_t *candidates; /* [SST_DISP_BINS] */
+    int64_t *hist;        /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
+    struct sst_label_fit fits[SST_MAX_CLASSES];
+    int *view; /* views that are refined */
+    struct worker *workers;
+    int n_workers;
+};
+
+/* True if a view is refined. */
+static bool is_refined(const struct job *job, int view)
+{
+    return job->lf->views[view].present && !(job->cfg->skip && job->cfg->skip[view]);
+}
+
+static bool is_conflict(uint64_t candidates)
+{
+    return (candidates & (candidates - 1)) != 0;
+}
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg)
 {
@@ -92,8 +125,7 @@ static int check_maps(const struct sst_lightfield *lf, const struct sst_refine_c
 }
 
 /* Normals of the region, as whole numbers. */
-static struct sst_region region_of(const struct refine_job *job, const struct refine_worker *w,
-                                   const struct sst_view *v, int label)
+static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
 {
     struct sst_region region = { { 0 }, 0, 0, { 0 } };
 
@@ -106,11 +138,8 @@ static struct sst_region region_of(const struct refine_job *job, const struct re
             if (row[x] != label)
                 continue;
             region.pixels++;
-            if (!sst_normal_at(n, &w->planes, &v->disp, &job->frame, x, y))
-                continue;
-            for (int i = 0; i < 3; i++)
-                region.sum_q20[i] += sst_surface_q20(n[i]);
-            region.normals++;
+            if (sst_normal_at(n, &w->planes, &job->frame, x, y))
+                sst_region_add(&region, n);
         }
     }
     sst_region_finish(&region);
@@ -118,9 +147,9 @@ static struct sst_region region_of(const struct refine_job *job, const struct re
 }
 
 /* Fit the planes of the grounds of a view. */
-static void find_grounds(const struct refine_job *job, struct refine_worker *w, const struct sst_view *v)
+static void find_grounds(const struct job *job, struct worker *w, const struct sst_view *v)
 {
-    struct refine_grounds *g = &w->grounds;
+    struct grounds *g = &w->grounds;
 
     g->planar = 0;
     for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
@@ -130,8 +159,7 @@ static void find_grounds(const struct refine_job *job, struct refine_worker *w, 
 }
 
 /* Candidates of an unlabeled pixel: by the label's distribution, and for a planar ground by its plane. */
-static uint64_t candidates_at(const struct refine_job *job, const struct refine_grounds *g, uint16_t disp_q6, int x,
-                              int y)
+static uint64_t candidates_at(const struct job *job, const struct grounds *g, uint16_t disp_q6, int x, int y)
 {
     uint64_t mask = job->candidates[disp_q6];
 
@@ -144,10 +172,9 @@ static uint64_t candidates_at(const struct refine_job *job, const struct refine_
     return mask;
 }
 
-/* Labels that compete for any pixel of the view; also clears the choices. @param mixed  out, those of pixels for which
+/* Labels that compete for any pixel of the view; also clears the choices. @param mixed  out, labels of pixels for which
  * an object and a ground compete: only there normals count */
-static uint64_t find_conflicts(const struct refine_job *job, const struct refine_grounds *g, struct refine_worker *w,
-                               const struct sst_view *v, uint64_t *mixed)
+static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v, uint64_t *mixed)
 {
     uint64_t seen = 0;
 
@@ -158,9 +185,9 @@ static uint64_t find_conflicts(const struct refine_job *job, const struct refine
         struct choice *choice = w->choice + (size_t)y * (size_t)v->label.width;
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, &w->grounds, disp[x], x, y) : 0;
 
-            if (!refine_is_conflict(mask))
+            if (!is_conflict(mask))
                 continue;
             choice[x] = (struct choice){ .label = { 0 } };
             seen |= mask;
@@ -186,8 +213,7 @@ static void propose(struct choice *c, int kind, int label, uint32_t nearest2, ui
 }
 
 /* Evaluate one label among objects or grounds. */
-static void compete(const struct refine_job *job, const struct refine_grounds *g, struct refine_worker *w,
-                    const struct sst_view *v, int label)
+static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label)
 {
     const uint64_t bit = (uint64_t)1 << (label - 1);
     const int kind = (job->ground & bit) != 0;
@@ -201,10 +227,10 @@ static void compete(const struct refine_job *job, const struct refine_grounds *g
         bool ready = !here;
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
+            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, &w->grounds, disp[x], x, y) : 0;
             const size_t i = (size_t)y * (size_t)v->label.width + (size_t)x;
 
-            if (!(mask & bit) || !refine_is_conflict(mask))
+            if (!(mask & bit) || !is_conflict(mask))
                 continue;
             if (!ready)
                 sst_distance_row(w->nearest2 + (size_t)y * (size_t)v->label.width, v->label.width, &w->distance);
@@ -220,10 +246,9 @@ static void compete(const struct refine_job *job, const struct refine_grounds *g
 }
 
 /* Compare the nearest object with the nearest ground; normals count only here, and only if both have some. */
-static uint8_t decide(const struct refine_job *job, const struct refine_worker *w, const struct sst_view *v,
-                      const struct sst_region *regions, int x, int y)
+static uint8_t decide(const struct job *job, const struct worker *w, int x, int y)
 {
-    const struct choice *c = &w->choice[(size_t)y * (size_t)v->label.width + (size_t)x];
+    const struct choice *c = &w->choice[(size_t)y * (size_t)w->planes.width + (size_t)x];
     const float p_distance = (float)job->cfg->p_distance, p_normal = (float)job->cfg->p_normal;
     const uint8_t object = c->label[0], ground = c->label[1];
     float e_object, e_ground, m[3];
@@ -232,10 +257,10 @@ static uint8_t decide(const struct refine_job *job, const struct refine_worker *
         return object ? object : ground;
     e_object = p_distance * sst_energy_distance(c->nearest2[0], c->farthest2[0]);
     e_ground = p_distance * sst_energy_distance(c->nearest2[1], c->farthest2[1]);
-    if (sst_region_has_normal(&regions[object - 1]) && sst_region_has_normal(&regions[ground - 1]) &&
-        sst_normal_at(m, &w->planes, &v->disp, &job->frame, x, y)) {
-        e_object += p_normal * sst_energy_normal(m, &regions[object - 1], job->cfg->tau);
-        e_ground += p_normal * sst_energy_normal(m, &regions[ground - 1], job->cfg->tau);
+    if (sst_region_has_normal(&w->regions[object - 1]) && sst_region_has_normal(&w->regions[ground - 1]) &&
+        sst_normal_at(m, &w->planes, &job->frame, x, y)) {
+        e_object += p_normal * sst_energy_normal(m, &w->regions[object - 1], job->cfg->tau);
+        e_ground += p_normal * sst_energy_normal(m, &w->regions[ground - 1], job->cfg->tau);
     }
     if (e_object == e_ground)
         return object < ground ? object : ground;
@@ -243,60 +268,57 @@ static uint8_t decide(const struct refine_job *job, const struct refine_worker *
 }
 
 /* Write all labels at the end: until then the map is the HCSM, whose regions define distances and normals. */
-static void assign(const struct refine_job *job, const struct refine_grounds *g, const struct refine_worker *w,
-                   struct sst_view *v, const struct sst_region *regions)
+static void assign(const struct job *job, const struct worker *w, struct sst_view *v)
 {
     for (int y = 0; y < v->label.height; y++) {
         uint8_t *label = sst_map_u8_row(&v->label, y);
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, &w->grounds, disp[x], x, y) : 0;
 
             if (!mask)
                 continue;
-            label[x] =
-                refine_is_conflict(mask) ? decide(job, w, v, regions, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
+            label[x] = is_conflict(mask) ? decide(job, w, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
         }
     }
 }
 
 static int refine_view(void *arg, int index, int worker)
 {
-    struct refine_job *job = arg;
+    struct job *job = arg;
     const int view = job->view[index];
-    struct refine_worker *w = &job->workers[worker];
-    const struct refine_grounds *g = &w->grounds;
+    struct worker *w = &job->workers[worker];
     struct sst_view *v = &job->lf->views[view];
-    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0, { 0 } } };
     uint64_t seen, mixed;
 
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
     find_grounds(job, w, v);
-    seen = find_conflicts(job, g, w, v, &mixed);
+    seen = find_conflicts(job, w, v, &mixed);
+    memset(w->regions, 0, sizeof(w->regions));
     if (mixed && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
         for (int label = 1; label <= job->lf->classes.count; label++) {
             if (mixed >> (label - 1) & 1)
-                regions[label - 1] = region_of(job, w, v, label);
+                w->regions[label - 1] = region_of(job, w, v, label);
         }
     }
     for (int label = 1; label <= job->lf->classes.count; label++) {
         if (seen >> (label - 1) & 1)
-            compete(job, g, w, v, label);
+            compete(job, w, v, label);
     }
-    assign(job, g, w, v, regions);
+    assign(job, w, v);
     return 0;
 }
 
 static int count_view(void *arg, int index, int worker)
 {
-    struct refine_job *job = arg;
+    struct job *job = arg;
     const struct sst_view *v = &job->lf->views[index];
     int64_t *hist = job->hist + (size_t)worker * (size_t)job->lf->classes.count * SST_DISP_BINS;
 
-    if (!refine_wants(job, index))
+    if (!is_refined(job, index))
         return 0;
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *label = sst_map_u8_row(&v->label, y);
@@ -313,7 +335,7 @@ static int count_view(void *arg, int index, int worker)
 /* Fit all labels and list the candidates of every disparity. */
 static int fit_labels(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
-    struct refine_job *job = arg;
+    struct job *job = arg;
     const struct sst_lightfield *lf = job->lf;
     const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
     int err;
@@ -337,7 +359,7 @@ static int fit_labels(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 
 static void fitted_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
 {
-    struct refine_job *job = arg;
+    struct job *job = arg;
 
     sst_share_add_values(out, job->fits, sizeof(job->fits));
     sst_share_add_values(out, job->candidates, SST_DISP_BINS * sizeof(*job->candidates));
@@ -345,15 +367,15 @@ static void fitted_values(void *arg, int index SST_UNUSED, struct sst_share_maps
 
 static void refined_map(void *arg, int index, struct sst_share_maps *out)
 {
-    struct refine_job *job = arg;
+    struct job *job = arg;
 
     sst_share_add_u8(out, &job->lf->views[job->view[index]].label);
 }
 
-static void job_fini(struct refine_job *job)
+static void job_fini(struct job *job)
 {
     for (int k = 0; job->workers && k < job->n_workers; k++) {
-        struct refine_worker *w = &job->workers[k];
+        struct worker *w = &job->workers[k];
 
         sst_mem_free(w->choice);
         sst_mem_free(w->nearest2);
@@ -372,7 +394,7 @@ static void job_fini(struct refine_job *job)
     sst_mem_free(job->view);
 }
 
-static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+static int worker_init(struct worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
     const size_t width = (size_t)lf->width, height = (size_t)lf->height, pixels = width * height;
 
@@ -394,9 +416,9 @@ static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf,
     return 0;
 }
 
-static int job_init(struct refine_job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+static int job_init(struct job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
-    *job = (struct refine_job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
+    *job = (struct job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
     job->n_workers = sst_min_int(sst_thread_count(cfg->threads), lf->rows * lf->cols);
     for (int i = 0; i < lf->classes.count; i++)
         job->ground |= (uint64_t)lf->classes.ground[i] << i;
@@ -414,7 +436,7 @@ static int job_init(struct refine_job *job, struct sst_lightfield *lf, const str
 
 int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg, struct sst_label_fit *fits)
 {
-    struct refine_job job;
+    struct job job;
     int count = 0;
     int err = check_config(cfg);
 
@@ -427,7 +449,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
                      lf->width);
     err = job_init(&job, lf, cfg);
     for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
-        if (refine_wants(&job, view))
+        if (is_refined(&job, view))
             job.view[count++] = view;
     }
     if (!err)
