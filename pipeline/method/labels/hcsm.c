@@ -52,7 +52,7 @@ static int compare(const void *a, const void *b)
     return u < v ? -1 : u > v;
 }
 
-/* Count the pixels with a true label in n_truth; pack those that a threshold can keep. */
+/* Count the pixels with a true label in n_truth; pack the pixels that a threshold can keep. */
 static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const struct sst_map_u8 *label,
                    const struct sst_map_f32 *entropy, const struct sst_map_u8 *truth)
 {

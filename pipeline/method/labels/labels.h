@@ -17,8 +17,8 @@ struct sst_epsilon_result {
  * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (design.md, 5.1): an exact scan of all thresholds in
  * O(n log n), compared in the log domain; ties (to 1e-13) go to the smaller one.
  *
- * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H <
- * eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all pixels not kept with the right label. So Acc = TP
+ * Over the N pixels whose truth is not 0 (the background is left out), where pixels are kept whose label is not 0 and
+ * H < eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all pixels not kept with the right label. So Acc = TP
  * / kept and Cvg = TP / N. Pixels of equal entropy enter together; eps_h lies halfway between the last entropy kept and
  * the first one dropped, or just above the last where all are kept.
  *
@@ -37,8 +37,8 @@ struct sst_segmenter; /* a segmentation network with its class list; one thread 
  * a YAML file beside it (pipeline/method/labels/model_info.h).
  * @param precision  of the network, see sst_network_open()
  * @param threads  at least 1
- * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and what sst_network_open()
- * returns; logged.
+ * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and the errors of
+ * sst_network_open(); logged.
  */
 SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision,
                                       int threads);
@@ -66,7 +66,7 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 
 /** How images are scaled and cut for the network. Zeroed: the default. */
 struct sst_segment_config {
-    double scale; /* side of the network's input over that of the nominal working size; 0: chosen by the image's size */
+    double scale; /* side of the network's input over that side of the nominal size; 0: chosen by the image's size */
     bool windows; /* overlapping windows of the nominal size instead of one run */
 };
 
@@ -78,7 +78,7 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
  *
  * The network's input keeps the image's proportions, with sides that are multiples of 8; for a network of fixed size,
  * or fixed-size windows, the image is stretched to the nominal size. By default an image whose sides are 1 to 1.5 times
- * those of the nominal working size (by area) is not resized; others are resized to the nearer of the two limits:
+ * the sides of the nominal working size (by area) is not resized; others are resized to the nearer of the two limits:
  * objects then have the sizes that networks learn (measured: docs/measured/bench-labels.md). Windows are blended where
  * they overlap. Probabilities are upsampled along the edges of the image (upsample.c). Apart from label and entropy,
  * memory does not grow with the image unless prob is requested. Same bytes for any number of threads.

@@ -18,7 +18,7 @@ struct sst_model_info {
     int width, height; /* nominal working size */
     bool fixed_size;   /* the network accepts that size only; images are stretched to it */
     bool probabilities; /* the values of the output, else logits */
-    bool background;    /* the output has one channel, which is channel 1: 0 is what it leaves to the background */
+    bool background;    /* the output has one channel, which is channel 1: 0 is its rest, the background */
     char last_op[24];   /* Softmax or Sigmoid that ends the network; "": neither */
 };
 
@@ -29,7 +29,7 @@ struct sst_model_info {
  *
  * @param net   the network's metadata and its fixed input size count
  * @param path  of the network
- * @return 0, -EBADMSG (faults: those of the YAML file with line and column, a sentence each), -ENOMEM; logged.
+ * @return 0, -EBADMSG (faults; of the YAML file with line and column, a sentence each), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_network *net,
                                               const char *path);

@@ -164,7 +164,7 @@ struct working {
     float *picture, *window, *out; /* [3][height][width]; the part inside a window (NULL: all); its result */
 };
 
-/* Sides at the image's proportions: `scale` times those of the nominal area. */
+/* Sides at the image's proportions: `scale` times the sides of the nominal area. */
 static void working_size(struct working *w, const struct sst_segmenter *seg, const struct sst_image *img)
 {
     const double nominal = (double)seg->info.width * seg->info.height, area = (double)img->width * img->height;
@@ -222,7 +222,7 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     return err;
 }
 
-/* The values of a cell, one for each channel; of one channel alone also what it leaves to the background. */
+/* The values of a cell, one for each channel; of one channel alone also its rest, the background. */
 static void read_values(float *p, const float *out, size_t plane, const struct sst_model_info *info)
 {
     const int first = info->background ? 1 : 0;

@@ -7,7 +7,7 @@
 
 #include "pipeline/method/refine/refine.h"
 
-#define SST_DISP_BINS         65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
+#define SST_DISP_BINS         65536 /* one per stored disparity; the one of SST_DISP_NONE stays empty */
 #define SST_NORMAL_WINDOW_MIN 21    /* smaller windows give noise: 5x5 normals are off by some 30 degrees */
 #define SST_NORMAL_WINDOW_MAX 127   /* keeps every product of sums inside int64_t */
 
@@ -127,12 +127,12 @@ struct sst_surface_frame sst_normal_frame_of(const struct sst_lightfield *lf, co
 /**
  * Unit normal of the surface at a pixel.
  *
- * The plane is that of one of the nine windows that are centred on the pixel or touch it with an edge or corner: the
+ * The plane belongs to one of the nine windows that are centred on the pixel or touch it with an edge or corner: the
  * one with the least residual variance, centre first, plus the squared residual of the pixel itself where it exceeds
  * noise. So windows across an edge lose to one on the pixel's own side of it. With d = a x + b y + c from the principal
  * point, the plane in space is f a X + f b Y + c Z = f B, so the normal is (f a, f b, c), c the plane's value at the
  * principal point. Its product with the viewing ray (x, y, f) is f d > 0: all normals point away from the camera, so
- * those of one surface agree in sign.
+ * normals of one surface agree in sign.
  *
  * @return false if there is none, or the best score is frame->score_max or more; n is then untouched
  */
@@ -212,7 +212,7 @@ float sst_energy_normal(const float m[3], const struct sst_region *region, doubl
  * of one pixel, at it; E_d is 0. */
 float sst_energy_distance(uint32_t nearest2, uint32_t farthest2);
 
-/** True if E_d of the first pair is less than that of the second, exactly. @param farthest2  above 0 */
+/** True if E_d of the first pair is less than E_d of the second, exactly. @param farthest2  above 0 */
 bool sst_energy_is_nearer(uint32_t nearest2, uint32_t farthest2, uint32_t other_nearest2, uint32_t other_farthest2);
 
 #endif

@@ -1,5 +1,5 @@
-/* pipeline/method/refine/refine.h - labels the unlabeled rays by their disparity (paper: disparity-guided
- * refinement). */
+/* pipeline/method/refine/refine.h - label refinement: labels of the unlabeled rays by their disparity (paper:
+ * disparity-guided refinement). */
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H
 
@@ -35,7 +35,7 @@ struct sst_label_fit {
  * Refine views[].label in place: HCSM in (0 = unlabeled), labels with the gaps filled out. Needs disp of every present
  * view.
  *
- * Distributions come from the confident pixels of all views, the regions of the energy from those of the same view.
+ * Distributions come from the confident pixels of all views, the regions of the energy from the same view.
  * An unlabeled pixel without a candidate or a disparity stays unlabeled; a single candidate is assigned. Among several,
  * objects compete by E_d alone, and so do grounds; the best object and the best ground then compete by E = p_n E_n +
  * p_d E_d, because normals only distinguish a ground from objects on it. Ties go to the smaller label. A candidate that
