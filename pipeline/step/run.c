@@ -345,11 +345,6 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
     sst_runner_unlock(user->runner);
 }
 
-struct sst_gpu *sst_run_gpu(struct sst_run *r)
-{
-    return r->gpu;
-}
-
 /* Work on the CPU, for messages. */
 static const char *phrase_of(const struct sst_run *r, char text[64])
 {

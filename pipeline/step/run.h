@@ -96,9 +96,6 @@ bool sst_run_failed(const struct sst_run *r);
  * @return false: it failed otherwise, or did not fail */
 bool sst_run_retry(struct sst_run *r);
 
-/** The device, for work that has buffers of its own. */
-struct sst_gpu *sst_run_gpu(const struct sst_run *r);
-
 /** A plane of a view, current. */
 struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view);
 
@@ -156,8 +153,8 @@ const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size
 /** The contents of a range, once all that was dispatched is done. @param data  out; as it was after an error */
 void sst_run_read(struct sst_run *r, void *data, struct sst_gpu_range from, size_t bytes);
 
-/** The device, for other work on the same buffers; its errors are to be noted by sst_run_fail(). */
-struct sst_gpu *sst_run_gpu(struct sst_run *r);
+/** The device, for other work; its errors are to be noted by sst_run_fail(). */
+struct sst_gpu *sst_run_gpu(const struct sst_run *r);
 
 /** Where a disparity puts a pixel, for shaders. @return 0, -EOVERFLOW: it does not fit 32 bits */
 SST_MUST_CHECK int sst_step_shift(struct sst_gpu_shift *out, struct sst_shift across, struct sst_shift down);
