@@ -85,7 +85,7 @@ static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, 
         for (int x = 0; x < to->width; x += 16) {
             double at[2];
 
-            if (sst_rectify_point(to, calib, view, x, y, &at[0], &at[1]))
+            if (sst_rectify_point(to, calib, view, (const double[2]){ x, y }, at))
                 return true;
         }
     }
@@ -279,11 +279,11 @@ static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_
             const double dx = x < middle_x ? 1 : -1, dy = y < middle_y ? 1 : -1;
             double at[2], right[2], below[2];
 
-            if (!sst_rectify_point(lf->rectified, c, view, x, y, &at[0], &at[1]))
+            if (!sst_rectify_point(lf->rectified, c, view, (const double[2]){ x, y }, at))
                 continue;
             seen++;
-            if (sst_rectify_point(lf->rectified, c, view, x + dx, y, &right[0], &right[1]) &&
-                sst_rectify_point(lf->rectified, c, view, x, y + dy, &below[0], &below[1]))
+            if (sst_rectify_point(lf->rectified, c, view, (const double[2]){ x + dx, y }, right) &&
+                sst_rectify_point(lf->rectified, c, view, (const double[2]){ x, y + dy }, below))
                 area += fabs((right[0] - at[0]) * (below[1] - at[1]) - (right[1] - at[1]) * (below[0] - at[0]));
         }
     }

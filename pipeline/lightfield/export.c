@@ -56,22 +56,21 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     /* Nine significant digits of a spacing in any unit. */
     const int digits = sst_clamp_int(9 - (int)floor(log10(unit)), 6, 18);
     char path[SST_PATH_MAX], name[SST_NAME_MAX];
-    uint8_t *data = NULL;
-    size_t size = 0;
+    struct view_file file = { .data = NULL };
     int err = 0;
 
     if (!v->present)
         return 0;
     if (!job->lf.calibration)
-        err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
+        err = read_view(&file, &job->lf, k, job->cfg->dir);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
-             v->by * unit, digits, v->bx * unit, !data || data[0] == 0x89 ? "png" : "jpg");
+             v->by * unit, digits, v->bx * unit, !file.data || file.data[0] == 0x89 ? "png" : "jpg");
     err = sst_path_join(path, job->out, name);
     if (!err)
-        err = data ? sst_jpeg_write(path, data, size) : sst_image_write_png(&v->image, path);
-    free(data);
+        err = file.data ? sst_jpeg_write(path, file.data, file.size) : sst_image_write_png(&v->image, path);
+    free(file.data);
     return err;
 }
 
@@ -122,27 +121,25 @@ static int hci_disparity(const struct export_job *job, int k, const char *name)
 /* HCI readers require PNG: other views are decoded, PNG files are copied. */
 static int hci_image(const struct export_job *job, int k, const char *path)
 {
-    char from[SST_PATH_MAX];
+    struct view_file file;
     struct sst_image img;
-    uint8_t *data;
-    size_t size;
     int err;
 
     if (job->lf.calibration)
         return sst_image_write_png(&job->lf.views[k].image, path);
-    err = read_view(&job->lf, k, job->cfg->dir, from, &data, &size);
+    err = read_view(&file, &job->lf, k, job->cfg->dir);
     if (err)
         return err;
-    if (data[0] == 0x89) {
-        err = sst_file_write(path, data, size);
+    if (file.data[0] == 0x89) {
+        err = sst_file_write(path, file.data, file.size);
     } else {
-        err = sst_image_decode(&img, data, size, from);
+        err = sst_image_decode(&img, file.data, file.size, file.path);
         if (!err) {
             err = sst_image_write_png(&img, path);
             sst_image_fini(&img);
         }
     }
-    free(data);
+    free(file.data);
     return err;
 }
 
@@ -253,22 +250,21 @@ static void image_name(const struct export_job *job, int view, char out[64])
 static int posed_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct export_job *job = arg;
-    char path[SST_PATH_MAX], name[64], file[80];
-    uint8_t *data;
-    size_t size;
+    char path[SST_PATH_MAX], name[64], to[80];
+    struct view_file file;
     int err;
 
     if (!job->lf.views[k].present)
         return 0;
-    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
+    err = read_view(&file, &job->lf, k, job->cfg->dir);
     if (err)
         return err;
     image_name(job, k, name);
-    snprintf(file, sizeof(file), "images/%s", name);
-    err = sst_path_join(path, job->out, file);
+    snprintf(to, sizeof(to), "images/%s", name);
+    err = sst_path_join(path, job->out, to);
     if (!err)
-        err = sst_jpeg_write(path, data, size);
-    free(data);
+        err = sst_jpeg_write(path, file.data, file.size);
+    free(file.data);
     return err;
 }
 
@@ -369,8 +365,9 @@ int sst_export(const struct sst_export_config *cfg)
     while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, cfg->format))
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
-        sst_log_error("unknown export format `%s`;%s use stanford, hci, colmap or nerfstudio", cfg->format,
-                      sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "colmap", "nerfstudio", NULL }));
+        sst_log_error(
+            "unknown export format `%s`;%s use stanford, hci, colmap or nerfstudio", cfg->format,
+            sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "colmap", "nerfstudio", NULL }));
         return -EINVAL;
     }
     if (strcmp(f->name, "nerfstudio") && cfg->lossy) {

@@ -38,10 +38,11 @@ static int check_infinity(const struct sst_lightfield *lf, const char *dir)
     const bool ranged = lf->range_min_px < lf->range_max_px;
 
     if (!lf->infinity_known && ranged && lf->range_min_px < 0) {
-        sst_log_error("%s has disparities down to %.2f px, so its views converge (parallel ones have none below 0), and "
-                      "it is not known where; add --focus-mm Z, the distance at which the disparity is 0, or "
-                      "--infinity-px D, the disparity of what is infinitely far",
-                      dir, lf->range_min_px);
+        sst_log_error(
+            "%s has disparities down to %.2f px, so its views converge (parallel ones have none below 0), and "
+            "it is not known where; add --focus-mm Z, the distance at which the disparity is 0, or "
+            "--infinity-px D, the disparity of what is infinitely far",
+            dir, lf->range_min_px);
         return -EBADMSG;
     }
     if (!lf->infinity_known)
@@ -315,8 +316,13 @@ static void put_rig_config(FILE *f, const struct colmap_model *m)
     fputs("\n]}]\n", f);
 }
 
-static void put_commands(FILE *f, const struct colmap_model *m, const char *versions, const char *extraction,
-                         const char *matching, const char *between)
+/* Versions of COLMAP, and the names of their options. */
+struct colmap_release {
+    const char *versions, *extraction, *matching;
+};
+
+/* @param between  command after the extraction, a line, or "" */
+static void put_commands(FILE *f, const struct colmap_model *m, const struct colmap_release *of, const char *between)
 {
     fprintf(f,
             "\n# COLMAP %s\n"
@@ -327,19 +333,25 @@ static void put_commands(FILE *f, const struct colmap_model *m, const char *vers
             "mkdir points\n"
             "colmap point_triangulator --database_path points.db --image_path images --input_path sparse/0 "
             "--output_path points --clear_points 1\n",
-            versions, camera_model(m), m->calib->rig ? " --ImageReader.single_camera 1" : "", extraction, extraction,
-            between, matching);
+            of->versions, camera_model(m), m->calib->rig ? " --ImageReader.single_camera 1" : "", of->extraction,
+            of->extraction, between, of->matching);
 }
 
 static void put_readme(FILE *f, const struct colmap_model *m)
 {
-    fputs("A model without points in sparse/0, lengths in metres. To make points for its poses, run in this folder, with an\n"
-          "empty database: one thread numbers the images in the order of their names, as the model does. Leave out use_gpu 0\n"
+    static const struct colmap_release before = { "3.8 to 3.11", "SiftExtraction", "SiftMatching" };
+    static const struct colmap_release since = { "3.12 and later", "FeatureExtraction", "FeatureMatching" };
+
+    fputs("A model without points in sparse/0, lengths in metres. To make points for its poses, run in this folder, "
+          "with an\n"
+          "empty database: one thread numbers the images in the order of their names, as the model does. Leave out "
+          "use_gpu 0\n"
           "where COLMAP has CUDA.\n",
           f);
-    put_commands(f, m, "3.8 to 3.11", "SiftExtraction", "SiftMatching", "");
-    put_commands(f, m, "3.12 and later", "FeatureExtraction", "FeatureMatching",
-                 m->one_rig ? "colmap rig_configurator --database_path points.db --rig_config_path rig_config.json\n" : "");
+    put_commands(f, m, &before, "");
+    put_commands(f, m, &since,
+                 m->one_rig ? "colmap rig_configurator --database_path points.db --rig_config_path rig_config.json\n"
+                            : "");
 }
 
 int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
@@ -348,9 +360,12 @@ int colmap_write(const struct sst_calib *calib, const char (*name)[64], const ch
         const char *name;
         void (*put)(FILE *f, const struct colmap_model *m);
         bool one_rig; /* of an array only */
-    } files[] = { { "sparse/0/cameras.txt", put_cameras, false }, { "sparse/0/images.txt", put_images, false },
-                  { "sparse/0/points3D.txt", put_points, false }, { "sparse/0/rigs.txt", put_rigs, false },
-                  { "sparse/0/frames.txt", put_frames, false },   { "rig_config.json", put_rig_config, true },
+    } files[] = { { "sparse/0/cameras.txt", put_cameras, false },
+                  { "sparse/0/images.txt", put_images, false },
+                  { "sparse/0/points3D.txt", put_points, false },
+                  { "sparse/0/rigs.txt", put_rigs, false },
+                  { "sparse/0/frames.txt", put_frames, false },
+                  { "rig_config.json", put_rig_config, true },
                   { "README.txt", put_readme, false } };
     char path[SST_PATH_MAX];
     struct colmap_model m;

@@ -132,9 +132,15 @@ SST_MUST_CHECK int make_folder(const char *dir, const char *name);
 /** Path of a view's file. */
 SST_MUST_CHECK int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int view, const char *dir);
 
-/** Read a view's file and check its hash. @param path out, for messages @param data out, free with free() */
-SST_MUST_CHECK int read_view(const struct sst_lightfield *lf, int view, const char *dir, char path[SST_PATH_MAX],
-                             uint8_t **data, size_t *size);
+/** File of a view in memory. */
+struct view_file {
+    char path[SST_PATH_MAX]; /* for messages */
+    uint8_t *data;           /* free with free() */
+    size_t size;
+};
+
+/** Read a view's file and check its hash. @param out  out; without data on failure */
+SST_MUST_CHECK int read_view(struct view_file *out, const struct sst_lightfield *lf, int view, const char *dir);
 
 /** SHA-256 of a file as lower-case hex. */
 SST_MUST_CHECK int file_sha256(char out[65], const char *path);

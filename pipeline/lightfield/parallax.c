@@ -32,22 +32,29 @@ struct scene {
     double widest; /* spacings */
 };
 
+/* Block of BLOCK x BLOCK pixels in a picture. */
+struct block {
+    const struct sst_image *image;
+    int x, y;
+};
+
 static int pixel(const struct sst_image *img, int x, int y)
 {
     return sst_image_row(img, 1, y)[x];
 }
 
-/* Variance of a block, and of the block that is (dx, dy) px away in another picture, and their covariance.
- * @return false: outside */
-static bool moments(const struct sst_image *a, const struct sst_image *b, int x0, int y0, int dx, int dy, double out[3])
+/* Variances of a block, which is inside its picture, and of a block in another picture, and their covariance.
+ * @return false: the other block is outside */
+static bool moments(const struct block *a, const struct block *b, double out[3])
 {
     const double n = BLOCK * BLOCK;
     int64_t sa = 0, sb = 0, aa = 0, bb = 0, ab = 0;
 
-    if (x0 + dx < 0 || y0 + dy < 0 || x0 + dx + BLOCK > b->width || y0 + dy + BLOCK > b->height)
+    if (b->x < 0 || b->y < 0 || b->x + BLOCK > b->image->width || b->y + BLOCK > b->image->height)
         return false;
-    for (int y = y0; y < y0 + BLOCK; y++) {
-        const uint8_t *p = sst_image_row(a, 1, y) + x0, *q = sst_image_row(b, 1, y + dy) + x0 + dx;
+    for (int y = 0; y < BLOCK; y++) {
+        const uint8_t *p = sst_image_row(a->image, 1, a->y + y) + a->x,
+                      *q = sst_image_row(b->image, 1, b->y + y) + b->x;
 
         for (int x = 0; x < BLOCK; x++) {
             sa += p[x];
@@ -66,13 +73,15 @@ static bool moments(const struct sst_image *a, const struct sst_image *b, int x0
 /* Mean correlation of a block with the places in the other views that have this disparity; -1: outside most views. */
 static double correlation(const struct scene *s, int x0, int y0, double disp_px)
 {
+    const struct block own = { s->ref, x0, y0 };
     double sum = 0, m[3];
     int n = 0;
 
     for (int i = 0; i < s->pairs; i++) {
         const int dx = (int)lround(-disp_px * s->pair[i].bx), dy = (int)lround(-disp_px * s->pair[i].by);
+        const struct block there = { s->pair[i].image, x0 + dx, y0 + dy };
 
-        if (!moments(s->ref, s->pair[i].image, x0, y0, dx, dy, m))
+        if (!moments(&own, &there, m))
             continue;
         sum += m[0] > 0 && m[1] > 0 ? m[2] / sqrt(m[0] * m[1]) : 0;
         n++;
@@ -137,13 +146,21 @@ static int block_y(const struct scene *s, int i)
     return block_at(i / BLOCKS, s->ref->height);
 }
 
+/* Block i of a picture. */
+static struct block block_of(const struct scene *s, const struct sst_image *image, int i)
+{
+    return (struct block){ image, block_x(s, i), block_y(s, i) };
+}
+
 /* Variance of the noise: half the variance of differences at the same place, the lower quartile of all blocks. */
 static double noise_variance(const struct scene *s)
 {
     double var[BLOCKS * BLOCKS], m[3];
 
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
-        (void)moments(s->ref, s->pair[0].image, block_x(s, i), block_y(s, i), 0, 0, m);
+        const struct block own = block_of(s, s->ref, i), there = block_of(s, s->pair[0].image, i);
+
+        (void)moments(&own, &there, m);
         var[i] = 0.5 * (m[0] + m[1] - 2 * m[2]);
     }
     sst_stats_sort_double(var, BLOCKS * BLOCKS);
@@ -156,10 +173,10 @@ static int select_textured(const struct scene *s, double noise, bool *use)
     int n = 0;
 
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        const struct block own = block_of(s, s->ref, i);
         double m[3];
 
-        use[i] =
-            moments(s->ref, s->ref, block_x(s, i), block_y(s, i), 0, 0, m) && m[0] > CONTRAST * CONTRAST + 4 * noise;
+        use[i] = moments(&own, &own, m) && m[0] > CONTRAST * CONTRAST + 4 * noise;
         n += use[i];
     }
     return n;

@@ -16,32 +16,32 @@ struct job {
     const char *out; /* the output's temporary folder */
 };
 
-static int copy_frame(const struct job *job, int k, const char *from, const uint8_t *data, size_t size)
+static int copy_frame(const struct job *job, int k, const struct view_file *from)
 {
     char to[SST_PATH_MAX];
     struct sst_image img;
     int err = view_path(to, &job->lf, k, job->out);
 
     if (!err)
-        err = sst_image_decode(&img, data, size, from);
+        err = sst_image_decode(&img, from->data, from->size, from->path);
     if (err)
         return err;
     if (img.width != job->lf.calibration->width || img.height != job->lf.calibration->height) {
-        sst_log_error("%s has %dx%d pixels, the calibration is of frames of %dx%d", from, img.width, img.height,
+        sst_log_error("%s has %dx%d pixels, the calibration is of frames of %dx%d", from->path, img.width, img.height,
                       job->lf.calibration->width, job->lf.calibration->height);
         err = -EBADMSG;
     }
     sst_image_fini(&img);
-    return err ? err : sst_file_write(to, data, size);
+    return err ? err : sst_file_write(to, from->data, from->size);
 }
 
 /* Write the rectified picture as PNG. */
-static int bake_frame(struct job *job, int k, const char *from, const uint8_t *data, size_t size)
+static int bake_frame(struct job *job, int k, const struct view_file *from)
 {
     struct sst_view *v = &job->lf.views[k];
     struct sst_lightfield_file *file = &job->lf.files->view[k];
     char to[SST_PATH_MAX];
-    int err = sst_image_decode_samples(&v->image, data, size, from, job->lf.samples);
+    int err = sst_image_decode_samples(&v->image, from->data, from->size, from->path, job->lf.samples);
 
     if (!err)
         err = calibration_rectify_view(&job->lf, k);
@@ -61,20 +61,18 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
 static int convert_view(void *arg, int k, int worker)
 {
     struct job *job = arg;
-    char path[SST_PATH_MAX];
-    uint8_t *data;
-    size_t size;
+    struct view_file file;
     int err;
 
     if (!job->lf.views[k].present)
         return 0;
     if (!worker && job->cfg->progress)
         job->cfg->progress(job->cfg->progress_arg, k / ((double)job->lf.rows * job->lf.cols));
-    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
+    err = read_view(&file, &job->lf, k, job->cfg->dir);
     if (err)
         return err;
-    err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, k, path, data, size);
-    free(data);
+    err = job->cfg->bake ? bake_frame(job, k, &file) : copy_frame(job, k, &file);
+    free(file.data);
     return err;
 }
 

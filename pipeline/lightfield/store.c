@@ -65,30 +65,37 @@ int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, co
     return sst_path_join(out, dir, name);
 }
 
+/* Read a view's file. */
+static int read_file(struct view_file *out, const struct sst_lightfield *lf, int k, const char *dir)
+{
+    int err;
+
+    out->data = NULL;
+    err = view_path(out->path, lf, k, dir);
+    return err ? err : sst_file_read(out->path, SST_VIEW_FILE_MAX, &out->data, &out->size);
+}
+
 /* Compare a view's file with the hash of lightfield.json. @param remedy  for the message */
-static int check_hash(const struct sst_lightfield *lf, int k, const char *path, const char *remedy, const uint8_t *data,
-                      size_t size)
+static int check_hash(const struct sst_lightfield *lf, int k, const struct view_file *file, const char *remedy)
 {
     char hash[65];
 
-    sst_sha256_hex(hash, data, size);
+    sst_sha256_hex(hash, file->data, file->size);
     if (!strcmp(hash, lf->files->view[k].sha256))
         return 0;
-    sst_log_error("%s has changed since it was stored (its SHA-256 differs); %s", path, remedy);
+    sst_log_error("%s has changed since it was stored (its SHA-256 differs); %s", file->path, remedy);
     return -EBADMSG;
 }
 
-int read_view(const struct sst_lightfield *lf, int k, const char *dir, char path[SST_PATH_MAX], uint8_t **data,
-              size_t *size)
+int read_view(struct view_file *out, const struct sst_lightfield *lf, int k, const char *dir)
 {
-    int err = view_path(path, lf, k, dir);
+    int err = read_file(out, lf, k, dir);
 
-    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
-    if (err)
-        return err;
-    err = check_hash(lf, k, path, "import it again", *data, *size);
-    if (err)
-        free(*data);
+    err = err ? err : check_hash(lf, k, out, "import it again");
+    if (err) {
+        free(out->data);
+        out->data = NULL;
+    }
     return err;
 }
 
@@ -112,21 +119,21 @@ static int check_raw_size(const struct sst_calib *calib, const char *path, const
     return -EBADMSG;
 }
 
-/* Keep the file of a raw frame, which is decoded when it is needed. Owns data in any case. */
-static int keep_encoded(const struct job *job, int k, const char *path, uint8_t *data, size_t size)
+/* Keep the file of a raw frame, which is decoded when it is needed. Owns its data in any case. */
+static int keep_encoded(const struct job *job, int k, const struct view_file *file)
 {
     struct sst_image frame = { 0 }; /* its size alone */
-    int err = sst_image_decode_size(&frame.width, &frame.height, data, size, path);
+    int err = sst_image_decode_size(&frame.width, &frame.height, file->data, file->size, file->path);
 
-    err = err ? err : check_raw_size(job->lf->calibration, path, &frame);
+    err = err ? err : check_raw_size(job->lf->calibration, file->path, &frame);
     if (!err && !(job->what & SST_LOAD_UNVERIFIED))
-        err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
+        err = check_hash(job->lf, k, file, "import it again, or add --no-verify");
     if (err) {
-        free(data);
+        free(file->data);
         return err;
     }
-    job->lf->views[k].encoded = data;
-    job->lf->views[k].encoded_bytes = size;
+    job->lf->views[k].encoded = file->data;
+    job->lf->views[k].encoded_bytes = file->size;
     return 0;
 }
 
@@ -135,21 +142,19 @@ static int load_image(const struct job *job, int k)
 {
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
-    char path[SST_PATH_MAX];
-    uint8_t *data = NULL;
-    size_t size;
-    int err = view_path(path, job->lf, k, job->dir);
+    struct view_file file;
+    int err = read_file(&file, job->lf, k, job->dir);
 
-    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
-    if (!err && calib && job->what & SST_LOAD_RAW && job->what & SST_LOAD_ENCODED && sst_image_is_jpeg(data, size))
-        return keep_encoded(job, k, path, data, size);
-    err = err ? err : sst_image_decode_samples(&v->image, data, size, path, job->lf->samples);
+    if (!err && calib && job->what & SST_LOAD_RAW && job->what & SST_LOAD_ENCODED &&
+        sst_image_is_jpeg(file.data, file.size))
+        return keep_encoded(job, k, &file);
+    err = err ? err : sst_image_decode_samples(&v->image, file.data, file.size, file.path, job->lf->samples);
     if (!err)
-        err =
-            calib ? check_raw_size(calib, path, &v->image) : check_size(job->lf, path, v->image.width, v->image.height);
+        err = calib ? check_raw_size(calib, file.path, &v->image)
+                    : check_size(job->lf, file.path, v->image.width, v->image.height);
     if (!err && !(job->what & SST_LOAD_UNVERIFIED))
-        err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
-    free(data);
+        err = check_hash(job->lf, k, &file, "import it again, or add --no-verify");
+    free(file.data);
     if (!err && !calib && job->lf->correction)
         err = correction_apply(job->lf, k, &job->lf->correction[k], job->what & SST_LOAD_ORIGINALS);
     return err || !calib || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
@@ -290,13 +295,10 @@ int file_sha256(char out[65], const char *path)
 static int verify_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    char path[SST_PATH_MAX];
-    uint8_t *data = NULL;
-    size_t size;
-    const int err = job->in->views[k].present ? read_view(job->in, k, job->dir, path, &data, &size) : 0;
+    struct view_file file = { .data = NULL };
+    const int err = job->in->views[k].present ? read_view(&file, job->in, k, job->dir) : 0;
 
-    if (!err)
-        free(data);
+    free(file.data);
     return err;
 }
 

@@ -47,7 +47,7 @@ struct carried {
 
 static bool to_raw(const struct carried *c, int view, double x, double y, double raw[2])
 {
-    return sst_rectify_point(&c->to, c->calib, view, x, y, &raw[0], &raw[1]);
+    return sst_rectify_point(&c->to, c->calib, view, (const double[2]){ x, y }, raw);
 }
 
 /* Where the rectified picture shows what the raw one has at (x, y): Newton's method on the way that pictures take. */

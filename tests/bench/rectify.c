@@ -91,11 +91,11 @@ static void places_of(struct sst_map_f32 *x, struct sst_map_f32 *y, const struct
 {
     for (int row = 0; row < x->height; row++) {
         for (int col = 0; col < x->width; col++) {
-            double u, v;
-            const bool seen = sst_rectify_point(to, calib, 1, col, row, &u, &v);
+            double raw[2];
+            const bool seen = sst_rectify_point(to, calib, 1, (const double[2]){ col, row }, raw);
 
-            sst_map_f32_row(x, row)[col] = seen ? (float)u : -1;
-            sst_map_f32_row(y, row)[col] = seen ? (float)v : -1;
+            sst_map_f32_row(x, row)[col] = seen ? (float)raw[0] : -1;
+            sst_map_f32_row(y, row)[col] = seen ? (float)raw[1] : -1;
         }
     }
 }
@@ -214,12 +214,12 @@ static void errors_against_double(struct errors *errors, const struct sst_image 
     make(&out, raw, &to, &calib, filter, opencv);
     for (int y = 0; y < out.height; y += 3) {
         for (int x = 0; x < out.width; x++) {
-            double u, v, e;
+            double at[2], e;
 
-            if (!sst_rectify_point(&to, &calib, 1, x, y, &u, &v) || u < MARGIN || v < MARGIN ||
-                u > raw->width - MARGIN || v > raw->height - MARGIN)
+            if (!sst_rectify_point(&to, &calib, 1, (const double[2]){ x, y }, at) || at[0] < MARGIN ||
+                at[1] < MARGIN || at[0] > raw->width - MARGIN || at[1] > raw->height - MARGIN)
                 continue;
-            e = sst_image_row(&out, 1, y)[x] - exact_sample(raw, filter, 1, u, v);
+            e = sst_image_row(&out, 1, y)[x] - exact_sample(raw, filter, 1, at[0], at[1]);
             worst = fmax(worst, fabs(e));
             sum2 += e * e;
             n++;

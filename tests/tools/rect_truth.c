@@ -49,11 +49,11 @@ static bool true_ray(const struct work *w, int view, int x, int y, double ray[3]
 {
     const struct sim_camera *c = sim_stage_camera(w->stage, view);
     const struct sst_calib *calib = w->lf->calibration;
-    double raw_x, raw_y, a, b, to[3];
+    double raw[2], a, b, to[3];
 
-    if (!sst_rectify_point(w->lf->rectified, calib, view, x, y, &raw_x, &raw_y) || !(raw_x >= 0) || !(raw_y >= 0) ||
-        raw_x > calib->width - 1 || raw_y > calib->height - 1 ||
-        !sim_camera_undistort(c, (raw_x - c->cx) / c->fx, (raw_y - c->cy) / c->fy, &a, &b))
+    if (!sst_rectify_point(w->lf->rectified, calib, view, (const double[2]){ x, y }, raw) || !(raw[0] >= 0) ||
+        !(raw[1] >= 0) || raw[0] > calib->width - 1 || raw[1] > calib->height - 1 ||
+        !sim_camera_undistort(c, (raw[0] - c->cx) / c->fx, (raw[1] - c->cy) / c->fy, &a, &b))
         return false;
     for (int i = 0; i < 3; i++)
         to[i] = c->rotation[i] * a + c->rotation[3 + i] * b + c->rotation[6 + i];

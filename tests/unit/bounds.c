@@ -342,7 +342,7 @@ static void rectified_points(void **state SST_UNUSED)
                 int32_t xy_q8[2];
                 double raw[2];
 
-                if (!sst_rectify_point(&to, &calib, k, x, y, &raw[0], &raw[1]))
+                if (!sst_rectify_point(&to, &calib, k, (const double[2]){ x, y }, raw))
                     continue;
                 for (int r = 0; r < 3; r++) {
                     rig[r] = 0;

@@ -362,13 +362,13 @@ static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
             struct gain_factors f;
             float scratch[80];
 
-            gain_map_row(map, x0, y, 40, scratch, &f);
+            gain_map_row(map, &(struct rectified_row){ x0, y, 40 }, scratch, &f);
             for (int n = 0; n < 40 && x0 + n <= WIDTH - 1; n++) {
-                double u, v, want;
+                double raw[2], want;
 
-                if (!sst_rectify_point(&to, &calib, 1, x0 + n, y, &u, &v))
+                if (!sst_rectify_point(&to, &calib, 1, (const double[2]){ x0 + n, y }, raw))
                     continue;
-                want = 1 / falloff_of(&calib.camera[1], u, v);
+                want = 1 / falloff_of(&calib.camera[1], raw[0], raw[1]);
                 worst = fmax(worst, fabs(f.falloff[n] / want - 1));
                 assert_true(fabs(f.falloff_root[n] / pow(want, 1 / 2.4) - 1) < 1e-3);
                 compared++;
@@ -399,7 +399,7 @@ static void factors_stay_sane(void **state SST_UNUSED)
     calib.camera[0].falloff[1] = calib.camera[0].falloff[2] = 0;
     calib.camera[0].gain[2] = 1e-4;
     assert_int_equal(gain_map_create(&map, &to, &calib, 0), 0);
-    gain_map_row(map, 0, 0, WIDTH, scratch, &f);
+    gain_map_row(map, &(struct rectified_row){ 0, 0, WIDTH }, scratch, &f);
     assert_true(f.gain[2] == 8);
     for (int i = 0; i < WIDTH; i++)
         assert_true(f.falloff[i] >= 1 && f.falloff[i] <= 8);

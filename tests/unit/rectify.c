@@ -398,11 +398,11 @@ static void rectified_place(const struct sst_rectified *to, const struct sst_cal
     out[0] = to->focal_px * to->view[k].scale * d[0] / d[2] + to->cx;
     out[1] = to->focal_px * to->view[k].scale * d[1] / d[2] + to->cy;
     if (x > 0 && y > 0 && x < calib->width - 1 && y < calib->height - 1) { /* and the chain leads back */
-        double u, v;
+        double raw[2];
 
-        assert_true(sst_rectify_point(to, calib, k, out[0], out[1], &u, &v));
-        NEAR(u, x, 1e-8);
-        NEAR(v, y, 1e-8);
+        assert_true(sst_rectify_point(to, calib, k, out, raw));
+        NEAR(raw[0], x, 1e-8);
+        NEAR(raw[1], y, 1e-8);
     }
 }
 
@@ -446,17 +446,19 @@ static double map_error(const struct sst_rectified *to, const struct sst_calib *
     for (int y = 0; y + dy <= to->height - 1; y++) {
         sst_rectify_map_row(map, dx, y + dy, to->width - 1, row);
         for (int x = 0; x < to->width - 1; x++) {
-            double u, v;
-            const bool in = sst_rectify_point(to, calib, view, x + dx, y + dy, &u, &v), got = row[2 * x] != INT32_MIN;
+            double raw[2];
+            const bool in = sst_rectify_point(to, calib, view, (const double[2]){ x + dx, y + dy }, raw);
+            const bool got = row[2 * x] != INT32_MIN;
 
             if (in != got) { /* on the border only */
                 if (in)
-                    assert_true(u < 0.01 || v < 0.01 || u > calib->width - 1.01 || v > calib->height - 1.01);
+                    assert_true(raw[0] < 0.01 || raw[1] < 0.01 || raw[0] > calib->width - 1.01 ||
+                                raw[1] > calib->height - 1.01);
                 continue;
             }
             *places += in;
             if (in)
-                worst = fmax(worst, hypot(row[2 * x] / 256.0 - u, row[2 * x + 1] / 256.0 - v));
+                worst = fmax(worst, hypot(row[2 * x] / 256.0 - raw[0], row[2 * x + 1] / 256.0 - raw[1]));
         }
     }
     sst_rectify_map_destroy(map);
@@ -490,15 +492,15 @@ static void fold_is_not_seen_twice(void **state SST_UNUSED)
     const struct sst_rectify_config cfg = { .width = 1500, .height = 400, .focal_px = 500 };
     struct sst_rectified to;
     long places = 0;
-    double u, v, worst;
+    double raw[2], worst;
 
     calib.camera[0].fx = calib.camera[0].fy = calib.camera[1].fx = calib.camera[1].fy = 700;
     calib.camera[0].lens = calib.camera[1].lens = 5;
     calib.camera[0].k[0] = calib.camera[1].k[0] = -0.5;
     assert_int_equal(sst_rectify_plan(&to, &calib, &cfg), 0);
-    assert_true(sst_rectify_point(&to, &calib, 0, 749.5 + 500 * 0.4, 199.5, &u, &v));
-    NEAR(u, 319.5 + 700 * 0.4 * (1 - 0.08), 1e-9);
-    assert_false(sst_rectify_point(&to, &calib, 0, 749.5 + 500 * 1.2, 199.5, &u, &v));
+    assert_true(sst_rectify_point(&to, &calib, 0, (const double[2]){ 749.5 + 500 * 0.4, 199.5 }, raw));
+    NEAR(raw[0], 319.5 + 700 * 0.4 * (1 - 0.08), 1e-9);
+    assert_false(sst_rectify_point(&to, &calib, 0, (const double[2]){ 749.5 + 500 * 1.2, 199.5 }, raw));
     worst = map_error(&to, &calib, 0, 0, 0, &places);
     assert_true(worst <= 1 / 256.0 && places > 100000);
     sst_calib_fini(&calib);
@@ -544,7 +546,7 @@ static void put(struct sst_sampler *s, const struct sst_image *raw, int x0, int 
             for (int c = 0; c < 4; c++)
                 rgbx[4 * ((size_t)(y - y0) * (size_t)(x1 - x0) + (size_t)(x - x0)) + (size_t)c] =
                     c < 3 ? sst_image_row(raw, c, y)[x] : 255;
-    sst_sampler_put(s, x0, y0, x1 - x0, y1 - y0, rgbx, 4 * (size_t)(x1 - x0));
+    sst_sampler_put(s, &(struct sst_rect){ x0, y0, x1, y1 }, rgbx, 4 * (size_t)(x1 - x0));
     free(rgbx);
 }
 
@@ -605,7 +607,6 @@ static void boxes_hold_what_is_seen(void **state)
     struct sst_rectified to;
     struct sst_rectify_map *map;
     struct sst_image one, other, a, b;
-    uint8_t valid[32][32];
 
     (void)state;
     calib.camera[1].lens = 5;
@@ -625,7 +626,7 @@ static void boxes_hold_what_is_seen(void **state)
         int box[4];
 
         fill_random(&other);
-        (void)sst_rectify_map_box(map, filter, x, y, 32, 32, box, valid[0], 32);
+        (void)sst_rectify_map_box(map, filter, &(struct sst_rect){ x, y, x + 32, y + 32 }, box, NULL);
         assert_true(box[0] >= 0 && box[1] >= 0 && box[2] <= 640 && box[3] <= 480);
         assert_true((box[2] - box[0]) * (box[3] - box[1]) < 60 * 60);
         for (int c = 0; c < 3; c++)

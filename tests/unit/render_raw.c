@@ -251,10 +251,10 @@ static void rays_add_up_to_the_picture(void **state SST_UNUSED)
 
             assert_int_equal(sst_render_rays(from_raw, &cfg, x, y, rays, &n), 0);
             for (int i = 0; i < n; i++) {
-                double u, v;
+                double raw[2];
 
-                assert_true(sst_rectify_point(field.raw.rectified, field.raw.calibration, rays[i].view, rays[i].x,
-                                              rays[i].y, &u, &v) ||
+                assert_true(sst_rectify_point(field.raw.rectified, field.raw.calibration, rays[i].view,
+                                              (const double[2]){ rays[i].x, rays[i].y }, raw) ||
                             rays[i].x < 1 || rays[i].y < 1 || rays[i].x > WIDTH - 2 || rays[i].y > HEIGHT - 2);
                 for (int c = 0; c < 3; c++)
                     rgb[c] += rays[i].share * rays[i].colour[c];

@@ -109,10 +109,11 @@ int gain_map_create(struct gain_map **out, const struct sst_rectified *to, const
     }
     m->root = m->falloff + nodes;
     for (int i = 0; i < nodes; i++) {
-        double x, y;
+        const double at[2] = { i % m->cols * step, i / m->cols * step };
+        double raw[2];
 
-        if (sst_rectify_point(to, calib, view, i % m->cols * step, i / m->cols * step, &x, &y))
-            m->falloff[i] = (float)factor_for(falloff_at(calib, cam, x, y));
+        if (sst_rectify_point(to, calib, view, at, raw))
+            m->falloff[i] = (float)factor_for(falloff_at(calib, cam, raw[0], raw[1]));
     }
     fill(m->falloff, m->root, m->cols, m->rows);
     for (int i = 0; i < nodes; i++)
@@ -134,9 +135,10 @@ void gain_map_destroy(struct gain_map *map)
 }
 
 /* One row of nodes at y, then straight lines between them: cell by cell, so that the loop inside is vectorised. */
-static void interpolate(const struct gain_map *m, const float *grid, double x0, double y, int n, float *out)
+static void interpolate(const struct gain_map *m, const float *grid, const struct rectified_row *to, float *out)
 {
-    const double at = sst_clamp_double(y / m->step, 0, m->rows - 1);
+    const double x0 = to->x0, at = sst_clamp_double(to->y / m->step, 0, m->rows - 1);
+    const int n = to->n;
     const int row = sst_min_int((int)at, m->rows - 2), first = sst_clamp_int((int)(x0 / m->step), 0, m->cols - 2);
     const float down = (float)(at - row), width = (float)m->step;
     int i = 0;
@@ -154,12 +156,12 @@ static void interpolate(const struct gain_map *m, const float *grid, double x0, 
     }
 }
 
-void gain_map_row(const struct gain_map *map, double x0, double y, int n, float *scratch, struct gain_factors *out)
+void gain_map_row(const struct gain_map *map, const struct rectified_row *row, float *scratch, struct gain_factors *out)
 {
-    interpolate(map, map->falloff, x0, y, n, scratch);
-    interpolate(map, map->root, x0, y, n, scratch + n);
+    interpolate(map, map->falloff, row, scratch);
+    interpolate(map, map->root, row, scratch + row->n);
     out->falloff = scratch;
-    out->falloff_root = scratch + n;
+    out->falloff_root = scratch + row->n;
     for (int c = 0; c < 3; c++) {
         out->gain[c] = map->gain[c];
         out->gain_root[c] = map->gain_root[c];

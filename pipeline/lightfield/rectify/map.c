@@ -69,8 +69,8 @@ static bool in_picture(const struct rectify_chain *chain, double u, double v, do
     return u >= -margin && v >= -margin && u <= chain->raw_width - 1 + margin && v <= chain->raw_height - 1 + margin;
 }
 
-bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x, double y,
-                       double *raw_x, double *raw_y)
+bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, const double at[2],
+                       double raw[2])
 {
     struct rectify_chain chain;
     double u, v;
@@ -78,10 +78,10 @@ bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *c
     if (view < 0 || view >= to->rows * to->cols || !to->view[view].known)
         return false;
     chain_init(&chain, to, calib, view);
-    if (!chain_place(&chain, x, y, &u, &v) || !in_picture(&chain, u, v, SNAP_PX))
+    if (!chain_place(&chain, at[0], at[1], &u, &v) || !in_picture(&chain, u, v, SNAP_PX))
         return false;
-    *raw_x = u;
-    *raw_y = v;
+    raw[0] = u;
+    raw[1] = v;
     return true;
 }
 
@@ -206,8 +206,8 @@ static int make_cells(struct sst_rectify_map *map)
 }
 
 /* Source of the map, and its places where it is smooth: elsewhere, pixels behind the camera have no place. */
-static void check_border(const struct sst_rectify_map *map, const struct sst_rectified *to, const struct sst_calib_camera *c,
-                         int view)
+static void check_border(const struct sst_rectify_map *map, const struct sst_rectified *to,
+                         const struct sst_calib_camera *c, int view)
 {
     const double places[] = { c->fx, c->fy, c->cx, c->cy, to->focal_px, to->cx, to->cy, to->view[view].scale };
 

@@ -54,8 +54,8 @@ SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct ss
 
 /** Position of a rectified pixel in the raw picture; the exact chain, in double. @return false: more than 1/512 px
  *  outside the raw picture's outermost pixel centres, behind the camera, or beyond the fold of the lens */
-SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
-                                      double y, double *raw_x, double *raw_y);
+SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view,
+                                      const double at[2], double raw[2]);
 
 struct sst_places;      /* pipeline/kernels/kernels.h */
 struct sst_place_patch; /* pipeline/kernels/place_patch_ref.h */
@@ -87,8 +87,7 @@ SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_
 /** Tables that resampling of a view reads, for a device; pointers are borrowed from the map. */
 struct sst_rectify_tables {
     int width, height, raw_width, raw_height; /* of the view and of its raw frame */
-    int cell_shift, cells,
-        cell_rows; /* pieces of a row, and of a column, of 1 << cell_shift columns or rows each */
+    int cell_shift, cells, cell_rows; /* pieces of a row, and of a column, of 1 << cell_shift columns or rows each */
     int taps;
     const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps], as of struct sst_resample */
     /* Light: the factor of colour c is gain[c] times the fall-off's, which is bilinear between nodes 1 << light_shift
@@ -143,28 +142,28 @@ SST_MUST_CHECK int sst_sampler_create_empty(struct sst_sampler **out, const stru
                                             enum sst_filter filter);
 
 /**
- * Store a part of the raw frame: columns x .. x+width-1 of rows y .. y+height-1, which are inside the frame. Must not
- * run while another thread samples; parts that do not touch may be stored by several threads.
+ * Store a part of the raw frame, which is inside it. Must not run while another thread samples; parts that do not touch
+ * may be stored by several threads.
  *
  * @param rgbx    the part's first pixel: R, G, B and an unused byte each
  * @param stride  bytes
  */
-void sst_sampler_put(struct sst_sampler *sampler, int x, int y, int width, int height, const uint8_t *rgbx,
-                     size_t stride);
+void sst_sampler_put(struct sst_sampler *sampler, const struct sst_rect *part, const uint8_t *rgbx, size_t stride);
 
 /** The raw frame's pixel (0, 0): R, G, B and an unused byte each. @param stride  out, bytes */
 const uint8_t *sst_sampler_pixels(const struct sst_sampler *sampler, size_t *stride);
 
 /**
- * Bounding box of the raw pixels that rectified ones depend on: samples in columns x .. x+width-1 of rows y ..
- * y+height-1 depend only on the raw columns box[0] .. box[2]-1 of rows box[1] .. box[3]-1.
+ * Bounding box of the raw pixels that rectified ones depend on: samples in the part depend only on the raw columns
+ * box[0] .. box[2]-1 of rows box[1] .. box[3]-1.
  *
- * @param map    the pixels are inside its rectified picture
- * @param valid  [height][width] 255 where a pixel has a position in the raw frame, else 0; or NULL
+ * @param part   inside the rectified picture
+ * @param valid  out, of the rectified picture: in the part 255 where a pixel has a position in the raw frame, else 0;
+ * or NULL
  * @return false: no pixel has one; box is 0
  */
-bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
-                         int box[4], uint8_t *valid, size_t valid_stride);
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, const struct sst_rect *part,
+                         int box[4], struct sst_map_u8 *valid);
 
 #define SST_SAMPLE_MAX 2048
 

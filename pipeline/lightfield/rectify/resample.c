@@ -213,9 +213,10 @@ const uint8_t *sst_sampler_pixels(const struct sst_sampler *s, size_t *stride)
     return s->from.pixel;
 }
 
-void sst_sampler_put(struct sst_sampler *s, int x, int y, int width, int height, const uint8_t *rgbx, size_t stride)
+void sst_sampler_put(struct sst_sampler *s, const struct sst_rect *part, const uint8_t *rgbx, size_t stride)
 {
     const size_t border = SST_RESAMPLE_BORDER, own = s->from.stride;
+    const int x = part->x0, y = part->y0, width = part->x1 - x, height = part->y1 - y;
     const bool left = x == 0, right = x + width == s->map->chain.raw_width;
     const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
     uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
@@ -240,23 +241,23 @@ void sst_sampler_put(struct sst_sampler *s, int x, int y, int width, int height,
     }
 }
 
-bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
-                         int box[4], uint8_t *valid, size_t valid_stride)
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, const struct sst_rect *part,
+                         int box[4], struct sst_map_u8 *valid)
 {
     const int half = filters[filter].taps / 2, w = map->chain.raw_width, h = map->chain.raw_height;
     int32_t low[2] = { INT32_MAX, INT32_MAX }, high[2] = { INT32_MIN, INT32_MIN };
     int32_t xy_q8[2 * SST_SAMPLE_MAX];
 
-    for (int row = 0; row < height; row++) {
-        for (int at = 0; at < width; at += SST_SAMPLE_MAX) {
-            const int n = sst_min_int(SST_SAMPLE_MAX, width - at);
+    for (int y = part->y0; y < part->y1; y++) {
+        for (int x = part->x0; x < part->x1; x += SST_SAMPLE_MAX) {
+            const int n = sst_min_int(SST_SAMPLE_MAX, part->x1 - x);
 
-            sst_rectify_map_row(map, x + at, y + row, n, xy_q8);
+            sst_rectify_map_row(map, x, y, n, xy_q8);
             for (int i = 0; i < n; i++) {
                 const bool seen = xy_q8[2 * i] != INT32_MIN;
 
                 if (valid)
-                    valid[(size_t)row * valid_stride + (size_t)(at + i)] = seen ? 255 : 0;
+                    sst_map_u8_row(valid, y)[x + i] = seen ? 255 : 0;
                 for (int axis = 0; seen && axis < 2; axis++) {
                     low[axis] = sst_min_int(low[axis], xy_q8[2 * i + axis] >> 8);
                     high[axis] = sst_max_int(high[axis], xy_q8[2 * i + axis] >> 8);
@@ -285,14 +286,14 @@ static void round_row(uint8_t *restrict out, const uint16_t *restrict sample, in
 }
 
 /* Samples to bytes: with light correction, or only rounded. */
-static void finish_row(const struct gain_map *light, uint16_t *const sample[3], double x0, double y, int n,
+static void finish_row(const struct gain_map *light, uint16_t *const sample[3], const struct rectified_row *row,
                        uint8_t *const out[3])
 {
     struct gain_factors factors = { 0 };
     float scratch[2 * SST_SAMPLE_MAX];
 
     if (light)
-        gain_map_row(light, x0, y, n, scratch, &factors);
+        gain_map_row(light, row, scratch, &factors);
     for (int c = 0; c < 3; c++) {
         const struct sst_light l = { .value = sample[c],
                                      .falloff = factors.falloff,
@@ -301,9 +302,9 @@ static void finish_row(const struct gain_map *light, uint16_t *const sample[3], 
                                      .gain_root = factors.gain_root[c] };
 
         if (light)
-            sst_kernels_get()->light_row(out[c], &l, (size_t)n);
+            sst_kernels_get()->light_row(out[c], &l, (size_t)row->n);
         else
-            round_row(out[c], sample[c], n);
+            round_row(out[c], sample[c], row->n);
     }
 }
 
@@ -314,7 +315,7 @@ void sst_sampler_row(const struct sst_sampler *s, double x0, double y, int n, ui
 
     sst_rectify_map_row(s->map, x0, y, n, xy_q8);
     sst_kernels_get()->resample_row(sample, &s->from, xy_q8, (size_t)n);
-    finish_row(s->map->light, sample, x0, y, n, out);
+    finish_row(s->map->light, sample, &(struct rectified_row){ x0, y, n }, out);
     for (int i = 0; seen && i < n; i++)
         seen[i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
 }

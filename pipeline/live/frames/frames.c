@@ -87,11 +87,11 @@ static int open_map(struct sst_liveframes *f, struct live_view *v, struct sst_vi
         return -ENOMEM;
     for (int t = 0; t < f->cols * f->rows; t++) {
         const int x = t % f->cols * SST_LIVE_TILE, y = t / f->cols * SST_LIVE_TILE;
-        const int w = sst_min_int(SST_LIVE_TILE, lf->width - x), h = sst_min_int(SST_LIVE_TILE, lf->height - y);
+        const struct sst_rect tile = { x, y, sst_min_int(x + SST_LIVE_TILE, lf->width),
+                                       sst_min_int(y + SST_LIVE_TILE, lf->height) };
         int box[4];
 
-        if (!sst_rectify_map_box(v->map, filter, x, y, w, h, box, sst_map_u8_row(&view->valid, y) + x,
-                                 view->valid.stride))
+        if (!sst_rectify_map_box(v->map, filter, &tile, box, &view->valid))
             continue;
         for (int i = 0; i < 4; i++)
             v->from[t].tile[i] = (uint16_t)((box[i] + (i < 2 ? 0 : SST_LIVE_TILE - 1)) / SST_LIVE_TILE);

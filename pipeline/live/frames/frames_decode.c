@@ -49,7 +49,7 @@ static void store_part(struct sst_liveframes *f, int k, const struct decoder_par
             if (end == col)
                 continue;
             if (v->sampler)
-                sst_sampler_put(v->sampler, x0, y0, x1 - x0, y1 - y0, from, p->stride);
+                sst_sampler_put(v->sampler, &(struct sst_rect){ x0, y0, x1, y1 }, from, p->stride);
             else
                 unpack(&f->lf->views[k].image, x0, y0, x1, y1, from, p->stride);
         }

@@ -121,7 +121,7 @@ struct sst_surface_frame sst_normal_frame_of(const struct sst_lightfield *lf, co
     };
 }
 
-/* Plane of a pixel among the planes of its places, see sst_normal_at(). @param at  out, its centre @return NULL: none */
+/* Plane of a pixel among its places, see sst_normal_at(). @param at  out, its centre @return NULL: none */
 static const struct sst_surface_plane *choose_plane(const struct sst_planes *planes, float score_max, int x, int y,
                                                     int at[2])
 {
