@@ -240,7 +240,11 @@ static inline void truth_make(struct truth *t, const struct truth_config *cfg)
 {
     *t = (struct truth){ .cfg = *cfg, .state = cfg->seed };
     if (sst_calib_init(&t->calib, cfg->rows, cfg->cols) ||
-        sst_detections_init(&t->all, &cfg->board, cfg->rows, cfg->cols, cfg->width, cfg->height))
+        sst_detections_init(&t->all, &(struct sst_detections){ .board = cfg->board,
+                                                               .rows = cfg->rows,
+                                                               .cols = cfg->cols,
+                                                               .width = cfg->width,
+                                                               .height = cfg->height }))
         abort();
     t->frame = calloc((size_t)cfg->frames, sizeof(*t->frame));
     assert(t->frame);

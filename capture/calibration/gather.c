@@ -210,7 +210,10 @@ static void log_damaged(const struct work *w)
 static int add_all(struct sst_gathered *out, struct work *w)
 {
     const struct sst_gather_source *s = w->source;
-    int err = sst_detections_init(&out->all, &w->cfg->board, s->rows, s->cols, w->width, w->height);
+    int err = sst_detections_init(
+        &out->all,
+        &(struct sst_detections){
+            .board = w->cfg->board, .rows = s->rows, .cols = s->cols, .width = w->width, .height = w->height });
 
     if (err)
         return err;

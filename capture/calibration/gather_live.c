@@ -284,7 +284,10 @@ int sst_gather_live_open(struct sst_gather_live **out, const struct sst_gather_c
 static int prepare(struct sst_gather_live *l)
 {
     const struct sst_array_config *a = l->array;
-    const int err = sst_detections_init(&l->out->all, &l->cfg.board, a->rows, a->cols, a->width, a->height);
+    const int err = sst_detections_init(
+        &l->out->all,
+        &(struct sst_detections){
+            .board = l->cfg.board, .rows = a->rows, .cols = a->cols, .width = a->width, .height = a->height });
 
     for (int k = 0; k < l->views; k++)
         l->last[k][0] = l->last[k][1] = (double)NAN;

@@ -70,7 +70,9 @@ static int begin(struct sst_detections *all, const char *folder, const struct ss
     if (!err)
         err = sst_image_read(&image, path);
     if (!err)
-        err = sst_detections_init(all, board, 1, 2, image.width, image.height);
+        err = sst_detections_init(
+            all, &(struct sst_detections){
+                     .board = *board, .rows = 1, .cols = 2, .width = image.width, .height = image.height });
     sst_image_fini(&image);
     for (int view = 0; view < 2 && !err; view++)
         snprintf(all->camera_name[view], sizeof(all->camera_name[view]), "%s", sides[view]);

@@ -22,7 +22,10 @@ static void begin(struct sst_detections *all, const char *board, int rows, int c
 {
     const struct sst_board b = parsed(board);
 
-    assert_int_equal(sst_detections_init(all, &b, rows, cols, 640, 480), 0);
+    assert_int_equal(
+        sst_detections_init(
+            all, &(struct sst_detections){ .board = b, .rows = rows, .cols = cols, .width = 640, .height = 480 }),
+        0);
     for (int i = 0; i < frames; i++) {
         char name[16];
 

@@ -21,7 +21,10 @@ static void every_picture_has_its_board(void **state SST_UNUSED)
 
     assert_true(mkstemp(path) >= 0);
     assert_int_equal(sst_board_parse(&board, "chessboard:9x6c:25mm"), 0);
-    assert_int_equal(sst_detections_init(&all, &board, 1, 2, 640, 480), 0);
+    assert_int_equal(
+        sst_detections_init(
+            &all, &(struct sst_detections){ .board = board, .rows = 1, .cols = 2, .width = 640, .height = 480 }),
+        0);
     strcpy(all.camera_name[0], "left");
     strcpy(all.camera_name[1], "right");
     for (int i = 1; i <= 14; i++) {

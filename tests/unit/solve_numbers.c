@@ -207,12 +207,12 @@ static void check_derivatives(const struct solve_problem *at, const struct solve
             count = solve_block(&p, d, &board, loss_px, rows[k]);
         }
         nudge(&p, &l, state, 0, turn, at);
-        solve_spread_make(&s, &p, &l, d, turn, turn);
+        solve_spread_make(&s, &p, &l, d, (const double *[2]){ turn, turn });
         for (int i = 0; i < count; i++) {
             int states[40], entries;
             double value[40], want = (rows[1][i * n + n - 1] - rows[2][i * n + n - 1]) / 2e-3, got = 0;
 
-            entries = solve_spread_row(&s, &p, &l, rows[0] + i * n, 0, states, value);
+            entries = solve_spread_row(&s, rows[0] + i * n, 0, states, value);
             for (int e = 0; e < entries; e++) {
                 assert_true(!e || states[e] > states[e - 1]);
                 got += states[e] == state ? value[e] : 0;
@@ -264,13 +264,14 @@ static void always_finite(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(q); i++) {
-        double xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX];
+        double xy[2];
+        struct solve_slopes slopes;
 
-        solve_see(lens, 8, q[i], xy, jq, jl);
+        solve_see(lens, 8, q[i], xy, &slopes);
         for (int k = 0; k < 2; k++) {
             assert_true(isfinite(xy[k]));
             for (int c = 0; c < SOLVE_LENS_MAX; c++)
-                assert_true(isfinite(jl[k][c]) && isfinite(jq[k][c % 3]));
+                assert_true(isfinite(slopes.lens[k][c]) && isfinite(slopes.q[k][c % 3]));
         }
     }
 }

@@ -55,7 +55,11 @@ static void detections(struct sst_detections *all, int first, int last)
         .kind = SST_BOARD_CHESSBOARD, .cols = COLS + 1, .rows = ROWS + 1, .square_mm = SQUARE_MM
     };
 
-    assert_int_equal(sst_detections_init(all, &board, 1, last - first + 1, width, height), 0);
+    assert_int_equal(sst_detections_init(
+                         all,
+                         &(struct sst_detections){
+                             .board = board, .rows = 1, .cols = last - first + 1, .width = width, .height = height }),
+                     0);
     for (int side = first; side <= last; side++)
         snprintf(all->camera_name[side - first], sizeof(all->camera_name[0]), "%s", side ? "right" : "left");
     for (int i = 0; i < PICTURES; i++) {

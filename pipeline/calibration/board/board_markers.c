@@ -119,7 +119,7 @@ static int by_number(const void *a, const void *b)
 
 /* Match the markers read to the board. One read at two places matches twice: at most one will agree. */
 static int match_markers(struct match *out, const struct cv_marker *read, int n, const struct sst_board_marker *on,
-                         int markers, double scale)
+                         int markers)
 {
     int count = 0;
 
@@ -130,7 +130,7 @@ static int match_markers(struct match *out, const struct cv_marker *read, int n,
             out[count].on = on[k];
             for (int c = 0; c < 4; c++) {
                 for (int axis = 0; axis < 2; axis++)
-                    out[count].seen[c][axis] = scale * (read[i].corner[c][axis] + 0.5) - 0.5;
+                    out[count].seen[c][axis] = read[i].corner[c][axis];
             }
             count++;
         }
@@ -156,6 +156,17 @@ int read_markers(struct cv_marker *read, const struct sst_map_u8 *luma, int dict
             read[kept++] = read[i];
     }
     return kept;
+}
+
+/* Corners of a reduced picture in the whole one. */
+static void enlarge(struct match *m, int n, double scale)
+{
+    for (int i = 0; i < n; i++) {
+        for (int c = 0; c < 4; c++) {
+            for (int axis = 0; axis < 2; axis++)
+                m[i].seen[c][axis] = scale * (m[i].seen[c][axis] + 0.5) - 0.5;
+        }
+    }
 }
 
 static int keep_anchors(struct sighting *s, const struct match *m, int n, int good)
@@ -187,9 +198,11 @@ int place_markers(struct sighting *s, const struct cv_marker *read, int n, doubl
     int best = on && m ? s->anchors / 4 : -ENOMEM;
 
     for (int other = 0; other < 2 && best >= 0; other++) {
-        const int known = match_markers(m, read, n, on, sst_board_markers(on, s->board, other), scale);
-        const int good = agree(m, known);
+        const int known = match_markers(m, read, n, on, sst_board_markers(on, s->board, other));
+        int good;
 
+        enlarge(m, known, scale);
+        good = agree(m, known);
         if (good < 0) {
             best = good;
         } else if (good > best) {

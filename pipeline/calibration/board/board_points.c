@@ -43,19 +43,26 @@ static int nearest_anchors(struct near out[NEIGHBOURS], const struct anchor *anc
     return count;
 }
 
+/* Anchors of a board, and the side of its squares. */
+struct anchors {
+    const struct anchor *anchor;
+    int n;
+    double step_mm;
+};
+
 /* Predict the pixel of a board position from the anchors around it, leaving one out (skip; -1: none). slope: px per mm
  * there. @return false: no anchors near enough */
-static bool predict(double px[2], double slope[4], const struct anchor *anchor, int n, double step_mm,
-                    const double at[2], int skip)
+static bool predict(double px[2], double slope[4], const struct anchors *on, const double at[2], int skip)
 {
+    const double step_mm = on->step_mm;
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
     struct near found[NEIGHBOURS];
-    const int count = nearest_anchors(found, anchor, n, at, skip);
+    const int count = nearest_anchors(found, on->anchor, on->n, at, skip);
 
     if (count < 4 || found[0].distance2 > 2.6 * step_mm * step_mm)
         return false;
     for (int i = 0; i < count; i++) {
-        const struct anchor *a = &anchor[found[i].index];
+        const struct anchor *a = &on->anchor[found[i].index];
 
         memcpy(from[i], a->board, sizeof(from[i]));
         memcpy(to[i], a->px, sizeof(to[i]));
@@ -93,22 +100,21 @@ static double largest_window(const struct sst_map_u8 *luma)
     return LARGEST_PX * fmax(1, sqrt(fmax(luma->width, luma->height) / 1000.0));
 }
 
-/* Search for a point where the anchors predict it. */
-static bool search_point(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n,
-                         double reach)
+/* Search for a point where the anchors predict it, and set its saddle. */
+static bool search_point(struct sighting *s, int id, const struct anchors *on, double reach)
 {
     const double pitch = sst_board_pitch_mm(s->board);
     struct saddle_place place;
     double at[2], px[2];
 
     sst_board_point(s->board, id, at);
-    if (!predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
+    if (!predict(px, place.slope, on, at, -1))
         return false;
     place.x = px[0];
     place.y = px[1];
     describe_point(&place, s->board, id, s->other);
     place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
-    return saddle_refine(out, s->luma, &place, largest_window(s->luma));
+    return saddle_refine(&s->saddle[id], s->luma, &place, largest_window(s->luma));
 }
 
 /* Rebuild the anchors: refined points, and the markers' corners where few refined points are near. */
@@ -136,13 +142,14 @@ static int collect(struct anchor *out, int *id, const struct sighting *s, int po
  * there. */
 static void prediction_errors(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
 {
+    const struct anchors on = { anchor, n, s->board->square_mm };
     const double pitch = sst_board_pitch_mm(s->board);
 
     for (int i = 0; i < n; i++) {
         double px[2], slope[4];
 
         distance[i] = NAN;
-        if (!predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
+        if (!predict(px, slope, &on, anchor[i].board, i))
             continue;
         /* In pitches at 0.04 of one, in px where squares are small. */
         distance[i] = hypot(px[0] - anchor[i].px[0], px[1] - anchor[i].px[1]) /
@@ -192,11 +199,12 @@ int find_points(struct sighting *s)
     }
     for (int round = 0; round < GROW_ROUNDS && count > before; round++) {
         const int refined = collect(anchor, NULL, s, points);
+        const struct anchors on = { anchor, refined + s->anchors, s->board->square_mm };
 
         before = count;
         memcpy(anchor + refined, s->anchor, (size_t)s->anchors * sizeof(*anchor));
         for (int i = 0; i < points; i++) {
-            if (!s->seen[i] && search_point(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
+            if (!s->seen[i] && search_point(s, i, &on, round ? 0.6 : 1)) {
                 s->seen[i] = true;
                 count++;
             }
@@ -234,6 +242,7 @@ bool chessboard_ends_early(const struct sighting *s)
 
 bool chessboard_goes_on(const struct sighting *s)
 {
+    const struct anchors on = { s->anchor, s->anchors, s->board->square_mm };
     const int cols = s->board->cols - 1, rows = s->board->rows - 1;
 
     for (int side = 0; side < 4; side++) {
@@ -251,7 +260,7 @@ bool chessboard_goes_on(const struct sighting *s)
             struct saddle saddle;
             double px[2];
 
-            if (!predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
+            if (!predict(px, place.slope, &on, at, -1))
                 continue;
             place.x = px[0];
             place.y = px[1];

@@ -42,10 +42,11 @@ static double taper(double x, double limit)
     return sst_clamp_double(3 * (1 - fabs(x) / limit), 0, 1);
 }
 
-/* Collect the pixels around (x, y) that show the four quadrants. @return false: too few, or a side is missing */
-static bool collect(struct window *w, const struct sst_map_u8 *luma, const struct saddle_place *place, double x,
-                    double y, double largest_px)
+/* Collect the pixels around a point that show the four quadrants. @return false: too few, or a side is missing */
+static bool collect(struct window *w, const struct sst_map_u8 *luma, const struct saddle_place *place,
+                    const double at[2], double largest_px)
 {
+    const double x = at[0], y = at[1];
     const double *s = place->slope, det = s[0] * s[3] - s[1] * s[2];
     /* step in u and v, mm, between lines u, v = const one pixel apart */
     const double step_u = hypot(s[3], s[1]) / det, step_v = hypot(s[2], s[0]) / det;
@@ -349,7 +350,7 @@ bool saddle_refine(struct saddle *out, const struct sst_map_u8 *luma, const stru
     struct saddle s = { .x = place->x, .y = place->y };
     struct window w;
 
-    if (!usable(place) || !collect(&w, luma, place, s.x, s.y, largest_px))
+    if (!usable(place) || !collect(&w, luma, place, (const double[2]){ s.x, s.y }, largest_px))
         return false;
     reach =
         fmin(place->half_mm * sqrt(place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2]), largest_px);
@@ -361,7 +362,7 @@ bool saddle_refine(struct saddle *out, const struct sst_map_u8 *luma, const stru
     /* Second fit: the window is centred on the point, the blur known. */
     q[LEVEL] *= 1 + q[LIGHT_X] * q[X] + q[LIGHT_Y] * q[Y];
     q[X] = q[Y] = 0;
-    if (!collect(&w, luma, place, s.x, s.y, largest_px) || !fit(&s, q, &w, &noise2, 5e-4))
+    if (!collect(&w, luma, place, (const double[2]){ s.x, s.y }, largest_px) || !fit(&s, q, &w, &noise2, 5e-4))
         return false;
     s.angle[0] = q[ANGLE1];
     s.angle[1] = q[ANGLE2];

@@ -73,8 +73,8 @@ int sst_chessboard_ways(int cols, int rows);
  */
 bool sst_board_guess(const struct sst_board *board, const struct sst_image *image, char out[160]);
 
-SST_MUST_CHECK int sst_detections_init(struct sst_detections *all, const struct sst_board *board, int rows, int cols,
-                                       int width, int height);
+/** Begin an empty list. @param form  its board, rows, cols, width and height @return 0, -EINVAL (sizes), -ENOMEM */
+SST_MUST_CHECK int sst_detections_init(struct sst_detections *all, const struct sst_detections *form);
 void sst_detections_fini(struct sst_detections *all);
 /** Add a frame. @return its index or -ENOMEM */
 SST_MUST_CHECK int sst_detections_frame(struct sst_detections *all, const char *name);

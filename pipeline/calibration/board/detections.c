@@ -8,13 +8,14 @@
 #include "base/mem.h"
 #include "pipeline/calibration/board/detect.h"
 
-int sst_detections_init(struct sst_detections *all, const struct sst_board *board, int rows, int cols, int width,
-                        int height)
+int sst_detections_init(struct sst_detections *all, const struct sst_detections *form)
 {
+    const int rows = form->rows, cols = form->cols, width = form->width, height = form->height;
+
     if (rows < 1 || cols < 1 || rows > SST_MAX_VIEWS || cols > SST_MAX_VIEWS || rows * cols > SST_MAX_VIEWS ||
         width < 1 || height < 1 || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE)
         return -EINVAL;
-    struct sst_detections made = { .board = *board, .rows = rows, .cols = cols, .width = width, .height = height };
+    struct sst_detections made = { .board = form->board, .rows = rows, .cols = cols, .width = width, .height = height };
 
     made.camera_name = calloc((size_t)rows * (size_t)cols, sizeof(*made.camera_name));
     if (!made.camera_name)

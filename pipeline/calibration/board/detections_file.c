@@ -274,7 +274,9 @@ static int read_root(struct sst_detections *out, const json_t *root, const char 
     if (!r.err && rows * cols > SST_MAX_VIEWS)
         bad(&r, "rows", -1, "times cols is more than 256");
     if (!r.err)
-        r.err = sst_detections_init(&all, &board, rows, cols, width, height);
+        r.err = sst_detections_init(
+            &all,
+            &(struct sst_detections){ .board = board, .rows = rows, .cols = cols, .width = width, .height = height });
     if (r.err)
         return r.err;
     all.rig = json_is_true(json_object_get(root, "rig"));

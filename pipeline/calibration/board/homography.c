@@ -49,17 +49,26 @@ static void accumulate(double a[64], double b[8], const double row[8], double ri
     }
 }
 
+/* Pairs of points, and what normalises them. */
+struct points {
+    const double (*from)[2], (*to)[2];
+    const double *weight; /* NULL: all 1 */
+    int n;
+    struct norm f, t;
+};
+
 /*
  * One round on normalised points: the two equations of a point are divided by h's denominator there, so that they
  * measure distances in the picture, and right is the residual of h. With first, h is not read: the denominators are 1
  * and all eight numbers are solved for.
  */
-static bool improve(double h[9], const double (*from)[2], const double (*to)[2], const double *weight, int n,
-                    const struct norm *f, const struct norm *t, bool first)
+static bool improve(double h[9], const struct points *p, bool first)
 {
+    const double(*from)[2] = p->from, (*to)[2] = p->to, *weight = p->weight;
+    const struct norm *f = &p->f, *t = &p->t;
     double a[64] = { 0 }, b[8] = { 0 };
 
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < p->n; i++) {
         const double u = f->scale * (from[i][0] - f->x), v = f->scale * (from[i][1] - f->y);
         const double x = t->scale * (to[i][0] - t->x), y = t->scale * (to[i][1] - t->y);
         const double w = first ? 1 : h[6] * u + h[7] * v + h[8];
@@ -106,21 +115,21 @@ static void restore(double h[9], const struct norm *f, const struct norm *t)
 
 bool sst_homography_fit(double h[9], const double (*from)[2], const double (*to)[2], const double *weight, int n)
 {
-    struct norm f, t;
+    struct points p = { .from = from, .to = to, .weight = weight, .n = n };
+    const struct norm *f = &p.f;
     double got[9];
 
-    if (n < 4 || !normalise(&f, from, weight, n) || !normalise(&t, to, weight, n) ||
-        !improve(got, from, to, weight, n, &f, &t, true))
+    if (n < 4 || !normalise(&p.f, from, weight, n) || !normalise(&p.t, to, weight, n) || !improve(got, &p, true))
         return false;
     for (int k = 0; k < STEPS; k++) {
-        if (!improve(got, from, to, weight, n, &f, &t, false))
+        if (!improve(got, &p, false))
             return false;
     }
     for (int i = 0; i < n; i++) { /* the last step has moved h once more */
-        if (!(got[6] * f.scale * (from[i][0] - f.x) + got[7] * f.scale * (from[i][1] - f.y) + 1 > 1e-6))
+        if (!(got[6] * f->scale * (from[i][0] - f->x) + got[7] * f->scale * (from[i][1] - f->y) + 1 > 1e-6))
             return false;
     }
-    restore(got, &f, &t);
+    restore(got, &p.f, &p.t);
     for (int i = 0; i < 9; i++) {
         if (!isfinite(got[i]))
             return false;

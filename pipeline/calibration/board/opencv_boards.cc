@@ -90,20 +90,26 @@ static cv::aruco::Dictionary dictionary_of(int number)
 #endif
 }
 
-static void find_markers(const cv::Mat &luma, const cv::aruco::Dictionary &dict, int border, std::vector<quad> &found,
-                         std::vector<int> &ids, std::vector<quad> &rejected)
+struct markers {
+    std::vector<quad> found, rejected;
+    std::vector<int> ids; /* of `found` */
+};
+
+static markers find_markers(const cv::Mat &luma, const cv::aruco::Dictionary &dict, int border)
 {
+    markers m;
 #if MARKERS_ARE_MAIN
     cv::aruco::DetectorParameters how;
 
     how.markerBorderBits = border;
-    cv::aruco::ArucoDetector(dict, how).detectMarkers(luma, found, ids, rejected);
+    cv::aruco::ArucoDetector(dict, how).detectMarkers(luma, m.found, m.ids, m.rejected);
 #else
     const auto how = cv::aruco::DetectorParameters::create();
 
     how->markerBorderBits = border;
-    cv::aruco::detectMarkers(luma, cv::makePtr<cv::aruco::Dictionary>(dict), found, ids, how, rejected);
+    cv::aruco::detectMarkers(luma, cv::makePtr<cv::aruco::Dictionary>(dict), m.found, m.ids, how, m.rejected);
 #endif
+    return m;
 }
 
 /* A quad with each side moved outwards by px. */
@@ -184,16 +190,14 @@ static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &d
 int cv_markers(struct cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
 {
     return guarded([&] {
-        std::vector<quad> found, rejected;
-        std::vector<int> ids;
+        const markers m = find_markers(mat_of(luma), dictionary_of(dictionary), border);
         int n = 0;
 
-        find_markers(mat_of(luma), dictionary_of(dictionary), border, found, ids, rejected);
-        for (size_t i = 0; i < ids.size() && n < max; i++, n++) {
-            out[n].id = ids[i];
+        for (size_t i = 0; i < m.ids.size() && n < max; i++, n++) {
+            out[n].id = m.ids[i];
             for (int k = 0; k < 4; k++) {
-                out[n].corner[k][0] = found[i][k].x;
-                out[n].corner[k][1] = found[i][k].y;
+                out[n].corner[k][0] = m.found[i][k].x;
+                out[n].corner[k][1] = m.found[i][k].y;
             }
         }
         return n;
@@ -205,8 +209,6 @@ int cv_touching_tags(struct cv_marker *out, int max, const struct sst_map_u8 *lu
     return guarded([&] {
         const auto dict = dictionary_of(dictionary);
         const cv::Mat grey = mat_of(luma);
-        std::vector<quad> found, rejected;
-        std::vector<int> ids;
         cv::Mat parted;
         int n = 0;
 
@@ -215,10 +217,10 @@ int cv_touching_tags(struct cv_marker *out, int max, const struct sst_map_u8 *lu
         /* Dilating white separates tags that touch at corners; the quads are then one pixel too small on each side.
          * Too few bits survive the dilation, so they are read from the picture itself. */
         cv::dilate(grey, parted, cv::Mat::ones(3, 3, CV_8U));
-        find_markers(parted, dict, border, found, ids, rejected);
-        found.insert(found.end(), rejected.begin(), rejected.end());
-        for (size_t i = 0; i < found.size() && n < max; i++)
-            n += read_tag(grey, grown(found[i], 1), dict, border, &out[n]);
+        markers m = find_markers(parted, dict, border);
+        m.found.insert(m.found.end(), m.rejected.begin(), m.rejected.end());
+        for (size_t i = 0; i < m.found.size() && n < max; i++)
+            n += read_tag(grey, grown(m.found[i], 1), dict, border, &out[n]);
         return n;
     });
 }

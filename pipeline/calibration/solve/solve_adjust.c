@@ -138,7 +138,7 @@ static int evaluate_one(void *arg, int index, int worker)
     solve_relative(a->p, d, &board);
     turn_of(a, a->layout.pose[d->view], turn_camera);
     turn_of(a, a->layout.frame[d->frame], turn_board);
-    solve_spread_make(&s, a->p, &a->layout, d, turn_camera, turn_board);
+    solve_spread_make(&s, a->p, &a->layout, d, (const double *[2]){ turn_camera, turn_board });
     count = solve_block(a->p, d, &board, a->loss_px, rows);
     if (!a->p->row_by_row) {
         if (count < n) {
@@ -153,7 +153,7 @@ static int evaluate_one(void *arg, int index, int worker)
 
         at[first + i] = entry;
         a->x[first + i] = row[n - 1];
-        entry += solve_spread_row(&s, a->p, &a->layout, row, a->p->row_by_row ? 0 : i, state + entry, value + entry);
+        entry += solve_spread_row(&s, row, a->p->row_by_row ? 0 : i, state + entry, value + entry);
     }
     return 0;
 }

@@ -13,10 +13,15 @@
 
 #include "pipeline/calibration/solve/solve_internal.h"
 
-/* Distorted (u, v) before focal length and centre; derivatives by (a, b) and by the coefficients. */
-static void distort(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
-                    double jk[2][SST_LENS_MAX])
+/* Derivatives of a distorted point by the point before and by the coefficients. */
+struct bend {
+    double by[4], by_k[2][SST_LENS_MAX];
+};
+
+/* Distorted (u, v) before focal length and centre. @param bend  out, or NULL */
+static void distort(const double *k, int coefficients, const double ab[2], double uv[2], struct bend *bend)
 {
+    const double a = ab[0], b = ab[1];
     const double r2 = a * a + b * b, r4 = r2 * r2, r6 = r4 * r2, ab2 = 2 * a * b;
     const double over = 1 + k[0] * r2 + k[1] * r4 + k[4] * r6;
     const double raw = 1 + k[5] * r2 + k[6] * r4 + k[7] * r6, under = fabs(raw) > 1e-6 ? raw : 1e-6;
@@ -24,7 +29,8 @@ static void distort(const double *k, int coefficients, double a, double b, doubl
 
     uv[0] = a * s + k[2] * ab2 + k[3] * ta;
     uv[1] = b * s + k[2] * tb + k[3] * ab2;
-    if (by) {
+    if (bend) {
+        double *by = bend->by, (*jk)[SST_LENS_MAX] = bend->by_k;
         const double d_over = k[0] + 2 * k[1] * r2 + 3 * k[4] * r4, d_under = k[5] + 2 * k[6] * r2 + 3 * k[7] * r4;
         const double slope = 2 * (d_over - s * d_under) / under; /* twice ds/d(r2) */
         const double radial[3] = { r2 / under, r4 / under, r6 / under };
@@ -46,31 +52,31 @@ static void distort(const double *k, int coefficients, double a, double b, doubl
     }
 }
 
-void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
-               double jl[2][SOLVE_LENS_MAX])
+void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], struct solve_slopes *slopes)
 {
     /* A step of the solver may move a corner beside the camera: the cost must be large, and finite. */
     const double least = 1e-3 * (fabs(q[0]) + fabs(q[1])) + 1e-9, z = fmax(q[2], least);
-    const double a = q[0] / z, b = q[1] / z;
-    double uv[2], by[4], jk[2][SST_LENS_MAX];
+    const double ab[2] = { q[0] / z, q[1] / z };
+    struct bend bend;
+    double uv[2];
 
-    distort(lens + 4, coefficients, a, b, uv, jq ? by : NULL, jk);
+    distort(lens + 4, coefficients, ab, uv, slopes ? &bend : NULL);
     for (int i = 0; i < 2; i++)
         xy[i] = lens[i] * uv[i] + lens[2 + i];
-    if (!jq)
+    if (!slopes)
         return;
     for (int i = 0; i < 2; i++) {
-        const double da = lens[i] * by[2 * i] / z, db = lens[i] * by[2 * i + 1] / z;
+        const double da = lens[i] * bend.by[2 * i] / z, db = lens[i] * bend.by[2 * i + 1] / z;
 
-        jq[i][0] = da;
-        jq[i][1] = db;
-        jq[i][2] = -(da * a + db * b);
-        jl[i][i] = uv[i];
-        jl[i][1 - i] = 0;
-        jl[i][2 + i] = 1;
-        jl[i][3 - i] = 0;
+        slopes->q[i][0] = da;
+        slopes->q[i][1] = db;
+        slopes->q[i][2] = -(da * ab[0] + db * ab[1]);
+        slopes->lens[i][i] = uv[i];
+        slopes->lens[i][1 - i] = 0;
+        slopes->lens[i][2 + i] = 1;
+        slopes->lens[i][3 - i] = 0;
         for (int c = 0; c < coefficients; c++)
-            jl[i][4 + c] = lens[i] * jk[i][c];
+            slopes->lens[i][4 + c] = lens[i] * bend.by_k[i][c];
     }
 }
 
@@ -122,11 +128,18 @@ static void apply_loss(double r[2], double loss_px, double m[4])
     r[1] *= ratio;
 }
 
+/* A corner in front of the camera: turned to its axes, its residual and derivatives, and their factors by the loss. */
+struct corner_seen {
+    const struct solve_corner *c;
+    const double *normal; /* [3] of the board */
+    double turned[3], r[2], m[4];
+    struct solve_slopes slopes;
+};
+
 /* Two rows of derivatives, multiplied by m, and residual. */
-static void fill_rows(const struct solve_problem *p, const struct solve_corner *c, const double m[4],
-                      const double turned[3], const double normal[3], double jq[2][3], double jl[2][SOLVE_LENS_MAX],
-                      const double r[2], double *row)
+static void fill_rows(const struct solve_problem *p, const struct corner_seen *s, double *row)
 {
+    const double *turned = s->turned, *normal = s->normal, *m = s->m;
     const int n = solve_block_columns(p), lens = p->keep_lens ? 0 : 4 + p->lens;
     double j[2][SOLVE_COLS_MAX];
 
@@ -134,22 +147,23 @@ static void fill_rows(const struct solve_problem *p, const struct solve_corner *
         double *to = j[i];
 
         for (int l = 0; l < lens; l++)
-            *to++ = jl[i][l];
-        /* -jq [turned]x */
-        *to++ = turned[1] * jq[i][2] - turned[2] * jq[i][1];
-        *to++ = turned[2] * jq[i][0] - turned[0] * jq[i][2];
-        *to++ = turned[0] * jq[i][1] - turned[1] * jq[i][0];
+            *to++ = s->slopes.lens[i][l];
+        /* -slopes.q [turned]x */
+        *to++ = turned[1] * s->slopes.q[i][2] - turned[2] * s->slopes.q[i][1];
+        *to++ = turned[2] * s->slopes.q[i][0] - turned[0] * s->slopes.q[i][2];
+        *to++ = turned[0] * s->slopes.q[i][1] - turned[1] * s->slopes.q[i][0];
         for (int l = 0; l < 3; l++)
-            *to++ = jq[i][l];
+            *to++ = s->slopes.q[i][l];
         for (int l = 0; l < 2 && !p->keep_warp; l++)
-            *to++ = c->bulge[l] * (jq[i][0] * normal[0] + jq[i][1] * normal[1] + jq[i][2] * normal[2]);
+            *to++ = s->c->bulge[l] *
+                    (s->slopes.q[i][0] * normal[0] + s->slopes.q[i][1] * normal[1] + s->slopes.q[i][2] * normal[2]);
     }
     for (int l = 0; l < n - 1; l++) {
         row[l] = m[0] * j[0][l] + m[1] * j[1][l];
         row[n + l] = m[2] * j[0][l] + m[3] * j[1][l];
     }
-    row[n - 1] = r[0];
-    row[2 * n - 1] = r[1];
+    row[n - 1] = s->r[0];
+    row[2 * n - 1] = s->r[1];
 }
 
 int solve_block(const struct solve_problem *p, const struct solve_detection *d, const struct solve_pose *board,
@@ -163,19 +177,20 @@ int solve_block(const struct solve_problem *p, const struct solve_detection *d, 
     for (int i = 0; i < d->corners; i++) {
         const struct solve_corner *c = &d->corner[i];
         const double w = c->weight;
-        double turned[3], q[3], r[2], jq[2][3], jl[2][SOLVE_LENS_MAX], m[4] = { 1, 0, 0, 1 };
+        struct corner_seen seen = { .c = c, .normal = normal, .m = { 1, 0, 0, 1 } };
+        double q[3];
 
         if (c->out)
             continue;
-        solve_corner_place(board, c, p->warp, turned, q);
-        solve_see(lens, p->lens, q, r, jq, jl);
-        r[0] = w * (r[0] - c->x);
-        r[1] = w * (r[1] - c->y);
+        solve_corner_place(board, c, p->warp, seen.turned, q);
+        solve_see(lens, p->lens, q, seen.r, &seen.slopes);
+        seen.r[0] = w * (seen.r[0] - c->x);
+        seen.r[1] = w * (seen.r[1] - c->y);
         if (loss_px > 0)
-            apply_loss(r, loss_px, m);
+            apply_loss(seen.r, loss_px, seen.m);
         for (int k = 0; k < 4; k++)
-            m[k] *= w;
-        fill_rows(p, c, m, turned, normal, jq, jl, r, rows + (size_t)count * (size_t)n);
+            seen.m[k] *= w;
+        fill_rows(p, &seen, rows + (size_t)count * (size_t)n);
         count += 2;
     }
     return count;
@@ -195,7 +210,7 @@ void solve_residuals(const struct solve_problem *p, const struct solve_detection
         double turned[3], q[3];
 
         solve_corner_place(&board, &d->corner[i], p->warp, turned, q);
-        solve_see(p->camera[d->view].lens, p->lens, q, out[i], NULL, NULL);
+        solve_see(p->camera[d->view].lens, p->lens, q, out[i], NULL);
         out[i][0] -= d->corner[i].x;
         out[i][1] -= d->corner[i].y;
     }

@@ -151,31 +151,40 @@ int solve_choose_lens(struct solve_case *c)
     return err;
 }
 
+/* Two lenses of a problem's cameras, and the share of the picture that they are compared in. */
+struct lenses {
+    const struct solve_problem *p;
+    const double *a, *b;
+    double share;
+};
+
 /* Pixels of lens b for the directions of a grid of lens a's pixels after a rotation: normal equations of the
  * residuals. */
-static double turned_distance(const struct solve_problem *p, const double *a, const double *b, double share,
-                              const double turn[9], double normal[9], double g[3])
+static double turned_distance(const struct lenses *l, const double turn[9], double normal[9], double g[3])
 {
-    const struct sst_calib_camera cam = solve_camera_of(a);
+    const struct solve_problem *p = l->p;
+    const struct sst_calib_camera cam = solve_camera_of(l->a);
     double sum = 0;
     int n = 0;
 
     memset(normal, 0, 9 * sizeof(*normal));
     memset(g, 0, 3 * sizeof(*g));
     for (int i = 0; i < 21 * 16; i++) {
-        const double x = (p->width - 1) / 2.0 + share * (i % 21 - 10) / 20.0 * (p->width - 1);
-        const double y = (p->height - 1) / 2.0 + share * (i / 21 - 7.5) / 15.0 * (p->height - 1);
-        double q[3] = { 0, 0, 1 }, xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX];
+        const double x = (p->width - 1) / 2.0 + l->share * (i % 21 - 10) / 20.0 * (p->width - 1);
+        const double y = (p->height - 1) / 2.0 + l->share * (i / 21 - 7.5) / 15.0 * (p->height - 1);
+        double q[3] = { 0, 0, 1 }, xy[2];
+        struct solve_slopes slopes;
 
         if (!sst_camera_undistort(&cam, x, y, &q[0], &q[1]))
             continue;
         solve_apply3(turn, q, q);
-        solve_see(b, p->lens, q, xy, jq, jl);
+        solve_see(l->b, p->lens, q, xy, &slopes);
         xy[0] -= x;
         xy[1] -= y;
         for (int k = 0; k < 2; k++) {
-            const double j[3] = { q[1] * jq[k][2] - q[2] * jq[k][1], q[2] * jq[k][0] - q[0] * jq[k][2],
-                                  q[0] * jq[k][1] - q[1] * jq[k][0] };
+            const double j[3] = { q[1] * slopes.q[k][2] - q[2] * slopes.q[k][1],
+                                  q[2] * slopes.q[k][0] - q[0] * slopes.q[k][2],
+                                  q[0] * slopes.q[k][1] - q[1] * slopes.q[k][0] };
 
             for (int m = 0; m < 9; m++)
                 normal[m] += j[m / 3] * j[m % 3];
@@ -190,17 +199,18 @@ static double turned_distance(const struct solve_problem *p, const double *a, co
 
 double solve_lens_difference(const struct solve_problem *p, const double *a, const double *b, double share)
 {
+    const struct lenses lenses = { p, a, b, share };
     double turn[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, normal[9], g[3], by[9];
 
     for (int step = 0; step < 4; step++) {
-        turned_distance(p, a, b, share, turn, normal, g);
+        turned_distance(&lenses, turn, normal, g);
         if (!solve_cholesky(normal, 3))
             break;
         solve_cholesky_solve(normal, 3, g);
         sst_rotation_from_vector(g, by);
         solve_mul3(by, turn, turn);
     }
-    return turned_distance(p, a, b, share, turn, normal, g);
+    return turned_distance(&lenses, turn, normal, g);
 }
 
 static int solve_half(const struct solve_problem *p, int rest, struct solve_problem *half, struct solve_covariance *cov)

@@ -130,21 +130,22 @@ static void motion_of(struct diagnosis *l, int detection, struct motion *m)
     solve_relative(p, d, &board);
     for (int k = 0; k < d->corners; k++) {
         const double w = d->corner[k].weight;
-        double t[3], q[3], xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX];
+        double t[3], q[3], xy[2];
+        struct solve_slopes slopes;
 
         solve_corner_place(&board, &d->corner[k], p->warp, t, q);
-        solve_see(p->camera[d->view].lens, p->lens, q, xy, jq, jl);
+        solve_see(p->camera[d->view].lens, p->lens, q, xy, &slopes);
         xy[0] = w * (xy[0] - d->corner[k].x);
         xy[1] = w * (xy[1] - d->corner[k].y);
         if (hypot(xy[0], xy[1]) > limit)
             continue;
         for (int i = 0; i < 2; i++) {
-            const double j[6] = { w * (q[1] * jq[i][2] - q[2] * jq[i][1]),
-                                  w * (q[2] * jq[i][0] - q[0] * jq[i][2]),
-                                  w * (q[0] * jq[i][1] - q[1] * jq[i][0]),
-                                  w * jq[i][0],
-                                  w * jq[i][1],
-                                  w * jq[i][2] };
+            const double j[6] = { w * (q[1] * slopes.q[i][2] - q[2] * slopes.q[i][1]),
+                                  w * (q[2] * slopes.q[i][0] - q[0] * slopes.q[i][2]),
+                                  w * (q[0] * slopes.q[i][1] - q[1] * slopes.q[i][0]),
+                                  w * slopes.q[i][0],
+                                  w * slopes.q[i][1],
+                                  w * slopes.q[i][2] };
 
             for (int n = 0; n < 36; n++)
                 m->a[n] += j[n / 6] * j[n % 6];

@@ -80,10 +80,14 @@ void solve_problem_fini(struct solve_problem *p);
 
 /* --- one detection (solve_block.c) -------------------------------------------------------------------------------- */
 
-/** Camera point to pixels. jq: derivatives by the point [2][3], jl: by the lens [2][4 + lens]; both or neither NULL.
- *  Always finite: points beside and behind the camera are taken at a small depth. */
-void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
-               double jl[2][SOLVE_LENS_MAX]);
+/** Derivatives of a pixel by the camera point and by the lens, 4 + coefficients. */
+struct solve_slopes {
+    double q[2][3], lens[2][SOLVE_LENS_MAX];
+};
+
+/** Camera point to pixels. Always finite: points beside and behind the camera are taken at a small depth.
+ *  @param slopes  out, NULL: not needed */
+void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], struct solve_slopes *slopes);
 
 /** A camera at the origin with this lens. */
 struct sst_calib_camera solve_camera_of(const double *lens);
@@ -127,15 +131,17 @@ void solve_layout_fini(struct solve_layout *layout);
 struct solve_spread {
     double camera_turn[9], across[9], rotation[9], board_turn[9]; /* Jc, [Rc tf]x, Rc, Rf's Jf in camera axes */
     int lens, pose, frame, warp;                                  /* first state, or -1 */
+    int lens_columns;
+    const double *scale; /* of the layout */
 };
 
-/** @param turn_camera, turn_board  rotations since the layout's poses, at which Jc and Jf are evaluated; NULL: none */
+/** @param turns  rotations of camera and board since the layout's poses, at which Jc and Jf are evaluated; NULL: none
+ */
 void solve_spread_make(struct solve_spread *out, const struct solve_problem *p, const struct solve_layout *layout,
-                       const struct solve_detection *d, const double *turn_camera, const double *turn_board);
+                       const struct solve_detection *d, const double *const turns[2]);
 /** The entries of one row, columns before `from` being zero: ascending states and scaled values. @return their number
  */
-int solve_spread_row(const struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
-                     const double *row, int from, int *state, double *value);
+int solve_spread_row(const struct solve_spread *s, const double *row, int from, int *state, double *value);
 
 /* Priors, as rows with one entry: the board's warp, and the denominator of lenses with 8 coefficients. */
 int solve_priors(const struct solve_problem *p, const struct solve_layout *layout, int *state, double *value,

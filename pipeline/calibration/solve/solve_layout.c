@@ -39,13 +39,11 @@ void solve_problem_fini(struct solve_problem *p)
     *p = (struct solve_problem){ 0 };
 }
 
-/* Units of the states: one unit moves each dependent corner by about a pixel, divided by the root of their number. */
-static void set_scales(struct solve_layout *l, const struct solve_problem *p, const double *corners, int at, int view,
-                       double depth)
+/* Units of a lens: one unit moves each dependent corner by about a pixel, divided by the root of their number. */
+static void set_lens_scales(struct solve_layout *l, const struct solve_problem *p, int view, double root)
 {
-    const double *lens = p->camera[view].lens, f = lens[0];
+    const double f = p->camera[view].lens[0];
     const double reach = 0.35 * hypot(p->width, p->height) / f, r2 = reach * reach; /* where most corners are */
-    const double root = 1 / sqrt(fmax(corners[at], 1));
     const double moves[SOLVE_LENS_MAX] = { reach / 2,
                                            reach / 2,
                                            1,
@@ -59,14 +57,16 @@ static void set_scales(struct solve_layout *l, const struct solve_problem *p, co
                                            f * reach * r2 * r2,
                                            f * reach * r2 * r2 * r2 };
 
-    if (at == l->lens[view] && l->lens[view] >= 0) {
-        for (int i = 0; i < l->lens_size; i++)
-            l->scale[at + i] = root / moves[i];
-    } else {
-        for (int i = 0; i < 3; i++) {
-            l->scale[at + i] = root / f;
-            l->scale[at + 3 + i] = root * depth / f;
-        }
+    for (int i = 0; i < l->lens_size; i++)
+        l->scale[l->lens[view] + i] = root / moves[i];
+}
+
+/* Units of a pose, of a camera or of a board that is so deep. */
+static void set_pose_scales(double *scale, double focal_px, double depth, double root)
+{
+    for (int i = 0; i < 3; i++) {
+        scale[i] = root / focal_px;
+        scale[3 + i] = root * depth / focal_px;
     }
 }
 
@@ -128,8 +128,12 @@ static void measure_scales(struct solve_layout *l, const struct solve_problem *p
             continue;
         solve_relative(p, d, &board);
         for (int k = 0; k < 3; k++) {
-            if (at[k] >= 0)
-                set_scales(l, p, corners, at[k], d->view, fmax(board.shift[2], 1));
+            const double root = at[k] < 0 ? 0 : 1 / sqrt(fmax(corners[at[k]], 1));
+
+            if (at[k] >= 0 && !k)
+                set_lens_scales(l, p, d->view, root);
+            else if (at[k] >= 0)
+                set_pose_scales(l->scale + at[k], p->camera[d->view].lens[0], fmax(board.shift[2], 1), root);
         }
         if (l->warp >= 0) { /* seen at a tilt of about 20 degrees */
             l->scale[l->warp] = l->scale[l->warp + 1] =
@@ -181,7 +185,7 @@ void solve_layout_fini(struct solve_layout *layout)
 }
 
 void solve_spread_make(struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
-                       const struct solve_detection *d, const double *turn_camera, const double *turn_board)
+                       const struct solve_detection *d, const double *const turns[2])
 {
     static const double none[3] = { 0 };
     const struct solve_pose *camera = &p->camera[d->view].pose;
@@ -191,11 +195,13 @@ void solve_spread_make(struct solve_spread *s, const struct solve_problem *p, co
     s->pose = layout->pose[d->view];
     s->frame = layout->frame[d->frame];
     s->warp = layout->warp;
+    s->lens_columns = p->keep_lens ? 0 : layout->lens_size;
+    s->scale = layout->scale;
     memcpy(s->rotation, camera->rotation, sizeof(s->rotation));
     solve_apply3(camera->rotation, p->frame[d->frame].pose.shift, m);
     memcpy(s->across, (double[9]){ 0, -m[2], m[1], m[2], 0, -m[0], -m[1], m[0], 0 }, sizeof(s->across));
-    solve_left_jacobian(turn_camera ? turn_camera : none, s->camera_turn);
-    solve_left_jacobian(turn_board ? turn_board : none, s->board_turn);
+    solve_left_jacobian(turns ? turns[0] : none, s->camera_turn);
+    solve_left_jacobian(turns ? turns[1] : none, s->board_turn);
     solve_mul3(s->rotation, s->board_turn, s->board_turn);
 }
 
@@ -206,10 +212,9 @@ static void row_times(const double v[3], const double m[9], double out[3])
         out[i] = v[0] * m[i] + v[1] * m[3 + i] + v[2] * m[6 + i];
 }
 
-int solve_spread_row(const struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
-                     const double *row, int from, int *state, double *value)
+int solve_spread_row(const struct solve_spread *s, const double *row, int from, int *state, double *value)
 {
-    const int lens = p->keep_lens ? 0 : layout->lens_size;
+    const int lens = s->lens_columns;
     const double *turn = row + lens, *shift = turn + 3, *warp = turn + 6;
     double both[2][6], t[3];
     int n = 0;
@@ -240,7 +245,7 @@ int solve_spread_row(const struct solve_spread *s, const struct solve_problem *p
         value[n++] = warp[i];
     }
     for (int i = 0; i < n; i++)
-        value[i] *= layout->scale[state[i]];
+        value[i] *= s->scale[state[i]];
     return n;
 }
 

@@ -53,31 +53,39 @@ static bool decompose(const double h[9], struct solve_pose *out)
     return true;
 }
 
+/* A detection, and the lens that it is seen through. */
+struct sight {
+    const struct solve_problem *p;
+    const struct solve_detection *d;
+    const double *lens;
+};
+
 /* Robust normal equations of a pose; returns the cost, Cauchy's with scale c. */
-static double pose_normal(const struct solve_problem *p, const struct solve_detection *d, const double *lens,
-                          const struct solve_pose *pose, double c, double a[36], double g[6])
+static double pose_normal(const struct sight *s, const struct solve_pose *pose, double c, double a[36], double g[6])
 {
+    const struct solve_detection *d = s->d;
     double cost = 0;
 
     memset(a, 0, 36 * sizeof(*a));
     memset(g, 0, 6 * sizeof(*g));
     for (int i = 0; i < d->corners; i++) {
-        double t[3], q[3], xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX], r2, w;
+        double t[3], q[3], xy[2], r2, w;
+        struct solve_slopes slopes;
 
-        solve_corner_place(pose, &d->corner[i], p->warp, t, q);
-        solve_see(lens, p->lens, q, xy, jq, jl);
+        solve_corner_place(pose, &d->corner[i], s->p->warp, t, q);
+        solve_see(s->lens, s->p->lens, q, xy, &slopes);
         xy[0] -= d->corner[i].x;
         xy[1] -= d->corner[i].y;
         r2 = xy[0] * xy[0] + xy[1] * xy[1];
         w = 1 / (1 + r2 / (c * c));
         cost += log1p(r2 / (c * c));
         for (int k = 0; k < 2; k++) {
-            const double j[6] = { t[1] * jq[k][2] - t[2] * jq[k][1],
-                                  t[2] * jq[k][0] - t[0] * jq[k][2],
-                                  t[0] * jq[k][1] - t[1] * jq[k][0],
-                                  jq[k][0],
-                                  jq[k][1],
-                                  jq[k][2] };
+            const double j[6] = { t[1] * slopes.q[k][2] - t[2] * slopes.q[k][1],
+                                  t[2] * slopes.q[k][0] - t[0] * slopes.q[k][2],
+                                  t[0] * slopes.q[k][1] - t[1] * slopes.q[k][0],
+                                  slopes.q[k][0],
+                                  slopes.q[k][1],
+                                  slopes.q[k][2] };
 
             for (int m = 0; m < 6; m++) {
                 g[m] += w * j[m] * xy[k];
@@ -90,14 +98,15 @@ static double pose_normal(const struct solve_problem *p, const struct solve_dete
 }
 
 /* Median length of the residuals over 1.1774: sigma of one axis. */
-static double pose_sigma(const struct solve_problem *p, const struct solve_detection *d, const double *lens,
-                         const struct solve_pose *pose, double *work)
+static double pose_sigma(const struct sight *s, const struct solve_pose *pose, double *work)
 {
+    const struct solve_detection *d = s->d;
+
     for (int i = 0; i < d->corners; i++) {
         double t[3], q[3], xy[2];
 
-        solve_corner_place(pose, &d->corner[i], p->warp, t, q);
-        solve_see(lens, p->lens, q, xy, NULL, NULL);
+        solve_corner_place(pose, &d->corner[i], s->p->warp, t, q);
+        solve_see(s->lens, s->p->lens, q, xy, NULL);
         work[i] = hypot(xy[0] - d->corner[i].x, xy[1] - d->corner[i].y);
     }
     return sst_stats_upper_median(work, d->corners) / 1.1774;
@@ -107,12 +116,13 @@ static double pose_sigma(const struct solve_problem *p, const struct solve_detec
 static double refine(const struct solve_problem *p, const struct solve_detection *d, const double *lens,
                      struct solve_pose *pose, double *work)
 {
-    double sigma = pose_sigma(p, d, lens, pose, work), damp = 1e-4;
+    const struct sight s = { p, d, lens };
+    double sigma = pose_sigma(&s, pose, work), damp = 1e-4;
 
     for (int step = 0; step < 20; step++) {
         const double c = fmax(3 * sigma, 0.05);
         double a[36], g[6], again[6], turned[9];
-        const double cost = pose_normal(p, d, lens, pose, c, a, g);
+        const double cost = pose_normal(&s, pose, c, a, g);
         struct solve_pose next = *pose;
 
         for (int i = 0; i < 6; i++)
@@ -126,7 +136,7 @@ static double refine(const struct solve_problem *p, const struct solve_detection
         solve_mul3(turned, pose->rotation, next.rotation);
         for (int i = 0; i < 3; i++)
             next.shift[i] += g[3 + i];
-        if (!(pose_normal(p, d, lens, &next, c, a, again) <= cost)) {
+        if (!(pose_normal(&s, &next, c, a, again) <= cost)) {
             damp *= 10;
             if (damp > 1e6)
                 break;
@@ -134,7 +144,7 @@ static double refine(const struct solve_problem *p, const struct solve_detection
         }
         *pose = next;
         damp = fmax(damp / 10, 1e-9);
-        sigma = pose_sigma(p, d, lens, pose, work);
+        sigma = pose_sigma(&s, pose, work);
         if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < SEED_TURN)
             break;
     }
@@ -196,7 +206,7 @@ void solve_single_camera(struct solve_single *out, const struct solve_problem *p
         out->mirrored = facing < 0;
         out->rms_px = refine(p, d, lens, &out->pose, work);
         other_pose(&out->pose, middle, &other);
-        sigma = pose_sigma(p, d, lens, &other, work);
+        sigma = pose_sigma(&(struct sight){ p, d, lens }, &other, work);
         if (sigma < ALIKE * out->rms_px)
             sigma = refine(p, d, lens, &other, work);
         if (sigma < out->rms_px) {

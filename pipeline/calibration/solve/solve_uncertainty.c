@@ -43,7 +43,7 @@ static void share_of(struct build *b, const struct solve_detection *d, struct sh
     int count;
 
     solve_relative(b->p, d, &board);
-    solve_spread_make(&spread, b->p, &b->layout, d, NULL, NULL);
+    solve_spread_make(&spread, b->p, &b->layout, d, NULL);
     count = solve_block(b->p, d, &board, 0, rows);
     solve_qr(rows, count, n);
     out->n = 0;
@@ -51,7 +51,7 @@ static void share_of(struct build *b, const struct solve_detection *d, struct sh
     for (int i = 0; i < count && i < n - 1; i++) {
         double value[SOLVE_COLS_MAX + 6];
         int state[SOLVE_COLS_MAX + 6];
-        const int got = solve_spread_row(&spread, b->p, &b->layout, rows + (size_t)i * (size_t)n, i, state, value);
+        const int got = solve_spread_row(&spread, rows + (size_t)i * (size_t)n, i, state, value);
         int first;
 
         if (!i) {
@@ -273,12 +273,12 @@ static bool direction(const double *lens, double x, double y, double q[3])
 }
 
 /* Derivatives by a rotation w of the direction q: dq = w x q = -[q]x w. */
-static void by_rotation(double jq[2][3], const double q[3], double out[2][3])
+static void by_rotation(double by_point[2][3], const double q[3], double out[2][3])
 {
     for (int i = 0; i < 2; i++) {
-        out[i][0] = q[1] * jq[i][2] - q[2] * jq[i][1];
-        out[i][1] = q[2] * jq[i][0] - q[0] * jq[i][2];
-        out[i][2] = q[0] * jq[i][1] - q[1] * jq[i][0];
+        out[i][0] = q[1] * by_point[i][2] - q[2] * by_point[i][1];
+        out[i][1] = q[2] * by_point[i][0] - q[0] * by_point[i][2];
+        out[i][2] = q[0] * by_point[i][1] - q[1] * by_point[i][0];
     }
 }
 
@@ -300,19 +300,20 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
     double a[9] = { 0 }, g[3][SOLVE_LENS_MAX] = { 0 };
 
     for (int cell = 0; cell < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; cell++) {
-        double xy[2], q[3], seen[2], jq[2][3], jl[2][SOLVE_LENS_MAX], jw[2][3];
+        double xy[2], q[3], seen[2], jw[2][3];
+        struct solve_slopes slopes;
 
         cell_pixel(p, cell / SST_UNCERTAINTY_COLS, cell % SST_UNCERTAINTY_COLS, xy);
         if (!cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
             continue;
-        solve_see(lens, p->lens, q, seen, jq, jl);
-        by_rotation(jq, q, jw);
+        solve_see(lens, p->lens, q, seen, &slopes);
+        by_rotation(slopes.q, q, jw);
         for (int k = 0; k < 2; k++) {
             for (int i = 0; i < 3; i++) {
                 for (int j = 0; j < 3; j++)
                     a[3 * i + j] += jw[k][i] * jw[k][j];
                 for (int l = 0; l < 4 + p->lens; l++)
-                    g[i][l] += jw[k][i] * jl[k][l];
+                    g[i][l] += jw[k][i] * slopes.lens[k][l];
             }
         }
     }
@@ -341,18 +342,19 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
         state[l] = first + l;
     for (int row = 0; row < SST_UNCERTAINTY_ROWS; row++) {
         for (int col = 0; col < SST_UNCERTAINTY_COLS; col++) {
-            double xy[2], q[3], seen[2], jq[2][3], jl[2][SOLVE_LENS_MAX], jw[2][3], sum = 0;
+            double xy[2], q[3], seen[2], jw[2][3], sum = 0;
+            struct solve_slopes slopes;
 
             map[row][col] = NAN;
             cell_pixel(p, row, col, xy);
             if (!fine || !cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
                 continue;
-            solve_see(lens, p->lens, q, seen, jq, jl);
-            by_rotation(jq, q, jw);
+            solve_see(lens, p->lens, q, seen, &slopes);
+            by_rotation(slopes.q, q, jw);
             for (int k = 0; k < 2; k++) {
                 for (int l = 0; l < n; l++)
-                    jl[k][l] -= jw[k][0] * turn[0][l] + jw[k][1] * turn[1][l] + jw[k][2] * turn[2][l];
-                sum += variance(c, jl[k], state, n);
+                    slopes.lens[k][l] -= jw[k][0] * turn[0][l] + jw[k][1] * turn[1][l] + jw[k][2] * turn[2][l];
+                sum += variance(c, slopes.lens[k], state, n);
             }
             map[row][col] = (float)sqrt(sum / 2);
         }
@@ -367,39 +369,41 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
     const struct solve_pose *pose = &p->camera[view].pose;
     const double z = depth_mm > 0 ? depth_mm : 1, move = depth_mm > 0;
     const int n = 4 + p->lens;
-    double ab[3], X[3], turned[3], q[3], seen[2], jq0[2][3], jl0[2][SOLVE_LENS_MAX], jq[2][3], jl[2][SOLVE_LENS_MAX];
+    double ab[3], X[3], turned[3], q[3], seen[2];
+    struct solve_slopes slopes;
+    struct solve_slopes first;
     double jw[2][3], det;
 
     if (!direction(lens0, xy[0], xy[1], ab))
         return false;
-    solve_see(lens0, p->lens, ab, seen, jq0, jl0);
-    det = jq0[0][0] * jq0[1][1] - jq0[0][1] * jq0[1][0];
+    solve_see(lens0, p->lens, ab, seen, &first);
+    det = first.q[0][0] * first.q[1][1] - first.q[0][1] * first.q[1][0];
     for (int i = 0; i < 3; i++)
         X[i] = z * ab[i];
     solve_apply3(pose->rotation, X, turned);
     for (int i = 0; i < 3; i++)
         q[i] = turned[i] + move * pose->shift[i];
-    solve_see(lens, p->lens, q, seen, jq, jl);
+    solve_see(lens, p->lens, q, seen, &slopes);
     if (!(q[2] > 0) || seen[0] < -0.5 || seen[1] < -0.5 || seen[0] > p->width - 0.5 || seen[1] > p->height - 0.5 ||
         !(fabs(det) > 0))
         return false;
-    by_rotation(jq, turned, jw);
+    by_rotation(slopes.q, turned, jw);
     for (int k = 0; k < 2; k++) {
         double jab[2], back[2];
 
         for (int i = 0; i < 2; i++)
-            jab[i] = z * (jq[k][0] * pose->rotation[i] + jq[k][1] * pose->rotation[3 + i] +
-                          jq[k][2] * pose->rotation[6 + i]);
-        /* (a, b) moves by -jq0^-1 jl0 when the lens does and the pixel stays */
-        back[0] = (jab[0] * jq0[1][1] - jab[1] * jq0[1][0]) / det;
-        back[1] = (jab[1] * jq0[0][0] - jab[0] * jq0[0][1]) / det;
+            jab[i] = z * (slopes.q[k][0] * pose->rotation[i] + slopes.q[k][1] * pose->rotation[3 + i] +
+                          slopes.q[k][2] * pose->rotation[6 + i]);
+        /* (a, b) moves by -first.q^-1 first.lens when the lens does and the pixel stays */
+        back[0] = (jab[0] * first.q[1][1] - jab[1] * first.q[1][0]) / det;
+        back[1] = (jab[1] * first.q[0][0] - jab[0] * first.q[0][1]) / det;
         for (int l = 0; l < n; l++) {
-            j[k][l] = -(back[0] * jl0[0][l] + back[1] * jl0[1][l]);
-            j[k][n + l] = jl[k][l];
+            j[k][l] = -(back[0] * first.lens[0][l] + back[1] * first.lens[1][l]);
+            j[k][n + l] = slopes.lens[k][l];
         }
         for (int i = 0; i < 3; i++) {
             j[k][2 * n + i] = jw[k][i];
-            j[k][2 * n + 3 + i] = move * jq[k][i];
+            j[k][2 * n + 3 + i] = move * slopes.q[k][i];
         }
     }
     return true;
