@@ -43,7 +43,7 @@ int sst_recording_picture(const struct sst_recording *r, const struct sst_record
     err = sst_jpeg_parts_base(parts, &base_ns) ? read_base(r, base_ns, cam, &whole, &base.bytes) : -EBADMSG;
     if (!err) {
         base.data = whole;
-        err = sst_jpeg_parts_join(base, parts, info->width, info->height, data, bytes);
+        err = sst_jpeg_parts_join(&(struct sst_jpeg_pair){ base, parts, info->width, info->height }, data, bytes);
         err = err == -EINVAL ? -EBADMSG : err;
     }
     free(read);

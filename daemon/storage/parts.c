@@ -32,7 +32,8 @@ static struct sst_frame *cut(struct set_parts *p, int k, struct sst_frame *frame
     size_t bytes;
 
     if (!base.data || frame->faults & SST_FRAME_BAD ||
-        sst_jpeg_parts_cut(base, p->base_wall_ns, whole, frame->width, frame->height, &p->made[k], &bytes, NULL) ||
+        sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ base, whole, frame->width, frame->height }, p->base_wall_ns,
+                           &p->made[k], &bytes, NULL) ||
         bytes >= frame->bytes)
         return frame;
     p->frame[k] = *frame;

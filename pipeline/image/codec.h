@@ -11,8 +11,8 @@
 /** Does the name of a file end as that of a PNG or JPEG? */
 bool sst_image_is_picture(const char *name);
 
-/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8 (v 255/65535), alpha
- *  is dropped. */
+/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8 (v 255/65535),
+ * alpha is dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 
 /** Read a PNG or JPEG in memory, as sst_image_read(); name is only used in messages. */
@@ -24,9 +24,11 @@ SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, 
 SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                             struct sst_samples samples);
 
-/** The samples themselves of a 16-bit PNG in memory: red, green, blue, or grey in all three. @param plane  out, initialised here
+/** The samples themselves of a 16-bit PNG in memory: red, green, blue, or grey in all three. @param plane  out,
+ * initialised here
  *  @return as sst_image_decode(); -EBADMSG where it has fewer bits */
-SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size,
+                                         const char *name);
 
 /** True if a file in memory begins as a JPEG. */
 bool sst_image_is_jpeg(const uint8_t *data, size_t size);
@@ -34,12 +36,17 @@ bool sst_image_is_jpeg(const uint8_t *data, size_t size);
 /** Width and height of a PNG or JPEG in memory, without decoding its pixels. @return as sst_image_decode() */
 SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
-/** Decode a JPEG in memory to R, G, B and an unused byte a pixel; with the colours of sst_image_decode().
- *  @param rgbx  rows `stride` bytes apart, written once and not read: may be mapped memory of a device; undefined on
- * failure
+/** Memory for a picture: R, G, B and an unused byte a pixel, in rows `stride` bytes apart. */
+struct sst_rgbx {
+    uint8_t *rows;
+    size_t stride;
+    int width, height;
+};
+
+/** Decode a JPEG in memory to pixels with the colours of sst_image_decode().
+ *  @param to  its rows are written once and not read: may be mapped memory of a device; undefined on failure
  *  @return as sst_image_decode(); -EBADMSG: no JPEG, or another size */
-SST_MUST_CHECK int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data,
-                                         size_t size, const char *name);
+SST_MUST_CHECK int sst_image_decode_rgbx(const struct sst_rgbx *to, const uint8_t *data, size_t size, const char *name);
 
 /** How often each sample occurs, all channels but alpha together. */
 struct sst_sample_counts {
@@ -53,9 +60,9 @@ SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, con
 
 /**
  * The samples to scale from, for pictures that are compared with each other: {0, 0} where they span half of 16 bits or
- * more, as usual pictures do, or are all one. Narrower ones, as of cameras of 10, 12 or 14 bits, span 0..255 afterwards:
- * up to 256 different samples stay different. Where there are more, a ten-thousandth of the samples at either end does
- * not count: defective pixels would take the levels.
+ * more, as usual pictures do, or are all one. Narrower ones, as of cameras of 10, 12 or 14 bits, span 0..255
+ * afterwards: up to 256 different samples stay different. Where there are more, a ten-thousandth of the samples at
+ * either end does not count: defective pixels would take the levels.
  */
 struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts);
 
@@ -85,7 +92,8 @@ int sst_image_orientation(const uint8_t *data, size_t size);
 /** EXIF's orientation of a file, of which only the beginning is read; 1 where it cannot be read. */
 int sst_image_read_orientation(const char *path);
 
-/** Turn and mirror a picture as its orientation says: upright afterwards. @return 0 or -ENOMEM (unchanged; not logged) */
+/** Turn and mirror a picture as its orientation says: upright afterwards. @return 0 or -ENOMEM (unchanged; not logged)
+ */
 SST_MUST_CHECK int sst_image_orient(struct sst_image *img, int orientation);
 
 /** Log a warning where pictures of an array have an orientation, which does not count, and name the pictures of another
@@ -96,13 +104,14 @@ void sst_image_warn_orientations(const char *source, const char *const *names, c
 /** Size of a PNG or JPEG without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 
-/** Quality of a JPEG file in memory by the quantisation of its luma, in the scale of libjpeg: 1..100. NAN: damaged (logged), or
- *  without tables. @param name  for messages */
+/** Quality of a JPEG file in memory by the quantisation of its luma, in the scale of libjpeg: 1..100. NAN: damaged
+ * (logged), or without tables. @param name  for messages */
 double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name);
 
 SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *path);
 
-/** 16-bit RGB PNG: levels 0 to 255 become samples black to white, so that reading with `samples` gives the image again. */
+/** 16-bit RGB PNG: levels 0 to 255 become samples black to white, so that reading with `samples` gives the image again.
+ */
 SST_MUST_CHECK int sst_image_write_samples(const struct sst_image *img, struct sst_samples samples, const char *path);
 
 /** 16-bit RGB PNG of these samples. */

@@ -113,19 +113,24 @@ static void fix_balance(libraw_data_t *r, const char *name)
                         name);
 }
 
+struct file {
+    const uint8_t *data;
+    size_t size;
+    const char *name;
+};
+
 /* @param why  out: a clause, or NULL: the error is logged */
-static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data, size_t size, const char *name,
-                   const char **why)
+static int develop(libraw_data_t *r, struct sst_image *img, const struct file *file, const char **why)
 {
     libraw_processed_image_t *picture;
     int err, faults = 0, rc;
 
     raw.libraw_set_dataerror_handler(r, on_fault, &faults);
     set_parameters(r);
-    rc = raw.libraw_open_buffer(r, (void *)data, size);
+    rc = raw.libraw_open_buffer(r, (void *)file->data, file->size);
     if (!rc && (r->sizes.raw_width > SST_IMAGE_MAX_SIDE || r->sizes.raw_height > SST_IMAGE_MAX_SIDE ||
                 (size_t)r->sizes.raw_width * r->sizes.raw_height > SST_IMAGE_MAX_PIXELS))
-        return sst_image_size_error(-EINVAL, name, r->sizes.raw_width, r->sizes.raw_height);
+        return sst_image_size_error(-EINVAL, file->name, r->sizes.raw_width, r->sizes.raw_height);
     rc = rc ? rc : raw.libraw_unpack(r);
     if (!rc && faults) /* it is unpacked as far as it goes */
         rc = LIBRAW_IO_ERROR;
@@ -133,7 +138,7 @@ static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data,
     if (!rc && r->color.fmaximum > 0) /* LibRaw scales them by the largest */
         return -EBADMSG;
     if (!rc) {
-        fix_balance(r, name);
+        fix_balance(r, file->name);
         rc = raw.libraw_dcraw_process(r);
         *why = raw.libraw_strerror(rc);
     }
@@ -157,7 +162,7 @@ int sst_image_develop(struct sst_image *img, const uint8_t *data, size_t size, c
         sst_log_error("%s cannot be developed without LibRaw; install it, or use files: raw+jpeg", name);
         return -ENOPKG;
     }
-    err = r ? develop(r, img, data, size, name, &why) : -ENOMEM;
+    err = r ? develop(r, img, &(struct file){ data, size, name }, &why) : -ENOMEM;
     if (err == -ENOMEM)
         sst_log_error("%s: not enough memory to develop it", name);
     else if (err && why)

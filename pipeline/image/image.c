@@ -5,15 +5,20 @@
 
 #include "base/mem.h"
 
-static int allocate(void **data, size_t *stride, int width, int height, size_t pixel_bytes, size_t planes)
+/* The planes of a pixel follow each other, as images of their own. */
+struct layout {
+    size_t planes, pixel_bytes;
+};
+
+static int allocate(void **data, size_t *stride, int width, int height, struct layout l)
 {
     void *p;
 
     if (width < 1 || height < 1 || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE ||
         (size_t)width * (size_t)height > SST_IMAGE_MAX_PIXELS)
         return -EINVAL;
-    *stride = sst_mem_stride((size_t)width, pixel_bytes);
-    p = sst_mem_alloc(planes * (size_t)height, *stride);
+    *stride = sst_mem_stride((size_t)width, l.pixel_bytes);
+    p = sst_mem_alloc(l.planes * (size_t)height, *stride);
     if (!p)
         return -ENOMEM;
     *data = p;
@@ -24,7 +29,7 @@ int sst_image_init(struct sst_image *img, int width, int height)
 {
     struct sst_image made = { .width = width, .height = height };
     void *data;
-    int err = allocate(&data, &made.stride, width, height, 1, 3);
+    int err = allocate(&data, &made.stride, width, height, (struct layout){ 3, 1 });
 
     if (err)
         return err;
@@ -45,7 +50,7 @@ void sst_image_fini(struct sst_image *img)
     {                                                                                                                  \
         struct sst_map_##name made = { .width = width, .height = height };                                             \
         void *data;                                                                                                    \
-        int err = allocate(&data, &made.stride, width, height, sizeof(type), 1);                                       \
+        int err = allocate(&data, &made.stride, width, height, (struct layout){ 1, sizeof(type) });                    \
                                                                                                                        \
         if (err)                                                                                                       \
             return err;                                                                                                \
@@ -64,19 +69,19 @@ DEFINE_MAP(u8, uint8_t)
 DEFINE_MAP(u16, uint16_t)
 DEFINE_MAP(f32, float)
 
-void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, int x0, int y0, int x1, int y1)
+void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, struct sst_rect part)
 {
-    const int pairs = sst_min_int(x1, in->width / 2), last = in->width - 1;
+    const int pairs = sst_min_int(part.x1, in->width / 2), last = in->width - 1;
 
     for (int c = 0; c < 3; c++) {
-        for (int y = y0; y < y1; y++) {
+        for (int y = part.y0; y < part.y1; y++) {
             const uint8_t *restrict a = sst_image_row(in, c, 2 * y);
             const uint8_t *restrict b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
             uint8_t *restrict o = sst_image_row(out, c, y);
 
-            for (int x = x0; x < pairs; x++)
+            for (int x = part.x0; x < pairs; x++)
                 o[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
-            if (pairs < x1)
+            if (pairs < part.x1)
                 o[pairs] = (uint8_t)((2 * a[last] + 2 * b[last] + 2) >> 2);
         }
     }
@@ -87,7 +92,7 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
     const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
 
     if (!err)
-        sst_image_halve_part(out, in, 0, 0, out->width, out->height);
+        sst_image_halve_part(out, in, (struct sst_rect){ 0, 0, out->width, out->height });
     return err;
 }
 
@@ -105,13 +110,13 @@ int sst_image_shrink(struct sst_image *img, int max_width)
     return 0;
 }
 
-void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, int x0, int y0, int x1, int y1)
+void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, struct sst_rect part)
 {
-    for (int y = y0; y < y1; y++) {
+    for (int y = part.y0; y < part.y1; y++) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
         uint8_t *out = sst_map_u8_row(luma, y);
 
-        for (int x = x0; x < x1; x++)
+        for (int x = part.x0; x < part.x1; x++)
             out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
     }
 }
@@ -121,7 +126,7 @@ int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
     const int err = sst_map_u8_init(luma, img->width, img->height);
 
     if (!err)
-        sst_luma_part(luma, img, 0, 0, img->width, img->height);
+        sst_luma_part(luma, img, (struct sst_rect){ 0, 0, img->width, img->height });
     return err;
 }
 

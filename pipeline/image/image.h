@@ -78,9 +78,9 @@ double sst_image_contrast(const struct sst_image *img);
 double sst_image_edge_px(const struct sst_image *image, const struct sst_map_u8 *valid);
 
 /**
- * Quality of the JPEG file that these pixels were decoded from, whatever file they came from since: 1..100 in the scale of
- * libjpeg, from the steps of the luma's lowest frequencies. Only while the blocks begin at the picture's corner: not of
- * pictures that were cropped, resampled or denoised. Up to 90; finer steps are hidden by rounding. Thread: any.
+ * Quality of the JPEG file that these pixels were decoded from, whatever file they came from since: 1..100 in the scale
+ * of libjpeg, from the steps of the luma's lowest frequencies. Only while the blocks begin at the picture's corner: not
+ * of pictures that were cropped, resampled or denoised. Up to 90; finer steps are hidden by rounding. Thread: any.
  *
  * @return NAN: no traces, or no memory
  */
@@ -94,8 +94,8 @@ void sst_map_f32_fini(struct sst_map_f32 *map);
 /** Half the size: means of 2x2 pixels, the last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
 
-/** Halve into columns x0 .. x1-1 and rows y0 .. y1-1 of out, which has half the size. */
-void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, int x0, int y0, int x1, int y1);
+/** Halve into a part of out, which has half the size. */
+void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, struct sst_rect part);
 
 /** Halve in place until it is at most max_width wide. @return 0, or as sst_image_init() with the last size */
 SST_MUST_CHECK int sst_image_shrink(struct sst_image *img, int max_width);
@@ -103,8 +103,8 @@ SST_MUST_CHECK int sst_image_shrink(struct sst_image *img, int max_width);
 /** Luma: 0.299 R + 0.587 G + 0.114 B in 1/256. @param luma  out, initialised here. @return as sst_map_u8_init() */
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
-/** Luma of columns x0 .. x1-1 and rows y0 .. y1-1; luma has the picture's size. */
-void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, int x0, int y0, int x1, int y1);
+/** Luma of a part; luma has the picture's size. */
+void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, struct sst_rect part);
 
 static inline uint8_t *sst_image_row(const struct sst_image *img, int channel, int y)
 {

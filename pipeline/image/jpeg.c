@@ -38,6 +38,9 @@ bool sst_jpeg_may_hold(size_t pixels, size_t bytes)
 
 /* Everything that must survive a longjmp out of libjpeg lives here, not in locals. */
 struct reader {
+    const uint8_t *data; /* the file */
+    size_t size;
+    const char *name;
     struct jpeg_decompress_struct jpeg;
     struct jpeg_error_mgr errors;
     struct jpeg_progress_mgr progress;
@@ -94,14 +97,14 @@ static void on_progress(j_common_ptr c)
     longjmp(r->escape, 1);
 }
 
-static int damaged(const struct reader *r, const char *name)
+static int damaged(const struct reader *r)
 {
-    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", name, r->message);
+    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", r->name, r->message);
     return -EBADMSG;
 }
 
 /* May escape. */
-static int read_header(struct reader *r, const uint8_t *data, size_t size, const char *name)
+static int read_header(struct reader *r)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     size_t pixels;
@@ -109,14 +112,14 @@ static int read_header(struct reader *r, const uint8_t *data, size_t size, const
     jpeg_create_decompress(jpeg);
     r->progress.progress_monitor = on_progress;
     jpeg->progress = &r->progress;
-    jpeg_mem_src(jpeg, data, size);
+    jpeg_mem_src(jpeg, r->data, r->size);
     (void)jpeg_read_header(jpeg, TRUE);
     pixels = (size_t)jpeg->image_width * jpeg->image_height;
     if (jpeg->image_width > SST_IMAGE_MAX_SIDE || jpeg->image_height > SST_IMAGE_MAX_SIDE ||
         pixels > SST_IMAGE_MAX_PIXELS)
-        return sst_image_size_error(-EINVAL, name, jpeg->image_width, jpeg->image_height);
-    if (!sst_jpeg_may_hold(pixels, size)) {
-        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", name, size,
+        return sst_image_size_error(-EINVAL, r->name, jpeg->image_width, jpeg->image_height);
+    if (!sst_jpeg_may_hold(pixels, r->size)) {
+        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", r->name, r->size,
                       jpeg->image_width, jpeg->image_height);
         return -EBADMSG;
     }
@@ -124,9 +127,12 @@ static int read_header(struct reader *r, const uint8_t *data, size_t size, const
 }
 
 /* Zeroed but for the error handlers: reader_close() is then fine. */
-static void reader_init(struct reader *r)
+static void reader_init(struct reader *r, const uint8_t *data, size_t size, const char *name)
 {
     memset(r, 0, sizeof(*r));
+    r->data = data;
+    r->size = size;
+    r->name = name;
     r->jpeg.err = jpeg_std_error(&r->errors);
     r->jpeg.client_data = r;
     r->errors.error_exit = on_error;
@@ -153,7 +159,7 @@ static bool is_complete(const struct jpeg_decompress_struct *jpeg)
 }
 
 /* All rows are read. May escape. */
-static int finish(struct reader *r, const char *name)
+static int finish(struct reader *r)
 {
     static atomic_bool warned;
     const bool complete = is_complete(&r->jpeg); /* its tables are gone afterwards */
@@ -163,18 +169,18 @@ static int finish(struct reader *r, const char *name)
         return 0;
     if (!complete) {
         snprintf(r->message, sizeof(r->message), "its last scans are missing");
-        return damaged(r, name);
+        return damaged(r);
     }
     if (!atomic_exchange(&warned, true)) /* an array's pictures are all alike, and read by several stages */
         sst_log_warning("%s lacks the end marker of JPEG, but none of its samples; other programs may refuse it, and "
                         "others of this kind",
-                        name);
+                        r->name);
     return 0;
 }
 
-static int size_of(struct reader *r, const uint8_t *data, size_t size, const char *name)
+static int size_of(struct reader *r)
 {
-    return setjmp(r->escape) ? damaged(r, name) : read_header(r, data, size, name);
+    return setjmp(r->escape) ? damaged(r) : read_header(r);
 }
 
 int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
@@ -182,8 +188,8 @@ int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, con
     struct reader r;
     int err;
 
-    reader_init(&r);
-    err = size_of(&r, data, size, name);
+    reader_init(&r, data, size, name);
+    err = size_of(&r);
     if (!err) {
         *width = (int)r.jpeg.image_width;
         *height = (int)r.jpeg.image_height;
@@ -218,8 +224,8 @@ double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name)
     struct reader r;
     double quality = NAN;
 
-    reader_init(&r);
-    if (!size_of(&r, data, size, name))
+    reader_init(&r, data, size, name);
+    if (!size_of(&r))
         quality = quality_of(&r.jpeg);
     reader_close(&r);
     return quality;
@@ -238,14 +244,14 @@ static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
     }
 }
 
-static int decode_open(struct reader *r, struct sst_image *out, const uint8_t *data, size_t size, const char *name)
+static int decode_open(struct reader *r, struct sst_image *out)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     int err;
 
     if (setjmp(r->escape))
-        return damaged(r, name);
-    err = read_header(r, data, size, name);
+        return damaged(r);
+    err = read_header(r);
     if (err)
         return err;
     jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_RGB;
@@ -253,7 +259,7 @@ static int decode_open(struct reader *r, struct sst_image *out, const uint8_t *d
     r->row = sst_mem_alloc_raw(jpeg->image_width, 4);
     err = r->row ? sst_image_init(out, (int)jpeg->image_width, (int)jpeg->image_height) : -ENOMEM;
     if (err)
-        return sst_image_size_error(err, name, jpeg->image_width, jpeg->image_height);
+        return sst_image_size_error(err, r->name, jpeg->image_width, jpeg->image_height);
     (void)jpeg_start_decompress(jpeg);
     while (jpeg->output_scanline < jpeg->output_height) {
         const int y = (int)jpeg->output_scanline;
@@ -263,7 +269,7 @@ static int decode_open(struct reader *r, struct sst_image *out, const uint8_t *d
             cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
         sst_rgb_unpack_row(out, y, r->row);
     }
-    return finish(r, name);
+    return finish(r);
 }
 
 int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name, bool strict)
@@ -272,9 +278,9 @@ int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, con
     struct reader r;
     int err;
 
-    reader_init(&r);
+    reader_init(&r, data, size, name);
     r.strict = strict;
-    err = decode_open(&r, &made, data, size, name);
+    err = decode_open(&r, &made);
     reader_close(&r);
     if (err)
         sst_image_fini(&made);
@@ -284,30 +290,29 @@ int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, con
 }
 
 /* As decode_open(), with the rows where they are to be. */
-static int decode_rows(struct reader *r, uint8_t *rgbx, size_t stride, const int wanted[2], const uint8_t *data,
-                       size_t size, const char *name)
+static int decode_rows(struct reader *r, const struct sst_rgbx *to)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     int err;
 
     if (setjmp(r->escape))
-        return damaged(r, name);
-    err = read_header(r, data, size, name);
+        return damaged(r);
+    err = read_header(r);
     if (err)
         return err;
-    if ((int)jpeg->image_width != wanted[0] || (int)jpeg->image_height != wanted[1]) {
-        sst_log_error("%s has %ux%u pixels instead of %dx%d; write it again", name, jpeg->image_width,
-                      jpeg->image_height, wanted[0], wanted[1]);
+    if ((int)jpeg->image_width != to->width || (int)jpeg->image_height != to->height) {
+        sst_log_error("%s has %ux%u pixels instead of %dx%d; write it again", r->name, jpeg->image_width,
+                      jpeg->image_height, to->width, to->height);
         return -EBADMSG;
     }
     jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg->dct_method = JDCT_ISLOW;
     r->row = jpeg->num_components == 4 ? sst_mem_alloc_raw(jpeg->image_width, 4) : NULL;
     if (jpeg->num_components == 4 && !r->row)
-        return sst_image_size_error(-ENOMEM, name, jpeg->image_width, jpeg->image_height);
+        return sst_image_size_error(-ENOMEM, r->name, jpeg->image_width, jpeg->image_height);
     (void)jpeg_start_decompress(jpeg);
     while (jpeg->output_scanline < jpeg->output_height) {
-        uint8_t *line = rgbx + jpeg->output_scanline * stride;
+        uint8_t *line = to->rows + jpeg->output_scanline * to->stride;
 
         (void)jpeg_read_scanlines(jpeg, r->row ? &r->row : &line, 1);
         if (!r->row)
@@ -316,11 +321,10 @@ static int decode_rows(struct reader *r, uint8_t *rgbx, size_t stride, const int
         for (size_t x = 0; x < jpeg->image_width; x++)
             memcpy(line + 4 * x, r->row + 3 * x, 3);
     }
-    return finish(r, name);
+    return finish(r);
 }
 
-int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data, size_t size,
-                          const char *name)
+int sst_image_decode_rgbx(const struct sst_rgbx *to, const uint8_t *data, size_t size, const char *name)
 {
     struct reader r;
     int err;
@@ -329,8 +333,8 @@ int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, c
         sst_log_error("%s is no JPEG image; write it again", name);
         return -EBADMSG;
     }
-    reader_init(&r);
-    err = decode_rows(&r, rgbx, stride, (const int[2]){ width, height }, data, size, name);
+    reader_init(&r, data, size, name);
+    err = decode_rows(&r, to);
     reader_close(&r);
     return err;
 }
@@ -339,7 +343,9 @@ int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, c
 
 #define MAX_ROWS (4 * DCTSIZE) /* of a plane that are decoded at once */
 
-/* @return false: a device does not convert it */
+/* const uint8_t *data, size_t size, const char *name)
+{
+    struct jpeg_decompress_struct *jpegreturn false: a device does not convert it */
 static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress_struct *jpeg)
 {
     const jpeg_component_info *c = jpeg->comp_info;
@@ -370,14 +376,13 @@ static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress
     return out->chroma_width > 2;
 }
 
-static int read_layout(struct reader *r, struct sst_jpeg_planes *out, const uint8_t *data, size_t size,
-                       const char *name)
+static int read_layout(struct reader *r, struct sst_jpeg_planes *out)
 {
     int err;
 
     if (setjmp(r->escape))
-        return damaged(r, name);
-    err = read_header(r, data, size, name);
+        return damaged(r);
+    err = read_header(r);
     if (err)
         return err;
     return set_layout(out, &r->jpeg) ? 0 : -ENOTSUP;
@@ -389,16 +394,15 @@ int sst_jpeg_planes_read(struct sst_jpeg_planes *out, const uint8_t *data, size_
     struct reader r;
     int err;
 
-    reader_init(&r);
-    err = read_layout(&r, &made, data, size, name);
+    reader_init(&r, data, size, name);
+    err = read_layout(&r, &made);
     reader_close(&r);
     if (!err)
         *out = made;
     return err;
 }
 
-static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data,
-                         size_t size, const char *name)
+static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_planes *layout)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     JSAMPROW row[3][MAX_ROWS];
@@ -406,8 +410,8 @@ static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_pl
     int err;
 
     if (setjmp(r->escape))
-        return damaged(r, name);
-    err = read_header(r, data, size, name);
+        return damaged(r);
+    err = read_header(r);
     if (err)
         return err;
     jpeg->raw_data_out = TRUE;
@@ -425,7 +429,7 @@ static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_pl
         }
         (void)jpeg_read_raw_data(jpeg, plane, (JDIMENSION)jpeg->max_v_samp_factor * DCTSIZE);
     }
-    return finish(r, name);
+    return finish(r);
 }
 
 int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data, size_t size,
@@ -434,8 +438,8 @@ int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, co
     struct reader r;
     int err;
 
-    reader_init(&r);
-    err = decode_planes(&r, to, layout, data, size, name);
+    reader_init(&r, data, size, name);
+    err = decode_planes(&r, to, layout);
     reader_close(&r);
     return err;
 }

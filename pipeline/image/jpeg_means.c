@@ -532,13 +532,14 @@ static bool set_size(uint8_t *header, size_t bytes, int width, int height)
     return found;
 }
 
-/* MCUs of a row. @param last  in, out: the means before */
-static int put_row(struct writer *w, const struct reader *r, const struct scan *s, int from, int end,
+/* MCUs of a part of a row. @param last  in, out: the means before */
+static int put_row(struct writer *w, const struct reader *r, const struct scan *s, const int part[2],
                    const int16_t **last)
 {
     const struct sst_jpeg_mcu *mcu = s->index->mcu;
+    const int end = part[1];
 
-    for (int n = from, stop; n < end; n = stop) {
+    for (int n = part[0], stop; n < end; n = stop) {
         const int err = put_first(w, r, s, n, *last);
 
         for (stop = n + 1; stop < end && !restarts(s->index, stop); stop++)
@@ -560,8 +561,11 @@ static int put_part(struct writer *w, const struct reader *r, const struct scan 
     const int16_t *last = zero;
     int err = 0;
 
-    for (int y = part->y0; y < part->y1 && !err; y++)
-        err = put_row(w, r, s, y * s->index->mcus_x + part->x0, y * s->index->mcus_x + part->x1, &last);
+    for (int y = part->y0; y < part->y1 && !err; y++) {
+        const int row = y * s->index->mcus_x;
+
+        err = put_row(w, r, s, (const int[2]){ row + part->x0, row + part->x1 }, &last);
+    }
     if (err)
         return err;
     put(w, 0x7F, 7);
@@ -596,11 +600,13 @@ static int reserve_cut(struct sst_jpeg_means *m, size_t bytes)
     return m->cut ? 0 : -ENOMEM;
 }
 
-int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, const uint8_t *frame,
-                 struct sst_jpeg_index *index, const struct sst_jpeg_part *part, const uint8_t **out, size_t *bytes)
+int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame, const struct sst_jpeg_part *part,
+                 const uint8_t **out, size_t *bytes)
 {
+    const struct jpeg_decompress_struct *h = frame->header;
+    struct sst_jpeg_index *index = frame->index;
     const uint8_t *from = h->src->next_input_byte;
-    const size_t header = (size_t)(from - frame), data = h->src->bytes_in_buffer;
+    const size_t header = (size_t)(from - frame->data), data = h->src->bytes_in_buffer;
     const size_t last = index->mcu[(part->y1 - 1) * index->mcus_x + part->x1].end;
     struct scan s = { .components = h->num_components, .index = index };
     struct writer w = { 0 };
@@ -614,7 +620,7 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *
     err = err ? err : read_parts(m, from, from + data, last / 8 + 1, &r);
     if (err)
         return err;
-    memcpy(m->cut, frame, header);
+    memcpy(m->cut, frame->data, header);
     if (!set_size(m->cut, header,
                   sst_min_int(part->x1 * index->mcu_width, (int)h->image_width) - part->x0 * index->mcu_width,
                   sst_min_int(part->y1 * index->mcu_height, (int)h->image_height) - part->y0 * index->mcu_height))

@@ -57,16 +57,21 @@ struct sst_jpeg_part {
     int x0, y0, x1, y1;
 };
 
+/** A JPEG frame: its first byte, its header as for sst_jpeg_means_read(), and its valid index. */
+struct sst_jpeg_frame {
+    const uint8_t *data;
+    const struct jpeg_decompress_struct *header;
+    struct sst_jpeg_index *index;
+};
+
 /**
  * Make a JPEG frame of a part of another one, without decoding: its blocks have the same coefficients.
  *
- * @param header  as for sst_jpeg_means_read() @param frame  its first byte @param index  valid, of this frame
  * @param out     out, frame; valid until the next call
  * @return 0, -ENOTSUP (the frame's code has no word for a mean, or its header is unusual), -EBADMSG, -ENOMEM; not
  * logged
  */
-SST_MUST_CHECK int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *header,
-                                const uint8_t *frame, struct sst_jpeg_index *index, const struct sst_jpeg_part *part,
-                                const uint8_t **out, size_t *bytes);
+SST_MUST_CHECK int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame,
+                                const struct sst_jpeg_part *part, const uint8_t **out, size_t *bytes);
 
 #endif

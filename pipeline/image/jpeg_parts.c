@@ -73,7 +73,7 @@ static void end(struct work *w)
     free(w);
 }
 
-static struct work *begin(struct sst_jpeg_bytes base, struct sst_jpeg_bytes other, int width, int height)
+static struct work *begin(const struct sst_jpeg_pair *pair)
 {
     struct work *w = calloc(1, sizeof(*w));
 
@@ -83,10 +83,10 @@ static struct work *begin(struct sst_jpeg_bytes base, struct sst_jpeg_bytes othe
     w->errors.error_exit = on_error;
     w->errors.emit_message = on_message;
     w->progress.progress_monitor = on_progress;
-    w->base.jpeg = base;
-    w->other.jpeg = other;
-    w->width = width;
-    w->height = height;
+    w->base.jpeg = pair->base;
+    w->other.jpeg = pair->other;
+    w->width = pair->width;
+    w->height = pair->height;
     return w;
 }
 
@@ -256,10 +256,9 @@ static void give(struct work *w, uint8_t **out, size_t *bytes)
     w->made = NULL;
 }
 
-int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole, int width, int height,
-                       uint8_t **out, size_t *bytes, double *share)
+int sst_jpeg_parts_cut(const struct sst_jpeg_pair *pair, int64_t base_ns, uint8_t **out, size_t *bytes, double *share)
 {
-    struct work *w = begin(base, whole, width, height);
+    struct work *w = begin(pair);
     char head[HEAD + 1];
     int n = 0, err = 0;
 
@@ -321,12 +320,11 @@ bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns)
     return stop == digits + 20;
 }
 
-int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, int width, int height, uint8_t **out,
-                        size_t *bytes)
+int sst_jpeg_parts_join(const struct sst_jpeg_pair *pair, uint8_t **out, size_t *bytes)
 {
-    struct work *w = begin(base, parts, width, height);
+    struct work *w = begin(pair);
     const uint8_t *mask = NULL;
-    const size_t n = find_mask(parts, &mask);
+    const size_t n = find_mask(pair->other, &mask);
     int err = 0;
 
     if (!w)

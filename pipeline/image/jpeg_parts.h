@@ -15,21 +15,27 @@ struct sst_jpeg_bytes {
     size_t bytes;
 };
 
+/** A picture and its base; ones of another size are refused before memory is taken for them. */
+struct sst_jpeg_pair {
+    struct sst_jpeg_bytes base, other;
+    int width, height;
+};
+
 /**
+ * Cut the parts of a picture that differ from its base.
+ *
  * @param base_ns  a name for the base, kept in the parts: a time
- * @param width    and height of both: others are refused before memory is taken for them
  * @param out      to free with free(); a JPEG of the same size, of which grey areas are as in the base
  * @param share    of the picture that differs, 0..1; may be NULL
  * @return 0, -EINVAL (one is no baseline JPEG, or they differ in size, sampling or tables), -ENOMEM; not logged
  */
-SST_MUST_CHECK int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole,
-                                      int width, int height, uint8_t **out, size_t *bytes, double *share);
+SST_MUST_CHECK int sst_jpeg_parts_cut(const struct sst_jpeg_pair *pair, int64_t base_ns, uint8_t **out, size_t *bytes,
+                                      double *share);
 
 /** @return whether a JPEG has parts alone, and of which base */
 bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns);
 
 /** Join parts with their base, the inverse of sst_jpeg_parts_cut(). @return as that, -EINVAL also: not parts */
-SST_MUST_CHECK int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, int width, int height,
-                                       uint8_t **out, size_t *bytes);
+SST_MUST_CHECK int sst_jpeg_parts_join(const struct sst_jpeg_pair *pair, uint8_t **out, size_t *bytes);
 
 #endif

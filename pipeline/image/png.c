@@ -240,18 +240,23 @@ static bool decode_plain(const uint8_t *data, size_t size, enum sample sample, v
     return good;
 }
 
-/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by sample; the caller frees it on failure. */
-static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, struct sst_samples samples,
-                  void *out)
+/* Kind of picture to decode to, and the samples that become levels 0 and 255. */
+struct form {
+    enum sample sample;
+    struct sst_samples samples;
+};
+
+/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by the form; the caller frees it on failure. */
+static int decode(const uint8_t *data, size_t size, const char *name, struct form form, void *out)
 {
     struct reader r;
     int err;
 
-    if (decode_plain(data, size, sample, out))
+    if (decode_plain(data, size, form.sample, out))
         return 0;
     err = reader_open(&r, data, size, name);
-    r.samples = samples;
-    err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, sample, out);
+    r.samples = form.samples;
+    err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, form.sample, out);
     reader_close(&r);
     return err;
 }
@@ -260,7 +265,7 @@ int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, cons
                    struct sst_samples samples)
 {
     struct sst_image made = { 0 };
-    int err = decode(data, size, name, SAMPLE_RGB, samples, &made);
+    int err = decode(data, size, name, (struct form){ SAMPLE_RGB, samples }, &made);
 
     if (err)
         sst_image_fini(&made);
@@ -397,7 +402,7 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
                                                                                                                        \
         if (err)                                                                                                       \
             return err;                                                                                                \
-        err = decode(data, size, path, sample, (struct sst_samples){ 0, 0 }, &made);                                   \
+        err = decode(data, size, path, (struct form){ sample, { 0, 0 } }, &made);                                      \
         free(data);                                                                                                    \
         if (err)                                                                                                       \
             sst_map_##kind##_fini(&made);                                                                              \
@@ -535,8 +540,8 @@ int sst_image_write_samples(const struct sst_image *img, struct sst_samples samp
 {
     if (!samples.white)
         samples.white = 65535;
-    return write_png(
-        &(struct picture){ .image = img, .width = img->width, .height = img->height, .samples = samples }, path);
+    return write_png(&(struct picture){ .image = img, .width = img->width, .height = img->height, .samples = samples },
+                     path);
 }
 
 /* A map, by libpng where it cannot be packed faster. */

@@ -93,10 +93,10 @@ static uint8_t sixteenth(int v)
 }
 
 /* The sampled colour is exact; the other two come from the paper's 5x5 filters, here in sixteenths. */
-static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, int red_x, int red_y)
+static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, const int red[2])
 {
     const struct neighbours n = neighbours_of(raw, x, y);
-    const bool red_col = x % 2 == red_x, red_row = y % 2 == red_y;
+    const bool red_col = x % 2 == red[0], red_row = y % 2 == red[1];
     uint8_t *rgb[3];
 
     for (int c = 0; c < 3; c++)
@@ -141,33 +141,33 @@ bool sst_raw_red(uint32_t fourcc, int *x, int *y)
 }
 
 /* The highest byte of each sample, which is its last. */
-static void grey_row(struct sst_image *img, int y, int x0, int x1, const uint8_t *row, int bytes)
+static void grey_row(struct sst_image *img, int y, struct sst_rect part, const uint8_t *row, int bytes)
 {
     for (int c = 0; c < 3; c++)
-        for (int x = x0; x < x1; x++)
+        for (int x = part.x0; x < part.x1; x++)
             sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
 }
 
-int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1)
+int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, struct sst_rect part)
 {
     const int grey = raw->fourcc == V4L2_PIX_FMT_GREY ? 1 : raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 0;
     const size_t stride = stride_of(raw);
-    int red_x = 0, red_y = 0;
-    const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y);
+    int red[2] = { 0, 0 };
+    const bool bayer = sst_raw_red(raw->fourcc, &red[0], &red[1]);
 
     if (!bayer && !grey && raw->fourcc != V4L2_PIX_FMT_YUYV)
         return -EINVAL;
     if (check(raw) || img->width != raw->width || img->height != raw->height)
         return -EBADMSG;
-    for (int y = y0; y < y1; y++) {
+    for (int y = part.y0; y < part.y1; y++) {
         const uint8_t *row = raw->data + (size_t)y * stride;
 
         if (grey)
-            grey_row(img, y, x0, x1, row, grey);
+            grey_row(img, y, part, row, grey);
         else if (!bayer)
-            yuyv_row(img, y, x0, x1, row);
-        for (int x = x0; bayer && x < x1; x++)
-            bayer_pixel(img, raw, x, y, red_x, red_y);
+            yuyv_row(img, y, part.x0, part.x1, row);
+        for (int x = part.x0; bayer && x < part.x1; x++)
+            bayer_pixel(img, raw, x, y, red);
     }
     return 0;
 }
@@ -182,7 +182,7 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     if (err == -EINVAL)
         err = -EBADMSG; /* a size beyond the limits of images */
     if (!err)
-        err = sst_raw_part(&made, raw, 0, 0, raw->width, raw->height);
+        err = sst_raw_part(&made, raw, (struct sst_rect){ 0, 0, raw->width, raw->height });
     if (err) {
         sst_image_fini(&made);
         return err;

@@ -41,12 +41,12 @@ SST_MUST_CHECK int sst_raw_decode(struct sst_image *img, const struct sst_raw *r
 bool sst_raw_is_jpeg(uint32_t fourcc);
 
 /**
- * sst_raw_to_image() for columns x0 .. x1-1 of rows y0 .. y1-1, with the same bytes as the conversion of the whole
+ * sst_raw_to_image() for a part, with the same bytes as the conversion of the whole
  * frame; the rest of the picture is unchanged.
  * @param img  initialised by the caller to the frame's size; contains the part
  * @return 0, -EINVAL, -EBADMSG (as sst_raw_to_image(), or img has another size); not logged
  */
-SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1);
+SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, struct sst_rect part);
 
 /** Position of the red sample in each 2x2 cell of a Bayer format. @return false: not a Bayer format */
 bool sst_raw_red(uint32_t fourcc, int *x, int *y);

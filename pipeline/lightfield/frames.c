@@ -28,8 +28,9 @@ int sst_lightfield_put_frame(uint8_t *rgbx, size_t stride, const struct sst_ligh
     const struct sst_view *v = &lf->views[view];
 
     if (v->encoded)
-        return sst_image_decode_rgbx(rgbx, stride, lf->calibration->width, lf->calibration->height, v->encoded,
-                                     v->encoded_bytes, name_of(lf, view));
+        return sst_image_decode_rgbx(
+            &(struct sst_rgbx){ rgbx, stride, lf->calibration->width, lf->calibration->height }, v->encoded,
+            v->encoded_bytes, name_of(lf, view));
     sst_image_put_rgbx(rgbx, stride, v->original.plane[0] ? &v->original : &v->image);
     return 0;
 }

@@ -41,7 +41,8 @@ static void read_means(struct sst_jpeg_means *m, const struct jpeg_decompress_st
 
         for (size_t i = 0; i < ARRAY_LEN(parts); i++)
             if (parts[i].x0 < parts[i].x1 && parts[i].y0 < parts[i].y1 &&
-                !sst_jpeg_cut(m, header, data, &index, &parts[i], &cut, &bytes) && (bytes < 4 || cut[0] != 0xff))
+                !sst_jpeg_cut(m, &(struct sst_jpeg_frame){ data, header, &index }, &parts[i], &cut, &bytes) &&
+                (bytes < 4 || cut[0] != 0xff))
                 abort();
     }
     free(index.mcu);

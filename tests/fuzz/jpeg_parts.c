@@ -62,7 +62,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
         size_t bytes;
 
         put_seed(2 * k, base, whole);
-        if (!sst_jpeg_parts_cut(base, 5, whole, WIDTH, HEIGHT, &parts, &bytes, NULL)) {
+        if (!sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ base, whole, WIDTH, HEIGHT }, 5, &parts, &bytes, NULL)) {
             put_seed(2 * k + 1, base, (struct sst_jpeg_bytes){ parts, bytes });
             free(parts);
         }
@@ -86,9 +86,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     base = (struct sst_jpeg_bytes){ data + 2, n < size - 2 ? n : size - 2 };
     second = (struct sst_jpeg_bytes){ base.data + base.bytes, size - 2 - base.bytes };
     (void)sst_jpeg_parts_base(second, &base_ns);
-    if (!sst_jpeg_parts_join(base, second, WIDTH, HEIGHT, &out, &bytes))
+    if (!sst_jpeg_parts_join(&(struct sst_jpeg_pair){ base, second, WIDTH, HEIGHT }, &out, &bytes))
         free(out);
-    if (!sst_jpeg_parts_cut(base, 7, second, WIDTH, HEIGHT, &out, &bytes, &share)) {
+    if (!sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ base, second, WIDTH, HEIGHT }, 7, &out, &bytes, &share)) {
         if (!(share >= 0 && share <= 1) || !sst_jpeg_parts_base((struct sst_jpeg_bytes){ out, bytes }, &base_ns) ||
             base_ns != 7)
             abort();

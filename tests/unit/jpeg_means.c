@@ -242,7 +242,7 @@ static int try_cuts(struct sst_jpeg_means *m, const struct kind *k, struct sst_j
 
         part.x1 = part.x0 + 1 + below(index->mcus_x - part.x0);
         part.y1 = part.y0 + 1 + below(index->mcus_y - part.y0);
-        err = sst_jpeg_cut(m, &d, f.data, index, &part, &data, &bytes);
+        err = sst_jpeg_cut(m, &(struct sst_jpeg_frame){ f.data, &d, index }, &part, &data, &bytes);
         if (err && (err != -ENOTSUP || !k->optimise)) /* optimised codes have only the words that the frame needs */
             fail_msg("%dx%d %dx%d r%d: %d", k->width, k->height, k->h, k->v, k->restart, err);
         if (err)

@@ -99,15 +99,16 @@ static void what_changed_stays_bit_by_bit(void **state)
     size_t n;
 
     (void)state;
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), INT64_C(1795600000123456789), bytes_of(whole), WIDTH, HEIGHT,
-                                        &data, &n, &share),
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT },
+                                        INT64_C(1795600000123456789), &data, &n, &share),
                      0);
     assert_true(n < whole.bytes / 2);
     assert_true(share > 0.08 && share < 0.3); /* where it stands and where it stood, 48x48 px each, and a margin */
     parts = (struct sst_jpeg_bytes){ data, n };
     assert_true(sst_jpeg_parts_base(parts, &base_ns) && base_ns == INT64_C(1795600000123456789));
     assert_false(sst_jpeg_parts_base(bytes_of(whole), &base_ns));
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, WIDTH, HEIGHT, &joint, &n), 0);
+    assert_int_equal(sst_jpeg_parts_join(&(struct sst_jpeg_pair){ bytes_of(base), parts, WIDTH, HEIGHT }, &joint, &n),
+                     0);
     again = (struct sst_jpeg_bytes){ joint, n };
     assert_false(sst_jpeg_parts_base(again, &base_ns)); /* whole again */
     decode(&was, base.data, base.bytes);
@@ -139,14 +140,25 @@ static void what_is_no_part_is_refused(void **state)
     size_t n, unused;
 
     (void)state;
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(narrow), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(coarse), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(noise, 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), bytes_of(whole), WIDTH, HEIGHT, &joint, &n), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), 0);
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(narrow), bytes_of(whole), WIDTH, HEIGHT }, 1,
+                                        &data, &n, NULL),
+                     -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(coarse), bytes_of(whole), WIDTH, HEIGHT }, 1,
+                                        &data, &n, NULL),
+                     -EINVAL);
     assert_int_equal(
-        sst_jpeg_parts_join(bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, WIDTH, HEIGHT, &joint, &unused),
+        sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ noise, bytes_of(whole), WIDTH, HEIGHT }, 1, &data, &n, NULL),
         -EINVAL);
+    assert_int_equal(
+        sst_jpeg_parts_join(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT }, &joint, &n),
+        -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT }, 1,
+                                        &data, &n, NULL),
+                     0);
+    assert_int_equal(sst_jpeg_parts_join(
+                         &(struct sst_jpeg_pair){ bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, WIDTH, HEIGHT },
+                         &joint, &unused),
+                     -EINVAL);
     for (int i = 0; i < 200; i++) { /* bytes that are wrong, and ends that are missing */
         uint8_t *bad = malloc(n);
         const size_t left = i % 2 ? n : 1 + sst_random_u64(&seed) % n;
@@ -154,7 +166,9 @@ static void what_is_no_part_is_refused(void **state)
         memcpy(bad, data, n);
         for (int k = 0; k < 3; k++)
             bad[sst_random_u64(&seed) % n] = (uint8_t)sst_random_u64(&seed);
-        if (!sst_jpeg_parts_join(bytes_of(base), (struct sst_jpeg_bytes){ bad, left }, WIDTH, HEIGHT, &joint, &unused))
+        if (!sst_jpeg_parts_join(
+                &(struct sst_jpeg_pair){ bytes_of(base), (struct sst_jpeg_bytes){ bad, left }, WIDTH, HEIGHT }, &joint,
+                &unused))
             free(joint);
         free(bad);
     }
@@ -197,15 +211,20 @@ static void sizes_are_checked_before_memory_is_taken(void **state)
     size_t n, unused;
 
     (void)state;
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &data, &n, NULL), 0);
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT }, 1,
+                                        &data, &n, NULL),
+                     0);
     parts = (struct sst_jpeg_bytes){ data, n };
     claim(base.data, base.bytes, 8000);
     claim(whole.data, whole.bytes, 8000);
     claim(data, n, 8000);
     before = peak_kb();
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, WIDTH, HEIGHT, &joint, &unused), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(base), parts, 8000, 8000, &joint, &unused), -EINVAL);
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), WIDTH, HEIGHT, &joint, &unused, NULL),
+    assert_int_equal(
+        sst_jpeg_parts_join(&(struct sst_jpeg_pair){ bytes_of(base), parts, WIDTH, HEIGHT }, &joint, &unused), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_join(&(struct sst_jpeg_pair){ bytes_of(base), parts, 8000, 8000 }, &joint, &unused),
+                     -EINVAL);
+    assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT }, 1,
+                                        &joint, &unused, NULL),
                      -EINVAL);
     claim(whole.data, whole.bytes, 4000); /* below what the size of a file is compared with */
     assert_int_equal(

@@ -184,7 +184,7 @@ static void parts_are_those_of_the_whole(void **state)
 
         assert_int_equal(sst_raw_to_image(&whole, &raw), 0);
         assert_int_equal(sst_image_init(&part, 30, 20), 0);
-        assert_int_equal(sst_raw_part(&part, &raw, 7, 3, 22, 20), 0);
+        assert_int_equal(sst_raw_part(&part, &raw, (struct sst_rect){ 7, 3, 22, 20 }), 0);
         for (int c = 0; c < 3; c++)
             for (int y = 0; y < 20; y++)
                 for (int x = 0; x < 30; x++)
@@ -192,7 +192,7 @@ static void parts_are_those_of_the_whole(void **state)
                                      x >= 7 && x < 22 && y >= 3 ? sst_image_row(&whole, c, y)[x] : 0);
         sst_image_fini(&part);
         assert_int_equal(sst_image_init(&part, 29, 20), 0);
-        assert_int_equal(sst_raw_part(&part, &raw, 0, 0, 1, 1), -EBADMSG);
+        assert_int_equal(sst_raw_part(&part, &raw, (struct sst_rect){ 0, 0, 1, 1 }), -EBADMSG);
         sst_image_fini(&part);
         sst_image_fini(&whole);
     }

@@ -199,7 +199,8 @@ static void decoding_to_memory_gives_the_same_pixels(void **state SST_UNUSED)
     assert_non_null(memory);
     assert_int_equal(sst_image_encode_jpeg(img, 70, &jpeg, &bytes), 0);
     assert_int_equal(sst_image_decode(&want, jpeg, bytes, "frame"), 0);
-    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width, img->height, jpeg, bytes, "frame"), 0);
+    assert_int_equal(
+        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width, img->height }, jpeg, bytes, "frame"), 0);
     for (int y = 0; y < img->height; y++) {
         for (int x = 0; x < img->width; x++) {
             for (int c = 0; c < 3; c++)
@@ -207,10 +208,13 @@ static void decoding_to_memory_gives_the_same_pixels(void **state SST_UNUSED)
         }
     }
     sst_log_hold_errors(text);
-    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width + 1, img->height, jpeg, bytes, "frame"),
-                     -EBADMSG);
+    assert_int_equal(
+        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width + 1, img->height }, jpeg, bytes, "frame"),
+        -EBADMSG);
     assert_contains(text, "instead of 135x97");
-    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width, img->height, memory, bytes, "frame"), -EBADMSG);
+    assert_int_equal(
+        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width, img->height }, memory, bytes, "frame"),
+        -EBADMSG);
     assert_contains(text, "is no JPEG");
     sst_log_hold_errors(NULL);
     sst_image_fini(&want);

@@ -85,13 +85,11 @@ void block_means_copy(struct block_means *to, const struct block_means *from)
     }
 }
 
-static void set_plane(struct block_means *c, int p, int cols, int rows, int step_x, int step_y, int zero)
+/* Set the form of a plane, which keeps its memory. */
+static void set_plane(struct mean_plane *plane, struct mean_plane form)
 {
-    c->plane[p].cols = cols;
-    c->plane[p].rows = rows;
-    c->plane[p].step_x = step_x;
-    c->plane[p].step_y = step_y;
-    c->plane[p].zero = zero;
+    form.mean = plane->mean;
+    *plane = form;
 }
 
 /* --- uncompressed frames ------------------------------------------------------------------------------------------ */
@@ -100,17 +98,18 @@ static void set_plane(struct block_means *c, int p, int cols, int rows, int step
 struct samples {
     size_t x0, dx;
     int y0, dy, zero;
+    int columns, per_cell; /* in a row of the frame, and in a row of a cell */
 };
 
-/* Means of the samples in each cell; `columns` is the number of samples in a row of the frame. */
-static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
-                       int per_cell)
+/* Means of the samples in each cell. */
+static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, const struct samples *s)
 {
-    const int rows = c->plane[p].rows, cols = c->plane[p].cols;
+    const int rows = c->plane[p].rows, cols = c->plane[p].cols, per_cell = s->per_cell;
 
     for (int j = 0; j < rows; j++) {
         for (int i = 0; i < cols; i++) {
-            const int end_y = sst_min_int((j + 1) * CELL, raw->height), end = sst_min_int((i + 1) * per_cell, columns);
+            const int end_y = sst_min_int((j + 1) * CELL, raw->height),
+                      end = sst_min_int((i + 1) * per_cell, s->columns);
             int sum = 0, n = 0;
 
             for (int y = j * CELL + s->y0; y < end_y; y += s->dy) {
@@ -131,21 +130,25 @@ static void raw_means(struct block_means *c, const struct sst_raw *raw)
     int red_x = 0, red_y = 0;
     const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y), yuyv = raw->fourcc == V4L2_PIX_FMT_YUYV;
     const size_t bytes = yuyv || raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
-    struct samples all = { .x0 = raw->fourcc == V4L2_PIX_FMT_Y16, .dx = bytes, .dy = 1 };
+    struct samples all = {
+        .x0 = raw->fourcc == V4L2_PIX_FMT_Y16, .dx = bytes, .dy = 1, .columns = raw->width, .per_cell = CELL
+    };
 
     c->planes = bayer || yuyv ? 3 : 1;
     for (int p = 0; p < c->planes; p++)
-        set_plane(c, p, cols, rows, CELL, CELL, p && yuyv ? 1024 : 0);
-    mean_plane(c, 0, raw, &all, raw->width, CELL);
+        set_plane(&c->plane[p], (struct mean_plane){ cols, rows, CELL, CELL, p && yuyv ? 1024 : 0, NULL });
+    mean_plane(c, 0, raw, &all);
     for (int p = 1; p < c->planes; p++) {
         const int x = p == 1 ? red_x : 1 - red_x, y = p == 1 ? red_y : 1 - red_y;
         const struct samples colour = { .x0 = yuyv ? (size_t)(2 * p - 1) : (size_t)x,
                                         .dx = yuyv ? 4 : 2,
                                         .y0 = yuyv ? 0 : y,
                                         .dy = yuyv ? 1 : 2,
-                                        .zero = c->plane[p].zero };
+                                        .zero = c->plane[p].zero,
+                                        .columns = yuyv ? raw->width / 2 : (raw->width - x + 1) / 2,
+                                        .per_cell = CELL / 2 };
 
-        mean_plane(c, p, raw, &colour, yuyv ? raw->width / 2 : (raw->width - x + 1) / 2, CELL / 2);
+        mean_plane(c, p, raw, &colour);
     }
 }
 
@@ -166,19 +169,19 @@ static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct s
     return -EBADMSG;
 }
 
-static int decode_raw(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1)
+static int decode_raw(struct decoder *d, const struct decoder_frame *frame, struct sst_rect part)
 {
     struct sst_raw raw;
     int err = raw_of(d, frame, &raw);
 
     if (!err)
-        err = sst_raw_part(&d->image, &raw, x0, y0, x1, y1);
-    for (int y = y0; !err && y < y1; y++) {
+        err = sst_raw_part(&d->image, &raw, part);
+    for (int y = part.y0; !err && y < part.y1; y++) {
         const uint8_t *r = sst_image_row(&d->image, 0, y), *g = sst_image_row(&d->image, 1, y),
                       *b = sst_image_row(&d->image, 2, y);
         uint8_t *to = d->pixels + (size_t)y * d->stride;
 
-        for (int x = x0; x < x1; x++) {
+        for (int x = part.x0; x < part.x1; x++) {
             to[4 * x] = r[x];
             to[4 * x + 1] = g[x];
             to[4 * x + 2] = b[x];
@@ -238,9 +241,13 @@ static void jpeg_planes(struct block_means *c, const struct jpeg_decompress_stru
         const jpeg_component_info *info = &jpeg->comp_info[p];
         const bool colour = p && (jpeg->jpeg_color_space == JCS_YCbCr);
 
-        set_plane(c, p, (int)info->width_in_blocks, (int)info->height_in_blocks,
-                  n == 1 ? CELL : CELL * jpeg->max_h_samp_factor / info->h_samp_factor,
-                  n == 1 ? CELL : CELL * jpeg->max_v_samp_factor / info->v_samp_factor, colour ? 1024 : 0);
+        set_plane(&c->plane[p], (struct mean_plane){
+                                    .cols = (int)info->width_in_blocks,
+                                    .rows = (int)info->height_in_blocks,
+                                    .step_x = n == 1 ? CELL : CELL * jpeg->max_h_samp_factor / info->h_samp_factor,
+                                    .step_y = n == 1 ? CELL : CELL * jpeg->max_v_samp_factor / info->v_samp_factor,
+                                    .zero = colour ? 1024 : 0,
+                                });
     }
 }
 
@@ -267,11 +274,11 @@ static int jpeg_means(struct decoder *d, const struct decoder_frame *frame, stru
 }
 
 /* May escape. */
-static void decode_rows(struct decoder *d, int x0, int y0, int x1, int y1)
+static void decode_rows(struct decoder *d, struct sst_rect part)
 {
     struct jpeg_decompress_struct *jpeg = &d->jpeg;
-    JDIMENSION left = (JDIMENSION)sst_max_int(x0 - CROP_MARGIN, 0);
-    JDIMENSION width = (JDIMENSION)sst_min_int(x1 + CROP_MARGIN, d->width) - left;
+    JDIMENSION left = (JDIMENSION)sst_max_int(part.x0 - CROP_MARGIN, 0);
+    JDIMENSION width = (JDIMENSION)sst_min_int(part.x1 + CROP_MARGIN, d->width) - left;
 
     jpeg->out_color_space = JCS_EXT_RGBX;
     jpeg->dct_method = JDCT_ISLOW;
@@ -280,16 +287,16 @@ static void decode_rows(struct decoder *d, int x0, int y0, int x1, int y1)
         jpeg_crop_scanline(jpeg, &left, &width);
     else
         left = 0;
-    if (y0)
-        (void)jpeg_skip_scanlines(jpeg, (JDIMENSION)y0);
-    while ((int)jpeg->output_scanline < y1 && !d->refused) {
+    if (part.y0)
+        (void)jpeg_skip_scanlines(jpeg, (JDIMENSION)part.y0);
+    while ((int)jpeg->output_scanline < part.y1 && !d->refused) {
         JSAMPROW row = d->pixels + (size_t)jpeg->output_scanline * d->stride + 4 * (size_t)left;
 
         (void)jpeg_read_scanlines(jpeg, &row, 1);
     }
 }
 
-static int decode_jpeg(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1)
+static int decode_jpeg(struct decoder *d, const struct decoder_frame *frame, struct sst_rect part)
 {
     int err;
 
@@ -299,7 +306,7 @@ static int decode_jpeg(struct decoder *d, const struct decoder_frame *frame, int
     }
     err = read_header(d, frame);
     if (!err) {
-        decode_rows(d, x0, y0, x1, y1);
+        decode_rows(d, part);
         err = d->refused ? -EBADMSG : 0;
     }
     jpeg_abort_decompress(&d->jpeg);
@@ -314,7 +321,8 @@ static int cut_part(struct decoder *d, const struct decoder_frame *frame, struct
     size_t bytes;
     int err = read_header(d, frame);
 
-    err = err ? err : sst_jpeg_cut(d->means, &d->jpeg, frame->data, index, part, &cut, &bytes);
+    err = err ? err
+              : sst_jpeg_cut(d->means, &(struct sst_jpeg_frame){ frame->data, &d->jpeg, index }, part, &cut, &bytes);
     jpeg_abort_decompress(&d->jpeg);
     if (err)
         return err;
@@ -447,11 +455,10 @@ int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, str
     return err;
 }
 
-int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
-                   const uint8_t **pixels, size_t *stride)
+int decoder_decode(struct decoder *d, const struct decoder_frame *frame, struct sst_rect part, const uint8_t **pixels,
+                   size_t *stride)
 {
-    const int err =
-        sst_raw_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
+    const int err = sst_raw_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, part) : decode_raw(d, frame, part);
 
     if (err)
         return err;

@@ -149,7 +149,7 @@ static int decode_all(struct sst_liveframes *f, int k, struct decoder *d, struct
     int err;
 
     bounds(f, &f->view[k], part->box);
-    err = decoder_decode(d, &frame, box[0], box[1], box[2], box[3], &part->pixels, &part->stride);
+    err = decoder_decode(d, &frame, (struct sst_rect){ box[0], box[1], box[2], box[3] }, &part->pixels, &part->stride);
     if (err)
         return err;
     part->pixels += (size_t)box[1] * part->stride + 4 * (size_t)box[0];
@@ -322,7 +322,8 @@ double frames_sample_error(struct sst_liveframes *f)
 
         if (!has_frame(f, k) || !v->made || v->refused || v->verdict.changed == raw_tiles(f))
             continue;
-        if (decoder_decode(f->decoder[0], &frame, 0, 0, f->cfg->width, f->cfg->height, &pixels, &stride))
+        if (decoder_decode(f->decoder[0], &frame, (struct sst_rect){ 0, 0, f->cfg->width, f->cfg->height }, &pixels,
+                           &stride))
             return NAN;
         return difference(f, k, pixels, stride);
     }

@@ -16,7 +16,7 @@
 /** Means of blocks of samples ("cells"), in 1/8 levels (0 .. 2047). */
 struct block_means {
     int planes; /* 1 or 3: luma, then chroma; 0: not read yet */
-    struct {
+    struct mean_plane {
         int cols, rows;
         int step_x, step_y; /* px of the frame in a cell */
         int zero;           /* value of black (luma, RGB) or of no colour (chroma) */
@@ -55,14 +55,14 @@ SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_fr
                                       struct sst_jpeg_index *index);
 
 /**
- * Decode columns x0 .. x1-1 of rows y0 .. y1-1; the pixels equal a decoding of the whole frame.
+ * Decode a part of a frame; the pixels equal a decoding of the whole frame.
  *
  * @param pixels  out, borrowed until the next call: pixel (0, 0) of the frame, 4 bytes each (R, G, B, unused); only the
  *                requested part is set
  * @param stride  out, bytes
  * @return 0, -EBADMSG (damaged, or of another size), -ENOMEM
  */
-SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
+SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame *frame, struct sst_rect part,
                                   const uint8_t **pixels, size_t *stride);
 
 /** Pixels of a part of a frame, borrowed until the next call for another frame. */

@@ -66,8 +66,8 @@ int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *i
     const int right = sst_min_int(sst_max_int(end, left + CENSUS_NARROW), desc->width);
     int err = 0;
 
-    sst_image_halve_part(&desc->image, img, x0, y0, x1, y1);
-    sst_luma_part(&desc->luma, &desc->image, x0, y0, x1, y1);
+    sst_image_halve_part(&desc->image, img, (struct sst_rect){ x0, y0, x1, y1 });
+    sst_luma_part(&desc->luma, &desc->image, (struct sst_rect){ x0, y0, x1, y1 });
     for (int p = 0; !err && p < SST_PHASES; p++) {
         if (desc->census[p])
             err = census_part(desc, p, left, sst_max_int(y0 - 4, 0), right, sst_min_int(y1 + 3, desc->height));
