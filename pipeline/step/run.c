@@ -34,16 +34,6 @@ bool sst_run_failed(const struct sst_run *r)
     return r->err;
 }
 
-bool sst_run_retry(struct sst_run *r)
-{
-    if (r->err != -ENOMEM)
-        return false;
-    r->err = 0;
-    r->memory->planes.turn++;
-    runner_drop_scratch(r->memory, r->gpu);
-    return true;
-}
-
 struct sst_gpu *sst_run_gpu(const struct sst_run *r)
 {
     return r->gpu;

@@ -92,10 +92,6 @@ void sst_run_fail(struct sst_run *r, int err);
 void sst_run_leave(struct sst_run *r, const char *why);
 bool sst_run_failed(const struct sst_run *r);
 
-/** Forget that memory was short, and what this item has on the device: it is tried again with less.
- * @return false: it failed otherwise, or did not fail */
-bool sst_run_retry(struct sst_run *r);
-
 /** A plane of a view, current. */
 struct sst_gpu_range sst_run_plane(struct sst_run *r, enum sst_step_plane plane, int view);
 
