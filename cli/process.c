@@ -348,7 +348,12 @@ static int meet(struct job *job, int i, char steps[SST_PATH_MAX])
     snprintf(text, sizeof(text), "%.16s %.*s", sha256, (int)sizeof(text) - 18, job->text);
     err = sst_path_join(steps, job->dir[i], STEPS);
     return err ? err
-               : sst_share_open(&job->cfg.share, steps, text, shard->index, shard->count, (int)(shard->lease_s * 1000));
+               : sst_share_open(&job->cfg.share,
+                                &(struct sst_share_config){ .dir = steps,
+                                                            .job = text,
+                                                            .index = shard->index,
+                                                            .count = shard->count,
+                                                            .lease_ms = (int)(shard->lease_s * 1000) });
 }
 
 /* Take the folder for this process alone; workers that share it wait. The lock goes with the process, whatever ends it.

@@ -26,20 +26,20 @@ struct sst_share {
     int64_t cpu_ns; /* of this process when the last one ended */
 };
 
-int sst_share_open(struct sst_share **out, const char *dir, const char *job, int index, int count, int lease_ms)
+int sst_share_open(struct sst_share **out, const struct sst_share_config *cfg)
 {
     struct sst_share *s = calloc(1, sizeof(*s));
-    int err = s ? sst_path_make_dir(dir) : -ENOMEM;
+    int err = s ? sst_path_make_dir(cfg->dir) : -ENOMEM;
 
     if (err) {
         free(s);
         return err;
     }
-    snprintf(s->dir, sizeof(s->dir), "%s", dir);
-    snprintf(s->job, sizeof(s->job), "%s", job);
-    s->index = index;
-    s->count = count;
-    s->lease_ms = lease_ms;
+    snprintf(s->dir, sizeof(s->dir), "%s", cfg->dir);
+    snprintf(s->job, sizeof(s->job), "%s", cfg->job);
+    s->index = cfg->index;
+    s->count = cfg->count;
+    s->lease_ms = cfg->lease_ms;
     s->cpu_ns = sst_clock_cpu_ns();
     *out = s;
     return 0;

@@ -14,14 +14,15 @@
 
 struct sst_share; /* one thread at a time */
 
-/**
- * @param dir   folder of the steps, made here; its parent exists
- * @param job   the work, and its pictures; items of another job are computed again
- * @param index this process of `count`: where it begins
- * @return 0, -ENOMEM, or an error of the output; logged
- */
-SST_MUST_CHECK int sst_share_open(struct sst_share **out, const char *dir, const char *job, int index, int count,
-                                  int lease_ms);
+struct sst_share_config {
+    const char *dir;  /* folder of the steps, made here; its parent exists */
+    const char *job;  /* the work, and its pictures; items of another job are computed again */
+    int index, count; /* this process of `count`: where it begins */
+    int lease_ms;
+};
+
+/** @return 0, -ENOMEM, or an error of the output; logged */
+SST_MUST_CHECK int sst_share_open(struct sst_share **out, const struct sst_share_config *cfg);
 void sst_share_close(struct sst_share *s); /* NULL is fine */
 
 /** Results of the work on an item, in a fixed order. Empty maps (a view that is missing) stay empty. */

@@ -208,9 +208,10 @@ static int run_steps(void *arg, int index, int worker SST_UNUSED)
 static void open_share(struct field *f, const char *name, int index, int count, int lease_ms)
 {
     char path[SST_PATH_MAX];
+    const struct sst_share_config cfg = { path, "test", index, count, lease_ms };
 
     assert_int_equal(sst_path_join(path, dir, name), 0);
-    assert_int_equal(sst_share_open(&f->share, path, "test", index, count, lease_ms), 0);
+    assert_int_equal(sst_share_open(&f->share, &cfg), 0);
 }
 
 static void expect_same(const struct field *a, const struct field *b)
@@ -333,8 +334,9 @@ static void killed_workers_are_replaced(void **state SST_UNUSED)
         if (!child) {
             struct field f = { .computed = computed, .fails = -1, .killed_in = step, .killed_at = step % ITEMS };
             char path[SST_PATH_MAX];
+            const struct sst_share_config cfg = { path, "test", 0, 1, 200 };
 
-            if (sst_path_join(path, dir, "killed") || sst_share_open(&f.share, path, "test", 0, 1, 200))
+            if (sst_path_join(path, dir, "killed") || sst_share_open(&f.share, &cfg))
                 _exit(1);
             _exit(run_steps(&f, 0, 0) ? 2 : 3);
         }
