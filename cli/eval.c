@@ -141,31 +141,39 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
     }
 }
 
+/* As written on the command line. */
+struct args {
+    const char *dir, *truth_dir;
+    struct sst_render_config cfg;
+    bool json, no_verify;
+    int threads;
+};
+
 /* A folder without labels is no fault: the report holds null. */
-static int measure(const char *dir, const char *truth_dir, const struct sst_render_config *cfg, int threads,
-                   bool no_verify, bool json)
+static int measure(const struct args *a)
 {
     struct sst_lightfield lf = { 0 };
     struct sst_truth truth;
     struct sst_evaluation report;
     unsigned what = SST_LOAD_DISPARITY | SST_LOAD_LABELS;
-    int err = sst_truth_read(&truth, truth_dir), code;
+    int err = sst_truth_read(&truth, a->truth_dir), code;
 
     if (err)
         return cli_exit_code(err);
     if (truth.count)
-        what |= SST_LOAD_IMAGES | SST_LOAD_ORIGINALS | (no_verify ? SST_LOAD_UNVERIFIED : 0) |
-                (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
-    err = sst_lightfield_load(&lf, dir, what, threads);
+        what |= SST_LOAD_IMAGES | SST_LOAD_ORIGINALS | (a->no_verify ? SST_LOAD_UNVERIFIED : 0) |
+                (a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
+    err = sst_lightfield_load(&lf, a->dir, what, a->threads);
     if (!err) {
-        err = sst_eval_lightfield(&report, &lf, dir, &truth, truth_dir, cfg, threads);
+        err = sst_eval_lightfield(&report, &(struct sst_eval_input){ &lf, a->dir, &truth, a->truth_dir, &a->cfg },
+                                  a->threads);
         sst_lightfield_fini(&lf);
     }
     code = cli_exit_code(err);
     if (err)
         return code == CLI_USAGE ? CLI_INPUT
                                  : code; /* options were checked before: a value out of range comes from a file */
-    if (json)
+    if (a->json)
         return cli_print_json(report_json(&report, &truth));
     print_table(&report, &truth);
     return CLI_OK;
@@ -173,36 +181,36 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *dir, *truth_dir = NULL, *verify = "auto";
-    struct sst_render_config cfg;
-    bool json = false, no_verify = false;
-    int threads = 0, r;
+    struct args a = { 0 };
+    const char *verify = "auto";
+    int r;
 
-    sst_render_config_defaults(&cfg);
+    sst_render_config_defaults(&a.cfg);
     {
         const struct cli_option options[] = {
-            { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png", 0, 0 },
-            { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
-            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth ignored", 1e-6,
+            { "truth", 't', CLI_STRING, &a.truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png", 0, 0 },
+            { "json", 0, CLI_FLAG, &a.json, NULL, "print one JSON object", 0, 0 },
+            { "sigma", 0, CLI_DOUBLE, &a.cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth ignored", 1e-6,
               INFINITY },
-            { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
-            { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
-            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
+            { "c1", 0, CLI_DOUBLE, &a.cfg.c1, "C", "least depth weight", 0, 1 },
+            { "c2", 0, CLI_DOUBLE, &a.cfg.c2, "C", "least label weight", 0, 1 },
+            { "aperture", 0, CLI_DOUBLE, &a.cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
             CLI_VERIFY_OPTION(verify),
-            CLI_NO_VERIFY_OPTION(no_verify),
-            { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
+            CLI_NO_VERIFY_OPTION(a.no_verify),
+            { "threads", 0, CLI_INT, &a.threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
 
-        r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
+        r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &a.dir, 1, 1);
     }
     if (r != CLI_GO_ON)
         return r;
-    if (!truth_dir)
+    if (!a.truth_dir)
         return cli_usage_error(cmd, "--truth DIR is missing");
-    r = cli_read_verify(&cfg.verify, verify, cmd);
+    r = cli_read_verify(&a.cfg.verify, verify, cmd);
     if (r != CLI_GO_ON)
         return r;
-    return measure(dir, truth_dir, &cfg, sst_thread_count(threads), no_verify, json);
+    a.threads = sst_thread_count(a.threads);
+    return measure(&a);
 }
 
 const struct cli_command cli_eval = {

@@ -27,7 +27,10 @@ struct view_truth {
 struct job {
     const struct sst_lightfield *lf;
     const char *lf_dir, *truth_dir;
+    const struct sst_truth *truth;
     struct view_truth *views; /* [rows * cols] */
+    int ref;                  /* view of the pictures, and their renderer */
+    struct sst_renderer *r;
 };
 
 static int check_size(const char *path, int width, int height, const struct sst_lightfield *lf)
@@ -217,14 +220,21 @@ static void sum_up(struct sst_evaluation *out, const struct job *job)
 struct hidden {
     struct sst_image behind;
     struct sst_map_u8 mask, target;
+    double focus_px; /* of the target */
 };
 
-/* @param valid  out, initialised by the caller, or NULL */
+/* A picture to render; an empty `valid` is not wanted. */
+struct rendered {
+    struct sst_image picture;
+    struct sst_map_u8 valid;
+};
+
 static int measure_picture(struct sst_picture_error *out, struct sst_renderer *r, const struct sst_render_config *cfg,
-                           const struct hidden *h, struct sst_image *picture, struct sst_map_u8 *valid)
+                           const struct hidden *h, struct rendered *to)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    int err = sst_render(r, cfg, picture, valid);
+    const struct sst_image *picture = &to->picture;
+    int err = sst_render(r, cfg, &to->picture, to->valid.data ? &to->valid : NULL);
 
     out->seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
     out->psnr = sst_psnr(picture, &h->behind, NULL);
@@ -261,7 +271,7 @@ struct ray_count {
 static const int gap_most[SST_EVAL_GAPS - 1] = { 4, 12 };
 
 /* Pixels of a row or column around (x, y) that show nothing nearer than the focus. */
-static int open_pixels(const struct sst_map_f32 *truth, int x, int y, int dx, int dy, double focus_px)
+static int open_pixels(const struct sst_map_f32 *truth, int x, int y, const int step[2], double focus_px)
 {
     int n = 1;
 
@@ -269,7 +279,7 @@ static int open_pixels(const struct sst_map_f32 *truth, int x, int y, int dx, in
         int at = side, most = gap_most[SST_EVAL_GAPS - 2];
 
         for (; most > 0; most--, at += side) {
-            const int xa = x + at * dx, ya = y + at * dy;
+            const int xa = x + at * step[0], ya = y + at * step[1];
 
             if (xa < 0 || ya < 0 || xa >= truth->width || ya >= truth->height)
                 return gap_most[SST_EVAL_GAPS - 2] + 1; /* goes on outside */
@@ -283,7 +293,8 @@ static int open_pixels(const struct sst_map_f32 *truth, int x, int y, int dx, in
 
 static int gap_class(const struct sst_map_f32 *truth, int x, int y, double focus_px)
 {
-    const int across = open_pixels(truth, x, y, 1, 0, focus_px), down = open_pixels(truth, x, y, 0, 1, focus_px);
+    const int across = open_pixels(truth, x, y, (const int[2]){ 1, 0 }, focus_px);
+    const int down = open_pixels(truth, x, y, (const int[2]){ 0, 1 }, focus_px);
     int class = 0;
 
     while (class < SST_EVAL_GAPS - 1 && sst_min_int(across, down) > gap_most[class])
@@ -293,18 +304,26 @@ static int gap_class(const struct sst_map_f32 *truth, int x, int y, double focus
 
 /* The ray of view k that passes a pixel of the reference view at the focus: where, and its disparities. */
 struct eval_ray {
-    int x, y;
+    int view, x, y;
     double truth, map; /* px per spacing; map NaN: unknown */
 };
 
-static bool ray_at(struct eval_ray *ray, const struct job *job, int k, int ref, int x, int y, double focus_px)
+/* A pixel of the reference view at a focus. */
+struct pixel {
+    int x, y;
+    double focus_px;
+};
+
+static bool ray_at(struct eval_ray *ray, const struct job *job, int k, struct pixel p)
 {
     const struct sst_lightfield *lf = job->lf;
-    const struct sst_view *v = &lf->views[k], *r = &lf->views[ref];
-    const double vx = floor(x - focus_px * (v->bx - r->bx) + 0.5), vy = floor(y - focus_px * (v->by - r->by) + 0.5);
+    const struct sst_view *v = &lf->views[k], *r = &lf->views[job->ref];
+    const double vx = floor(p.x - p.focus_px * (v->bx - r->bx) + 0.5);
+    const double vy = floor(p.y - p.focus_px * (v->by - r->by) + 0.5);
 
     if (!v->disp.data || !job->views[k].disp.data || vx < 0 || vy < 0 || vx >= lf->width || vy >= lf->height)
         return false;
+    ray->view = k;
     ray->x = (int)vx;
     ray->y = (int)vy;
     ray->truth = sst_map_f32_row(&job->views[k].disp, ray->y)[ray->x];
@@ -314,9 +333,9 @@ static bool ray_at(struct eval_ray *ray, const struct job *job, int k, int ref, 
     return true;
 }
 
-static void count_gap(struct ray_count *n, const struct job *job, int k, const struct eval_ray *ray, double focus_px)
+static void count_gap(struct ray_count *n, const struct job *job, const struct eval_ray *ray, double focus_px)
 {
-    const int class = gap_class(&job->views[k].disp, ray->x, ray->y, focus_px);
+    const int class = gap_class(&job->views[ray->view].disp, ray->x, ray->y, focus_px);
 
     n->gap_target[class]++;
     n->gap_rejected[class] += ray->map > focus_px + 1;
@@ -328,8 +347,8 @@ static int by_value(const void *a, const void *b)
 }
 
 /* Squared error of the median of the rays' colours, nearest pixels. */
-static double median_error(const struct job *job, const struct eval_ray *rays, const int *view, int count,
-                           const struct sst_image *behind, int x, int y)
+static double median_error(const struct job *job, const struct eval_ray *rays, int count,
+                           const struct sst_image *behind, struct pixel p)
 {
     double sum = 0;
 
@@ -338,26 +357,24 @@ static double median_error(const struct job *job, const struct eval_ray *rays, c
         double error;
 
         for (int i = 0; i < count; i++)
-            value[i] = sst_image_row(&job->lf->views[view[i]].image, c, rays[i].y)[rays[i].x];
+            value[i] = sst_image_row(&job->lf->views[rays[i].view].image, c, rays[i].y)[rays[i].x];
         qsort(value, (size_t)count, 1, by_value);
-        error = (value[(count - 1) / 2] + value[count / 2]) / 2.0 - sst_image_row(behind, c, y)[x];
+        error = (value[(count - 1) / 2] + value[count / 2]) / 2.0 - sst_image_row(behind, c, p.y)[p.x];
         sum += error * error;
     }
     return sum / 3;
 }
 
 /* @return whether the pixel shows the target */
-static bool count_pixel(struct ray_count *sum, const struct job *job, int ref, const struct hidden *h, int x, int y,
-                        double focus_px)
+static bool count_pixel(struct ray_count *sum, const struct job *job, const struct sst_image *shown, struct pixel p)
 {
+    const double focus_px = p.focus_px;
     struct eval_ray ray[SST_MAX_VIEWS];
-    int view[SST_MAX_VIEWS], count = 0;
+    int count = 0;
     int64_t target = 0, behind = 0;
 
-    for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
-        view[count] = k;
-        count += ray_at(&ray[count], job, k, ref, x, y, focus_px);
-    }
+    for (int k = 0; k < job->lf->rows * job->lf->cols; k++)
+        count += ray_at(&ray[count], job, k, p);
     for (int i = 0; i < count; i++) {
         behind += ray[i].truth < focus_px - 0.5;
         target += fabs(ray[i].truth - focus_px) <= 0.5;
@@ -370,22 +387,23 @@ static bool count_pixel(struct ray_count *sum, const struct job *job, int ref, c
         sum->accepted += passes;
         sum->wrong += passes && ray[i].truth > focus_px + 1;
         if (shows)
-            count_gap(sum, job, view[i], &ray[i], focus_px);
+            count_gap(sum, job, &ray[i], focus_px);
     }
     if (target < 3 || target <= behind)
         return false;
-    sum->median_error += median_error(job, ray, view, count, &h->behind, x, y);
+    sum->median_error += median_error(job, ray, count, shown, p);
     sum->medians++;
     return true;
 }
 
-static struct ray_count count_rays(struct hidden *h, const struct job *job, int ref, double focus_px)
+static struct ray_count count_rays(struct hidden *h, const struct job *job)
 {
     struct ray_count sum = { 0 };
 
     for (int y = 0; y < h->mask.height; y++) {
         for (int x = 0; x < h->mask.width; x++) {
-            if (sst_map_u8_row(&h->mask, y)[x] && count_pixel(&sum, job, ref, h, x, y, focus_px))
+            if (sst_map_u8_row(&h->mask, y)[x] &&
+                count_pixel(&sum, job, &h->behind, (struct pixel){ x, y, h->focus_px }))
                 sst_map_u8_row(&h->target, y)[x] = 255;
         }
     }
@@ -400,13 +418,13 @@ static double percent(int64_t part, int64_t whole)
 /* --- the clear picture -------------------------------------------------------------------------------------------- */
 
 /* Disparities of the reference view that the mask covers, or does not; by truth where there is one. */
-static int disparities(float *d, const struct job *job, int ref, const struct sst_map_u8 *mask, bool covered_ones)
+static int disparities(float *d, const struct job *job, const struct sst_map_u8 *mask, bool covered_ones)
 {
-    const struct sst_map_f32 *truth = &job->views[ref].disp;
+    const struct sst_map_f32 *truth = &job->views[job->ref].disp;
     int n = 0;
 
     for (int y = 0; y < mask->height; y++) {
-        const uint16_t *map = sst_map_u16_row(&job->lf->views[ref].disp, y);
+        const uint16_t *map = sst_map_u16_row(&job->lf->views[job->ref].disp, y);
 
         for (int x = 0; x < mask->width; x++) {
             if ((sst_map_u8_row(mask, y)[x] != 0) != covered_ones)
@@ -421,7 +439,7 @@ static int disparities(float *d, const struct job *job, int ref, const struct ss
 }
 
 /* A cut between the masked pixels and the rest; NaN: the rest is not all farther. */
-static int cut_between(double *cut_px, const struct job *job, int ref, const struct sst_map_u8 *mask)
+static int cut_between(double *cut_px, const struct job *job, const struct sst_map_u8 *mask)
 {
     float *d = sst_mem_alloc_raw((size_t)mask->width * (size_t)mask->height, sizeof(*d));
     float nearest, farthest;
@@ -429,9 +447,9 @@ static int cut_between(double *cut_px, const struct job *job, int ref, const str
 
     if (!d)
         return -ENOMEM;
-    n = disparities(d, job, ref, mask, false);
+    n = disparities(d, job, mask, false);
     nearest = n ? sst_stats_quantile_float(d, n, 0.99) : -INFINITY;
-    n = disparities(d, job, ref, mask, true);
+    n = disparities(d, job, mask, true);
     farthest = n ? sst_stats_quantile_float(d, n, 0.001) : -INFINITY;
     *cut_px = farthest > nearest ? (double)(farthest + fmaxf(nearest, farthest - 50)) / 2 : NAN;
     sst_mem_free(d);
@@ -439,63 +457,61 @@ static int cut_between(double *cut_px, const struct job *job, int ref, const str
 }
 
 /* Removes the occluder by a cut where there is one, else the object that the mask covers. */
-static int render_clear(struct sst_evaluation *out, int index, struct sst_renderer *r, struct sst_render_config *cfg,
+static int render_clear(struct sst_occluder_error *out, const struct job *job, const struct sst_render_config *cfg,
                         const struct hidden *h)
 {
     const struct sst_image *behind = &h->behind;
-    struct sst_image picture = { 0 };
-    struct sst_map_u8 valid = { 0 };
-    int err = sst_image_init(&picture, behind->width, behind->height);
+    struct rendered to = { 0 };
+    int err = sst_image_init(&to.picture, behind->width, behind->height);
 
     if (!err)
-        err = sst_map_u8_init(&valid, behind->width, behind->height);
+        err = sst_map_u8_init(&to.valid, behind->width, behind->height);
     if (!err)
-        err = measure_picture(&out->occluder[index].clear, r, cfg, h, &picture, &valid);
+        err = measure_picture(&out->clear, job->r, cfg, h, &to);
     for (int y = 0; y < behind->height && !err; y++) {
-        uint8_t *row = sst_map_u8_row(&valid, y);
+        uint8_t *row = sst_map_u8_row(&to.valid, y);
 
         for (int x = 0; x < behind->width; x++)
             row[x] = row[x] == 255 ? 0 : 255;
     }
     if (!err) {
-        out->occluder[index].filled = covered(&valid);
-        out->occluder[index].psnr_holes = sst_psnr(&picture, behind, &valid);
-        err = sst_ssim(&out->occluder[index].ssim_holes, &picture, behind, &valid);
+        out->filled = covered(&to.valid);
+        out->psnr_holes = sst_psnr(&to.picture, behind, &to.valid);
+        err = sst_ssim(&out->ssim_holes, &to.picture, behind, &to.valid);
     }
-    sst_image_fini(&picture);
-    sst_map_u8_fini(&valid);
+    sst_image_fini(&to.picture);
+    sst_map_u8_fini(&to.valid);
     return err;
 }
 
-static int measure_clear(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
-                         struct sst_renderer *r, const struct sst_render_config *cfg, const struct hidden *h)
+static int measure_clear(struct sst_occluder_error *out, const struct job *job, const struct sst_render_config *cfg,
+                         const struct hidden *h)
 {
-    const int views = job->lf->rows * job->lf->cols, ref = truth->ref_row * job->lf->cols + truth->ref_col;
+    const int views = job->lf->rows * job->lf->cols;
     struct sst_map_u8 *object = sst_mem_alloc((size_t)views, sizeof(*object));
     struct sst_render_config c = *cfg;
-    int err = object ? cut_between(&out->occluder[index].cut_px, job, ref, &h->mask) : -ENOMEM;
+    int err = object ? cut_between(&out->cut_px, job, &h->mask) : -ENOMEM;
 
     c.method = SST_RENDER_CLEAR;
-    c.cut_px = isnan(out->occluder[index].cut_px) ? INFINITY : out->occluder[index].cut_px;
+    c.cut_px = isnan(out->cut_px) ? INFINITY : out->cut_px;
     if (!err && isinf(c.cut_px)) {
-        err = sst_render_carry_object(object, job->lf, ref, &h->mask, c.threads);
+        err = sst_render_carry_object(object, job->lf, job->ref, &h->mask, c.threads);
         c.remove = object;
     }
     if (!err)
-        err = render_clear(out, index, r, &c, h);
+        err = render_clear(out, job, &c, h);
     for (int i = 0; i < views && object; i++)
         sst_map_u8_fini(&object[i]);
     sst_mem_free(object);
     return err;
 }
 
-static int measure_occluder(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
-                            struct sst_renderer *r, const struct sst_render_config *cfg)
+static int measure_occluder(struct sst_occluder_error *out, const struct job *job, const struct sst_truth_occluder *o,
+                            const struct sst_render_config *cfg)
 {
-    const struct sst_truth_occluder *o = &truth->occluders[index];
     struct sst_render_config c = *cfg;
-    struct hidden h = { 0 };
-    struct sst_image picture = { 0 };
+    struct hidden h = { .focus_px = o->focus_px };
+    struct rendered to = { 0 };
     struct ray_count rays;
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->truth_dir, o->behind);
@@ -514,55 +530,55 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
         err = sst_map_u8_init(&h.target, h.mask.width, h.mask.height);
     if (err)
         goto done;
-    out->occluder[index].covered = covered(&h.mask);
-    rays = count_rays(&h, job, truth->ref_row * job->lf->cols + truth->ref_col, o->focus_px);
+    out->covered = covered(&h.mask);
+    rays = count_rays(&h, job);
     for (int i = 0; i < SST_EVAL_GAPS; i++)
-        out->occluder[index].rejected_gap[i] = percent(rays.gap_rejected[i], rays.gap_target[i]);
-    out->occluder[index].psnr_median =
+        out->rejected_gap[i] = percent(rays.gap_rejected[i], rays.gap_target[i]);
+    out->psnr_median =
         rays.medians ? 10 * log10(255 * 255 * (double)rays.medians / fmax(rays.median_error, 1e-9)) : NAN;
-    out->occluder[index].rejected = percent(rays.rejected, rays.target);
-    out->occluder[index].accepted_wrong = percent(rays.wrong, rays.accepted);
+    out->rejected = percent(rays.rejected, rays.target);
+    out->accepted_wrong = percent(rays.wrong, rays.accepted);
     c.focus_px = o->focus_px;
     c.method = SST_RENDER_SST;
-    err = sst_image_init(&picture, h.behind.width, h.behind.height);
+    err = sst_image_init(&to.picture, h.behind.width, h.behind.height);
     if (!err)
-        err = measure_picture(&out->occluder[index].render, r, &c, &h, &picture, NULL);
+        err = measure_picture(&out->render, job->r, &c, &h, &to);
     c.method = SST_RENDER_REFOCUS;
     if (!err)
-        err = measure_picture(&out->occluder[index].refocus, r, &c, &h, &picture, NULL);
+        err = measure_picture(&out->refocus, job->r, &c, &h, &to);
     if (!err)
-        err = measure_clear(out, index, job, truth, r, &c, &h);
+        err = measure_clear(out, job, &c, &h);
 done:
-    sst_image_fini(&picture);
+    sst_image_fini(&to.picture);
     sst_image_fini(&h.behind);
     sst_map_u8_fini(&h.mask);
     sst_map_u8_fini(&h.target);
     return err;
 }
 
-static int measure_pictures(struct sst_evaluation *out, const struct job *job, const struct sst_truth *truth,
-                            const struct sst_render_config *cfg, int threads)
+static int measure_pictures(struct sst_evaluation *out, struct job *job, const struct sst_render_config *cfg,
+                            int threads)
 {
+    const struct sst_truth *truth = job->truth;
     const struct sst_lightfield *lf = job->lf;
-    const int ref = truth->ref_row * lf->cols + truth->ref_col;
     struct sst_render_config c = *cfg;
-    struct sst_renderer *r = NULL;
     int err;
 
     if (truth->count == 0)
         return 0;
-    if (truth->ref_row >= lf->rows || truth->ref_col >= lf->cols || !lf->views[ref].present) {
+    job->ref = truth->ref_row * lf->cols + truth->ref_col;
+    if (truth->ref_row >= lf->rows || truth->ref_col >= lf->cols || !lf->views[job->ref].present) {
         sst_log_error("%s/truth.json: reference %02d_%02d is not a view of %s; give the truth of this light field",
                       job->truth_dir, truth->ref_row, truth->ref_col, job->lf_dir);
         return -EBADMSG;
     }
-    c.view_bx = lf->views[ref].bx;
-    c.view_by = lf->views[ref].by;
+    c.view_bx = lf->views[job->ref].bx;
+    c.view_by = lf->views[job->ref].by;
     c.threads = threads;
-    err = sst_renderer_create(&r, lf, threads);
+    err = sst_renderer_create(&job->r, lf, threads);
     for (int i = 0; i < truth->count && !err; i++)
-        err = measure_occluder(out, i, job, truth, r, &c);
-    sst_renderer_destroy(r);
+        err = measure_occluder(&out->occluder[i], job, &truth->occluders[i], &c);
+    sst_renderer_destroy(job->r);
     out->occluders = truth->count;
     return err;
 }
@@ -577,12 +593,11 @@ static void job_fini(struct job *job)
     sst_mem_free(job->views);
 }
 
-int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield *lf, const char *lf_dir,
-                        const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg,
-                        int threads)
+int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_eval_input *in, int threads)
 {
+    const struct sst_lightfield *lf = in->lf;
     const int views = lf->rows * lf->cols;
-    struct job job = { .lf = lf, .lf_dir = lf_dir, .truth_dir = truth_dir };
+    struct job job = { .lf = lf, .lf_dir = in->lf_dir, .truth_dir = in->truth_dir, .truth = in->truth };
     struct sst_evaluation made = { 0 };
     int err = -ENOMEM;
 
@@ -593,18 +608,18 @@ int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield 
         err = sst_parallel_for(views, threads, measure_view, &job);
     if (!err)
         sum_up(&made, &job);
-    if (!err && !truth->described && made.disparity_views + made.label_views == 0) {
+    if (!err && !in->truth->described && made.disparity_views + made.label_views == 0) {
         sst_log_error(
             "%s holds no truth: neither truth.json nor rr_cc.pfm nor rr_cc.png of any view of %s; `sst scene` "
             "writes the truth of a light field to LF/truth",
-            truth_dir, lf_dir);
+            in->truth_dir, in->lf_dir);
         err = -ENOENT;
     }
     if (!err)
-        err = measure_pictures(&made, &job, truth, cfg, threads);
+        err = measure_pictures(&made, &job, in->cfg, threads);
     job_fini(&job);
     if (err == -ENOMEM)
-        sst_log_error("%s: out of memory measuring %d views of %dx%d", lf_dir, views, lf->width, lf->height);
+        sst_log_error("%s: out of memory measuring %d views of %dx%d", in->lf_dir, views, lf->width, lf->height);
     if (!err)
         *out = made;
     return err;

@@ -52,7 +52,7 @@ struct sst_evaluation {
     struct sst_disparity_error disparity_nonocc; /* pixels with a true surface that a neighbouring view shows too */
     struct sst_label_error initial, hcsm, refined;
     int occluders;
-    struct {
+    struct sst_occluder_error {
         double covered; /* percent of the picture */
         /* Rays of all views through the covered pixels that show the target in at least one view, percent; NaN: none.
          * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
@@ -69,17 +69,22 @@ struct sst_evaluation {
     } occluder[SST_TRUTH_MAX_OCCLUDERS];
 };
 
+/** A light field and its truth. */
+struct sst_eval_input {
+    const struct sst_lightfield
+        *lf;            /* images loaded if truth->count > 0; disparity and labels where the folder has them */
+    const char *lf_dir; /* its folder: labels_initial/ and labels_hcsm/ are read from there if present */
+    const struct sst_truth *truth;
+    const char *truth_dir;
+    const struct sst_render_config *cfg; /* of the see-through rendering; focus and viewpoint are set here */
+};
+
 /**
  * Measure everything for which there is truth.
  *
- * @param lf      images loaded if truth->count > 0; disparity and labels where the folder has them
- * @param lf_dir  its folder: labels_initial/ and labels_hcsm/ are read from there if present
- * @param cfg     of the see-through rendering; focus and viewpoint are set here
  * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or
  * the error of sst_render(); logged.
  */
-SST_MUST_CHECK int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield *lf, const char *lf_dir,
-                                       const struct sst_truth *truth, const char *truth_dir,
-                                       const struct sst_render_config *cfg, int threads);
+SST_MUST_CHECK int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_eval_input *in, int threads);
 
 #endif

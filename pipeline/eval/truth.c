@@ -18,42 +18,49 @@ static int bad(const char *path, int index, const char *key, const char *what)
     return -EBADMSG;
 }
 
-static int parse_text(char *out, size_t size, const json_t *object, const char *path, int index, const char *key)
+/* An occluder in the file; index -1: the file itself. */
+struct entry {
+    const json_t *object;
+    const char *path;
+    int index;
+};
+
+static int parse_text(char *out, size_t size, const struct entry *e, const char *key)
 {
-    const char *text = json_string_value(json_object_get(object, key));
+    const char *text = json_string_value(json_object_get(e->object, key));
 
     if (!text || !*text)
-        return bad(path, index, key, "is missing or not a string");
+        return bad(e->path, e->index, key, "is missing or not a string");
     if (strlen(text) >= size || strchr(text, '/'))
-        return bad(path, index, key, "is too long or has a slash");
+        return bad(e->path, e->index, key, "is too long or has a slash");
     memcpy(out, text, strlen(text) + 1);
     return 0;
 }
 
-static int parse_number(double *out, const json_t *object, const char *path, int index, const char *key)
+static int parse_number(double *out, const struct entry *e, const char *key)
 {
-    const json_t *value = json_object_get(object, key);
+    const json_t *value = json_object_get(e->object, key);
 
     if (!json_is_number(value))
-        return bad(path, index, key, "is missing or not a number");
+        return bad(e->path, e->index, key, "is missing or not a number");
     *out = json_number_value(value);
     return 0;
 }
 
-static int parse_occluder(struct sst_truth_occluder *o, const json_t *object, const char *path, int index)
+static int parse_occluder(struct sst_truth_occluder *o, const struct entry *e)
 {
-    int err = parse_text(o->name, sizeof(o->name), object, path, index, "name");
+    int err = parse_text(o->name, sizeof(o->name), e, "name");
 
     if (!err)
-        err = parse_text(o->label, sizeof(o->label), object, path, index, "label");
+        err = parse_text(o->label, sizeof(o->label), e, "label");
     if (!err)
-        err = parse_text(o->target, sizeof(o->target), object, path, index, "target");
+        err = parse_text(o->target, sizeof(o->target), e, "target");
     if (!err)
-        err = parse_number(&o->focus_px, object, path, index, "focus_px");
+        err = parse_number(&o->focus_px, e, "focus_px");
     if (!err)
-        err = parse_text(o->behind, sizeof(o->behind), object, path, index, "behind");
+        err = parse_text(o->behind, sizeof(o->behind), e, "behind");
     if (!err)
-        err = parse_text(o->mask, sizeof(o->mask), object, path, index, "mask");
+        err = parse_text(o->mask, sizeof(o->mask), e, "mask");
     return err;
 }
 
@@ -67,7 +74,7 @@ static int parse_occluders(struct sst_truth *t, const json_t *root, const char *
     if (n > SST_TRUTH_MAX_OCCLUDERS)
         return bad(path, -1, "occluders", "has more than 16 entries");
     for (size_t i = 0; i < n; i++) {
-        const int err = parse_occluder(&t->occluders[i], json_array_get(list, i), path, (int)i);
+        const int err = parse_occluder(&t->occluders[i], &(struct entry){ json_array_get(list, i), path, (int)i });
 
         if (err)
             return err;
@@ -77,7 +84,7 @@ static int parse_occluders(struct sst_truth *t, const json_t *root, const char *
         t->occluders[0] =
             (struct sst_truth_occluder){ .name = "occluder", .behind = "behind.png", .mask = "occluder.png" };
         t->count = 1;
-        return parse_number(&t->occluders[0].focus_px, root, path, -1, "focus_px");
+        return parse_number(&t->occluders[0].focus_px, &(struct entry){ root, path, -1 }, "focus_px");
     }
     return 0;
 }

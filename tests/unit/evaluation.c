@@ -115,7 +115,8 @@ static int measure(struct sst_evaluation *out, int threads)
         return err;
     sst_render_config_defaults(&cfg);
     assert_int_equal(sst_lightfield_load(&lf, test_folder, SST_LOAD_ALL, threads), 0);
-    err = sst_eval_lightfield(out, &lf, test_folder, &truth, test_path("truth"), &cfg, threads);
+    err = sst_eval_lightfield(out, &(struct sst_eval_input){ &lf, test_folder, &truth, test_path("truth"), &cfg },
+                              threads);
     sst_lightfield_fini(&lf);
     return err;
 }
