@@ -176,9 +176,14 @@ bool sst_gpu_is_dummy(const struct sst_gpu *g)
     return g->ops == &ops;
 }
 
-bool sst_gpu_dummy_was_wrong(const struct sst_gpu *g)
+bool sst_gpu_dummy_was_wrong(struct sst_gpu *g)
 {
-    return sst_gpu_is_dummy(g) && ((const struct dummy *)g)->wrong;
+    struct dummy *d = (struct dummy *)g;
+    const bool wrong = sst_gpu_is_dummy(g) && d->wrong;
+
+    if (wrong)
+        d->wrong = false;
+    return wrong;
 }
 
 static int read_faults(struct dummy *d, const char *text)

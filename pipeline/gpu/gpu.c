@@ -11,7 +11,6 @@
 #include "base/log.h"
 #include "pipeline/gpu/gpu_internal.h"
 
-#define FUSES               "fma() rounds once" /* verdict, see sst_gpu_fuses() */
 #define TIMEOUT_MS          20000
 #define SOFTWARE_TIMEOUT_MS 600000 /* it shares the CPU with everything else */
 
@@ -224,8 +223,6 @@ static int test_shader(struct sst_gpu *g, enum sst_gpu_shader shader)
 
     if (s->self_test && (!err || err == -ENOTSUP))
         sst_gpu_note_verdict(g, s->name, !err);
-    if (!err && shader == SST_GPU_NET_CONV && g->fuses)
-        sst_gpu_note_verdict(g, FUSES, true);
     return err;
 }
 
@@ -249,7 +246,6 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         return -ENOTSUP;
     if (is_late(g, shader)) {
         g->ready[shader] = GPU_LATE;
-        g->fuses = g->fuses || (shader == SST_GPU_NET_CONV && sst_gpu_has_passed(g, FUSES));
         return 0;
     }
     err = g->ops->compile(g, shader);
@@ -303,11 +299,6 @@ int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum 
     }
     *out = shader;
     return sst_gpu_prepare(g, shader);
-}
-
-bool sst_gpu_fuses(const struct sst_gpu *g)
-{
-    return g->fuses;
 }
 
 /* --- passed on ---------------------------------------------------------------------------------------------------- */

@@ -19,7 +19,7 @@
 /** Shaders, embedded at build. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X) SST_GPU_STEP_VARIANT_LIST(X)
 #undef X
         SST_GPU_SHADERS
 };
@@ -148,11 +148,9 @@ void sst_gpu_note_verdict(struct sst_gpu *g, const char *test, bool passed);
 /** True for the dummy device, which computes nothing of shaders without a reference: whoever dispatches them does. */
 bool sst_gpu_is_dummy(const struct sst_gpu *g);
 
-/** True if the dummy device was asked for a wrong result (wrong=N) of such a shader and has dispatched it since. */
-bool sst_gpu_dummy_was_wrong(const struct sst_gpu *g);
-
-/** True if fma() rounds once on the device; known once SST_GPU_NET_CONV is prepared. */
-bool sst_gpu_fuses(const struct sst_gpu *g);
+/** True if the dummy device was asked for a wrong result (wrong=N) of such a shader, and has dispatched it since the
+ * last call. */
+bool sst_gpu_dummy_was_wrong(struct sst_gpu *g);
 
 struct sst_gpu_buffer; /* memory of the device, undefined at first */
 

@@ -87,6 +87,7 @@ SST_GPU_SHADER_LIST(X)
 #undef X
 #define X(NAME, name, ...) gpu_self_test_fn name##_self_test;
 SST_GPU_VARIANT_LIST(X)
+SST_GPU_STEP_VARIANT_LIST(X)
 #undef X
 
 /* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
@@ -173,7 +174,6 @@ struct sst_gpu {
     uint64_t used_bytes;       /* of buffers */
     int lost;                  /* 0, or the error that every call returns from now on */
     enum gpu_ready ready[SST_GPU_SHADERS];
-    bool fuses;         /* see sst_gpu_fuses() */
     uint64_t cache_key; /* driver, device and shaders: files of others are not read; 0: nothing is kept */
     struct gpu_verdicts verdicts;
 };

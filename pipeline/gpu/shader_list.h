@@ -33,12 +33,6 @@
     X(SURFACE_START, surface_start, SST_GPU_SURFACE_START_BUFFERS, sst_gpu_surface_start)                              \
     X(SURFACE_PROJECT, surface_project, SST_GPU_SURFACE_PROJECT_BUFFERS, sst_gpu_surface_project)                      \
     X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)                                  \
-    X(NET_CONV8, net_conv8, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                     \
-    X(NET_CONV, net_conv, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                       \
-    X(NET_MOVE, net_move, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
-    X(NET_RESIZE, net_resize, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                  \
-    X(NET_POOL, net_pool, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
-    X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \
@@ -61,20 +55,29 @@
     X(CARRY_PROJECT, carry_project, SST_GPU_CARRY_PROJECT_BUFFERS, sst_gpu_carry)                                      \
     X(CARRY_CLOSE, carry_close, SST_GPU_CARRY_CLOSE_BUFFERS, sst_gpu_carry)                                            \
     X(SUBPIXEL_FIT, subpixel_fit, SST_GPU_SUBPIXEL_FIT_BUFFERS, sst_gpu_subpixel_fit)                                  \
-    X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)
+    X(SUBPIXEL_WINDOW, subpixel_window, SST_GPU_SUBPIXEL_WINDOW_BUFFERS, sst_gpu_subpixel_window)                      \
+    X(NET_CONV8, net_conv8, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                     \
+    X(NET_CONV, net_conv, SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                       \
+    X(NET_MOVE, net_move, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(NET_RESIZE, net_resize, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                  \
+    X(NET_POOL, net_pool, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
  * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */
 #define SST_GPU_VARIANT_LIST(X)                                                                                        \
-    X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
-      sst_gpu_net_conv)                                                                                                \
-    X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
-      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                                           \
     X(SGM_PATH_SUBGROUP, sgm_path_subgroup, SGM_PATH, sgm_path, "subgroup", SST_GPU_SUBGROUP, SST_GPU_SUBGROUP,        \
       SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                                                \
     X(HYPOTHESIS_PATH_SUBGROUP, hypothesis_path_subgroup, HYPOTHESIS_PATH, hypothesis_path, "subgroup",                \
       SST_GPU_SUBGROUP, SST_GPU_SUBGROUP, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                    \
     X(FEATURE_COST_DOT, feature_cost_dot, FEATURE_COST, feature_cost, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST,            \
       SST_GPU_FEATURE_BUFFERS, sst_gpu_features)
+
+/** The same, of shaders of steps: compared with the shader itself on the device. */
+#define SST_GPU_STEP_VARIANT_LIST(X)                                                                                   \
+    X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
+      sst_gpu_net_conv)                                                                                                \
+    X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
+      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)
 
 #endif

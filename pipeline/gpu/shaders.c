@@ -25,11 +25,15 @@
 #define V(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
     [SST_GPU_##NAME] = { #name,        buffers, sizeof(struct push), of##_reference, name##_self_test, needs, fast,    \
                          SST_GPU_##OF, word },
-const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = { SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S)
-                                                             SST_GPU_VARIANT_LIST(V) };
+#define W(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
+    [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), NULL, name##_self_test, needs, fast, SST_GPU_##OF, word },
+const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S) SST_GPU_VARIANT_LIST(V) SST_GPU_STEP_VARIANT_LIST(W)
+};
 #undef X
 #undef S
 #undef V
+#undef W
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)
 {

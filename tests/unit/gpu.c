@@ -216,7 +216,6 @@ static void test_wrong_variants(void **state)
         snprintf(name, sizeof(name), "dummy:dot=1,wrong=%d", i);
         assert_int_equal(chosen(name, NULL), SST_GPU_NET_CONV8);
     }
-    assert_int_equal(chosen("dummy:wrong=1", NULL), -ENOTSUP);
 }
 
 /* A variant that costs the device is not tried again. Last of the tests of variants: this stays. */

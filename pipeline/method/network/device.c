@@ -154,6 +154,7 @@ static const struct sst_step step = { .name = "networks",
                                       .device = run_on_device,
                                       .same = net_sample_same,
                                       .sample = net_sample,
+                                      .seeds = NET_SAMPLE_SEEDS,
                                       .sample_free = net_sample_free };
 
 int net_job_run(struct net_job *job)

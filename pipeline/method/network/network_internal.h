@@ -236,6 +236,7 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
 
 /* --- sample.c: of struct sst_step --- */
 
+#define NET_SAMPLE_SEEDS 3
 void *net_sample(uint32_t seed);
 void net_sample_free(void *job);
 bool net_sample_same(const void *device, const void *host, int item);
