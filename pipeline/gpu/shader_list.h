@@ -7,7 +7,6 @@
 #define SST_PIPELINE_GPU_SHADER_LIST_H
 
 #define SST_GPU_SHADER_LIST(X)                                                                                         \
-    X(BLEND, blend, SST_GPU_BLEND_BUFFERS, sst_gpu_blend)                                                              \
     X(CLEAR_LAND, clear_land, SST_GPU_LAND_BUFFERS, sst_gpu_clear)                                                     \
     X(CLEAR_BLEND, clear_blend, SST_GPU_CLEAR_BUFFERS, sst_gpu_clear)                                                  \
     X(CLEAR_SURFACE, clear_surface, SST_GPU_SURFACE_BUFFERS, sst_gpu_clear)                                            \
@@ -36,16 +35,17 @@
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \
+    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
+
+/** Shaders of steps (pipeline/step/), defined by the step on the CPU: X(NAME, name, buffers, constants). */
+#define SST_GPU_STEP_LIST(X)                                                                                           \
+    X(BLEND, blend, SST_GPU_BLEND_BUFFERS, sst_gpu_blend)                                                              \
     X(VERIFY_SHARE, verify_share, SST_GPU_SHARE_BUFFERS, sst_gpu_verify)                                               \
     X(VERIFY_SCREEN, verify_screen, SST_GPU_SCREEN_BUFFERS, sst_gpu_verify)                                            \
     X(VERIFY_UNEXPLAINED, verify_unexplained, SST_GPU_UNEXPLAINED_BUFFERS, sst_gpu_verify)                             \
     X(VERIFY_RAYS, verify_rays, SST_GPU_RAYS_BUFFERS, sst_gpu_verify)                                                  \
     X(VERIFY_MODE, verify_mode, SST_GPU_MODE_BUFFERS, sst_gpu_verify)                                                  \
     X(VERIFY_BLEND, verify_blend, SST_GPU_MIX_BUFFERS, sst_gpu_verify)                                                 \
-    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
-
-/** Shaders of steps (pipeline/step/), defined by the step on the CPU: X(NAME, name, buffers, constants). */
-#define SST_GPU_STEP_LIST(X)                                                                                           \
     X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
     X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
     X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \

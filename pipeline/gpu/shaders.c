@@ -35,6 +35,11 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
 #undef V
 #undef W
 
+#define X(NAME, name, buffers, push)                                                                                   \
+    _Static_assert(sizeof(struct push) <= 128, "Vulkan guarantees 128 bytes of push constants");
+SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X)
+#undef X
+
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)
 {
     return gpu_shaders[shader].needs != 0;

@@ -53,7 +53,8 @@ static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user
                                          .needed = user->count,
                                          .count = user->count + user->tested,
                                          .steps = user->steps,
-                                         .step_count = user->step_count,
+                                         .steps_needed = user->step_count,
+                                         .step_count = user->step_count + user->steps_tested,
                                          .work = user->work };
     const int err = runner_open_beside(&s->opener, &what, &s->gpu, s->why);
 

@@ -30,7 +30,8 @@ struct sst_runner_user {
     const struct sst_step *const
         *steps; /* that it runs: a device that computes one otherwise than the CPU is refused */
     size_t step_count;
-    size_t tested;           /* that follow them, may be refused, and are tested by an opening beside the work */
+    size_t tested, steps_tested; /* shaders and steps that follow them, may be refused, and are tested by an opening
+                                    beside the work */
     const char *work;        /* verb of the work, for messages: "match" */
     const char *phrase;      /* work on the CPU, for messages: "live labels are computed"; NULL: the step "is done" */
     void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */

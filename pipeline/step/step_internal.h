@@ -94,8 +94,8 @@ struct runner_opening {
     const enum sst_gpu_shader *shaders; /* to prepare; static */
     size_t needed,
         count;        /* the device must run the first ones; the others may be refused, and are tested now, not later */
-    const struct sst_step *const *steps; /* that it must compute as the CPU does; static */
-    size_t step_count;
+    const struct sst_step *const *steps; /* to check; static */
+    size_t steps_needed, step_count;     /* likewise */
     const char *work; /* static; as of sst_gpu_open_for() */
 };
 

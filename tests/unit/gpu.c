@@ -10,6 +10,7 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "tests/folder.h"
 #include "tests/gpu_field.h"
+#include "tests/render_tests.h"
 #include "tests/small.h"
 
 static void test_names(void **state)
@@ -62,7 +63,7 @@ static void test_memory(void **state)
 static void test_faults(void **state)
 {
     static const int dispatches[SST_GPU_SHADERS] = {
-        [SST_GPU_BLEND] = 12,          [SST_GPU_CLEAR_LAND] = 4,      [SST_GPU_CLEAR_BLEND] = 3,
+        [SST_GPU_CLEAR_LAND] = 4,      [SST_GPU_CLEAR_BLEND] = 3,
         [SST_GPU_SGM_PATH] = 32,       [SST_GPU_WINNER] = 2,          [SST_GPU_CENSUS] = 1,
         [SST_GPU_MATCH_COST] = 5,      [SST_GPU_SUPPORT_ARMS] = 1,    [SST_GPU_SUPPORT_SUM] = 1,
         [SST_GPU_SUPPORT_MEAN] = 1,    [SST_GPU_MEDIAN] = 1,          [SST_GPU_BILATERAL] = 1,
@@ -76,9 +77,9 @@ static void test_faults(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
-        assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=2" : "dummy:lost=2", NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i]);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i]);
+        assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=1" : "dummy:lost=1", NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_LIMITS), faults[i]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_LIMITS), faults[i]);
         assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i]);
         assert_int_equal(sst_gpu_wait(g), faults[i]);
         sst_gpu_close(g);
@@ -326,7 +327,50 @@ static void test_shapes(void **state)
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
 #define ROOM      "a device needs room for the rays that it verifies: raise --device-memory, or use fewer or smaller views"
-#define UNDERFLOW "weights underflow in pixels that are left to votes"
+#define CRAMPED   "what the maps explain needs room for some rows of all views, and its tables: raise --device-memory, " \
+                  "or use fewer or smaller views"
+
+/* Render the pictures from .. to - 1 on a device. @return how many were made there without a failure; -1: it is not
+ * opened */
+static int render_some(const char *device, int from, int to)
+{
+    struct sst_render_device_report report;
+    struct sst_renderer *r;
+    struct sst_lightfield lf;
+    int err;
+
+    field_init(&lf);
+    assert_int_equal(sst_renderer_create(&r, &lf, 2), 0);
+    err = sst_renderer_use_device(r, device, 0);
+    for (int i = from; i < to && !err; i++) {
+        struct field_picture p;
+
+        field_render(&p, r, i);
+        field_free(&p);
+    }
+    if (!err)
+        assert_true(sst_renderer_device(r, &report));
+    sst_renderer_destroy(r);
+    field_fini(&lf);
+    return err ? -1 : report.failures ? 0 : (int)report.pictures;
+}
+
+/* Pictures without verification. */
+static bool blends(const char *name)
+{
+    return render_some(name, 0, 7) == 7;
+}
+
+static bool verifies(const char *name)
+{
+    return render_some(name, 7, 8) == 1;
+}
+
+/* All but clear ones. */
+static bool sums(const char *name)
+{
+    return render_some(name, 0, FIELD_PICTURES - FIELD_CLEAR) == FIELD_PICTURES - FIELD_CLEAR;
+}
 
 /* Whatever fits on the device at once: the same bytes. */
 static void test_pictures(void **state)
@@ -340,11 +384,11 @@ static void test_pictures(void **state)
         const char *why_verified;
     } devices[] = {
         /* once, twice more for larger tables of labels, and with confidences */
-        { "dummy", 0, 1, 32, 0, 1, UNDERFLOW },
-        { "dummy:buffer=400", 0, 2, 0, FIELD_CLEAR, 1, UNDERFLOW },  /* several chunks, and bands of the picture */
-        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 2, UNDERFLOW },  /* ... no room for what the maps explain */
-        { "dummy:buffer=100", 0, 8, 40, 0, 2, UNDERFLOW },           /* one view each, and no part of a clear picture */
-        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 2, UNDERFLOW },    /* views are replaced */
+        { "dummy", 0, 1, 32, 0, 0, "" },
+        { "dummy:buffer=400", 0, 2, 0, FIELD_CLEAR, 0, "" },      /* several chunks, and bands of the picture */
+        { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 0, "" },
+        { "dummy:buffer=100", 0, 8, 40, 0, 1, CRAMPED },          /* one view each, and no part of a clear picture */
+        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 1, CRAMPED },   /* views are replaced */
         { "dummy", (uint64_t)400 << 10, 0, 0, FIELD_CLEAR, 3, ROOM } /* one at a time, by the configuration */
     };
     struct sst_render_device_report report;
@@ -376,13 +420,16 @@ static void test_pictures(void **state)
 /* What a device fails at ends on the CPU with the same picture; then it is opened again. */
 static void test_fallback(void **state)
 {
-    static const struct {
-        const char *name, *why;
+    const int tests = render_tests();
+    const struct {
+        const char *fault;
+        int at;
+        const char *why;
         int pictures, failures;
     } devices[] = {
-        { "dummy:lost=13", "the device is lost", 0, 4 },            /* always at the first picture: 0, 1, 3, 7 */
-        { "dummy:timeout=15", "the device does not answer", 6, 6 }, /* every third, and in the tests of other shaders */
-        { "dummy:buffer=55", "not enough memory on the device", 0, 4 }, /* not one view */
+        { "lost", tests + 1, "the device is lost", 0, 4 },            /* always at the first picture: 0, 1, 3, 7 */
+        { "timeout", tests + 3, "the device does not answer", 6, 6 }, /* every third, and in the test of verification */
+        { "buffer", 55, "not enough memory on the device", 0, 4 },    /* not one view */
     };
     struct sst_render_device_report report;
     struct sst_lightfield lf;
@@ -390,8 +437,11 @@ static void test_fallback(void **state)
     (void)state;
     field_init(&lf);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        print_message("%s\n", devices[i].name);
-        assert_int_equal(field_compare(&lf, devices[i].name, 0, &report), 0);
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:%s=%d", devices[i].fault, devices[i].at);
+        print_message("%s\n", name);
+        assert_int_equal(field_compare(&lf, name, 0, &report), 0);
         assert_int_equal(report.pictures, devices[i].pictures);
         assert_int_equal(report.on_cpu, FIELD_PICTURES - devices[i].pictures);
         assert_int_equal(report.failures, devices[i].failures);
@@ -427,10 +477,12 @@ static void test_clear_refused(void **state)
 {
     struct sst_render_device_report report;
     struct sst_lightfield lf;
+    char name[32];
 
     (void)state;
     field_init(&lf);
-    assert_int_equal(field_compare(&lf, "dummy:wrong=47", 0, &report), 0);
+    snprintf(name, sizeof(name), "dummy:wrong=%d", self_tests(sums) + 1);
+    assert_int_equal(field_compare(&lf, name, 0, &report), 0);
     assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
     assert_int_equal(report.on_cpu, FIELD_CLEAR);
     assert_int_equal(report.failures, 0);
@@ -438,98 +490,55 @@ static void test_clear_refused(void **state)
     field_fini(&lf);
 }
 
-/* Where a shader of verified rays is refused, those rays are the CPU's; the pictures are not. */
+/* Where the verification of rays is refused, it is the CPU's; the pictures are not. */
 static void test_verify_refused(void **state)
 {
-    static const struct {
-        const char *name;
-        int verified_on_cpu;
-    } devices[] = { { "dummy:wrong=24", 3 }, { "dummy:wrong=33", 2 } }; /* all, or where the maps are to explain rays */
     struct sst_render_device_report report;
     struct sst_lightfield lf;
+    char name[32];
 
     (void)state;
     field_init(&lf);
-    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        assert_int_equal(field_compare(&lf, devices[i].name, 0, &report), 0);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.failures, 0);
-        assert_int_equal(report.verified_on_cpu, devices[i].verified_on_cpu);
-        assert_string_equal(report.why_verified, i ? UNDERFLOW : "a shader is refused");
-    }
-    field_fini(&lf);
-}
-
-/* Render live, the pictures of two reasons in turn. @param said  what is logged */
-static void render_in_turn(const struct sst_lightfield *lf, char *said, size_t size)
-{
-    enum { TILE = 32, TILES = (FIELD_WIDTH / TILE + 1) * (FIELD_HEIGHT / TILE + 1) };
-    uint64_t stamps[FIELD_VIEWS][TILES] = { { 0 } }, *stamp[FIELD_VIEWS], since = 0;
-    const struct sst_render_live live = { stamp, TILE, FIELD_WIDTH / TILE + 1, FIELD_HEIGHT / TILE + 1, &since };
-    const int before = dup(2);
-    FILE *kept = tmpfile();
-    struct sst_renderer *r;
-
-    assert_non_null(kept);
-    for (int k = 0; k < FIELD_VIEWS; k++)
-        stamp[k] = stamps[k];
-    assert_int_equal(sst_renderer_create(&r, lf, 2), 0);
-    assert_int_equal(sst_renderer_use_live_device(r, "dummy:buffer=250", 0, &live), 0);
-    fflush(stderr);
-    dup2(fileno(kept), 2);
-    for (int i = 0; i < 6; i++) {
-        struct field_picture p;
-
-        field_render(&p, r, 9 + i % 2);
-        field_free(&p);
-    }
-    fflush(stderr);
-    dup2(before, 2);
-    close(before);
-    rewind(kept);
-    said[fread(said, 1, size - 1, kept)] = 0;
-    fclose(kept);
-    sst_renderer_destroy(r);
-}
-
-/* Two live views need not have the same reason: each is logged once, with what can be done. */
-static void test_reasons_logged(void **state)
-{
-    struct sst_lightfield lf;
-    char said[4096];
-    int lines = 0;
-
-    (void)state;
-    field_init(&lf);
-    render_in_turn(&lf, said, sizeof(said));
-    print_message("%s", said);
-    for (const char *at = said; (at = strstr(at, "rays are verified on the CPU")); at++)
-        lines++;
-    assert_int_equal(lines, 2);
-    assert_contains(said, UNDERFLOW "; rays");
-    assert_contains(said, "and its tables: raise live.device_memory_mb, or use fewer or smaller views; rays");
+    snprintf(name, sizeof(name), "dummy:wrong=%d", self_tests(blends) + 1);
+    assert_int_equal(field_compare(&lf, name, 0, &report), 0);
+    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.failures, 0);
+    assert_int_equal(report.verified_on_cpu, 3);
+    assert_string_equal(report.why_verified, "a shader is refused");
     field_fini(&lf);
 }
 
 /* A device that is lost while it verifies rays: the picture is the CPU's. */
 static void test_verify_lost(void **state)
 {
-    static const int dispatch[] = { 28, 29, 30, 31, 37, 38, 39, 40, 41, 42 }; /* of both verified pictures */
+    const int last = self_tests(verifies);
     struct sst_render_device_report report;
+    struct sst_renderer *cpu, *gpu;
     struct sst_lightfield lf;
 
     (void)state;
     field_init(&lf);
-    for (size_t i = 0; i < ARRAY_LEN(dispatch); i++) {
+    assert_int_equal(sst_renderer_create(&cpu, &lf, 2), 0);
+    for (int i = 0; i < 6; i++) {
+        struct field_picture want, got;
         char name[32];
 
-        snprintf(name, sizeof(name), "dummy:%s=%d", i % 2 ? "lost" : "timeout", dispatch[i]);
+        snprintf(name, sizeof(name), "dummy:%s=%d", i % 2 ? "lost" : "timeout", last - i);
         print_message("%s\n", name);
-        assert_int_equal(field_compare(&lf, name, 0, &report), 0);
-        assert_in_range(report.on_cpu, 1, 5); /* each time that the device is opened again */
-        assert_in_range(report.failures, 1, 4);
+        assert_int_equal(sst_renderer_create(&gpu, &lf, 2), 0);
+        assert_int_equal(sst_renderer_use_device(gpu, name, 0), 0);
+        field_render(&want, cpu, 7);
+        field_render(&got, gpu, 7);
+        assert_int_equal(field_difference(&want, &got), 0);
+        assert_true(sst_renderer_device(gpu, &report));
+        assert_int_equal(report.on_cpu, 1);
+        assert_int_equal(report.failures, 1);
         assert_string_equal(report.why, i % 2 ? "the device is lost" : "the device does not answer");
+        field_free(&want);
+        field_free(&got);
+        sst_renderer_destroy(gpu);
     }
+    sst_renderer_destroy(cpu);
     field_fini(&lf);
 }
 
@@ -716,7 +725,6 @@ int main(void)
         cmocka_unit_test(test_refused),
         serial_test(test_clear_refused),
         serial_test(test_verify_refused),
-        cmocka_unit_test(test_reasons_logged),
         serial_test(test_verify_lost),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(test_verdicts, test_folder_create, test_folder_remove),

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "simulators/scene/noise.h"
 #include "tests/live_shown.h"
+#include "tests/render_tests.h"
 #include "tests/small.h"
 
 #define WIDTH  100 /* no side is a multiple of tiles, cells or groups */
@@ -191,12 +192,14 @@ static void what_is_on_the_device_follows_the_views(void **state SST_UNUSED)
 static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
 {
     static const struct {
-        const char *name, *why;
+        const char *fault;
+        int at; /* dispatch after those of the tests */
+        const char *why;
     } devices[] = {
-        { "dummy:lost=16", "the device is lost" },
-        { "dummy:timeout=17", "the device does not answer" },
-        { "dummy:lost=13", "the device is lost" }, /* at every opening's first picture */
-        { "dummy:buffer=25", "not enough memory on the device" },
+        { "lost", 4, "the device is lost" },
+        { "timeout", 5, "the device does not answer" },
+        { "lost", 1, "the device is lost" }, /* at every opening's first picture */
+        { "buffer", 0, "not enough memory on the device" },
     };
     struct sst_render_device_report report;
     struct pair p;
@@ -206,7 +209,9 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
         int lost = 0, found = 0;
         bool failing = false;
 
-        open_pair(&p, devices[d].name, 0);
+        const char *name = devices[d].at ? render_fault(devices[d].fault, devices[d].at) : "dummy:buffer=25";
+
+        open_pair(&p, name, 0);
         for (int set = 1; set < 40; set++) {
             compare(&p, &cfg);
             assert_true(sst_live_device(p.gpu.live, &report));
@@ -217,7 +222,7 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
             change(&p.cpu, set);
             change(&p.gpu, set);
         }
-        print_message("%s: %d pictures, %d on the CPU, %d failures; lost %d, found %d times\n", devices[d].name,
+        print_message("%s: %d pictures, %d on the CPU, %d failures; lost %d, found %d times\n", name,
                       (int)report.pictures, (int)report.on_cpu, (int)report.failures, lost, found);
         assert_non_null(strstr(report.failure, devices[d].why));
         /* Six where openings, on a thread of their own, take no longer than a picture. */

@@ -10,6 +10,7 @@
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/kernels/place_patch_ref.h"
 #include "tests/frames_field.h"
+#include "tests/render_tests.h"
 #include "tests/small.h"
 
 #define VIEWS     6
@@ -67,20 +68,23 @@ static void sampled_rays_are_those_of_the_cpu(void **state SST_UNUSED)
 static void failures_end_on_the_cpu(void **state SST_UNUSED)
 {
     static const struct {
-        const char *name, *why;
+        const char *fault;
+        int at; /* dispatch after those of the tests */
+        const char *why;
         int pictures, failures;
     } devices[] = {
-        { "dummy:lost=16", "the device is lost", 0, 3 },            /* the first view, each time it is opened */
-        { "dummy:timeout=18", "the device does not answer", 0, 3 }, /* the third one */
-        { "dummy:buffer=55", "not enough memory on the device", 0, 3 },
-        { "dummy:wrong=14", "the shader that rectifies is refused", 0, 0 },
+        { "lost", 4, "the device is lost", 0, 3 },            /* the first view, each time it is opened */
+        { "timeout", 6, "the device does not answer", 0, 3 }, /* the third one */
+        { "wrong", 2, "the shader that rectifies is refused", 0, 0 },
     };
     struct sst_render_device_report report;
 
     for (size_t i = 0; i < (small_level() >= 2 ? 1 : ARRAY_LEN(devices)); i++) {
         for (int sampled = 0; sampled < 2; sampled++) {
-            print_message("%s\n", devices[i].name);
-            assert_int_equal(frames_compare(&field, sampled, devices[i].name, 0, 0, &report), 0);
+            const char *name = render_fault(devices[i].fault, devices[i].at);
+
+            print_message("%s\n", name);
+            assert_int_equal(frames_compare(&field, sampled, name, 0, 0, &report), 0);
             assert_int_equal(report.pictures, devices[i].pictures);
             assert_int_equal(report.on_cpu, FRAMES_PICTURES - !sampled);
             assert_int_equal(report.failures, devices[i].failures);
@@ -144,7 +148,7 @@ static void encoded_frames_are_decoded_where_they_are_needed(void **state SST_UN
         struct frames_picture want = render(&decoded, "cpu", false, pictures[i]);
         struct frames_picture got[] = { render(&encoded, "dummy", false, pictures[i]),
                                         render(&encoded, "cpu", false, pictures[i]),
-                                        render(&encoded, "dummy:lost=22", false, pictures[i]),
+                                        render(&encoded, render_fault("lost", 10), false, pictures[i]),
                                         render(&encoded, "cpu", true, pictures[i]) };
         struct frames_picture sampled = render(&decoded, "cpu", true, pictures[i]);
 

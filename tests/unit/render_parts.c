@@ -1,9 +1,10 @@
 /* Clear pictures in bands of rows, on the dummy device: the CPU's bytes, whatever fits; and what does not. */
 #include "tests/frames_field.h"
 #include "tests/gpu_field.h"
+#include "tests/render_tests.h"
 #include "tests/small.h"
 
-#define SELF_TESTS 25 /* dispatches of those of `blend`, of clear pictures and of their holes */
+#define SELF_TESTS (render_tests() + 13) /* dispatches of those of clear pictures and of their holes */
 #define FILL       18 /* dispatches that fill the holes of a picture of 301 pixels: 9 levels, there and back */
 #define CLEAR (FIELD_PICTURES - FIELD_CLEAR) /* the first one */
 

@@ -4,11 +4,12 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/correction.h"
 #include "tests/frames_field.h"
+#include "tests/render_tests.h"
 #include "tests/small.h"
 
 #define VIEWS      6
 #define PICTURES   5
-#define BEFORE     19 /* dispatches of the self-tests of `blend`, `clear_land` and `clear_blend` */
+#define BEFORE     (render_tests() + 7) /* dispatches of the self-tests of `clear_land` and `clear_blend` */
 #define SELF_TESTS (BEFORE + 2 + 3 + 6 + 3) /* and of `clear_surface`, `clear_sample`, those of holes, `rectify` */
 
 static struct raw_field field;
@@ -169,7 +170,7 @@ static void encoded_frames_are_decoded(void **state SST_UNUSED)
     assert_int_equal(r.pictures, PICTURES);
     r = compare(&encoded, &decoded, "dummy", (uint64_t)2000 << 10);
     assert_int_equal(r.pictures, PICTURES);
-    r = compare(&encoded, &decoded, "dummy:lost=40", 0);
+    r = compare(&encoded, &decoded, render_fault("lost", 28), 0);
     assert_true(r.on_cpu > 0);
     for (int k = 0; k < VIEWS; k++) {
         free(encoded.views[k].encoded);
@@ -234,7 +235,7 @@ static void a_lost_device_ends_on_the_cpu(void **state SST_UNUSED)
 /* A shader that is refused: these pictures are the CPU's, the device is not to blame. */
 static void a_refused_shader_ends_on_the_cpu(void **state SST_UNUSED)
 {
-    static const int tests[] = { BEFORE + 1, BEFORE + 3 }; /* the first ones of `clear_surface` and `clear_sample` */
+    const int tests[] = { BEFORE + 1, BEFORE + 3 }; /* the first ones of `clear_surface` and `clear_sample` */
 
     for (size_t i = 0; i < ARRAY_LEN(tests); i++) {
         struct sst_render_device_report r;

@@ -54,7 +54,7 @@ static void note_opening(struct render_device *d)
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
     d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
-    d->clear_tested = false;
+    d->clear_tested = d->verify.tested = false;
     d->verify.small = d->verify.split = d->verify.cramped = false;
 }
 
@@ -94,19 +94,23 @@ static void note_success(struct render_device *d)
     sst_runner_succeed(d->runner);
 }
 
-/* Shaders that live pictures have needed so far are tested when the device is opened beside the work. */
+/* Shaders and steps that live pictures have needed so far are tested when the device is opened beside the work. */
 static void list_tested(struct render_device *d)
 {
-#define CLEAR  SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_HOLE_PULL, SST_GPU_HOLE_PUSH
-#define VERIFY SST_GPU_VERIFY_SHARE, SST_GPU_VERIFY_RAYS, SST_GPU_VERIFY_MODE, SST_GPU_VERIFY_BLEND
-    static const enum sst_gpu_shader clear_first[] = { SST_GPU_BLEND, CLEAR, VERIFY },
-                                     verify_first[] = { SST_GPU_BLEND, VERIFY };
-#undef CLEAR
-#undef VERIFY
+    enum { CLEAR = 4 }; /* of clear pictures */
+    static const enum sst_gpu_shader shaders[] = {
+        SST_GPU_BLEND,        SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,        SST_GPU_VERIFY_MODE,
+        SST_GPU_VERIFY_BLEND, SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED, SST_GPU_CLEAR_LAND,
+        SST_GPU_CLEAR_BLEND,  SST_GPU_HOLE_PULL,     SST_GPU_HOLE_PUSH
+    };
+    static const struct sst_step *const steps[] = { &render_picture_step, &render_verify_step };
 
-    d->user.shaders = d->clears ? clear_first : verify_first;
-    d->user.count = 1;
-    d->user.tested = (d->clears ? 4 : 0) + (d->verify.wanted ? 4 : 0);
+    d->user.shaders = shaders;
+    d->user.count = ARRAY_LEN(shaders) - CLEAR;
+    d->user.tested = d->clears ? CLEAR : 0;
+    d->user.steps = steps;
+    d->user.step_count = 1;
+    d->user.steps_tested = d->verify.wanted;
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
@@ -117,6 +121,7 @@ static int join(struct render_device *d)
     d->user.work = "render";
     d->user.drop = drop;
     d->user.arg = d;
+    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_runner_name(d->runner));
     list_tested(d);
     err = sst_runner_join(d->runner, &d->user);
     if (err && !d->changes)
@@ -131,25 +136,41 @@ static int join(struct render_device *d)
     return 0;
 }
 
+int device_init(struct render_device *d, const struct sst_lightfield *lf, const struct sst_render_live *live)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+
+    d->lf = lf;
+    d->changes = live;
+    d->live = live ? *live : (struct sst_render_live){ 0 };
+    d->pitch = (lf->width + 3) / 4 * 4;
+    d->chunk = calloc(views, sizeof(*d->chunk));
+    d->slot = calloc(views, sizeof(*d->slot));
+    d->frames.kept = calloc(views, sizeof(*d->frames.kept));
+    return d->chunk && d->slot && d->frames.kept ? 0 : -ENOMEM;
+}
+
+void device_fini(struct render_device *d)
+{
+    sst_mem_kept_fini(&d->packed);
+    sst_mem_kept_fini(&d->words);
+    sst_mem_kept_fini(&d->weights);
+    for (int i = 0; i < DEVICE_SPANS; i++)
+        free(d->frames.ready[i].list.xy);
+    free(d->frames.kept);
+    free(d->verify.cell);
+    free(d->chunk);
+    free(d->slot);
+}
+
 int render_device_create(struct render_device **out, const struct sst_lightfield *lf, struct sst_runner *runner,
                          const struct sst_render_live *live)
 {
-    const size_t views = (size_t)(lf->rows * lf->cols);
     struct render_device *d = calloc(1, sizeof(*d));
-    int err = d ? 0 : -ENOMEM;
+    int err = d ? device_init(d, lf, live) : -ENOMEM;
 
-    if (!err) {
-        d->lf = lf;
+    if (d)
         d->runner = runner;
-        d->changes = live;
-        d->live = live ? *live : (struct sst_render_live){ 0 };
-        d->pitch = (lf->width + 3) / 4 * 4;
-        snprintf(d->report.name, sizeof(d->report.name), "%s", sst_runner_name(runner));
-        d->chunk = calloc(views, sizeof(*d->chunk));
-        d->slot = calloc(views, sizeof(*d->slot));
-        d->frames.kept = calloc(views, sizeof(*d->frames.kept));
-        err = d->chunk && d->slot && d->frames.kept ? 0 : -ENOMEM;
-    }
     if (err)
         sst_log_error("not enough memory for a device");
     else
@@ -169,15 +190,7 @@ void render_device_destroy(struct render_device *d)
         return;
     sst_runner_leave(d->runner, &d->user);
     sst_runner_destroy(d->runner);
-    sst_mem_kept_fini(&d->packed);
-    sst_mem_kept_fini(&d->words);
-    sst_mem_kept_fini(&d->weights);
-    for (int i = 0; i < DEVICE_SPANS; i++)
-        free(d->frames.ready[i].list.xy);
-    free(d->frames.kept);
-    free(d->verify.cell);
-    free(d->chunk);
-    free(d->slot);
+    device_fini(d);
     free(d);
 }
 
@@ -240,27 +253,20 @@ static void note_unverified(struct render_device *d)
     d->verify.logged |= bit;
 }
 
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
-                         int end, const uint32_t **words, const float **weights)
+bool render_device_picture(struct render_device *d, struct render_picture *p)
 {
-    const int64_t start_ns = sst_clock_now_ns();
-    bool verified = false;
     int err;
 
     sst_runner_lock(d->runner);
-    err = may_try(d) ? device_render_picture(d, p, cells, top, end, &verified) : 1;
-    if (err) {
+    err = may_try(d) ? device_render_picture(d, p) : 1;
+    if (err)
         note_error(d, err);
-        sst_runner_unlock(d->runner);
-        return false;
-    }
-    note_success(d);
-    if (p->verifier && !verified)
+    else
+        note_success(d);
+    if (!err && p->plan->verifier && !p->verify)
         note_unverified(d);
-    d->report.total_ns += sst_clock_now_ns() - start_ns;
-    *words = d->words.data;
-    *weights = p->verifier && !verified ? d->weights.data : NULL;
-    return true;
+    sst_runner_unlock(d->runner);
+    return !err;
 }
 
 /* Note that a clear picture is the CPU's; live that is logged once. */
@@ -275,6 +281,20 @@ static void note_clear(struct render_device *d, int err)
 }
 
 /* Views may use all the memory, of which the tests need some. */
+int device_prepare_verify(struct render_device *d)
+{
+    int err;
+
+    if (d->verify.tested)
+        return d->verify.refused ? -ENOTSUP : 0;
+    if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
+        device_drop(d);
+    err = sst_step_check(&d->user, d->gpu, &render_verify_step);
+    d->verify.refused = err == -ENOTSUP;
+    d->verify.tested = !err || d->verify.refused;
+    return err;
+}
+
 static int prepare_clear(struct render_device *d, const struct device_clear *c)
 {
     int err;
@@ -370,6 +390,7 @@ void render_device_report(struct render_device *d, struct sst_render_device_repo
 {
     sst_runner_lock(d->runner);
     *out = d->report;
+    out->dispatches += d->user.report.dispatches;
     out->chunks = d->chunks;
     sst_runner_unlock(d->runner);
 }

@@ -16,7 +16,11 @@
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
-#define DISP_PX 65535 /* stored disparities */
+/* Stored disparities that pictures may have. */
+static size_t disp_values(const struct render_device *d, const struct device_batch *b)
+{
+    return d->changes ? SST_DISP_NONE : (size_t)explainer_bins(b->p->explainer);
+}
 
 /* Rows of the views, top .. end - 1. */
 struct reach {
@@ -124,7 +128,7 @@ int device_make_explained(struct render_device *d, const struct device_batch *b)
     if (!v->views)
         err = sst_gpu_buffer_create(d->gpu, &v->views, SST_MAX_VIEWS * sizeof(struct sst_gpu_verify_view));
     if (!err && !v->disp_px) {
-        err = sst_gpu_buffer_create(d->gpu, &v->disp_px, DISP_PX * sizeof(float));
+        err = sst_gpu_buffer_create(d->gpu, &v->disp_px, disp_values(d, b) * sizeof(float));
         v->disp_min_px = NAN;
     }
     if (err == -ENOMEM && !d->slots)
@@ -133,19 +137,20 @@ int device_make_explained(struct render_device *d, const struct device_batch *b)
 }
 
 /* Disparities in pixels by what is stored, as explainer_contradicts() has them. */
-static int upload_disp_px(struct render_device *d)
+static int upload_disp_px(struct render_device *d, const struct device_batch *b)
 {
+    const size_t n = disp_values(d, b);
     float *px;
     int err;
 
     if (!isnan(d->verify.disp_min_px) && !(fabs(d->verify.disp_min_px - d->lf->disp_min_px) > 0))
         return 0;
-    px = malloc(DISP_PX * sizeof(*px));
+    px = malloc(n * sizeof(*px));
     if (!px)
         return -ENOMEM;
-    for (int i = 0; i < DISP_PX; i++)
+    for (size_t i = 0; i < n; i++)
         px[i] = (float)sst_disp_px(d->lf, (uint16_t)i);
-    err = sst_gpu_upload(d->gpu, d->verify.disp_px, 0, px, DISP_PX * sizeof(*px));
+    err = sst_gpu_upload(d->gpu, d->verify.disp_px, 0, px, n * sizeof(*px));
     free(px);
     if (!err)
         d->verify.disp_min_px = d->lf->disp_min_px;
@@ -277,7 +282,7 @@ int device_screen(struct render_device *d, struct device_batch *b)
     if (!err)
         err = explainer_prepare(b->p->explainer);
     if (!err)
-        err = upload_disp_px(d);
+        err = upload_disp_px(d, b);
     while (!err && b->push.from < end) {
         b->push.to = end;
         if (v->split)

@@ -11,6 +11,9 @@
 #include "base/thread.h"
 #include "pipeline/method/render/render_internal.h"
 
+_Static_assert(sizeof(struct sst_gpu_blend_view) == 64 && sizeof(struct sst_gpu_blend_label) == 8,
+               "the layout of blend.comp");
+
 #define SUM_BYTES 20                                  /* of a pixel of the picture: four sums and the result */
 #define ROW_BYTES (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
 
@@ -285,24 +288,80 @@ static bool note_unverified(struct render_device *d, int err)
     return err == -EAGAIN || err == -ENOTSUP || err == -EOVERFLOW || err == -ENOMEM;
 }
 
-int device_render_picture(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
-                          int end, bool *verified)
+static void picture_on_device(struct sst_run *r, void *job, int item)
 {
+    struct render_picture *p = (struct render_picture *)job + item;
+    struct render_device *d = p->device;
+    const int64_t start_ns = sst_clock_now_ns();
     struct device_batch b;
     int err;
 
-    begin_batch(&b, d, p);
-    b.cells = cells;
-    b.verify = p->verifier && device_can_verify(d, p);
-    err = render_rows(d, &b, top, end);
+    d->gpu = sst_run_gpu(r);
+    begin_batch(&b, d, p->plan);
+    b.cells = p->cells;
+    b.verify = p->verify;
+    err = render_rows(d, &b, p->top, p->end);
+    sst_run_fail(r, err);
+    d->report.total_ns += err ? 0 : sst_clock_now_ns() - start_ns;
+    if (!err)
+        p->err = render_picture_finish(p, d->words.data, p->plan->verifier && !p->verify ? d->weights.data : NULL);
+}
+
+static int render(struct render_device *d, struct render_picture *p)
+{
+    return sst_run_item(&d->user, p->verify ? &render_verify_step : &render_picture_step, p, 0);
+}
+
+int device_render_picture(struct render_device *d, struct render_picture *p)
+{
+    int err;
+
+    p->verify = p->plan->verifier && device_can_verify(d, p->plan);
+    err = p->verify ? device_prepare_verify(d) : 0;
+    if (!err)
+        err = render(d, p);
     if (err == -EXDEV)
-        err = render_rows(d, &b, top, end); /* once more, with rows of the views in one buffer */
-    if (err && b.verify && note_unverified(d, err)) {
+        err = render(d, p); /* once more, with rows of the views in one buffer */
+    if (err && p->verify && note_unverified(d, err)) {
         device_drop_verify(d);
         d->full = false;
-        b.verify = false;
-        err = render_rows(d, &b, top, end);
+        p->verify = false;
+        err = render(d, p);
     }
-    *verified = b.verify;
     return err;
 }
+
+/* --- steps -------------------------------------------------------------------------------------------------------- */
+
+/* Samples have fewer pictures than items. */
+static bool is_there(const void *job, int item)
+{
+    return ((const struct render_picture *)job + item)->plan;
+}
+
+static void picture_maps(void *job, int item, struct sst_share_maps *out)
+{
+    struct render_picture *p = (struct render_picture *)job + item;
+
+    sst_share_add_image(out, p->out);
+    if (p->valid)
+        sst_share_add_u8(out, p->valid);
+}
+
+const struct sst_step render_picture_step = { .name = "blending",
+                                              .wants = is_there,
+                                              .cpu = render_picture_on_cpu,
+                                              .device = picture_on_device,
+                                              .writes = picture_maps,
+                                              .sample = render_picture_sample,
+                                              .sample_free = render_sample_free,
+                                              .levels = SST_GPU_BLEND_LEVELS };
+
+const struct sst_step render_verify_step = { .name = "verification",
+                                             .wants = is_there,
+                                             .cpu = render_picture_on_cpu,
+                                             .device = picture_on_device,
+                                             .writes = picture_maps,
+                                             .sample = render_verify_sample,
+                                             .sample_free = render_sample_free,
+                                             .levels = SST_GPU_BLEND_LEVELS };

@@ -18,6 +18,8 @@
 _Static_assert(SST_GPU_VERIFY_VIEWS == SST_MAX_VIEWS &&
                    sizeof(((struct sst_gpu_verify_params *)0)->rarity) == SST_AGREE_BINS,
                "views and colours of a picture");
+_Static_assert(sizeof(struct sst_gpu_verify_view) == 208 && sizeof(struct sst_gpu_verify_params) == 6144,
+               "the layout of verify_*.comp");
 _Static_assert(SST_VERIFY_CELL_WIDTH == SST_RENDER_CELL_WIDTH && SST_VERIFY_CELL_HEIGHT == SST_RENDER_CELL_HEIGHT,
                "cells are those of pictures");
 
@@ -65,19 +67,6 @@ void device_drop_verify(struct render_device *d)
     }
     device_destroy_chunk(d, &v->near_views);
     v->count = v->rows = 0;
-}
-
-static int prepare(struct render_device *d, bool explained)
-{
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,
-                                                   SST_GPU_VERIFY_MODE,   SST_GPU_VERIFY_BLEND,
-                                                   SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED };
-    const size_t n = explained ? ARRAY_LEN(shaders) : ARRAY_LEN(shaders) - 2;
-    int err = 0;
-
-    for (size_t i = 0; i < n && !err; i++)
-        err = sst_gpu_prepare(d->gpu, shaders[i]);
-    return err;
 }
 
 /* Room for the rays of `rows` rows of the picture, those around them included. */
@@ -165,10 +154,8 @@ static int upload_cells(struct render_device *d, const uint8_t *cells)
 
 int device_make_verify(struct render_device *d, const struct device_batch *b)
 {
-    int err = prepare(d, b->p->explainer);
+    int err = d->rows < d->lf->height && d->rows % SST_RENDER_CELL_HEIGHT ? -ENOMEM : 0; /* not one row of cells */
 
-    if (!err && d->rows < d->lf->height && d->rows % SST_RENDER_CELL_HEIGHT)
-        err = -ENOMEM; /* not one row of cells */
     if (!err && !d->verify.cell) {
         d->verify.cell = calloc((size_t)cell_cols(d) * (size_t)cell_rows(d), sizeof(*d->verify.cell));
         err = d->verify.cell ? 0 : -ENOMEM;
@@ -274,6 +261,8 @@ static int find_open(struct render_device *d, struct device_batch *b)
 {
     const int cols = cell_cols(d), first = b->push.blend.top / SST_RENDER_CELL_HEIGHT;
     const int rows = (b->push.blend.rows + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+    /* A dummy device has looked at nothing. */
+    const uint32_t open = sst_gpu_is_dummy(d->gpu) ? SST_GPU_CELL_WANTED : SST_GPU_CELL_OPEN;
     uint32_t *cell = d->verify.cell;
     int err = sst_gpu_download(d->gpu, cell, d->verify.cells, 4 * (size_t)first * (size_t)cols,
                                4 * (size_t)rows * (size_t)cols);
@@ -284,7 +273,7 @@ static int find_open(struct render_device *d, struct device_batch *b)
 
         if (cell[i] & SST_GPU_CELL_BELOW)
             err = -EAGAIN;
-        if (!(cell[i] & SST_GPU_CELL_OPEN))
+        if (!(cell[i] & open))
             continue;
         if (b->push.from == b->push.to)
             b->push.from = y;

@@ -63,6 +63,7 @@ int device_grow(struct render_device *d)
     int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
 
     n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
+    n = d->chunk_views ? sst_min_int(n, d->chunk_views) : n;
     n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d))));
     for (; n > 0 && err == -ENOMEM; n /= 2)
         err = add_chunk(d, n);

@@ -194,6 +194,11 @@ int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_nea
     return e->tap[k].count;
 }
 
+int explainer_bins(const struct explainer *e)
+{
+    return e->renderer->histogram.bins;
+}
+
 /* The renderer has counted the disparities: pictures with rays to explain have weights by them. */
 bool explainer_reach(const struct explainer *e, int nearest, double *least_px, double *most_px)
 {

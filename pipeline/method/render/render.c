@@ -168,16 +168,6 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255])
     return n;
 }
 
-struct picture {
-    const struct sst_render_plan *plan;
-    const uint8_t *cells; /* [rows][cols]; NULL: all */
-    int cols;
-    struct sst_image *out;
-    struct sst_map_u8 *valid;
-    const uint32_t *words; /* what a device has blended, see render_device_begin(); NULL: nothing */
-    const float *weights;
-};
-
 /* Note which of n pixels from the sink's `skip` on the rays of one view support. */
 static void add_support(const struct render_sink *s, int skip, const struct sst_render_plan *p,
                         const struct sst_blend *b, int n)
@@ -366,7 +356,7 @@ struct sums {
 
 /* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights @param support  out, [n], or
  * NULL */
-static void render_run(const struct picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+static void render_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
 {
     const struct sst_render_plan *p = pic->plan;
     struct sums sums;
@@ -396,7 +386,7 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
 }
 
 /* The same from what a device has blended. Without a verifier, weights matter only where they are too small. */
-static void unpack_run(const struct picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+static void unpack_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
 {
     const size_t at = (size_t)y * (size_t)pic->out->width + (size_t)x;
     const uint32_t *word = pic->words + at;
@@ -424,7 +414,7 @@ static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
 /* One row of cells. */
 static int render_band(void *arg, int index, int worker)
 {
-    const struct picture *pic = arg;
+    const struct render_picture *pic = arg;
     const bool verify = pic->plan->verifier && !(pic->words && !pic->weights); /* else a device has done it */
     struct sst_verifier *verifier = verify ? pic->plan->verifier[worker] : NULL;
     float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
@@ -447,7 +437,7 @@ static int render_band(void *arg, int index, int worker)
     return 0;
 }
 
-static int render_bands(struct picture *pic)
+static int render_bands(struct render_picture *pic)
 {
     const struct sst_render_plan *p = pic->plan;
 
@@ -459,13 +449,13 @@ static int render_bands(struct picture *pic)
 int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
                            struct sst_map_u8 *valid)
 {
-    struct picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
+    struct render_picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
 
     return render_bands(&pic);
 }
 
 /* With the skips of the plan, if they pay. */
-static int render_skipping(struct sst_renderer *r, struct picture *pic)
+static int render_skipping(struct sst_renderer *r, struct render_picture *pic)
 {
     bool done = false;
     const int err = pic->plan->cfg.skip_rays ? skip_render(r, pic->plan, pic->out, pic->valid, &done) : 0;
@@ -489,7 +479,7 @@ static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int
 }
 
 /* True if the CPU has to recompute pixels that a device has blended. */
-static bool has_weak_pixels(const struct picture *pic)
+static bool has_weak_pixels(const struct render_picture *pic)
 {
     const size_t n = (size_t)pic->out->width * (size_t)pic->out->height;
     bool weak = false;
@@ -499,31 +489,47 @@ static bool has_weak_pixels(const struct picture *pic)
     return weak;
 }
 
-/* On the device, if there is one that can. @param own  the picture's plan where frames may be pending; else NULL */
-static int render_anywhere(struct sst_renderer *r, struct picture *pic, struct sst_render_plan *own)
+int render_picture_finish(struct render_picture *pic, const uint32_t *words, const float *weights)
 {
-    int top = 0, end = pic->plan->lf->height, err = 0;
-    bool begun = false;
+    int err = 0;
 
-    if (r->device && pic->cells)
-        find_rows(pic->plan, pic->cells, &top, &end);
-    if (r->device && top < end)
-        begun = render_device_begin(r->device, pic->plan, pic->cells, top, end, &pic->words, &pic->weights);
-    if (own && own->pending && (!begun || pic->weights || has_weak_pixels(pic)))
-        err = render_need_frames(own, r);
-    if (!err)
-        err = r->device || pic->cells ? render_bands(pic) : render_skipping(r, pic);
-    if (begun)
-        render_device_end(r->device);
-    return err;
+    pic->words = words;
+    pic->weights = weights;
+    if (pic->own && pic->own->pending && (weights || has_weak_pixels(pic)))
+        err = render_need_frames(pic->own, pic->renderer);
+    return err ? err : render_bands(pic);
+}
+
+int render_picture_on_cpu(void *arg, int item, int worker SST_UNUSED)
+{
+    struct render_picture *pic = (struct render_picture *)arg + item;
+    int err = 0;
+
+    pic->words = NULL;
+    pic->weights = NULL;
+    if (pic->own && pic->own->pending)
+        err = render_need_frames(pic->own, pic->renderer);
+    if (err)
+        return err;
+    return pic->renderer->device || pic->cells ? render_bands(pic) : render_skipping(pic->renderer, pic);
+}
+
+/* On the device, if there is one that can. */
+static int render_anywhere(struct render_picture *pic)
+{
+    pic->device = pic->renderer->device;
+    pic->end = pic->plan->lf->height;
+    if (pic->device && pic->cells)
+        find_rows(pic->plan, pic->cells, &pic->top, &pic->end);
+    if (pic->device && pic->top < pic->end && render_device_picture(pic->device, pic))
+        return pic->err;
+    return render_picture_on_cpu(pic, 0, 0);
 }
 
 int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_plan *p, const uint8_t *cells,
                                 struct sst_image *out)
 {
-    struct picture pic = { .plan = p, .cells = cells, .out = out };
-
-    return render_anywhere(r, &pic, NULL);
+    return render_anywhere(&(struct render_picture){ .renderer = r, .plan = p, .cells = cells, .out = out });
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -546,7 +552,8 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = render_anywhere(r, &(struct picture){ .plan = &plan, .out = out, .valid = valid }, &plan);
+    err = render_anywhere(
+        &(struct render_picture){ .renderer = r, .plan = &plan, .own = &plan, .out = out, .valid = valid });
     sst_render_plan_fini(&plan);
     return err;
 }

@@ -15,7 +15,7 @@
 #include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
-#include "pipeline/step/runner.h"
+#include "pipeline/step/run.h"
 
 struct explainer; /* of one plan; any number of threads may use it once prepared */
 
@@ -35,6 +35,9 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 
 /** Differences of colours that do not agree, once prepared; sum of R, G, B. */
 int explainer_levels(const struct explainer *e);
+
+/** Stored disparities of the views are below, or unknown; of a light field that changes only those that were counted. */
+int explainer_bins(const struct explainer *e);
 
 /** Disparities, in pixels, of rays whose stored disparity is above `nearest`. @return false: there are none */
 bool explainer_reach(const struct explainer *e, int nearest, double *least_px, double *most_px);
@@ -75,17 +78,36 @@ SST_MUST_CHECK int render_device_create(struct render_device **out, const struct
                                         struct sst_runner *runner, const struct sst_render_live *live);
 void render_device_destroy(struct render_device *d);
 
-/**
- * Blend the rays of all pixels of the rows top .. end-1, top a multiple of SST_RENDER_CELL_HEIGHT, and verify them.
- *
- * @param cells    as of sst_render_plan_render(): others need not be verified
- * @param words    out, [height * width] R, G, B, enum sst_gpu_blend_pixel, from the lowest byte up
- * @param weights  out, sums of weights likewise, if the caller has to verify the rays, which is counted; else NULL
- * @return false: not done, which is counted, and logged where the device failed; true: both are valid until
- * render_device_end()
- */
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells, int top,
-                         int end, const uint32_t **words, const float **weights);
+/** A picture: item of the steps render_picture_step and render_verify_step. */
+struct render_picture {
+    struct sst_renderer *renderer;
+    const struct sst_render_plan *plan;
+    struct sst_render_plan *own; /* the same, if frames may be pending; else NULL */
+    const uint8_t *cells;        /* [rows][cols] as of sst_render_plan_render(); NULL: all */
+    int cols;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+    /* on a device */
+    struct render_device *device;
+    int top, end;         /* rows that have cells, top a multiple of SST_RENDER_CELL_HEIGHT */
+    bool verify;          /* rays are verified there, too */
+    const uint32_t *words; /* its pixels: [height * width] R, G, B, enum sst_gpu_blend_pixel; NULL: the CPU's */
+    const float *weights;  /* [height * width] sums of weights, if rays are verified on the CPU; else NULL */
+    int err;               /* of the CPU, after the device */
+};
+
+/** Job of a step: a picture on the CPU. @param arg  struct render_picture [] @return 0, -ENOMEM, -EBADMSG */
+int render_picture_on_cpu(void *arg, int item, int worker);
+
+/** Make the picture from the words of a device: weak pixels, and rays to be verified, are the CPU's. @param weights  or
+ * NULL @return 0, -ENOMEM, -EBADMSG */
+SST_MUST_CHECK int render_picture_finish(struct render_picture *pic, const uint32_t *words, const float *weights);
+
+/** Render a picture on the device, with p->err. @return false: not done, which is counted, and logged where the device
+ * failed */
+bool render_device_picture(struct render_device *d, struct render_picture *p);
+
+/** After render_device_begin_clear(). */
 void render_device_end(struct render_device *d);
 
 struct device_taps;
@@ -198,6 +220,7 @@ struct device_verify {
     size_t near_pixels;
     uint32_t *cell;     /* host memory of `cells`; owned */
     bool wanted;        /* verified pictures are */
+    bool tested, refused; /* since the device was opened */
     enum device_unverified why; /* of the last picture */
     unsigned logged;            /* bits: reasons that were, live */
 };
@@ -235,6 +258,7 @@ struct render_device {
     struct device_frames frames;
     struct device_verify verify;
     bool doubts;       /* chunks have confidences */
+    int chunk_views;   /* of a chunk at most; 0: any number */
     int rows;          /* of the picture that sums and out hold: all, or whole cells where there is room for one */
     size_t table_rows; /* that table holds */
     /* host memory, reused */
@@ -329,11 +353,27 @@ struct device_batch {
     struct sst_gpu_blend_view view[SST_MAX_VIEWS];
 };
 
-/** Blend the rows top .. end-1 into d->words, and verify them.
- *  @param verified  out, false: rays are not verified, d->weights are valid and d->verify.why has the reason, if any
- * were to be */
-SST_MUST_CHECK int device_render_picture(struct render_device *d, const struct sst_render_plan *p, const uint8_t *cells,
-                                         int top, int end, bool *verified);
+/** Pictures of rays that are blended, and that are verified as well: the latter may be refused. */
+extern const struct sst_step render_picture_step, render_verify_step;
+
+/** Render a picture. p->verify: rays were verified there; else d->verify.why has the reason, if any were to be. */
+SST_MUST_CHECK int device_render_picture(struct render_device *d, struct render_picture *p);
+
+/** Test verification at the first picture that needs it, after dropping views that leave too little memory.
+ * @return 0, -ENOTSUP (refused), or an error of the device */
+SST_MUST_CHECK int device_prepare_verify(struct render_device *d);
+
+/** A device of a light field, without buffers. @return 0, -ENOMEM */
+SST_MUST_CHECK int device_init(struct render_device *d, const struct sst_lightfield *lf,
+                               const struct sst_render_live *live);
+/** The memory of the host. */
+void device_fini(struct render_device *d);
+
+/* --- sample.c: random pictures of a small light field, for sst_step_check() --- */
+
+void *render_picture_sample(uint32_t seed);
+void *render_verify_sample(uint32_t seed);
+void render_sample_free(void *job);
 
 /** Put a view on the device, where it is not there yet, and its rays into the batch, which is sent if it has no room.
  */

@@ -1,0 +1,203 @@
+/* Random pictures of a small light field, on which steps are compared with the CPU: blocks of surfaces with labels,
+ * with noise, unknown disparities and unlabeled pixels; a view that is partly invalid, views without labels or
+ * confidences, and a view that is absent. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "pipeline/method/render/render_internal.h"
+
+#define GRID  3
+#define VIEWS (GRID * GRID)
+#define MOST  SST_STEP_SAMPLES
+
+struct sample {
+    struct render_picture picture[MOST]; /* first: the job of the step */
+    struct render_device device;
+    struct sst_lightfield lf;
+    struct sst_renderer *renderer;
+    int count; /* of pictures with a plan */
+    struct sst_render_plan plan[MOST];
+    struct sst_image image[MOST];
+    struct sst_map_u8 valid[MOST];
+};
+
+static uint32_t next(uint32_t *state)
+{
+    *state = *state * 1664525U + 1013904223U;
+    return *state >> 8;
+}
+
+static void set_pixel(struct sst_view *v, const struct sst_lightfield *lf, int x, int y, uint32_t *state)
+{
+    const int block = (x / 7 + y / 5 * 2) % 3;
+    const double disp_px = block * 3 - 2 + (double)(next(state) % 64) / 64;
+
+    for (int c = 0; c < 3; c++)
+        sst_image_row(&v->image, c, y)[x] = (uint8_t)(block * 80 + (int)(next(state) % 90));
+    sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(next(state) % 9 ? sst_disp_q6(lf, disp_px) : SST_DISP_NONE);
+    if (v->label.data)
+        sst_map_u8_row(&v->label, y)[x] = block > 0; /* a device has room for few weights by label */
+    if (v->valid.data)
+        sst_map_u8_row(&v->valid, y)[x] = next(state) % 17 > 3 ? 255 : 0;
+    if (v->confidence.data)
+        sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)next(state);
+}
+
+static int fill_view(struct sst_lightfield *lf, int k, uint32_t *state)
+{
+    struct sst_view *v = &lf->views[k];
+    const int width = lf->width, height = lf->height;
+    int err = 0;
+
+    v->bx = k % GRID - 1 + (k % 4 - 2) * 0.013;
+    v->by = k / GRID - 1 - (k % 5 - 2) * 0.017;
+    v->present = k != 5;
+    if (!v->present)
+        return 0;
+    err = sst_image_init(&v->image, width, height);
+    err = err ? err : sst_map_u16_init(&v->disp, width, height);
+    err = err || k == 3 ? err : sst_map_u8_init(&v->label, width, height);
+    err = err || k != 1 ? err : sst_map_u8_init(&v->valid, width, height);
+    err = err || k == 6 ? err : sst_map_u8_init(&v->confidence, width, height);
+    for (int y = 0; y < height && !err; y++) {
+        for (int x = 0; x < width; x++)
+            set_pixel(v, lf, x, y, state);
+    }
+    return err;
+}
+
+/* Each uses other parts of the shader, and of the CPU after it. */
+static struct sst_render_config picture_config(int i)
+{
+    struct sst_render_config cfg;
+
+    sst_render_config_defaults(&cfg);
+    cfg.threads = 1;
+    cfg.verify = SST_VERIFY_OFF;
+    cfg.focus_px = i % 2 ? 1.37 : 4;
+    switch (i) {
+    case 0: /* whole sums */
+        cfg.method = SST_RENDER_REFOCUS;
+        break;
+    case 1: /* apertures alone, from beside the array */
+        cfg.method = SST_RENDER_REFOCUS;
+        cfg.aperture_soft = true;
+        cfg.aperture = 1.3;
+        cfg.view_bx = 0.4;
+        break;
+    case 2: /* depth alone */
+        cfg.c2 = 1;
+        break;
+    case 3: /* labels alone */
+        cfg.sigma_px = INFINITY;
+        break;
+    case 4:
+        cfg.focus_label = 1;
+        cfg.range = SST_RANGE_MINMAX;
+        cfg.unsupported = SST_UNSUPPORTED_INVALID;
+        break;
+    case 5: /* weights that underflow: single pixels are made on the CPU */
+        cfg.c1 = cfg.c2 = 0;
+        cfg.sigma_px = 0.05;
+        break;
+    case 6: /* most rays outside their views */
+        cfg.focus_px = 5.5;
+        cfg.max_views = 5;
+        break;
+    default: /* see-through by all defaults */
+        break;
+    }
+    return cfg;
+}
+
+/* Rays that all vote, or where maps do not explain them. */
+static struct sst_render_config verify_config(int i)
+{
+    struct sst_render_config cfg;
+
+    sst_render_config_defaults(&cfg);
+    cfg.threads = 1;
+    cfg.verify = i % 2 ? SST_VERIFY_AUTO : SST_VERIFY_ON;
+    cfg.focus_px = i < 2 ? -1.5 : -0.6;
+    return cfg;
+}
+
+static int add_picture(struct sample *s, int i, const struct sst_render_config *cfg)
+{
+    int err = sst_image_init(&s->image[i], s->lf.width, s->lf.height);
+
+    err = err ? err : sst_map_u8_init(&s->valid[i], s->lf.width, s->lf.height);
+    err = err ? err : sst_render_plan_init(&s->plan[i], s->renderer, cfg);
+    if (err)
+        return err;
+    s->count++;
+    s->picture[i] = (struct render_picture){ .renderer = s->renderer,
+                                             .plan = &s->plan[i],
+                                             .out = &s->image[i],
+                                             .valid = &s->valid[i],
+                                             .device = &s->device,
+                                             .end = s->lf.height,
+                                             .verify = cfg->verify != SST_VERIFY_OFF };
+    return 0;
+}
+
+void render_sample_free(void *job)
+{
+    struct sample *s = job;
+
+    if (!s)
+        return;
+    for (int i = 0; i < MOST; i++) {
+        if (i < s->count)
+            sst_render_plan_fini(&s->plan[i]);
+        sst_image_fini(&s->image[i]);
+        sst_map_u8_fini(&s->valid[i]);
+    }
+    if (s->device.gpu)
+        device_drop(&s->device);
+    device_fini(&s->device);
+    sst_renderer_destroy(s->renderer);
+    sst_lightfield_fini(&s->lf);
+    free(s);
+}
+
+/* Views lie in one buffer, or in several. */
+static void *make(uint32_t seed, int width, int height, int pictures, struct sst_render_config (*config)(int))
+{
+    struct sample *s = calloc(1, sizeof(*s));
+    uint32_t state = seed * 7919;
+    int err = s ? sst_lightfield_init(&s->lf, GRID, GRID) : -1;
+
+    if (!s)
+        return NULL;
+    s->lf.width = width; /* no multiple of a cell or a group */
+    s->lf.height = height;
+    s->lf.ref_view = VIEWS / 2;
+    s->lf.disp_min_px = -3;
+    for (int k = 0; k < VIEWS && !err; k++)
+        err = fill_view(&s->lf, k, &state);
+    err = err ? err : device_init(&s->device, &s->lf, NULL);
+    err = err ? err : sst_renderer_create(&s->renderer, &s->lf, 1);
+    s->device.limit_bytes = seed % 2 ? UINT64_MAX : 0;
+    s->device.chunk_views = seed % 2 ? 0 : 4;
+    for (int i = 0; i < pictures && !err; i++) {
+        const struct sst_render_config cfg = config(i);
+
+        err = add_picture(s, i, &cfg);
+    }
+    if (err) {
+        render_sample_free(s);
+        return NULL;
+    }
+    return s;
+}
+
+void *render_picture_sample(uint32_t seed)
+{
+    return make(seed, 45, 13, 8, picture_config);
+}
+
+void *render_verify_sample(uint32_t seed)
+{
+    return make(seed, 77, 21, 4, verify_config);
+}
