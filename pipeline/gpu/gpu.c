@@ -14,31 +14,6 @@
 #define TIMEOUT_MS          20000
 #define SOFTWARE_TIMEOUT_MS 600000 /* it shares the CPU with everything else */
 
-const char *sst_gpu_kind_name(enum sst_gpu_kind kind)
-{
-    static const char *const names[] = { "software", "other", "virtual", "integrated", "discrete" };
-
-    return names[kind];
-}
-
-const char *sst_gpu_error(int err)
-{
-    switch (err) {
-    case -ENODEV:
-        return "the device is lost";
-    case -ETIMEDOUT:
-        return "the device does not answer";
-    case -ENOMEM:
-        return "not enough memory on the device";
-    case -ENOTSUP:
-        return "a shader is refused";
-    case -ENOENT:
-        return "the device is not found";
-    default:
-        return "the driver fails";
-    }
-}
-
 /* --- choice ------------------------------------------------------------------------------------------------------- */
 
 static bool faster(const struct sst_gpu_info *a, const struct sst_gpu_info *b)

@@ -90,7 +90,7 @@ SST_GPU_VARIANT_LIST(X)
 SST_GPU_STEP_VARIANT_LIST(X)
 #undef X
 
-/* --- limits.c: the shader `limits`, what a device reaches at most, which the stages are measured against -----------
+/* --- the shader `limits`: the most that a device reaches, which the stages are measured against -------------------
  *
  * Without rounds it copies; with rounds each of 16 sums of an invocation is multiplied and increased once a round. */
 

@@ -34,10 +34,10 @@
     X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)                                  \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
-    X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \
-    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
+    X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)
 
-/** Shaders of steps (pipeline/step/), defined by the step on the CPU: X(NAME, name, buffers, constants). */
+/** Shaders of steps (pipeline/step/), which the step on the CPU defines, and of measurements: X(NAME, name, buffers,
+ * constants). */
 #define SST_GPU_STEP_LIST(X)                                                                                           \
     X(BLEND, blend, SST_GPU_BLEND_BUFFERS, sst_gpu_blend)                                                              \
     X(VERIFY_SHARE, verify_share, SST_GPU_SHARE_BUFFERS, sst_gpu_verify)                                               \
@@ -61,7 +61,8 @@
     X(NET_MOVE, net_move, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
     X(NET_RESIZE, net_resize, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                  \
     X(NET_POOL, net_pool, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
-    X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)
+    X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
+    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
  * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */

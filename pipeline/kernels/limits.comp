@@ -1,5 +1,4 @@
 // What a device reaches at most: copies words, or multiplies and adds. Buffers and constants: pipeline/gpu/gpu_internal.h.
-// Definition: limits_reference() in pipeline/gpu/limits.c.
 #version 450
 
 layout(local_size_x = 256) in;
