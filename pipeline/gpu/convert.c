@@ -5,7 +5,6 @@
 #include <stdlib.h>
 
 #include "pipeline/gpu/gpu_internal.h"
-#include "pipeline/gpu/surfaces.h"
 #include "pipeline/kernels/kernels.h"
 
 _Static_assert(sizeof(struct sst_gpu_convert) == 32, "the layout of convert.comp");
@@ -40,12 +39,6 @@ static uint32_t hypotheses(const struct words *w, size_t i)
     return (w->pixel[i] & 0xFFFFFF) | code << 24;
 }
 
-static uint32_t surfaces(const struct words *w, size_t i)
-{
-    return (w->map[i] & NONE) | (counts(w, i) ? 0 : SST_GPU_SURFACE_UNSEEN) |
-           (w->map[i] & SST_GPU_MAP_AGREED ? SST_GPU_SURFACE_AGREED : 0);
-}
-
 static uint32_t lumas(const struct words *w, int x, size_t i)
 {
     const size_t next = x + 1 < w->p->width ? i + 1 : i;
@@ -78,8 +71,6 @@ static uint32_t converted(const struct words *w, int x, int y, size_t i)
     switch (w->p->conversion) {
     case SST_GPU_TO_HYPOTHESES:
         return hypotheses(w, i);
-    case SST_GPU_TO_SURFACES:
-        return surfaces(w, i);
     case SST_GPU_TO_LUMA:
         return lumas(w, x, i);
     case SST_GPU_TO_STEPS:

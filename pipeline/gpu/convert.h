@@ -10,24 +10,20 @@
 
 /* Structures have the layout of pipeline/kernels/convert.comp (std430). */
 
-/** A map, uint32_t[height][width]: SST_PLANE_MAP of pipeline/step/planes.h. */
-#define SST_GPU_MAP_AGREED (1U << 24) /* carried: the sources agree */
-
 enum sst_gpu_conversion {
     /* From a plane to the input of a step: */
     SST_GPU_TO_HYPOTHESES =
-        0,                   /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
-    SST_GPU_TO_SURFACES = 1, /* maps of surfaces.h */
-    SST_GPU_TO_LUMA = 2,     /* pixels of subpixel.h */
-    SST_GPU_TO_STEPS = 3,    /* disparities of subpixel.h */
+        0,                /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
+    SST_GPU_TO_LUMA = 1,     /* pixels of subpixel.h */
+    SST_GPU_TO_STEPS = 2,    /* disparities of subpixel.h */
     /* From the result of a step to a map: */
-    SST_GPU_FROM_MATCH = 4,  /* disparities and confidences of match.h; none where colours do not count */
-    SST_GPU_FROM_CHOICE = 5, /* of hypotheses.h */
-    SST_GPU_FROM_PLAIN = 6,  /* disparities alone */
+    SST_GPU_FROM_MATCH = 3,  /* disparities and confidences of match.h; none where colours do not count */
+    SST_GPU_FROM_CHOICE = 4, /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 5,  /* disparities alone */
     /* From a network's result to features of match.h: */
-    SST_GPU_TO_FEATURES = 7, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
+    SST_GPU_TO_FEATURES = 6, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
     /* From colours to what it reads: */
-    SST_GPU_TO_LEVELS = 8, /* words of `from` by luma */
+    SST_GPU_TO_LEVELS = 7, /* words of `from` by luma */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */

@@ -26,12 +26,6 @@
     X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
     X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
     X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
-    X(SWEEP_POINTS, sweep_points, SST_GPU_SWEEP_POINTS_BUFFERS, sst_gpu_sweep)                                         \
-    X(SWEEP_GATHER, sweep_gather, SST_GPU_SWEEP_GATHER_BUFFERS, sst_gpu_sweep_gather)                                  \
-    X(SWEEP_PEAKS, sweep_peaks, SST_GPU_SWEEP_PEAKS_BUFFERS, sst_gpu_sweep_peaks)                                      \
-    X(SURFACE_START, surface_start, SST_GPU_SURFACE_START_BUFFERS, sst_gpu_surface_start)                              \
-    X(SURFACE_PROJECT, surface_project, SST_GPU_SURFACE_PROJECT_BUFFERS, sst_gpu_surface_project)                      \
-    X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)                                  \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)
@@ -62,7 +56,13 @@
     X(NET_RESIZE, net_resize, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                  \
     X(NET_POOL, net_pool, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
     X(NET_UNIT, net_unit, SST_GPU_NET_BUFFERS, sst_gpu_net_layer)                                                      \
-    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)
+    X(LIMITS, limits, GPU_LIMITS_BUFFERS, gpu_limits)                                                                  \
+    X(SWEEP_POINTS, sweep_points, SST_GPU_SWEEP_POINTS_BUFFERS, sst_gpu_sweep)                                         \
+    X(SWEEP_GATHER, sweep_gather, SST_GPU_SWEEP_GATHER_BUFFERS, sst_gpu_sweep_gather)                                  \
+    X(SWEEP_PEAKS, sweep_peaks, SST_GPU_SWEEP_PEAKS_BUFFERS, sst_gpu_sweep_peaks)                                      \
+    X(SURFACE_ROWS, surface_rows, SST_GPU_SURFACE_ROWS_BUFFERS, sst_gpu_surface_rows)                                  \
+    X(SURFACE_PROJECT, surface_project, SST_GPU_SURFACE_PROJECT_BUFFERS, sst_gpu_surface_project)                      \
+    X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
  * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */

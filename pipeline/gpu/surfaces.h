@@ -9,29 +9,22 @@
 
 #include "pipeline/gpu/check.h"
 
-/* Structures have the layout of the shaders (std430). Maps are uint32_t[height][width] by view: disparity,
- * SST_DISP_NONE if it is not known, and flags. */
-#define SST_GPU_SURFACE_UNSEEN (1U << 16) /* the pixel must not be matched */
-#define SST_GPU_SURFACE_AGREED (1U << 17) /* its disparity stays if it is known */
+/* Structures have the layout of the shaders (std430). Maps are SST_PLANE_MAP of pipeline/step/planes.h. */
 
 #define SST_GPU_SURFACE_WINDOWS 3 /* of 2, 6 and 16 pixels to each side */
 
-/** `surface_start`: windows along rows; nothing is projected, and no points have gathered. */
-struct sst_gpu_surface_start {
+/** `surface_rows`: windows along rows. */
+struct sst_gpu_surface_rows {
     int32_t width, height;
-    uint32_t own;   /* the view's pixel (0, 0) */
-    int32_t step;   /* a larger difference to the pixel on the right or below is a step, 1/64 px */
-    uint32_t words; /* of the weights */
+    int32_t step; /* a larger difference to the pixel on the right or below is a step, 1/64 px */
 };
 
-enum sst_gpu_surface_start_buffer {
-    SST_GPU_SURFACE_START_MAPS = 0,
-    SST_GPU_SURFACE_START_ROWS = 1,      /* out, uint32_t[4][height][width]: farthest | nearest << 16 of each window
-                                            (SST_DISP_NONE and 0 where nothing is known), then a bit per window: it holds
-                                            no step */
-    SST_GPU_SURFACE_START_PROJECTED = 2, /* out, uint32_t[2][height][width]: SST_DISP_NONE, 0 */
-    SST_GPU_SURFACE_START_WEIGHTS = 3,   /* out, uint32_t[words]: 0 */
-    SST_GPU_SURFACE_START_BUFFERS
+enum sst_gpu_surface_rows_buffer {
+    SST_GPU_SURFACE_ROWS_MAP = 0, /* of the view */
+    SST_GPU_SURFACE_ROWS_OUT = 1, /* out, uint32_t[4][height][width]: farthest | nearest << 16 of each window
+                                     (SST_DISP_NONE and 0 where nothing is known), then a bit per window: it holds no
+                                     step */
+    SST_GPU_SURFACE_ROWS_BUFFERS
 };
 
 /** `surface_project`, a layer of groups per other view: where its disparities put its pixels in the view. */
@@ -42,25 +35,26 @@ struct sst_gpu_surface_project {
 enum sst_gpu_surface_project_buffer {
     SST_GPU_SURFACE_PROJECT_OTHERS = 0,    /* struct sst_gpu_check_other[] */
     SST_GPU_SURFACE_PROJECT_MAPS = 1,      /* of all views */
-    SST_GPU_SURFACE_PROJECT_PROJECTED = 2, /* in and out: farthest, nearest */
+    SST_GPU_SURFACE_PROJECT_PROJECTED = 2, /* in and out, uint32_t[2][height][width]: farthest (SST_DISP_NONE: none),
+                                              nearest (0: none) */
     SST_GPU_SURFACE_PROJECT_BUFFERS
 };
 
 /** `surface_list`: windows along columns, and each pixel's hypotheses. */
 struct sst_gpu_surface_list {
     int32_t width, height;
-    uint32_t own;
     int32_t apart;      /* least difference between two hypotheses, 1/64 px */
     int32_t cell, cols; /* of the peaks: pixels of a side, cells of a row */
 };
 
 enum sst_gpu_surface_list_buffer {
-    SST_GPU_SURFACE_LIST_MAPS = 0,
-    SST_GPU_SURFACE_LIST_ROWS = 1,
-    SST_GPU_SURFACE_LIST_PROJECTED = 2,
-    SST_GPU_SURFACE_LIST_PEAKS = 3,  /* of `sweep_peaks` */
-    SST_GPU_SURFACE_LIST_OUT = 4,    /* out, uint16_t[pixels][SST_HYPOTHESES]: unused ones repeat the last, or are 0 */
-    SST_GPU_SURFACE_LIST_COUNTS = 5, /* out, uint32_t[pixels]: how many */
+    SST_GPU_SURFACE_LIST_MAP = 0,    /* of the view */
+    SST_GPU_SURFACE_LIST_PIXELS = 1, /* of the view, with depth codes: hypotheses.h */
+    SST_GPU_SURFACE_LIST_ROWS = 2,
+    SST_GPU_SURFACE_LIST_PROJECTED = 3,
+    SST_GPU_SURFACE_LIST_PEAKS = 4,  /* of `sweep_peaks` */
+    SST_GPU_SURFACE_LIST_OUT = 5,    /* out, uint16_t[pixels][SST_HYPOTHESES]: unused ones repeat the last, or are 0 */
+    SST_GPU_SURFACE_LIST_COUNTS = 6, /* out, uint32_t[pixels]: how many */
     SST_GPU_SURFACE_LIST_BUFFERS
 };
 

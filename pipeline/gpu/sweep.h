@@ -28,7 +28,7 @@ struct sst_gpu_sweep {
 enum sst_gpu_sweep_points_buffer {
     SST_GPU_SWEEP_POINTS_VIEWS = 0,  /* struct sst_gpu_hypothesis_view[] */
     SST_GPU_SWEEP_POINTS_PIXELS = 1, /* as of `hypothesis_cost` */
-    SST_GPU_SWEEP_POINTS_MAPS = 2,   /* surfaces.h */
+    SST_GPU_SWEEP_POINTS_MAP = 2,    /* of the view */
     SST_GPU_SWEEP_POINTS_OUT = 3,    /* out, uint32_t[rows][columns]: level | weight << 16; weight 0: no point */
     SST_GPU_SWEEP_POINTS_BUFFERS
 };
@@ -60,7 +60,6 @@ enum sst_gpu_sweep_gather_buffer {
 /** `sweep_peaks`: a group per cell, along x and y. */
 struct sst_gpu_sweep_peaks {
     int32_t width, height;
-    uint32_t own;                 /* the view's pixel (0, 0) */
     int32_t stride;               /* between the pixels of its map that are counted, from half of it on */
     int32_t cell, cols, rows;     /* cell: a multiple of stride */
     int32_t levels, level, apart; /* apart: levels next to a peak that are no other one */
@@ -69,7 +68,7 @@ struct sst_gpu_sweep_peaks {
 };
 
 enum sst_gpu_sweep_peaks_buffer {
-    SST_GPU_SWEEP_PEAKS_MAPS = 0,
+    SST_GPU_SWEEP_PEAKS_MAP = 0, /* of the view */
     SST_GPU_SWEEP_PEAKS_WEIGHTS = 1,
     SST_GPU_SWEEP_PEAKS_OUT = 2, /* out, uint32_t[rows][cols][SST_GPU_CELL_PEAKS]: disparity, SST_DISP_NONE: no more;
                                     SST_GPU_SWEEP_ABSENT */

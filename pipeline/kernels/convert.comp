@@ -14,9 +14,9 @@ layout(std430, push_constant) uniform Constants {
     uint conversion, value, colours, from, to;
 };
 
-const uint TO_HYPOTHESES = 0, TO_SURFACES = 1, TO_LUMA = 2, TO_STEPS = 3, FROM_MATCH = 4, FROM_CHOICE = 5,
-           FROM_PLAIN = 6, TO_FEATURES = 7, TO_LEVELS = 8;
-const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253, UNSEEN = 1 << 16, SURFACE_AGREED = 1 << 17, MAP_AGREED = 1 << 24;
+const uint TO_HYPOTHESES = 0, TO_LUMA = 1, TO_STEPS = 2, FROM_MATCH = 3, FROM_CHOICE = 4, FROM_PLAIN = 5, TO_FEATURES = 6,
+           TO_LEVELS = 7;
+const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253;
 const int FEATURE_WORDS = 16;
 const uint STEPS_NONE = 32768, CHANGED = 1 << 24;
 
@@ -58,9 +58,6 @@ void main()
     old = result[to + i];
     switch (conversion) {
     case TO_HYPOTHESES: word = hypotheses(i); break;
-    case TO_SURFACES:
-        word = map[i] & NONE | (counts(i) ? 0 : UNSEEN) | ((map[i] & MAP_AGREED) != 0 ? SURFACE_AGREED : 0);
-        break;
     case TO_LUMA: word = lumas(at.x, i); break;
     case TO_STEPS: word = min(map[i] & NONE, STEPS_NONE) * 65537; break;
     case FROM_MATCH: word = source[from + i] & 0xFFFFFF | (counts(i) ? 0 : NONE); break;

@@ -1,25 +1,25 @@
 // The hypotheses of each pixel: its own disparity, the surfaces around it, those that other views project onto it and
-// those that the sweep finds. Windows along columns end those of surface_start. Buffers and constants:
-// pipeline/gpu/surfaces.h. Definition: surface_list_reference().
+// those that the sweep finds. Windows along columns end those of surface_rows. Buffers and constants:
+// pipeline/gpu/surfaces.h. Definition: sst_around_list() of pipeline/method/disparity/around.c.
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
-layout(std430, binding = 1) readonly buffer Rows { uint rows[]; };
-layout(std430, binding = 2) readonly buffer Projected { uint projected[]; };
-layout(std430, binding = 3) readonly buffer Peaks { uint peaks[]; };
-layout(std430, binding = 4) writeonly buffer Hypotheses { uvec4 hypotheses[]; };
-layout(std430, binding = 5) writeonly buffer Counts { uint counts[]; };
+layout(std430, binding = 0) readonly buffer Map { uint map[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = 2) readonly buffer Rows { uint rows[]; };
+layout(std430, binding = 3) readonly buffer Projected { uint projected[]; };
+layout(std430, binding = 4) readonly buffer Peaks { uint peaks[]; };
+layout(std430, binding = 5) writeonly buffer Hypotheses { uvec4 hypotheses[]; };
+layout(std430, binding = 6) writeonly buffer Counts { uint counts[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height;
-    uint own;
     int apart, cell, cols;
 };
 
-const uint NONE = 0xFFFF, UNSEEN = 1 << 16, AGREED = 1 << 17, ABSENT = 1 << 16;
+const uint NONE = 0xFFFF, OUTSIDE = 255, AGREED = 1 << 24, ABSENT = 1 << 16;
 const uint PEAKS = 6;
 const int radii[3] = { 2, 6, 16 };
 
@@ -120,7 +120,7 @@ void main()
 
     if (x >= width || y >= height)
         return;
-    there = maps[own + at];
+    there = map[at];
     d = there & 0xFFFF;
     far = projected[at];
     near = projected[uint(width * height) + at];
@@ -128,7 +128,7 @@ void main()
     number = 0;
     [[unroll]] for (uint i = 0; i < 8; i++)
         list[i] = 0;
-    if ((there & UNSEEN) == 0) {
+    if (pixels[at] >> 24 != OUTSIDE) {
         const bool alone = is_alone(d, far, near, first);
 
         add(d);

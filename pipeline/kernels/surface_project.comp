@@ -1,5 +1,6 @@
 // Surfaces that other views project onto each pixel of a view: the farthest and the nearest one. Buffers and constants:
-// pipeline/gpu/surfaces.h. Definition: surface_project_reference().
+// pipeline/gpu/surfaces.h. Definition: project_around() of
+// pipeline/method/disparity/around.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,16 +1,16 @@
 // The heaviest levels of a cell of a view, by the points of the cells around it, and whether the view's map has them
-// there. A group per cell. Buffers and constants: pipeline/gpu/sweep.h. Definition: sweep_peaks_reference().
+// there. A group per cell. Buffers and constants: pipeline/gpu/sweep.h. Definition: sst_sweep_candidates() of
+// pipeline/method/disparity/sweep.c.
 #version 450
 
 layout(local_size_x = 64) in;
 
-layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 0) readonly buffer Map { uint map[]; };
 layout(std430, binding = 1) readonly buffer Weights { uint weights[]; };
 layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height;
-    uint own;
     int stride, cell, cols, rows, levels, level, apart;
     uint gathered, mapped;
 };
@@ -33,7 +33,7 @@ void count_map(ivec2 first, ivec2 last)
 
         if (x >= width || y >= height)
             continue;
-        l = (int(maps[own + uint(y * width + x)] & 0xFFFF) + level / 2) / level;
+        l = (int(map[y * width + x] & 0xFFFF) + level / 2) / level;
         if (l < levels)
             atomicAdd(pixels[l], 1u);
     }

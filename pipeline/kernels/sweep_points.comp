@@ -1,6 +1,6 @@
 // Points in space that a view finds: sparse pixels that their own disparity does not explain, at the disparity that alone
 // does. A group per pixel, whose invocations test the disparities. Buffers and constants: pipeline/gpu/sweep.h.
-// Definition: sweep_points_reference().
+// Definition: sst_sweep_view() of pipeline/method/disparity/sweep.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -13,7 +13,7 @@ struct View {
 
 layout(std430, binding = 0) readonly buffer Views { View views[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 2) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 2) readonly buffer Map { uint map[]; };
 layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
@@ -26,7 +26,7 @@ layout(std430, push_constant) uniform Constants {
 
 #include "hypothesis_views.glsl"
 
-const uint NONE = 0xFFFF, UNSEEN = 1 << 16, LANES = 64;
+const uint NONE = 0xFFFF, LANES = 64;
 
 shared uint costs[256];
 shared uint found;
@@ -46,9 +46,10 @@ void main()
 {
     const uint lane = gl_LocalInvocationID.x, columns = gl_NumWorkGroups.x;
     const int x = stride / 2 + int(gl_WorkGroupID.x) * stride, y = stride / 2 + int(gl_WorkGroupID.y) * stride;
-    const uint there = maps[own + uint(y * width + x)], d = there & 0xFFFF;
+    const int at = y * width + x;
+    const uint d = map[at] & 0xFFFF;
     uint key = 0xFFFFFFFF, next = FAR, best, weight;
-    bool tested = (there & UNSEEN) == 0;
+    bool tested = pixels[own + uint(at)] >> 24 != OUTSIDE;
 
     read_window(x, y);
     if (tested && d != NONE)

@@ -21,11 +21,12 @@ static const enum sst_gpu_shader shaders[] = {
     SST_GPU_CHECK,           SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
     SST_GPU_FEATURE_COST,    SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
     SST_GPU_SUBPIXEL_WINDOW, SST_GPU_SWEEP_POINTS,    SST_GPU_SWEEP_GATHER,    SST_GPU_SWEEP_PEAKS,
-    SST_GPU_SURFACE_START,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_PROJECT,
+    SST_GPU_SURFACE_ROWS,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_PROJECT,
     SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
 };
 
 static const struct sst_step *const steps[] = { &disparity_check_step, &disparity_fill_step, &disparity_background_step,
+                                                &disparity_sweep_step, &disparity_surfaces_step,
                                                 &disparity_subpixel_step, &disparity_carry_step };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
@@ -145,6 +146,14 @@ void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_di
 {
     if (d)
         d->report.stages_on_cpu |= 1u << stage;
+}
+
+void disparity_device_note_tested(struct sst_disparity_device *d, int tested, int on_cpu)
+{
+    if (!d)
+        return;
+    d->report.tested += tested;
+    d->report.tested_on_cpu += on_cpu;
 }
 
 void disparity_device_fail(struct sst_disparity_device *d, int err)

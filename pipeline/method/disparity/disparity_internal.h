@@ -125,6 +125,7 @@ struct disparity_sample {
     struct disparity_run run; /* first */
     struct sst_lightfield lf;
     struct sst_disparity_config cfg;
+    struct sst_disparity_report report;
     struct sst_map_u16 disp[SST_STEP_SAMPLES], filled[SST_STEP_SAMPLES];
     struct sst_map_u8 confidence[SST_STEP_SAMPLES], status[SST_STEP_SAMPLES], agreed[SST_STEP_SAMPLES];
     bool carried[SST_STEP_SAMPLES];
@@ -139,7 +140,7 @@ void disparity_sample_free(struct disparity_sample *s); /* NULL is fine */
 
 /** Steps of a run, for sst_step_check(). */
 extern const struct sst_step disparity_check_step, disparity_fill_step, disparity_background_step, disparity_carry_step,
-    disparity_subpixel_step;
+    disparity_sweep_step, disparity_surfaces_step, disparity_subpixel_step;
 
 /* --- visible.c: views of a pass on a device --- */
 
@@ -148,34 +149,6 @@ void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_
 
 /** The plane of colours of the size of the maps. */
 enum sst_step_plane visible_colours(const struct sst_visible_views *in);
-
-/* --- hypotheses.c: the second pass, one view --- */
-
-/** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
-struct hypothesis_lists {
-    int width, height;
-    uint16_t *hypothesis, *cost, *sum;
-    uint8_t *count;
-    uint16_t *line[2]; /* paths of two rows */
-    uint8_t *colour;   /* steps of a row */
-    uint32_t *chosen;  /* by a device, see struct sst_gpu_hypothesis_choice; NULL: never used */
-};
-
-/** Lists of this size, of any content. @return 0, -ENOMEM; hypothesis_lists_fini() frees them, also after a failure */
-SST_MUST_CHECK int hypothesis_lists_init(struct hypothesis_lists *l, int width, int height);
-void hypothesis_lists_fini(struct hypothesis_lists *l);
-
-/** The two paths along row y, its first sums. */
-void hypothesis_paths_along(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
-                            const struct sst_packed_view *view, int y);
-
-/** The path from above (dir 1) or below (dir -1) through all rows, added to the sums. */
-void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
-                           const struct sst_packed_view *view, int dir);
-
-/** The cheapest hypothesis of each pixel of row y; where it is not the pixel's own disparity, the confidence is the
- *  distance to the next. */
-void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *disp, uint8_t *confidence);
 
 /* --- device.c, device_match.c: the first pass on a device --- */
 
@@ -382,58 +355,8 @@ void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why);
 /** Free the views of a run that ends. @param d  or NULL */
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run);
 
-/* --- device_visible.c: the second pass on a device --- */
-
-/** A view of the second pass. */
-struct device_hypotheses {
-    const struct sst_visible_views *in;
-    int view; /* which the hypotheses are of */
-    const struct sst_hypothesis_test *test;
-    const int *nearest; /* [test->views] these views */
-    int step;           /* 1/64 px: surfaces that are nearer to each other are one */
-    const struct sst_sweep_plan *plan;
-    /* Of disparity_device_test() alone: */
-    const struct sst_sweep *sweep; /* [sweeps]; their points have been loaded */
-    int sweeps;
-    const struct sst_hypothesis_penalty *penalty;
-    uint32_t most, change, cheap; /* struct sst_gpu_hypothesis_cost */
-    uint32_t *out;                /* [height][width], see struct sst_gpu_hypothesis_choice */
-    uint16_t *list;               /* out, [height][width][SST_HYPOTHESES]: rows first, first + every ...; or NULL */
-    int first, every;
-};
-
-/** View k as it is matched. */
-struct device_view disparity_device_view(const struct sst_visible_views *in, int k);
-
-/** Load the views of a round: their colours with depth codes, and maps. @return false: the device failed or has no
- * room; logged, noted */
-bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in);
-
-/** Find the points of a view, as sst_sweep_view() does. One thread at a time. @return false: likewise, and the views
- * are not loaded any more */
-bool disparity_device_sweep(struct sst_disparity_device *d, const struct device_hypotheses *in, struct sst_sweep *out);
-
-/** Upload the points of all sweeps. @return likewise */
-bool disparity_device_load_points(struct sst_disparity_device *d, const struct sst_sweep *sweep, int sweeps);
-
-/** Gather and test the hypotheses of a view. One thread at a time. @return likewise */
-bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in);
-
-/** Count a view that is tested on the CPU instead. */
-void disparity_device_note_untested(struct sst_disparity_device *d);
-
-/* --- device_surfaces.c: the surfaces around each pixel, which are its hypotheses, and the sweep --- */
-
-/** @return 0 or an error of the device, as those below */
-SST_MUST_CHECK int disparity_device_upload_points(struct sst_disparity_device *d, const struct sst_sweep *sweep,
-                                                  int sweeps);
-
-/** Points of a view; KEPT_VIEWS holds those that it is tested against. */
-SST_MUST_CHECK int disparity_device_find_points(struct sst_disparity_device *d, const struct device_hypotheses *in,
-                                                const struct sst_gpu_hypothesis_cost *test, struct sst_sweep *out);
-
-/** Leave the hypotheses of a view in KEPT_LIST, and how many in KEPT_COUNTS. */
-SST_MUST_CHECK int disparity_device_gather(struct sst_disparity_device *d, const struct device_hypotheses *in);
+/** Count views of the second pass. @param d  or NULL @param tested  there @param on_cpu  on the CPU instead */
+void disparity_device_note_tested(struct sst_disparity_device *d, int tested, int on_cpu);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

@@ -1,8 +1,8 @@
 /* Hypotheses of a view in the second pass (visible.c), and the semi-global optimisation over them along four paths. */
+#include "pipeline/method/disparity/visible.h"
+
 #include <errno.h>
 #include <string.h>
-
-#include "pipeline/method/disparity/disparity_internal.h"
 
 void hypothesis_lists_fini(struct hypothesis_lists *l)
 {
@@ -13,7 +13,6 @@ void hypothesis_lists_fini(struct hypothesis_lists *l)
     sst_mem_free(l->line[0]);
     sst_mem_free(l->line[1]);
     sst_mem_free(l->colour);
-    sst_mem_free(l->chosen);
     *l = (struct hypothesis_lists){ 0 };
 }
 

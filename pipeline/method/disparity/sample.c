@@ -1,5 +1,5 @@
 /* Random views of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
- * slanted one in front, noise, unknown pixels; behind the edge a surface shows through gaps that no map has. */
+ * slanted one in front, noise, unknown pixels; pictures show a surface that no map has through gaps. */
 #include <stdlib.h>
 
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -7,7 +7,7 @@
 #define GRID    3
 #define NOTHING 5 /* view that is absent */
 #define PARTLY  1 /* view of which a part must not be matched */
-#define BACK    200
+#define BACK    330
 
 static uint32_t next(uint32_t *state)
 {
@@ -36,7 +36,7 @@ static void draw_row(const struct disparity_sample *s, int k, int y, uint32_t *s
 
     for (int x = 0; x < SST_STEP_SAMPLE_WIDTH; x++) {
         const uint16_t d = sst_map_u16_row(&s->disp[k], y)[x];
-        const double px = (d == SST_DISP_NONE || (x >= 25 && x % 8 < 5) ? BACK : d) / 64.0;
+        const double px = (d == SST_DISP_NONE || x % 8 < 6 ? BACK : d) / 64.0;
 
         for (int c = 0; c < 3; c++)
             sst_image_row(&v->image, c, y)[x] =

@@ -582,6 +582,7 @@ struct sst_sweep {
 
 /** What a sweep and its candidates go by: the same for all views of a size. */
 struct sst_sweep_plan {
+    int width, height;         /* of a view */
     int stride;                /* px between sparse pixels, from half of it on */
     int level, levels;         /* disparities that are tested: multiples of `level`, 1/64 px */
     int apart;                 /* levels: nearer ones explain a pixel together */

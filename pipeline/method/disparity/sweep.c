@@ -4,12 +4,12 @@
  * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in
  * space: seen from each view, the disparities where points gather are its candidates.
  */
+#include "pipeline/method/disparity/visible.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "pipeline/method/disparity/stage.h"
 
 #define STRIDE      4 /* pixels between samples, in units */
 #define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
@@ -27,6 +27,8 @@ void sst_sweep_plan_init(struct sst_sweep_plan *p, int width, int height, int ra
     const int unit = sst_max_int((width + height + 499) / 1000, 1);
 
     *p = (struct sst_sweep_plan){
+        .width = width,
+        .height = height,
         .stride = STRIDE * unit,
         .cell = CELL * unit,
         .distinct = DISTINCT,
@@ -270,4 +272,111 @@ void sst_sweep_candidates_fini(struct sst_sweep_candidates *c)
 const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y)
 {
     return c->peak + ((size_t)(y / c->cell) * (size_t)c->cols + (size_t)(x / c->cell)) * SST_SWEEP_PEAKS;
+}
+
+/* --- the step: items are sweeps ----------------------------------------------------------------------------------- */
+
+static bool is_sweep(const void *job, int i)
+{
+    return i < ((const struct visible_pass *)job)->sweeps;
+}
+
+static int sweep_job(void *job, int i, int worker SST_UNUSED)
+{
+    struct visible_pass *p = job;
+    const struct sst_visible_view *v = &p->in->view[p->swept[i]];
+    struct sst_hypothesis_test test;
+    int nearest[SST_HYPOTHESIS_VIEWS];
+
+    if (p->in->cancel && *p->in->cancel)
+        return -ECANCELED;
+    visible_set_test(&test, p, p->swept[i], nearest);
+    sst_mem_free(p->sweep[i].point);
+    return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
+}
+
+/* Points of the words that `sweep_points` leaves. */
+static int take_points(struct sst_sweep *out, const uint32_t *words, int columns, int rows, int stride)
+{
+    sst_mem_free(out->point);
+    out->count = 0;
+    out->point = sst_mem_alloc_raw((size_t)columns * (size_t)rows + 1, sizeof(*out->point));
+    for (int i = 0; out->point && i < columns * rows; i++) {
+        const int x = i % columns * stride + stride / 2, y = i / columns * stride + stride / 2;
+
+        if (words[i])
+            out->point[out->count++] = (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)words[i],
+                                                                 (uint16_t)(words[i] >> 16) };
+    }
+    return out->point ? 0 : -ENOMEM;
+}
+
+static void sweep_on_device(struct sst_run *r, void *job, int i)
+{
+    enum { VIEWS, FOUND };
+    struct visible_pass *p = job;
+    const struct sst_sweep_plan *plan = &p->plan;
+    const int columns = sst_gpu_sweep_samples(plan->width, plan->stride);
+    const int rows = sst_gpu_sweep_samples(plan->height, plan->stride);
+    const size_t n = (size_t)columns * (size_t)rows;
+    struct visible_tests t;
+    struct sst_gpu_sweep push;
+    const struct sst_gpu_range found = sst_run_scratch(r, FOUND, n * sizeof(uint32_t));
+    const uint32_t *words;
+
+    visible_load(&t, r, p, p->swept[i], VIEWS);
+    push = (struct sst_gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
+                                   plan->apart, plan->distinct, plan->weight_most };
+    sst_run_dispatch(r, SST_GPU_SWEEP_POINTS, &push, (const uint32_t[]){ (uint32_t)columns, (uint32_t)rows, 1 },
+                     (const struct sst_gpu_range[]){ t.views, t.pixels,
+                                                     sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found },
+                     SST_GPU_SWEEP_POINTS_BUFFERS);
+    words = sst_run_fetch(r, found, n);
+    if (words)
+        sst_run_fail(r, take_points(&p->sweep[i], words, columns, rows, plan->stride));
+}
+
+static void swept_points(void *job, int i, struct sst_share_maps *out)
+{
+    struct sst_sweep *s = &((struct visible_pass *)job)->sweep[i];
+
+    sst_share_add_list(out, &s->point, &s->count, sizeof(*s->point));
+}
+
+static void *sweep_sample(uint32_t seed)
+{
+    return visible_sample(seed);
+}
+
+const struct sst_step disparity_sweep_step = { .name = "sweep",
+                                               .stages = 1U << SST_DISPARITY_STAGE_SURFACES,
+                                               .wants = is_sweep,
+                                               .source = visible_pass_source,
+                                               .derive = visible_derive,
+                                               .cpu = sweep_job,
+                                               .device = sweep_on_device,
+                                               .writes = swept_points,
+                                               .heavy = true,
+                                               .sample = sweep_sample,
+                                               .sample_free = visible_sample_free };
+
+int visible_sweep(struct visible_pass *p, struct sst_runner_user *user)
+{
+    const struct sst_run_options how = { p->in->share, p->threads, 1, p->in->cancel };
+    int err = sst_run(user, &disparity_sweep_step, p, p->sweeps, &how);
+    size_t at = 0;
+
+    for (int i = 0; i < p->sweeps; i++)
+        p->points += err ? 0 : p->sweep[i].count;
+    p->point = err ? NULL : sst_mem_alloc_raw(p->points + 1, sizeof(*p->point));
+    for (int i = 0; p->point && i < p->sweeps; i++) {
+        for (size_t k = 0; k < p->sweep[i].count; k++) {
+            const struct sst_sweep_point *from = &p->sweep[i].point[k];
+
+            p->point[at++] =
+                (struct sst_gpu_sweep_point){ from->x | (uint32_t)from->y << 16,
+                                              from->level | (uint32_t)from->weight << 8 | (uint32_t)i << 16 };
+        }
+    }
+    return err || p->point ? err : -ENOMEM;
 }

@@ -1,20 +1,15 @@
 // Surfaces around each pixel of a view, the part along rows: farthest and nearest disparity in windows of three sizes, and
-// whether those hold a step. Clears what surface_project and sweep_gather add to. Buffers and constants:
-// pipeline/gpu/surfaces.h. Definition: surface_start_reference().
+// whether those hold a step. Buffers and constants: pipeline/gpu/surfaces.h. Definition: find_extremes() and find_steps() of
+// pipeline/method/disparity/around.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 0) readonly buffer Map { uint map[]; };
 layout(std430, binding = 1) writeonly buffer Rows { uint rows[]; };
-layout(std430, binding = 2) writeonly buffer Projected { uint projected[]; };
-layout(std430, binding = 3) writeonly buffer Weights { uint weights[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height;
-    uint own;
-    int most;
-    uint words;
+    int width, height, most;
 };
 
 const uint NONE = 0xFFFF;
@@ -22,7 +17,7 @@ const int radii[3] = { 2, 6, 16 };
 
 int disparity(int x, int y)
 {
-    return int(maps[own + uint(y * width + x)] & 0xFFFF);
+    return int(map[y * width + x] & 0xFFFF);
 }
 
 bool is_flat(int x, int y)
@@ -62,8 +57,4 @@ void main()
         bits |= flat_so_far ? 1 << w : 0;
     }
     rows[3 * n + at] = bits;
-    projected[at] = NONE;
-    projected[n + at] = 0;
-    for (uint i = at; i < words; i += n)
-        weights[i] = 0;
 }
