@@ -150,6 +150,14 @@ struct sst_gpu_range sst_run_upload(struct sst_run *r, int which, const void *da
     return to;
 }
 
+uint32_t *sst_run_words(struct sst_run *r, size_t words)
+{
+    uint32_t *to = sst_mem_keep(&r->memory->words, words, sizeof(*to));
+
+    sst_run_fail(r, to ? 0 : -ENOMEM);
+    return r->err ? NULL : to;
+}
+
 /* --- planes ------------------------------------------------------------------------------------------------------- */
 
 struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane, int view)
@@ -388,13 +396,15 @@ int sst_run_rows(struct sst_run *r, int rows, int unit)
     return rows;
 }
 
-/* True if an item that lacked memory begins again in smaller bands. */
+/* True if an item that lacked memory begins again: first without buffers of earlier items, which may be larger, then in
+ * smaller bands. */
 static bool halve(struct sst_run *r)
 {
     if (r->err != -ENOMEM || !r->divisible)
         return false;
     r->err = 0;
-    r->halvings++;
+    r->halvings += r->alone;
+    r->alone = true;
     r->memory->planes.turn++;
     runner_drop_scratch(r->memory, r->gpu);
     return true;
@@ -402,6 +412,7 @@ static bool halve(struct sst_run *r)
 
 void runner_run_view(struct sst_run *r, int view)
 {
+    r->alone = false;
     do {
         r->memory->planes.turn++;
         r->divisible = false;

@@ -128,6 +128,9 @@ struct sst_gpu_buffer *sst_run_buffer(struct sst_run *r, size_t bytes);
 /** Set the contents of a range; bytes is a multiple of 4. */
 void sst_run_write(struct sst_run *r, struct sst_gpu_range to, const void *data, size_t bytes);
 
+/** Memory of the host for words to upload, until the next function below. @return NULL after an error */
+uint32_t *sst_run_words(struct sst_run *r, size_t words);
+
 /** Set words of a range from its word `first` on. */
 void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word);
 

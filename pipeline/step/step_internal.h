@@ -32,6 +32,7 @@ struct sst_run {
     int err;
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
+    bool alone;     /* buffers of earlier items are gone */
     char why[128]; /* of sst_run_leave() */
 };
 
