@@ -31,7 +31,9 @@ static inline int make_view(void *arg, int k, int worker SST_UNUSED)
     err = err || v->disp.data ? err : sst_map_u16_init(&v->disp, lf->width, lf->height);
     err = err || v->label.data ? err : sst_map_u8_init(&v->label, lf->width, lf->height);
     err = err ? err : sst_map_f32_init(&disp, lf->width, lf->height);
-    err = err ? err : sst_scene_render(s->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(s->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label });
     for (int y = 0; !err && y < lf->height; y++) {
         for (int x = 0; x < lf->width; x++)
             sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(lf, sst_map_f32_row(&disp, y)[x]);

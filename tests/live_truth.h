@@ -92,7 +92,7 @@ static inline int live_truth_make(struct live_truth *t, const struct sst_lightfi
         const struct sst_view *v = &lf->views[t->view[k]];
 
         err = sst_map_u8_init(&t->map[i][k], lf->width, lf->height);
-        err = err ? err : sst_scene_render(scene, v->bx, v->by, 0, NULL, NULL, &t->map[i][k]);
+        err = err ? err : sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .label = &t->map[i][k] });
     }
     sst_scene_destroy(scene);
     return err;

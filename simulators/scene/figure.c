@@ -22,21 +22,23 @@ static void limb(const struct body *b, struct sst_vec3 p, struct sst_vec3 q, dou
     add_limb(b->w, p, q, radius * b->f->scale, mat);
 }
 
-static void bulk(const struct body *b, struct sst_vec3 c, double wide, double tall, double deep,
-                 struct sst_scene_material mat)
+/* @param half  width, height and depth, halved */
+static void bulk(const struct body *b, struct sst_vec3 c, struct sst_vec3 half, struct sst_scene_material mat)
 {
     const double k = b->f->scale;
 
-    add_ellipsoid(b->w, c, vec3_mul(b->right, wide * k), vec3(0, tall * k, 0), vec3_mul(b->forward, deep * k), mat);
+    add_ellipsoid(
+        b->w, c,
+        (struct axes){ vec3_mul(b->right, half.x * k), vec3(0, half.y * k, 0), vec3_mul(b->forward, half.z * k) }, mat);
 }
 
 static void add_head(const struct body *b, double up, double forward)
 {
     limb(b, point(b, 0, up - 190, forward - 15), point(b, 0, up - 80, forward), 56, b->f->skin);
-    bulk(b, point(b, 0, up, forward), 80, 118, 96, b->f->face);
-    bulk(b, point(b, 0, up - 14, forward + 97), 13, 25, 17, b->f->skin);
-    bulk(b, point(b, 82, up - 8, forward - 8), 12, 30, 18, b->f->skin);
-    bulk(b, point(b, -82, up - 8, forward - 8), 12, 30, 18, b->f->skin);
+    bulk(b, point(b, 0, up, forward), vec3(80, 118, 96), b->f->face);
+    bulk(b, point(b, 0, up - 14, forward + 97), vec3(13, 25, 17), b->f->skin);
+    bulk(b, point(b, 82, up - 8, forward - 8), vec3(12, 30, 18), b->f->skin);
+    bulk(b, point(b, -82, up - 8, forward - 8), vec3(12, 30, 18), b->f->skin);
 }
 
 /* side: 1 right, -1 left. */
@@ -51,7 +53,7 @@ static void add_arm(const struct body *b, double side, double shoulder_up, doubl
     const struct sst_vec3 wrist = point(b, side * (seated ? 150 : 200), h_up, h_fwd);
 
     limb(b, point(b, side * 30, shoulder_up + 75, -10), shoulder, 60, b->f->shirt);
-    bulk(b, shoulder, 72, 74, 66, b->f->shirt);
+    bulk(b, shoulder, vec3(72, 74, 66), b->f->shirt);
     limb(b, shoulder, elbow, 58, b->f->shirt);
     limb(b, elbow, wrist, 45, b->f->shirt);
     limb(b, wrist, vec3_add(wrist, vec3_mul(vec3_sub(wrist, elbow), 0.3)), 34, b->f->skin);
@@ -73,7 +75,7 @@ static void add_leg(const struct body *b, double side, double swing)
     limb(b, vec3_add(hip, vec3_mul(vec3_sub(knee, hip), 0.75)), vec3_add(knee, vec3_mul(vec3_sub(ankle, knee), 0.55)),
          74, b->f->trousers);
     limb(b, knee, ankle, 62, b->f->trousers);
-    bulk(b, point(b, side * spread, a_up - 45, a_fwd + 60), 50, 46, 135, b->f->shoes);
+    bulk(b, point(b, side * spread, a_up - 45, a_fwd + 60), vec3(50, 46, 135), b->f->shoes);
 }
 
 void add_figure(struct sst_scene_world *w, const struct figure *f)
@@ -86,9 +88,9 @@ void add_figure(struct sst_scene_world *w, const struct figure *f)
     };
     const double hips = f->seated ? 540 : 950, shoulders = hips + 465;
 
-    bulk(&b, point(&b, 0, hips, 0), 165, 115, 125, f->trousers);
-    bulk(&b, point(&b, 0, hips + 200, 5), 165, 230, 122, f->shirt);
-    bulk(&b, point(&b, 0, hips + 350, 0), 188, 200, 128, f->shirt);
+    bulk(&b, point(&b, 0, hips, 0), vec3(165, 115, 125), f->trousers);
+    bulk(&b, point(&b, 0, hips + 200, 5), vec3(165, 230, 122), f->shirt);
+    bulk(&b, point(&b, 0, hips + 350, 0), vec3(188, 200, 128), f->shirt);
     add_head(&b, hips + 690, 15);
     for (int side = -1; side <= 1; side += 2) {
         const double swing = side * f->stride;

@@ -33,8 +33,8 @@ struct twig {
 
 struct leaf_mask {
     int y0, y1;
-    uint8_t from[LEAF_SIDE], to[LEAF_SIDE];   /* columns of each row */
-    int8_t shade[LEAF_SIDE][LEAF_SIDE]; /* fine: levels added to its colour */
+    uint8_t from[LEAF_SIDE], to[LEAF_SIDE]; /* columns of each row */
+    int8_t shade[LEAF_SIDE][LEAF_SIDE];     /* fine: levels added to its colour */
 };
 
 struct sst_hedge {
@@ -124,8 +124,7 @@ static int make_wall(struct sst_hedge *h)
             const double col = x / brick + shift;
             const bool joint = !grass && (row - floor(row) < 0.2 || col - floor(col) < 0.1);
             const double stone = sst_noise_hash((int)floor(col), (int)floor(row), 0, seed + 7) * 0x1p-32 - 0.5;
-            const double fine =
-                10 * cloud(x, y, 2.3 * h->scale, seed + 1) + 12 * cloud(x, y, 21 * h->scale, seed + 2);
+            const double fine = 10 * cloud(x, y, 2.3 * h->scale, seed + 1) + 12 * cloud(x, y, 21 * h->scale, seed + 2);
             const double base[3] = { grass   ? 85
                                      : joint ? 170
                                              : 150 + 40 * stone,
@@ -203,17 +202,17 @@ static struct leaf random_leaf(const struct sst_hedge *h, uint64_t *seed, double
     const struct sst_hedge_config *c = &h->cfg;
     const double depth = sst_random(seed), shade = sst_random_in(seed, 0.55, 1.15) * (1 - 0.4 * depth);
     struct leaf l = { .x = (float)sst_random_in(seed, left, right),
-                            .y = (float)sst_random_in(seed, TOP * c->height, c->height + 20),
-                            .disp = (float)(c->near_px - depth * c->spread_px),
-                            .swing = (float)sst_random_in(seed, 0.1, 0.7),
-                            .phase = (float)sst_random_in(seed, 0, 2 * M_PI),
-                            .rate = (float)repeating(h, sst_random_in(seed, 5, 11)),
-                            .kind = (uint8_t)(sst_random(seed) * LEAF_KINDS) };
+                      .y = (float)sst_random_in(seed, TOP * c->height, c->height + 20),
+                      .disp = (float)(c->near_px - depth * c->spread_px),
+                      .swing = (float)sst_random_in(seed, 0.1, 0.7),
+                      .phase = (float)sst_random_in(seed, 0, 2 * M_PI),
+                      .rate = (float)repeating(h, sst_random_in(seed, 5, 11)),
+                      .kind = (uint8_t)(sst_random(seed) * LEAF_KINDS) };
     const double tint = sst_random_in(seed, -12, 25);
 
-    l.twig = (uint16_t)(sst_clamp_int((int)(l.y / (TWIG_PX * h->scale)), 0, h->twigs / h->twig_cols - 1) *
-                            h->twig_cols +
-                        sst_clamp_int((int)((l.x - left) / (TWIG_PX * h->scale)), 0, h->twig_cols - 1));
+    l.twig =
+        (uint16_t)(sst_clamp_int((int)(l.y / (TWIG_PX * h->scale)), 0, h->twigs / h->twig_cols - 1) * h->twig_cols +
+                   sst_clamp_int((int)((l.x - left) / (TWIG_PX * h->scale)), 0, h->twig_cols - 1));
     l.colour = hedge_colour(c->light * shade * (75 + tint), c->light * shade * 125, c->light * shade * 45);
     return l;
 }
@@ -307,8 +306,7 @@ int sst_hedge_create(struct sst_hedge **out, const struct sst_hedge_config *cfg)
         return -ENOMEM;
     h->cfg = *cfg;
     h->scale = cfg->width / 320.0;
-    h->twig_cols =
-        (int)((cfg->width + 2 * (cfg->near_px * ((cfg->cols + 1) / 2) + 8)) / (TWIG_PX * h->scale)) + 1;
+    h->twig_cols = (int)((cfg->width + 2 * (cfg->near_px * ((cfg->cols + 1) / 2) + 8)) / (TWIG_PX * h->scale)) + 1;
     h->twigs = h->twig_cols * ((int)(cfg->height / (TWIG_PX * h->scale)) + 2);
     h->leaf = calloc(LEAVES, sizeof(*h->leaf));
     h->twig = calloc((size_t)h->twigs, sizeof(*h->twig));
@@ -337,7 +335,8 @@ static double gust(const struct sst_hedge *h, double t_s, double x)
 {
     const bool repeats = h->cfg.period_s > 0;
     const double u = t_s / (repeats ? h->cfg.period_s / GUSTS : GUST_S) - x / 400;
-    const int i = (int)floor(u), now_i = repeats ? i & (GUSTS - 1) : i, next_i = repeats ? (i + 1) & (GUSTS - 1) : i + 1;
+    const int i = (int)floor(u), now_i = repeats ? i & (GUSTS - 1) : i,
+              next_i = repeats ? (i + 1) & (GUSTS - 1) : i + 1;
     const double a = u - i, s = a * a * (3 - 2 * a);
     const double from = sst_noise_hash(now_i, 3, 0, (uint32_t)h->cfg.seed) * 0x1p-32;
     const double to = sst_noise_hash(next_i, 3, 0, (uint32_t)h->cfg.seed) * 0x1p-32;
@@ -475,16 +474,17 @@ void sst_hedge_draw_view(struct sst_hedge *h, double t_s, const struct sst_hedge
 
 #define STRIDES 5 /* in a pass */
 
-void sst_hedge_scene_config(struct sst_hedge_config *cfg, int rows, int cols, int width, int height, uint64_t seed)
+void sst_hedge_scene_config(struct sst_hedge_config *cfg)
 {
-    const double scale = width / 640.0;
+    const struct sst_hedge_config given = *cfg;
+    const double scale = given.width / 640.0;
 
     sst_hedge_config_defaults(cfg);
-    cfg->rows = rows;
-    cfg->cols = cols;
-    cfg->width = width;
-    cfg->height = height;
-    cfg->seed = seed;
+    cfg->rows = given.rows;
+    cfg->cols = given.cols;
+    cfg->width = given.width;
+    cfg->height = given.height;
+    cfg->seed = given.seed;
     cfg->cover = 0.55;
     cfg->noise = 0;
     cfg->near_px = 24 * scale;

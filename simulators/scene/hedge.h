@@ -1,9 +1,9 @@
 /* simulators/scene/hedge.h - a hedge in the wind before a wall, with a person between them: pictures of an array, drawn
  * in milliseconds.
  *
- * Every leaf has its own disparity and swings with its twig and by itself; gusts come and go. Cameras are ideal ones with
- * noise. Positions are in px of the reference view, the middle of the grid. The scene `hedge` of simulated worlds is
- * drawn by it, and the hours of simulated time of `make bench-watch`. */
+ * Every leaf has its own disparity and swings with its twig and by itself; gusts come and go. Cameras are ideal ones
+ * with noise. Positions are in px of the reference view, the middle of the grid. The scene `hedge` of simulated worlds
+ * is drawn by it, and the hours of simulated time of `make bench-watch`. */
 #ifndef SST_SIMULATORS_SCENE_HEDGE_H
 #define SST_SIMULATORS_SCENE_HEDGE_H
 
@@ -64,12 +64,13 @@ void sst_hedge_draw_view(struct sst_hedge *h, double t_s, const struct sst_hedge
 
 /* --- the scene of simulated worlds -------------------------------------------------------------------------------- */
 
-#define SST_HEDGE_PERIOD_S 4.0 /* of the wind */
-#define SST_HEDGE_PASS_S   8.0 /* in which a person passes: two periods */
-#define SST_HEDGE_FOCAL    1200 /* of a picture 1000 px wide */
+#define SST_HEDGE_PERIOD_S 4.0   /* of the wind */
+#define SST_HEDGE_PASS_S   8.0   /* in which a person passes: two periods */
+#define SST_HEDGE_FOCAL    1200  /* of a picture 1000 px wide */
 #define SST_HEDGE_SPACING  100.0 /* mm; the hedge is 3.2 to 4.3 m away, the passer-by 7.7 m, the wall 19 m */
 
-void sst_hedge_scene_config(struct sst_hedge_config *cfg, int rows, int cols, int width, int height, uint64_t seed);
+/** @param cfg  in: rows, cols, width, height, seed; out: all */
+void sst_hedge_scene_config(struct sst_hedge_config *cfg);
 
 /** The passer-by at 0 <= t_s < SST_HEDGE_PASS_S. */
 struct sst_hedge_person sst_hedge_passer_by(const struct sst_hedge_config *cfg, double t_s);

@@ -38,7 +38,7 @@ static struct sst_scene_material picture(unsigned a, unsigned b, double scale_mm
 
 static void shadow_at(struct sst_scene_world *w, struct sst_vec3 p, double rx, double rz)
 {
-    add_shadow(w, p.x, p.y, p.z, rx, rz);
+    add_shadow(w, p, rx, rz);
 }
 
 /* --- transportation: one table top spans the disparities of all three models -------------------------------------- */
@@ -56,7 +56,7 @@ void build_transportation(struct sst_scene_world *w)
     bit_horse = world_occluder(w, "horse", SST_LABEL_HORSE, SST_LABEL_BICYCLE);
     y = add_room(w, 8, 16);
     sst_scene_begin(w, SST_LABEL_POSTER, 0);
-    add_board(w, -60, 20, 16.4, 250, 105, picture(0x2c4a78, 0xd8b070, 12, "ARRAY 6X6"));
+    add_board(w, vec3(-60, 20, 16.4), 250, 105, picture(0x2c4a78, 0xd8b070, 12, "ARRAY 6X6"));
     horse = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 72), 0.04, 0.15 };
     bicycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 0, 40), y, 47), 0.088, 0.1 };
     motorcycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 25, 65), y, 31), 0.098, 0.1 };
@@ -92,7 +92,7 @@ static void add_soldier(struct sst_scene_world *w, struct sst_vec3 base, double 
 
     add_figure(w, &soldier);
     head.y -= 1710 * scale;
-    add_ball(w, head, 118 * scale, 92 * scale, 125 * scale, cloth);
+    add_ball(w, head, vec3(118 * scale, 92 * scale, 125 * scale), cloth);
     add_limb(w, vec3_add(base, vec3(-260 * scale, -1050 * scale, -190 * scale)),
              vec3_add(base, vec3(330 * scale, -1330 * scale, -190 * scale)), 34 * scale,
              material(sst_scene_paint_fbm, 0x1a1a1a, 0x55514a, 0.2 * k));
@@ -111,7 +111,7 @@ void build_humvee(struct sst_scene_world *w)
     leaves = world_occluder(w, "leaves", SST_LABEL_TREE, SST_LABEL_TOY);
     y = add_room(w, 7.2, 28);
     sst_scene_begin(w, SST_LABEL_POSTER, 0);
-    add_board(w, 0, -70, 28.2, 470, 235, material(paint_landscape, 0x7fa4c8, 0x8a7446, 10));
+    add_board(w, vec3(0, -70, 28.2), 470, 235, material(paint_landscape, 0x7fa4c8, 0x8a7446, 10));
     turn = sst_random_in(&w->rng, 0.2, 0.35);
     car = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 29.5), 0.066, turn };
     man = on_table(w, sst_random_in(&w->rng, 260, 310), y, 30.5);
@@ -127,7 +127,7 @@ void build_humvee(struct sst_scene_world *w)
 
         add_branch(w, world_at(w, x, -650, d), world_at(w, x + lean, 500, d), 2.4);
     }
-    add_foliage(w, 3400, all_x, all_y, disp, 4.4);
+    add_foliage(w, 3400, (struct room){ all_x, all_y, disp }, 4.4);
 }
 
 /* --- cd-cases: cases on stands before a poster -------------------------------------------------------------------- */
@@ -155,7 +155,7 @@ void build_cd_cases(struct sst_scene_world *w)
     bit = world_occluder(w, "cases", SST_LABEL_CASE, SST_LABEL_POSTER);
     y = add_room(w, 8, 23);
     sst_scene_begin(w, SST_LABEL_POSTER, 0);
-    add_board(w, 0, -25, 27, 480, 235, picture(0x24365c, 0xe0b868, 22, "SEE THROUGH 2036"));
+    add_board(w, vec3(0, -25, 27), 480, 235, picture(0x24365c, 0xe0b868, 22, "SEE THROUGH 2036"));
     sst_scene_begin(w, SST_LABEL_CASE, bit);
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         const double half = 54 * world_mm(w, cases[i].disp), c = cos(cases[i].turn), s = sin(cases[i].turn);
@@ -182,7 +182,7 @@ void build_cat(struct sst_scene_world *w)
     bit = world_occluder(w, "hen", SST_LABEL_HEN, SST_LABEL_CAT);
     y = add_room(w, 7.6, 24);
     sst_scene_begin(w, SST_LABEL_POSTER, 0);
-    add_board(w, 190, -40, 24.5, 200, 120, picture(0x7a4a2a, 0xe8c890, 14, "FARM"));
+    add_board(w, vec3(190, -40, 24.5), 200, 120, picture(0x7a4a2a, 0xe8c890, 14, "FARM"));
     cat = (struct stand){ on_table(w, sst_random_in(&w->rng, 20, 60), y, 52), 0.5, 0.12 };
     hen = (struct stand){ on_table(w, sst_random_in(&w->rng, -190, -150), y, 60), 0.36, 0.2 };
     shadow_at(w, cat.base, 190, 70);
@@ -204,10 +204,10 @@ void build_cell(struct sst_scene_world *w)
     w->spacing_mm = 0.02;
     bit = world_occluder(w, "membrane", SST_LABEL_MEMBRANE, SST_LABEL_NUCLEUS);
     sst_scene_begin(w, SST_LABEL_NUCLEUS, 0);
-    s = add_board(w, 0, 0, 30, 20000, 20000, material(paint_tissue, 0x5a3a98, 0x8a5cc0, 120 * world_mm(w, 30)));
+    s = add_board(w, vec3(0, 0, 30), 20000, 20000, material(paint_tissue, 0x5a3a98, 0x8a5cc0, 120 * world_mm(w, 30)));
     s->unlit = true;
     sst_scene_begin(w, SST_LABEL_MEMBRANE, bit);
-    s = add_board(w, 0, 0, 62, 20000, 20000, material(paint_membrane, 0xc05878, 0xf0a0a8, 128 * world_mm(w, 62)));
+    s = add_board(w, vec3(0, 0, 62), 20000, 20000, material(paint_membrane, 0xc05878, 0xf0a0a8, 128 * world_mm(w, 62)));
     s->unlit = true;
     s->translucent = true;
 }

@@ -55,8 +55,9 @@ static inline float smooth(float t)
     return t * t * (3 - 2 * t);
 }
 
-static float plane(int32_t x, int32_t y, int32_t z, float u, float v, uint32_t seed)
+static float plane(const int32_t at[3], float u, float v, uint32_t seed)
 {
+    const int32_t x = at[0], y = at[1], z = at[2];
     const float a = corner(x, y, z, seed), b = corner(x + 1, y, z, seed);
     const float c = corner(x, y + 1, z, seed), d = corner(x + 1, y + 1, z, seed);
     const float top = a + (b - a) * u, bottom = c + (d - c) * u;
@@ -69,11 +70,11 @@ float sst_noise(struct sst_vec3 p, uint32_t seed)
     const double fx = floor(p.x), fy = floor(p.y), fz = floor(p.z);
     const int32_t x = (int32_t)fx, y = (int32_t)fy, z = (int32_t)fz;
     const float u = smooth((float)(p.x - fx)), v = smooth((float)(p.y - fy));
-    const float front = plane(x, y, z, u, v, seed);
+    const float front = plane((const int32_t[3]){ x, y, z }, u, v, seed);
 
     if (p.z == 0)
         return front;
-    return front + (plane(x, y, z + 1, u, v, seed) - front) * smooth((float)(p.z - fz));
+    return front + (plane((const int32_t[3]){ x, y, z + 1 }, u, v, seed) - front) * smooth((float)(p.z - fz));
 }
 
 float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)

@@ -10,15 +10,17 @@ static void add_sofa(struct sst_scene_world *w, struct sst_vec3 base)
     const struct sst_scene_material pillow = { paint_cloth, rgb_hex(0xc9b98a), rgb_hex(0x3e5a74), 70, 0, NULL };
 
     sst_scene_begin(w, SST_LABEL_FURNITURE, 0);
-    add_box(w, vec3_add(base, vec3(0, -215, -40)), vec3(880, 0, 0), vec3(0, 215, 0), vec3(0, 0, 340), cloth);
-    add_box(w, vec3_add(base, vec3(0, -450, 230)), vec3(960, 0, 0), vec3(0, 450, 0), vec3(0, 0, 130), cloth);
+    add_box(w, vec3_add(base, vec3(0, -215, -40)), (struct axes){ vec3(880, 0, 0), vec3(0, 215, 0), vec3(0, 0, 340) },
+            cloth);
+    add_box(w, vec3_add(base, vec3(0, -450, 230)), (struct axes){ vec3(960, 0, 0), vec3(0, 450, 0), vec3(0, 0, 130) },
+            cloth);
     for (int side = -1; side <= 1; side += 2) {
-        add_box(w, vec3_add(base, vec3(side * 940, -300, -20)), vec3(110, 0, 0), vec3(0, 300, 0), vec3(0, 0, 370),
-                cloth);
+        add_box(w, vec3_add(base, vec3(side * 940, -300, -20)),
+                (struct axes){ vec3(110, 0, 0), vec3(0, 300, 0), vec3(0, 0, 370) }, cloth);
         add_limb(w, vec3_add(base, vec3(side * 940, -600, -380)), vec3_add(base, vec3(side * 940, -600, 330)), 125,
                  cloth);
-        add_ball(w, vec3_add(base, vec3(side * 560, -640, 60)), 260, 225, 100, pillow);
-        add_ball(w, vec3_add(base, vec3(side * 430, -430, -60)), 440, 70, 300, cloth);
+        add_ball(w, vec3_add(base, vec3(side * 560, -640, 60)), vec3(260, 225, 100), pillow);
+        add_ball(w, vec3_add(base, vec3(side * 430, -430, -60)), vec3(440, 70, 300), cloth);
     }
 }
 
@@ -69,7 +71,7 @@ void build_bush(struct sst_scene_world *w)
     sst_scene_add_patch(w, wall, vec3(30000, 0, 0), vec3(0, 2900, 0), house);
     sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
     sst_scene_add_floor(w, base.y, 300, wall.z, material(paint_slabs, 0x8d8678, 0xb9b2a2, 420));
-    add_shadow(w, base.x, base.y, base.z - 60, 1150, 620);
+    add_shadow(w, vec3(base.x, base.y, base.z - 60), 1150, 620);
     add_sofa(w, base);
     add_sitter(w, base);
 
@@ -80,8 +82,8 @@ void build_bush(struct sst_scene_world *w)
 
         add_branch(w, world_at(w, x, 700, d), world_at(w, 0.8 * x + lean.x, lean.y - 325, d + 2), 9);
     }
-    add_foliage(w, 3400, all_x, all_y, disp, 17);
-    add_foliage(w, 400, all_x, low_y, disp, 17);
+    add_foliage(w, 3400, (struct room){ all_x, all_y, disp }, 17);
+    add_foliage(w, 400, (struct room){ all_x, low_y, disp }, 17);
 }
 
 #define WALK_MM 4600.0 /* length of the walker's path, which takes WALK_S and a whole number of strides */
@@ -96,8 +98,8 @@ static void add_wheels(struct sst_scene_world *w, struct sst_vec3 rear, double h
     const struct sst_scene_material rubber = material(sst_scene_paint_fbm, 0x17171a, 0x3a3a3e, 60);
 
     for (int i = 0; i < 4; i++)
-        add_ball(w, vec3_add(rear, vec3(i & 1 ? half_track : -half_track, -310, i & 2 ? 3100 : 650)), 130, 310, 310,
-                 rubber);
+        add_ball(w, vec3_add(rear, vec3(i & 1 ? half_track : -half_track, -310, i & 2 ? 3100 : 650)),
+                 vec3(130, 310, 310), rubber);
 }
 
 /* `rear` is on the road below the centre of the rear bumper. */
@@ -115,13 +117,15 @@ static void add_van(struct sst_scene_world *w, struct sst_vec3 rear, const char 
     const struct sst_scene_material dark = material(sst_scene_paint_fbm, 0x26272a, 0x4a4b4f, 80);
     struct sst_scene_surface *s;
 
-    add_shadow(w, rear.x, rear.y, rear.z + 1700, 1250, 2300);
-    add_box(w, vec3_add(rear, vec3(0, -1200, 2000)), vec3(930, 0, 0), vec3(0, 930, 0), vec3(0, 0, 1980), paint);
+    add_shadow(w, vec3(rear.x, rear.y, rear.z + 1700), 1250, 2300);
+    add_box(w, vec3_add(rear, vec3(0, -1200, 2000)),
+            (struct axes){ vec3(930, 0, 0), vec3(0, 930, 0), vec3(0, 0, 1980) }, paint);
     s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -1200, 0)), vec3(950, 0, 0), vec3(0, 950, 0),
                             material(paint_van, 0xe6e8e8, 0x2d2e31, 100));
     s->mask = mask_rounded;
     s->outline = 0.13;
-    add_box(w, vec3_add(rear, vec3(0, -360, -40)), vec3(940, 0, 0), vec3(0, 95, 0), vec3(0, 0, 60), dark);
+    add_box(w, vec3_add(rear, vec3(0, -360, -40)), (struct axes){ vec3(940, 0, 0), vec3(0, 95, 0), vec3(0, 0, 60) },
+            dark);
     add_wheels(w, rear, 830);
     add_plate(w, rear, 660, text);
 }
@@ -132,8 +136,9 @@ static void add_car(struct sst_scene_world *w, struct sst_vec3 rear, unsigned li
     const struct sst_scene_material glass = material(sst_scene_paint_fbm, 0x1a2026, 0x55636e, 150);
     struct sst_scene_surface *s;
 
-    add_shadow(w, rear.x, rear.y, rear.z + 1500, 1150, 2100);
-    add_box(w, vec3_add(rear, vec3(0, -590, 2000)), vec3(870, 0, 0), vec3(0, 330, 0), vec3(0, 0, 1980), paint);
+    add_shadow(w, vec3(rear.x, rear.y, rear.z + 1500), 1150, 2100);
+    add_box(w, vec3_add(rear, vec3(0, -590, 2000)), (struct axes){ vec3(870, 0, 0), vec3(0, 330, 0), vec3(0, 0, 1980) },
+            paint);
     s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -600, 0)), vec3(890, 0, 0), vec3(0, 370, 0),
                             material(paint_car, light, 0x242528, 100));
     s->mask = mask_rounded;
@@ -142,8 +147,10 @@ static void add_car(struct sst_scene_world *w, struct sst_vec3 rear, unsigned li
                             material(paint_glass, light, 0, 100));
     s->mask = mask_trapezoid;
     s->outline = 0.78;
-    add_box(w, vec3_add(rear, vec3(0, -1170, 1650)), vec3(630, 0, 0), vec3(0, 250, 0), vec3(0, 0, 860), glass);
-    add_box(w, vec3_add(rear, vec3(0, -1430, 1650)), vec3(640, 0, 0), vec3(0, 14, 0), vec3(0, 0, 900), paint);
+    add_box(w, vec3_add(rear, vec3(0, -1170, 1650)), (struct axes){ vec3(630, 0, 0), vec3(0, 250, 0), vec3(0, 0, 860) },
+            glass);
+    add_box(w, vec3_add(rear, vec3(0, -1430, 1650)), (struct axes){ vec3(640, 0, 0), vec3(0, 14, 0), vec3(0, 0, 900) },
+            paint);
     add_wheels(w, rear, 770);
     add_plate(w, rear, 560, text);
 }
@@ -164,7 +171,7 @@ static void add_walker(struct sst_scene_world *w, struct sst_vec3 base, unsigned
     };
 
     sst_scene_begin(w, SST_LABEL_PEDESTRIAN, hide);
-    add_shadow(w, base.x, base.y, base.z, 420, 260);
+    add_shadow(w, base, 420, 260);
     add_figure(w, &walker);
 }
 

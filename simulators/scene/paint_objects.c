@@ -54,9 +54,10 @@ float paint_face(const struct sst_scene_surface *s, const struct sst_scene_hit *
 
 /* --- cars and houses ---------------------------------------------------------------------------------------------- */
 
-static bool inside(double x, double y, double x0, double x1, double y0, double y1)
+/* @param box  x0, x1, y0, y1 */
+static bool inside(double x, double y, const double box[4])
 {
-    return x > x0 && x < x1 && y > y0 && y < y1;
+    return x > box[0] && x < box[1] && y > box[2] && y < box[3];
 }
 
 /* A reflecting pane: sky above, street below, streaks between. */
@@ -84,18 +85,19 @@ float paint_van(const struct sst_scene_surface *s, const struct sst_scene_hit *h
     const float low = (float)sst_clamp_double(y, 0, 1);
 
     *out = dimmed(s->mat.a, 0.8f + 0.16f * fine + 0.1f * dirt - 0.3f * low * dirt);
-    if (inside(x, y, 0.08, 0.74, -0.78, -0.22)) {
+    if (inside(x, y, (const double[4]){ 0.08, 0.74, -0.78, -0.22 })) {
         const double edge = fmin(fmin(x - 0.08, 0.74 - x), fmin(y + 0.78, -0.22 - y));
 
         *out = edge < 0.025 ? rgb_hex(0x1c1c1e) : pane(s, h, 240, (float)(0.5 - y));
-    } else if (inside(x, y, 0.86, 0.97, -0.1, 0.52)) {
+    } else if (inside(x, y, (const double[4]){ 0.86, 0.97, -0.1, 0.52 })) {
         *out = lamp(s, h, (y + 0.1) / 0.62);
     } else if (y > 0.72) {
         *out = dimmed(s->mat.b, 0.7f + 0.5f * fine);
     } else if (x < 0.008 || fabs(x - 0.82) < 0.006 || fabs(y + 0.12) < 0.006 || fabs(y - 0.68) < 0.006) {
         *out = dimmed(*out, 0.45f);
-    } else if (inside(x, y, 0.78, 0.85, -0.6, -0.54) || inside(x, y, 0.78, 0.85, 0.3, 0.36) ||
-               inside(h->q.x, y, 0.03, 0.16, 0.0, 0.05)) {
+    } else if (inside(x, y, (const double[4]){ 0.78, 0.85, -0.6, -0.54 }) ||
+               inside(x, y, (const double[4]){ 0.78, 0.85, 0.3, 0.36 }) ||
+               inside(h->q.x, y, (const double[4]){ 0.03, 0.16, 0.0, 0.05 })) {
         *out = rgb_hex(0x2a2a2c);
     }
     return 1;
@@ -107,7 +109,7 @@ float paint_car(const struct sst_scene_surface *s, const struct sst_scene_hit *h
     const float fine = noise_at(s, h, 30, 4), sheen = noise_at(s, h, 260, 6);
 
     *out = dimmed(s->mat.a, 0.72f + 0.2f * fine + 0.35f * sheen - 0.2f * (float)y);
-    if (inside(x, y, 0.64, 0.96, -0.7, -0.3))
+    if (inside(x, y, (const double[4]){ 0.64, 0.96, -0.7, -0.3 }))
         *out = lamp(s, h, (x - 0.64) / 0.32);
     else if (y > 0.62)
         *out = dimmed(s->mat.b, 0.7f + 0.5f * fine);

@@ -44,13 +44,13 @@ static bool enough(const struct cover *c)
     return (double)c->count >= c->wanted * c->s->width * c->s->height || c->s->count >= SPRITES_MAX;
 }
 
-/* Front of the target: plane through (x, y) at disparity d with a random slant of `slant` px per px. */
-static void set_plane(struct cover *c, struct photo_sprite *p, double x, double y, double d, double slant, int label)
+/* Front of the target: plane through (x, y) at disparity z with a random slant of `slant` px per px. */
+static void set_plane(struct cover *c, struct photo_sprite *p, struct sst_vec3 at, double slant, int label)
 {
     p->gx = photo_random(c->s, -slant, slant);
     p->gy = photo_random(c->s, -slant, slant);
-    p->d0 = d - p->gx * x - p->gy * y;
-    p->order = d;
+    p->d0 = at.z - p->gx * at.x - p->gy * at.y;
+    p->order = at.z;
     p->label = label;
     p->front = true;
 }
@@ -100,11 +100,11 @@ static int add_leaf(struct cover *c, double length)
         const double in = (b * (1 - u * u) - v) / sqrt(1 + slope * slope);
 
         if (fabs(u) < 1.5)
-            photo_sprite_set(p, i % side, i / side, photo_edge(in, sd) * (v < 0.5 ? 1 : 0.97), &t, dx, dy);
+            photo_sprite_set(p, i, photo_edge(in, sd) * (v < 0.5 ? 1 : 0.97), &t, (const double[2]){ dx, dy });
     }
     p->x = x - side / 2;
     p->y = y - side / 2;
-    set_plane(c, p, x, y, d, fmin(0.06, 1.0 / length), SST_LABEL_TREE);
+    set_plane(c, p, (struct sst_vec3){ x, y, d }, fmin(0.06, 1.0 / length), SST_LABEL_TREE);
     add_cover(c, p);
     return 0;
 }
@@ -148,12 +148,12 @@ static int add_stroke(struct cover *c, const struct stroke *k)
             struct photo_texture lit = k->texture;
 
             lit.shade *= 1 + 0.25 * sst_clamp_double(side, -1, 1);
-            photo_sprite_set(p, i % width, i / width, alpha, &lit, px, py);
+            photo_sprite_set(p, i, alpha, &lit, (const double[2]){ px, py });
         }
     }
     p->x = x0;
     p->y = y0;
-    set_plane(c, p, 0, 0, (k->d0 + k->d1) / 2, 0, SST_LABEL_TREE);
+    set_plane(c, p, (struct sst_vec3){ 0, 0, (k->d0 + k->d1) / 2 }, 0, SST_LABEL_TREE);
     p->gx = slope * dx;
     p->gy = slope * dy;
     p->d0 = k->d0 - p->gx * k->x0 - p->gy * k->y0;
@@ -208,19 +208,26 @@ static int add_branches(struct cover *c)
 /* Opacity at a pixel of the reference view. */
 typedef double sheet_fn(const void *arg, double x, double y);
 
-static int add_sheet(struct cover *c, sheet_fn *fn, const void *arg, const struct photo_texture *t, double d,
-                     double slant, int label)
+struct sheet {
+    sheet_fn *fn;
+    const void *arg;
+    const struct photo_texture *t;
+    double disp_px, slant;
+    int label;
+};
+
+static int add_sheet(struct cover *c, const struct sheet *s)
 {
-    const int margin = (int)ceil(c->s->reach * (d + slant * c->s->width)) + 4;
+    const int margin = (int)ceil(c->s->reach * (s->disp_px + s->slant * c->s->width)) + 4;
     const int w = c->s->width + 2 * margin, h = c->s->height + 2 * margin;
     struct photo_sprite *p = photo_sprite_add(c->s, w, h);
 
     if (!p)
         return -ENOMEM;
     for (int i = 0; i < w * h; i++)
-        photo_sprite_set(p, i % w, i / w, fn(arg, i % w - margin, i / w - margin), t, i % w, i / w);
+        photo_sprite_set(p, i, s->fn(s->arg, i % w - margin, i / w - margin), s->t, (const double[2]){ i % w, i / w });
     p->x = p->y = -margin;
-    set_plane(c, p, c->s->width / 2.0, c->s->height / 2.0, d, slant, label);
+    set_plane(c, p, (struct sst_vec3){ c->s->width / 2.0, c->s->height / 2.0, s->disp_px }, s->slant, s->label);
     add_cover(c, p);
     return 0;
 }
@@ -254,7 +261,8 @@ static int add_slats(struct cover *c)
 
     g.angle = (photo_pick(c->s, 2) ? 1.5708 : 0) + photo_random(c->s, -0.15, 0.15);
     g.phase = photo_random(c->s, 0, g.period);
-    return add_sheet(c, grating_at, &g, &t, c->near_px, c->spread_px / 2 / c->s->width, SST_LABEL_FENCE);
+    return add_sheet(
+        c, &(struct sheet){ grating_at, &g, &t, c->near_px, c->spread_px / 2 / c->s->width, SST_LABEL_FENCE });
 }
 
 static int add_mesh(struct cover *c)
@@ -270,7 +278,8 @@ static int add_mesh(struct cover *c)
     g.period = sst_clamp_double(period, 8, 30 * fmax(c->s->scale, 1));
     g.angle = (photo_pick(c->s, 2) ? 0.7854 : 0) + photo_random(c->s, -0.1, 0.1);
     g.phase = photo_random(c->s, 0, g.period);
-    return add_sheet(c, grating_at, &g, &t, c->near_px, c->spread_px / 2 / c->s->width, SST_LABEL_FENCE);
+    return add_sheet(
+        c, &(struct sheet){ grating_at, &g, &t, c->near_px, c->spread_px / 2 / c->s->width, SST_LABEL_FENCE });
 }
 
 struct thicket {
@@ -318,8 +327,9 @@ static int add_foliage_sheets(struct cover *c)
         t.seed = f.seed = (uint32_t)sst_random_u64(&c->s->rng);
         t.shade = photo_random(c->s, 0.7, 1.3);
         f.threshold = noise_level(&f, share);
-        err = add_sheet(c, thicket_at, &f, &t, c->near_px + c->spread_px * (i + photo_random(c->s, 0, 0.9)) / n, 0.005,
-                        SST_LABEL_TREE);
+        err = add_sheet(c, &(struct sheet){ thicket_at, &f, &t,
+                                            c->near_px + c->spread_px * (i + photo_random(c->s, 0, 0.9)) / n, 0.005,
+                                            SST_LABEL_TREE });
     }
     return err;
 }
@@ -342,7 +352,7 @@ static int add_crowd(struct cover *c)
 
         if (!p)
             return -ENOMEM;
-        set_plane(c, p, x, y, d, 0.003, o->label);
+        set_plane(c, p, (struct sst_vec3){ x, y, d }, 0.003, o->label);
         add_cover(c, p);
     }
     c->s->front_label = SST_LABEL_PEDESTRIAN;

@@ -168,11 +168,11 @@ static void store_mask(const struct canvas *c, struct sst_map_u8 *mask)
     }
 }
 
-int photo_render(const struct photo_scene *s, double bx, double by, bool hidden, struct sst_image *image,
-                 struct sst_map_f32 *disp, struct sst_map_u8 *label, struct sst_map_u8 *mask)
+int photo_render(const struct photo_scene *s, const double b[2], bool hidden, const struct sst_scene_maps *out,
+                 struct sst_map_u8 *mask)
 {
     const size_t pixels = (size_t)s->width * (size_t)s->height;
-    struct canvas c = { .s = s, .bx = bx, .by = by, .disp = disp, .label = label };
+    struct canvas c = { .s = s, .bx = b[0], .by = b[1], .disp = out->disp, .label = out->label };
     bool front = true;
 
     c.light = sst_mem_alloc_raw(pixels, sizeof(float));
@@ -191,8 +191,8 @@ int photo_render(const struct photo_scene *s, double bx, double by, bool hidden,
         if (!hidden || !s->sprites[i].front)
             draw(&c, &s->sprites[i]);
     }
-    if (image)
-        store(&c, image);
+    if (out->image)
+        store(&c, out->image);
     sst_mem_free(c.light);
     sst_mem_free(c.colour);
     return 0;

@@ -47,8 +47,9 @@ static void bilinear(const struct sst_image *image, double x, double y, float rg
 }
 
 /* Mean over the area of a texel. */
-static void area(const struct sst_image *image, double x, double y, double step_x, double step_y, float rgb[3])
+static void area(const struct sst_image *image, const struct photo_texture *t, double x, double y, float rgb[3])
 {
+    const double step_x = t->step_x, step_y = t->step_y;
     const int n = sst_clamp_int((int)ceil(fmax(fabs(step_x), fabs(step_y)) - 0.01), 1, 8);
 
     rgb[0] = rgb[1] = rgb[2] = 0;
@@ -88,9 +89,9 @@ void photo_texture_at(const struct photo_texture *t, double x, double y, float r
     if (t->quilt) {
         const struct photo_point p = patch_at(t, x, y);
 
-        area(&p.photo->image, p.x + x * t->step_x, p.y + y * t->step_y, t->step_x, t->step_y, rgb);
+        area(&p.photo->image, t, p.x + x * t->step_x, p.y + y * t->step_y, rgb);
     } else {
-        area(&t->photo->image, t->x + x * t->step_x, t->y + y * t->step_y, t->step_x, t->step_y, rgb);
+        area(&t->photo->image, t, t->x + x * t->step_x, t->y + y * t->step_y, rgb);
     }
     for (int c = 0; c < 3; c++)
         rgb[c] = (float)sst_clamp_double(t->shade * (100 + t->contrast * (rgb[c] - 100)), 0, 255);
@@ -140,23 +141,23 @@ double photo_edge(double inside, double sd)
     return 0.5 * erfc(-inside / (sd * sqrt(2)));
 }
 
-void photo_sprite_set(struct photo_sprite *p, int x, int y, double alpha, const struct photo_texture *t, double tx,
-                      double ty)
+void photo_sprite_set(struct photo_sprite *p, int i, double alpha, const struct photo_texture *t, const double at[2])
 {
-    uint8_t *texel = p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)x);
+    uint8_t *texel = p->rgba + 4 * (size_t)i;
     float rgb[3];
 
     if (alpha < 1 / 510.0)
         return;
-    photo_texture_at(t, tx, ty, rgb);
+    photo_texture_at(t, at[0], at[1], rgb);
     for (int c = 0; c < 3; c++)
         texel[c] = (uint8_t)(rgb[c] * alpha + 0.5);
     texel[3] = (uint8_t)(alpha * 255 + 0.5);
 }
 
 /* Blur of a float map along rows (step 1) or columns (step width). */
-static void blur(float *map, float *copy, int width, int height, double sd, bool columns)
+static void blur(float *map, float *copy, const int size[2], double sd, bool columns)
 {
+    const int width = size[0], height = size[1];
     const int n = columns ? height : width, reach = (int)ceil(3 * sd);
     const int step = columns ? width : 1, next = columns ? 1 : width;
 
@@ -186,8 +187,9 @@ static bool inside(const struct sst_map_u8 *m, int x, int y)
 }
 
 /* Opacity of an object at each texel of a sprite with a margin of `edge` texels. */
-static float *object_alpha(const struct photo_object *o, double scale, int edge, int width, int height, double sd)
+static float *object_alpha(const struct photo_object *o, double scale, int edge, const int size[2], double sd)
 {
+    const int width = size[0], height = size[1];
     const size_t n = (size_t)width * (size_t)height;
     float *alpha = sst_mem_alloc(n, sizeof(float)), *copy = sst_mem_alloc(n, sizeof(float));
 
@@ -197,8 +199,8 @@ static float *object_alpha(const struct photo_object *o, double scale, int edge,
         alpha[i / 16] += inside(&o->mask, (int)floor(x / scale), (int)floor(y / scale)) / 16.0F;
     }
     if (alpha && copy) {
-        blur(alpha, copy, width, height, sd, false);
-        blur(alpha, copy, width, height, sd, true);
+        blur(alpha, copy, size, sd, false);
+        blur(alpha, copy, size, sd, true);
     } else {
         sst_mem_free(alpha);
         alpha = NULL;
@@ -220,13 +222,14 @@ struct photo_sprite *photo_sprite_object(struct photo_scene *s, const struct pho
                                      .step_y = 1 / scale,
                                      .shade = photo_random(s, 0.8, 1.2),
                                      .contrast = 1 };
-    float *alpha = object_alpha(o, scale, edge, w, h, s->edge_px);
+    float *alpha = object_alpha(o, scale, edge, (const int[2]){ w, h }, s->edge_px);
     struct photo_sprite *p = alpha ? photo_sprite_add(s, w, h) : NULL;
 
     for (int i = 0; p && i < w * h; i++) {
         const int column = i % w, row = i / w;
 
-        photo_sprite_set(p, mirror ? w - 1 - column : column, row, alpha[i], &t, column - edge, row - edge);
+        photo_sprite_set(p, mirror ? row * w + w - 1 - column : i, alpha[i], &t,
+                         (const double[2]){ column - edge, row - edge });
     }
     sst_mem_free(alpha);
     if (!p)
@@ -247,7 +250,7 @@ static struct photo_sprite *add_plane(struct photo_scene *s, const struct photo_
     struct photo_sprite *p = photo_sprite_add(s, w, h);
 
     for (int i = 0; p && i < w * h; i++)
-        photo_sprite_set(p, i % w, i / w, 1, t, i % w - margin, i / w - top + y0);
+        photo_sprite_set(p, i, 1, t, (const double[2]){ i % w - margin, i / w - top + y0 });
     if (p) {
         p->x = -margin;
         p->y = y0 - top;
@@ -308,7 +311,7 @@ static int add_wall(struct photo_scene *s, double d)
     for (int i = 0; i < w * h; i++) {
         const int x = i % w, y = i / w, in = sst_min_int(sst_min_int(x, w - 1 - x), sst_min_int(y, h - 1 - y));
 
-        photo_sprite_set(p, x, y, photo_edge(in - 2.5, s->edge_px), &t, x, y);
+        photo_sprite_set(p, i, photo_edge(in - 2.5, s->edge_px), &t, (const double[2]){ x, y });
     }
     p->x = x0;
     p->y = y0;

@@ -224,7 +224,8 @@ static int find_photo_range(struct sst_scene *s)
         const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
         const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
 
-        err = photo_render(s->photo, bx, by, false, NULL, &disp, NULL, NULL);
+        err =
+            photo_render(s->photo, (const double[2]){ bx, by }, false, &(struct sst_scene_maps){ .disp = &disp }, NULL);
         for (int y = 0; y < disp.height && !err; y++) {
             for (int x = 0; x < disp.width; x++) {
                 lo = fminf(lo, sst_map_f32_row(&disp, y)[x]);
@@ -327,9 +328,11 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
     return index >= 0 && index < s->world.occluder_count ? &s->world.occluders[index] : NULL;
 }
 
-int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_image *image,
-                     struct sst_map_f32 *disp, struct sst_map_u8 *label)
+int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, const struct sst_scene_maps *out)
 {
+    struct sst_image *image = out->image;
+    struct sst_map_f32 *disp = out->disp;
+    struct sst_map_u8 *label = out->label;
     const int w = s->cfg.width, h = s->cfg.height;
     struct sst_scene_raster r;
 
@@ -337,7 +340,7 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
         (label && (label->width != w || label->height != h)))
         return -EINVAL;
     if (s->photo)
-        return photo_render(s->photo, bx, by, hidden & 1, image, disp, label, NULL);
+        return photo_render(s->photo, (const double[2]){ bx, by }, hidden & 1, out, NULL);
     scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;
@@ -351,7 +354,8 @@ int scene_mask(const struct sst_scene *scene, int occluder, struct sst_map_u8 *m
     int err;
 
     if (scene->photo)
-        return photo_render(scene->photo, 0, 0, false, NULL, NULL, NULL, mask);
+        return photo_render(scene->photo, (const double[2]){ 0, 0 }, false,
+                            &(struct sst_scene_maps){ NULL, NULL, NULL }, mask);
     scene_raster(scene, 0, 0, 0, &r);
     r.owner = mask;
     err = sst_scene_raster_run(&r);

@@ -53,17 +53,21 @@ double sst_scene_spacing_mm(const struct sst_scene *scene);
 int sst_scene_occluder_count(const struct sst_scene *scene);
 const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *scene, int index);
 
+/** Picture and maps of a view, initialised by the caller to the scene's size; NULL: not wanted. */
+struct sst_scene_maps {
+    struct sst_image *image;
+    struct sst_map_f32 *disp; /* px per spacing at the pixel centre */
+    struct sst_map_u8 *label; /* default class list */
+};
+
 /**
  * Render one view at offset (bx, by) from the reference view.
  *
  * @param hidden  bit i set: the objects of occluder i are hidden (truth behind it)
- * @param image   out, initialised by the caller to the scene's size; or NULL
- * @param disp    out, px per spacing at the pixel centre; or NULL
- * @param label   out, default class list; or NULL
  * @return 0, -EINVAL (an output of another size), -ENOMEM.
  */
 SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, double by, unsigned hidden,
-                                    struct sst_image *image, struct sst_map_f32 *disp, struct sst_map_u8 *label);
+                                    const struct sst_scene_maps *out);
 
 /** Write a whole light-field folder with LF/truth as design.md, 9 says. @return as sst_import(). */
 SST_MUST_CHECK int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const char *out, bool force);

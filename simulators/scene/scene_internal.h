@@ -37,10 +37,16 @@ double world_mm(const struct sst_scene_world *w, double disp_px);
 /** Declare an occluder; its bit for `hide`. */
 unsigned world_occluder(struct sst_scene_world *w, const char *name, int label, int target_label);
 
+/** Half axes of an ellipsoid or a box. */
+struct axes {
+    struct sst_vec3 u, v, w;
+};
+
 /* Like sst_scene_add_patch(). */
-struct sst_scene_surface *add_ellipsoid(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u,
-                                        struct sst_vec3 v, struct sst_vec3 axis_w, struct sst_scene_material mat);
-struct sst_scene_surface *add_ball(struct sst_scene_world *w, struct sst_vec3 centre, double rx, double ry, double rz,
+struct sst_scene_surface *add_ellipsoid(struct sst_scene_world *w, struct sst_vec3 centre, struct axes axes,
+                                        struct sst_scene_material mat);
+/** @param r  radii */
+struct sst_scene_surface *add_ball(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 r,
                                    struct sst_scene_material mat);
 /** Ellipsoid around the segment p-q, v along it. */
 struct sst_scene_surface *add_limb(struct sst_scene_world *w, struct sst_vec3 p, struct sst_vec3 q, double radius,
@@ -49,17 +55,20 @@ struct sst_scene_surface *add_limb(struct sst_scene_world *w, struct sst_vec3 p,
 struct sst_scene_surface *add_bar(struct sst_scene_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,
                                   struct sst_scene_material mat);
 /** Six patches. */
-void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
-             struct sst_vec3 axis_w, struct sst_scene_material mat);
-/** Plane facing the cameras at disparity d, centred on design pixel (x, y), half size in design pixels. */
-struct sst_scene_surface *add_board(struct sst_scene_world *w, double x, double y, double disp_px, double half_x,
-                                    double half_y, struct sst_scene_material mat);
-/** Soft dark spot on the floor at height y; belongs to no occluder, because a shadow stays when the occluder is
+void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct axes axes, struct sst_scene_material mat);
+/** Plane facing the cameras, half size in design pixels. @param at  design pixel (x, y) of its centre, and disparity */
+struct sst_scene_surface *add_board(struct sst_scene_world *w, struct sst_vec3 at, double half_x, double half_y,
+                                    struct sst_scene_material mat);
+/** Soft dark spot on the floor; belongs to no occluder, because a shadow stays when the occluder is
  *  hidden. */
-void add_shadow(struct sst_scene_world *w, double x, double y, double z, double rx, double rz);
-/** Leaves of half width `half_mm` over a box of design pixels x0..x1, y0..y1 and disparities d0..d1. */
-void add_foliage(struct sst_scene_world *w, int count, const double x[2], const double y[2], const double d[2],
-                 double half_mm);
+void add_shadow(struct sst_scene_world *w, struct sst_vec3 at, double rx, double rz);
+/** Box of design pixels and disparities, each from and to. */
+struct room {
+    const double *x, *y, *disp_px; /* [2] */
+};
+
+/** Leaves of half width `half_mm` in a room. */
+void add_foliage(struct sst_scene_world *w, int count, struct room room, double half_mm);
 /** One branch with twigs, from a to b. */
 void add_branch(struct sst_scene_world *w, struct sst_vec3 a, struct sst_vec3 b, double half_mm);
 
@@ -284,9 +293,8 @@ void photo_scene_destroy(struct photo_scene *scene);
 struct photo_sprite *photo_sprite_add(struct photo_scene *s, int width, int height);
 /** Share of a matte edge's pixel at `inside` px from the edge, blurred by sd px. */
 double photo_edge(double inside, double sd);
-/** Set one texel: opacity 0..1, colour from the texture at (tx, ty). */
-void photo_sprite_set(struct photo_sprite *p, int x, int y, double alpha, const struct photo_texture *t, double tx,
-                      double ty);
+/** Set texel i: opacity 0..1, colour from the texture at a place (x, y). */
+void photo_sprite_set(struct photo_sprite *p, int i, double alpha, const struct photo_texture *t, const double at[2]);
 /** Add an object with the given scale, its foot's middle at (x, y), upright or mirrored. NULL: out of memory */
 struct photo_sprite *photo_sprite_object(struct photo_scene *s, const struct photo_object *o, double x, double y,
                                          double scale);
@@ -312,8 +320,8 @@ SST_MUST_CHECK int photo_sprite_index(struct photo_sprite *p);
  * @param mask  out: 255 where the occluder's opacity is above one half; or NULL
  * @return 0 or -ENOMEM
  */
-SST_MUST_CHECK int photo_render(const struct photo_scene *s, double bx, double by, bool hidden, struct sst_image *image,
-                                struct sst_map_f32 *disp, struct sst_map_u8 *label, struct sst_map_u8 *mask);
+SST_MUST_CHECK int photo_render(const struct photo_scene *s, const double b[2], bool hidden,
+                                const struct sst_scene_maps *out, struct sst_map_u8 *mask);
 
 /** Add the camera's gain and noise to the picture of a view. */
 void photo_expose(const struct photo_scene *s, struct sst_image *image, int view, bool reference);

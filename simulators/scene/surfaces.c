@@ -77,20 +77,20 @@ struct sst_scene_surface *sst_scene_add_patch(struct sst_scene_world *w, struct 
     return s;
 }
 
-struct sst_scene_surface *add_ellipsoid(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u,
-                                        struct sst_vec3 v, struct sst_vec3 axis_w, struct sst_scene_material mat)
+struct sst_scene_surface *add_ellipsoid(struct sst_scene_world *w, struct sst_vec3 centre, struct axes axes,
+                                        struct sst_scene_material mat)
 {
-    struct sst_scene_surface *s = sst_scene_add_patch(w, centre, u, v, mat);
+    struct sst_scene_surface *s = sst_scene_add_patch(w, centre, axes.u, axes.v, mat);
 
-    s->w = axis_w;
+    s->w = axes.w;
     s->ellipsoid = true;
     return s;
 }
 
-struct sst_scene_surface *add_ball(struct sst_scene_world *w, struct sst_vec3 centre, double rx, double ry, double rz,
+struct sst_scene_surface *add_ball(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 r,
                                    struct sst_scene_material mat)
 {
-    return add_ellipsoid(w, centre, vec3(rx, 0, 0), vec3(0, ry, 0), vec3(0, 0, rz), mat);
+    return add_ellipsoid(w, centre, (struct axes){ vec3(r.x, 0, 0), vec3(0, r.y, 0), vec3(0, 0, r.z) }, mat);
 }
 
 /* Two unit vectors perpendicular to a unit vector; the first lies in the picture plane if possible. */
@@ -111,7 +111,8 @@ struct sst_scene_surface *add_limb(struct sst_scene_world *w, struct sst_vec3 p,
     struct sst_vec3 b, c;
 
     across(along, &b, &c);
-    return add_ellipsoid(w, vec3_add(p, half), vec3_mul(b, radius), vec3_mul(along, length), vec3_mul(c, radius), mat);
+    return add_ellipsoid(w, vec3_add(p, half),
+                         (struct axes){ vec3_mul(b, radius), vec3_mul(along, length), vec3_mul(c, radius) }, mat);
 }
 
 struct sst_scene_surface *add_bar(struct sst_scene_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,
@@ -127,9 +128,10 @@ struct sst_scene_surface *add_bar(struct sst_scene_world *w, struct sst_vec3 p, 
     return s;
 }
 
-void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
-             struct sst_vec3 axis_w, struct sst_scene_material mat)
+void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct axes axes, struct sst_scene_material mat)
 {
+    const struct sst_vec3 u = axes.u, v = axes.v, axis_w = axes.w;
+
     /* The normal of a patch is v x u: the second axis of each face is turned so that it points out of the box. */
     sst_scene_add_patch(w, vec3_sub(centre, axis_w), u, v, mat);
     sst_scene_add_patch(w, vec3_add(centre, axis_w), u, vec3_mul(v, -1), mat);
@@ -139,12 +141,12 @@ void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 
     sst_scene_add_patch(w, vec3_add(centre, u), axis_w, v, mat);
 }
 
-struct sst_scene_surface *add_board(struct sst_scene_world *w, double x, double y, double disp_px, double half_x,
-                                    double half_y, struct sst_scene_material mat)
+struct sst_scene_surface *add_board(struct sst_scene_world *w, struct sst_vec3 at, double half_x, double half_y,
+                                    struct sst_scene_material mat)
 {
-    const double mm = world_mm(w, disp_px);
+    const double mm = world_mm(w, at.z);
 
-    return sst_scene_add_patch(w, world_at(w, x, y, disp_px), vec3(half_x * mm, 0, 0), vec3(0, half_y * mm, 0), mat);
+    return sst_scene_add_patch(w, world_at(w, at.x, at.y, at.z), vec3(half_x * mm, 0, 0), vec3(0, half_y * mm, 0), mat);
 }
 
 struct sst_scene_surface *sst_scene_add_floor(struct sst_scene_world *w, double y, double z0, double z1,
@@ -153,10 +155,10 @@ struct sst_scene_surface *sst_scene_add_floor(struct sst_scene_world *w, double 
     return sst_scene_add_patch(w, vec3(0, y, (z0 + z1) / 2), vec3(3 * z1, 0, 0), vec3(0, 0, (z0 - z1) / 2), mat);
 }
 
-void add_shadow(struct sst_scene_world *w, double x, double y, double z, double rx, double rz)
+void add_shadow(struct sst_scene_world *w, struct sst_vec3 at, double rx, double rz)
 {
-    struct sst_scene_surface *s = sst_scene_add_patch(w, vec3(x, y - 1e-4 * z, z), vec3(rx, 0, 0), vec3(0, 0, -rz),
-                                                      material(paint_shadow, 0x101010, 0, 1));
+    struct sst_scene_surface *s = sst_scene_add_patch(w, vec3(at.x, at.y - 1e-4 * at.z, at.z), vec3(rx, 0, 0),
+                                                      vec3(0, 0, -rz), material(paint_shadow, 0x101010, 0, 1));
 
     s->translucent = true;
     s->hide = 0;
@@ -191,9 +193,10 @@ static void add_leaf(struct sst_scene_world *w, struct sst_vec3 centre, double h
     s->mask = mask_leaf;
 }
 
-void add_foliage(struct sst_scene_world *w, int count, const double x[2], const double y[2], const double d[2],
-                 double half_mm)
+void add_foliage(struct sst_scene_world *w, int count, struct room room, double half_mm)
 {
+    const double *x = room.x, *y = room.y, *d = room.disp_px;
+
     for (int i = 0; i < count; i++) {
         const double px = sst_random_in(&w->rng, x[0], x[1]), py = sst_random_in(&w->rng, y[0], y[1]);
         const double disp = sst_random_in(&w->rng, d[0], d[1]), size = sst_random_in(&w->rng, 0.7, 1.15);

@@ -60,7 +60,8 @@ static int write_view(const struct job *j, int view)
     sst_view_name(j->lf, view, name);
     if ((err = sst_image_init(&image, c->width, c->height)) || (err = sst_map_f32_init(&disp, c->width, c->height)) ||
         (err = sst_map_u8_init(&label, c->width, c->height)) ||
-        (err = sst_scene_render(j->scene, v->bx, v->by, 0, &image, &disp, &label)))
+        (err = sst_scene_render(j->scene, v->bx, v->by, 0,
+                                &(struct sst_scene_maps){ .image = &image, .disp = &disp, .label = &label })))
         goto done;
     if (j->scene->photo)
         photo_expose(j->scene->photo, &image, view, view == j->lf->ref_view);
@@ -107,7 +108,7 @@ static int write_occluder(const struct job *j, int index)
     int err;
 
     if ((err = sst_image_init(&behind, c->width, c->height)) || (err = sst_map_u8_init(&mask, c->width, c->height)) ||
-        (err = sst_scene_render(j->scene, 0, 0, 1u << index, &behind, NULL, NULL)) ||
+        (err = sst_scene_render(j->scene, 0, 0, 1u << index, &(struct sst_scene_maps){ .image = &behind })) ||
         (err = scene_mask(j->scene, index, &mask)))
         goto done;
     snprintf(suffix, sizeof(suffix), "_%s", sst_scene_occluder_at(j->scene, index)->name);

@@ -59,7 +59,9 @@ static int make_view(struct bench *b, struct sst_view *v)
     err = err ? err : sst_map_u16_init(&v->disp, WIDTH, HEIGHT);
     err = err ? err : sst_map_u8_init(&v->label, WIDTH, HEIGHT);
     err = err ? err : sst_map_f32_init(&disp, WIDTH, HEIGHT);
-    err = err ? err : sst_scene_render(b->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(b->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label });
     for (int i = 0; !err && i < WIDTH * HEIGHT; i++)
         sst_map_u16_row(&v->disp, i / WIDTH)[i % WIDTH] =
             sst_disp_q6(&b->lf, sst_map_f32_row(&disp, i / WIDTH)[i % WIDTH]);
@@ -78,7 +80,7 @@ static int make_frame(struct sst_live_input *in, const struct sst_scene *scene, 
 
     err = err ? err
               : sst_scene_render(scene, cam % LIVE_SIDE - (LIVE_SIDE - 1) / 2, cam / LIVE_SIDE - (LIVE_SIDE - 1) / 2, 0,
-                                 &image, NULL, NULL);
+                                 &(struct sst_scene_maps){ .image = &image });
     err = err ? err : sst_image_encode_jpeg(&image, 80, &data, &bytes);
     in->frame[cam].data = data;
     in->frame[cam].bytes = bytes;

@@ -133,7 +133,7 @@ static int make_truth(struct sst_image *truth, int set)
     err = sst_scene_create(&scene, b.scene, &cfg);
     if (err)
         return err;
-    err = sst_scene_render(scene, 0, 0, 1, truth, NULL, NULL);
+    err = sst_scene_render(scene, 0, 0, 1, &(struct sst_scene_maps){ .image = truth });
     sst_scene_destroy(scene);
     return err;
 }

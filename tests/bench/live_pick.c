@@ -139,7 +139,8 @@ static int take_set(int set, int shown)
 static int truth_job(void *arg, int view, int worker SST_UNUSED)
 {
     struct sst_view *v = &b.truth.lf.views[view];
-    int err = sst_scene_render(b.scene, v->bx, v->by, 0, NULL, &b.truth.front[view], &v->label);
+    int err = sst_scene_render(b.scene, v->bx, v->by, 0,
+                               &(struct sst_scene_maps){ .disp = &b.truth.front[view], .label = &v->label });
 
     (void)arg;
     for (int y = 0; y < HEIGHT; y++) {
@@ -159,7 +160,10 @@ static int make_truth(void)
     b.truth.focus_px = sst_scene_occluder_at(b.scene, 0)->focus_px;
     for (int k = 0; k < VIEWS; k++)
         b.truth.lf.views[k].image = live->views[k].image;
-    err = err ? err : sst_scene_render(b.scene, 0, 0, 1, &b.truth.image, &b.truth.behind, &b.truth.label);
+    err = err ? err
+              : sst_scene_render(b.scene, 0, 0, 1,
+                                 &(struct sst_scene_maps){
+                                     .image = &b.truth.image, .disp = &b.truth.behind, .label = &b.truth.label });
     for (int y = 0; !err && y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             const double f = (double)sst_map_f32_row(&b.truth.front[REF], y)[x];

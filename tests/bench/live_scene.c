@@ -1,10 +1,10 @@
 /* What the live scene costs and how well it sees through, set by set, on a simulated world that moves:
  *   make build/bench/live_scene && build/bench/live_scene SCENE [SETS [EVERY [THREADS [CACHE [FOLDER [quick]]]]]]
  * Prints CSV: each set's time, and of every EVERY-th set the see-through error in the pixels that the scene's first
- * occluder hides (dB of PSNR against the truth behind it): of the live maps, of `sst process --preset preview`, balanced
- * and accurate on the same pictures, of plain refocusing, and of the true maps. With FOLDER, if it is not empty, the
- * pictures stay there; quick: without the presets. Edges: PSNR of the differences of neighbouring pixels there. SSIM:
- * likewise there. CPU ms: of the maps (without opening networks) and the picture. */
+ * occluder hides (dB of PSNR against the truth behind it): of the live maps, of `sst process --preset preview`,
+ * balanced and accurate on the same pictures, of plain refocusing, and of the true maps. With FOLDER, if it is not
+ * empty, the pictures stay there; quick: without the presets. Edges: PSNR of the differences of neighbouring pixels
+ * there. SSIM: likewise there. CPU ms: of the maps (without opening networks) and the picture. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -40,7 +40,8 @@
 
 enum method { LIVE, MAPS, PREVIEW, BALANCED, ACCURATE, REFOCUS, TRUE_MAPS, METHODS };
 
-static const char *const names[METHODS] = { "live", "its maps alone", "preview", "balanced", "accurate", "refocus", "true maps" };
+static const char *const names[METHODS] = { "live",     "its maps alone", "preview",  "balanced",
+                                            "accurate", "refocus",        "true maps" };
 
 struct bench {
     const char *scene_name, *folder;
@@ -214,7 +215,8 @@ static int truth_job(void *arg, int view, int worker SST_UNUSED)
     struct sst_map_f32 disp = { 0 };
     int err = sst_map_f32_init(&disp, WIDTH, HEIGHT);
 
-    err = err ? err : sst_scene_render(arg, v->bx, v->by, 0, NULL, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(arg, v->bx, v->by, 0, &(struct sst_scene_maps){ .disp = &disp, .label = &v->label });
     for (int y = 0; !err && y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++)
             sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&b.exact, sst_map_f32_row(&disp, y)[x]);
@@ -236,7 +238,7 @@ static void count_errors(double out[2], struct sst_scene *scene)
     for (size_t i = 0; !err && i < ARRAY_LEN(views); i++) {
         const struct sst_view *v = &b.lf.views[views[i]];
 
-        err = sst_scene_render(scene, v->bx, v->by, 0, NULL, &disp, &label);
+        err = sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .disp = &disp, .label = &label });
         for (int y = 0; !err && y < HEIGHT; y++) {
             for (int x = 0; x < WIDTH; x++, all++) {
                 const double d = sst_disp_px(&b.lf, sst_map_u16_row(&v->disp, y)[x]);
@@ -276,8 +278,9 @@ static int make_truth(struct truth *t, int set)
     err = err ? err : sst_map_u8_init(&t->mask, WIDTH, HEIGHT);
     err = err ? err : sst_map_f32_init(&with, WIDTH, HEIGHT);
     err = err ? err : sst_map_f32_init(&without, WIDTH, HEIGHT);
-    err = err ? err : sst_scene_render(t->scene, 0, 0, 0, NULL, &with, NULL);
-    err = err ? err : sst_scene_render(t->scene, 0, 0, 1, &t->behind, &without, NULL);
+    err = err ? err : sst_scene_render(t->scene, 0, 0, 0, &(struct sst_scene_maps){ .disp = &with });
+    err = err ? err
+              : sst_scene_render(t->scene, 0, 0, 1, &(struct sst_scene_maps){ .image = &t->behind, .disp = &without });
     for (int y = 0; !err && y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++)
             sst_map_u8_row(&t->mask, y)[x] =

@@ -62,7 +62,9 @@ static int make_view(void *arg, int k, int worker SST_UNUSED)
     err = err || v->image.plane[0] ? err : sst_image_init(&v->image, lf->width, lf->height);
     err = err ? err : sst_image_init(&image, lf->width, lf->height);
     err = err ? err : sst_map_f32_init(&disp, lf->width, lf->height);
-    err = err ? err : sst_scene_render(b->scene, v->bx, v->by, 0, &image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(b->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &image, .disp = &disp, .label = &v->label });
     for (int i = 0; !err && i < b->changes.cols * b->changes.rows; i++)
         b->changes.map[k][i] =
             tile_differs(&image, &v->image, i % b->changes.cols * SST_LIVE_TILE, i / b->changes.cols * SST_LIVE_TILE);

@@ -26,7 +26,7 @@
 #define SIDE    6
 #define VIEWS   (SIDE * SIDE)
 #define QUALITY 75
-#define AFTER_S 6.0 /* what comes this soon after a passage is of it */
+#define AFTER_S 6.0  /* what comes this soon after a passage is of it */
 #define RIGHT   0.15 /* of a distance */
 #define POINTS  64
 #define EMPTY   64 /* sets without anybody that are kept: the wind repeats */
@@ -116,7 +116,10 @@ static int open_bench(struct bench *b)
     cfg.model = strcmp(b->model, "none") ? model : NULL;
     cfg.width = (int)b->width;
     cfg.height = 3 * cfg.width / 4;
-    sst_hedge_scene_config(&b->cfg, SIDE, SIDE, cfg.width, cfg.height, (uint64_t)b->seed);
+    b->cfg = (struct sst_hedge_config){
+        .rows = SIDE, .cols = SIDE, .width = cfg.width, .height = cfg.height, .seed = (uint64_t)b->seed
+    };
+    sst_hedge_scene_config(&b->cfg);
     b->cfg.wind = b->wind;
     err = err ? err : sst_hedge_create(&b->hedge, &b->cfg);
     for (int k = 0; k < VIEWS && !err; k++) {

@@ -37,8 +37,12 @@ static const struct {
     const char *name; /* of "%s": the method */
     int views;        /* 0: all; -1: OpenCV */
     bool skip;        /* what hardly changes the picture */
-} makers[] = { { "%s", 0, false },          { "OpenCV %s", -1, false },   { "%s, skips", 0, true },
-               { "%s, 25 views", 25, false }, { "%s, 16 views", 16, false }, { "%s, 9 views", 9, false },
+} makers[] = { { "%s", 0, false },
+               { "OpenCV %s", -1, false },
+               { "%s, skips", 0, true },
+               { "%s, 25 views", 25, false },
+               { "%s, 16 views", 16, false },
+               { "%s, 9 views", 9, false },
                { "%s, 4 views", 4, false } };
 
 static int make_view(void *arg, int view, int worker SST_UNUSED)
@@ -51,7 +55,9 @@ static int make_view(void *arg, int view, int worker SST_UNUSED)
     err = err ? err : sst_map_u16_init(&v->disp, b->lf.width, b->lf.height);
     err = err ? err : sst_map_u8_init(&v->label, b->lf.width, b->lf.height);
     err = err ? err : sst_map_f32_init(&disp, b->lf.width, b->lf.height);
-    err = err ? err : sst_scene_render(b->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(b->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label });
     for (int y = 0; !err && y < b->lf.height; y++) {
         for (int x = 0; x < b->lf.width; x++)
             sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&b->lf, sst_map_f32_row(&disp, y)[x]);

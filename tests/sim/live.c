@@ -49,7 +49,9 @@ static int expose_view(void *arg, int k, int worker SST_UNUSED)
 
     free(a->jpeg[k]);
     a->jpeg[k] = NULL;
-    err = err ? err : sst_scene_render(a->scene, k % SIDE - 2, k / SIDE - 2, 0, &image, &a->front[k], NULL);
+    err = err ? err
+              : sst_scene_render(a->scene, k % SIDE - 2, k / SIDE - 2, 0,
+                                 &(struct sst_scene_maps){ .image = &image, .disp = &a->front[k] });
     err = err ? err : sst_image_encode_jpeg(&image, 90, &a->jpeg[k], &a->bytes[k]);
     sst_image_fini(&image);
     return err;
@@ -83,7 +85,8 @@ static void expose(struct array *a, const char *name, double time_s)
     assert_int_equal(sst_scene_create(&a->scene, name, &cfg), 0);
     assert_int_equal(sst_parallel_for(VIEWS, 2, expose_view, a), 0);
     assert_int_equal(sst_map_f32_init(&back, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(a->scene, 0, 0, 1, &a->behind, &back, NULL), 0);
+    assert_int_equal(
+        sst_scene_render(a->scene, 0, 0, 1, &(struct sst_scene_maps){ .image = &a->behind, .disp = &back }), 0);
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             const double focus = sst_scene_occluder_at(a->scene, 0)->focus_px;
@@ -241,7 +244,7 @@ static void a_click_finds_what_is_between_leaves(void **state SST_UNUSED)
     expose(&a, "bush", 0.6);
     assert_int_equal(feed(&a, -1), 0);
     assert_int_equal(sst_map_f32_init(&back, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(a.scene, 0, 0, 1, NULL, &back, NULL), 0);
+    assert_int_equal(sst_scene_render(a.scene, 0, 0, 1, &(struct sst_scene_maps){ .disp = &back }), 0);
     sst_render_config_defaults(&cfg);
     cfg.focus_px = sst_scene_occluder_at(a.scene, 0)->focus_px;
     cfg.verify = true;

@@ -151,7 +151,7 @@ static bool make_pictures(struct chain *c)
             c->random = same;
         if (!scene)
             draw(c, v, kind, period, disparity);
-        else if (sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL))
+        else if (sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image }))
             return false;
     }
     sst_scene_destroy(scene);
@@ -378,7 +378,8 @@ static bool documented(int err)
 static void keep_originals(struct chain *c, struct sst_lightfield *before)
 {
     for (int k = 0; k < c->lf.rows * c->lf.cols && c->lf.correction; k++) {
-        if (!sst_correction_is_none(&c->lf.correction[k]) && c->lf.correction[k].exponent == 1 && c->lf.views[k].present) {
+        if (!sst_correction_is_none(&c->lf.correction[k]) && c->lf.correction[k].exponent == 1 &&
+            c->lf.views[k].present) {
             c->lf.views[k].original = before->views[k].image;
             before->views[k].image = (struct sst_image){ 0 };
         }

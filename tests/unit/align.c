@@ -42,7 +42,7 @@ static void draw(struct sst_lightfield *lf, const char *name, int side, int widt
 
         v->present = true;
         assert_int_equal(sst_image_init(&v->image, width, height), 0);
-        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image }), 0);
     }
     sst_scene_destroy(scene);
 }

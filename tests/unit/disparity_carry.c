@@ -229,7 +229,9 @@ static void make_pedestrian(struct sst_lightfield *lf, struct sst_map_f32 truth[
         v->present = true;
         assert_int_equal(sst_image_init(&v->image, cfg.width, cfg.height), 0);
         assert_int_equal(sst_map_f32_init(&truth[k], cfg.width, cfg.height), 0);
-        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &truth[k], NULL), 0);
+        assert_int_equal(
+            sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image, .disp = &truth[k] }),
+            0);
     }
     sst_scene_destroy(scene);
 }

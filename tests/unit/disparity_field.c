@@ -276,7 +276,8 @@ static void range_of_leaves(void **state SST_UNUSED)
 
         assert_int_equal(sst_image_init(&v->image, lf.width, lf.height), 0);
         assert_int_equal(sst_map_f32_init(&disp, lf.width, lf.height), 0);
-        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &disp, NULL), 0);
+        assert_int_equal(
+            sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image, .disp = &disp }), 0);
         sst_map_f32_fini(&disp);
         v->present = true;
     }

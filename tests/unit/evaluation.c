@@ -38,7 +38,10 @@ static void write_view(struct sst_lightfield *lf, const struct sst_scene *scene,
     assert_int_equal(sst_map_f32_init(&disp, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u8_init(&v->label, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u16_init(&v->disp, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &disp, &v->label), 0);
+    assert_int_equal(
+        sst_scene_render(scene, v->bx, v->by, 0,
+                         &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label }),
+        0);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         sst_map_u16_row(&v->disp, i / WIDTH)[i % WIDTH] = sst_disp_q6(lf, sst_map_f32_row(&disp, i / WIDTH)[i % WIDTH]);
     assert_int_equal(sst_image_write_png(&v->image, test_path("views/%s.png", name)), 0);
@@ -57,7 +60,8 @@ static void write_truth(const struct sst_lightfield *lf, const struct sst_scene 
     assert_int_equal(sst_image_init(&behind, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u8_init(&hidden, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u8_init(&mask, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(scene, 0, 0, 1, &behind, NULL, &hidden), 0);
+    assert_int_equal(sst_scene_render(scene, 0, 0, 1, &(struct sst_scene_maps){ .image = &behind, .label = &hidden }),
+                     0);
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
         const int x = i % WIDTH, y = i / WIDTH;
 

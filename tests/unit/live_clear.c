@@ -41,7 +41,7 @@ static double wrong(const struct sst_image *a, const struct sst_image *b)
 static void behind(struct shown *s, struct sst_image *out)
 {
     assert_int_equal(sst_image_init(out, s->live->lf.width, s->live->lf.height), 0);
-    assert_int_equal(sst_scene_render(s->scene, 0, 0, 1, out, NULL, NULL), 0);
+    assert_int_equal(sst_scene_render(s->scene, 0, 0, 1, &(struct sst_scene_maps){ .image = out }), 0);
 }
 
 static void a_walker_vanishes_and_leaves_nothing(void **state SST_UNUSED)

@@ -57,7 +57,7 @@ static int draw_view(void *arg, int k, int worker SST_UNUSED)
     struct bench *b = arg;
     const struct sst_view *v = &b->live->lf.views[k];
 
-    return sst_scene_render(b->scene, v->bx, v->by, 0, &b->now[k], NULL, NULL);
+    return sst_scene_render(b->scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &b->now[k] });
 }
 
 /* Copy the new picture of a view and mark its tiles that differ. */
@@ -117,7 +117,7 @@ static double wrong(const struct bench *b, const struct sst_image *image, bool r
     int n = 0;
 
     assert_int_equal(sst_image_init(&truth, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(b->scene, 0, 0, removed, &truth, NULL, NULL), 0);
+    assert_int_equal(sst_scene_render(b->scene, 0, 0, removed, &(struct sst_scene_maps){ .image = &truth }), 0);
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             int most = 0;

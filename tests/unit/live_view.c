@@ -414,7 +414,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     take(&s, 1);
     assert_int_equal(sst_map_f32_init(&disp, 320, 240), 0);
     assert_int_equal(sst_map_u8_init(&label, 320, 240), 0);
-    assert_int_equal(sst_scene_render(s.scene, 0, 0, 1, NULL, &disp, &label), 0);
+    assert_int_equal(sst_scene_render(s.scene, 0, 0, 1, &(struct sst_scene_maps){ .disp = &disp, .label = &label }), 0);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
     assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     for (int y = 20; y < 220; y += 3) {
@@ -480,7 +480,8 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* Median of a label's true disparities in the reference view, and its pixel that is nearest to the middle of them all. */
+/* Median of a label's true disparities in the reference view, and its pixel that is nearest to the middle of them all.
+ */
 static double truth_of(const struct shown *s, int label, int at[2])
 {
     const struct sst_view *v = &s->live->lf.views[s->live->lf.ref_view];

@@ -32,7 +32,8 @@ static int setup(void **state SST_UNUSED)
         struct sst_view *v = &scene_views.views[k];
 
         v->present = true;
-        if (sst_image_init(&v->image, WIDTH, HEIGHT) || sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL))
+        if (sst_image_init(&v->image, WIDTH, HEIGHT) ||
+            sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image }))
             return -1;
     }
     sst_scene_destroy(scene);

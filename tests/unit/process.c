@@ -66,7 +66,7 @@ static int setup(void **state SST_UNUSED)
 
         v->present = k != 8; /* a hole */
         assert_int_equal(sst_image_init(&v->image, WIDTH, HEIGHT), 0);
-        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &(struct sst_scene_maps){ .image = &v->image }), 0);
     }
     /* Part of one view is outside its raw frame. */
     assert_int_equal(sst_map_u8_init(&views.views[1].valid, WIDTH, HEIGHT), 0);
@@ -298,8 +298,8 @@ static void most_views_decide_on_a_label(void **state SST_UNUSED)
     wall(&lf);
     for (int k = 0; k < SIDE; k++)
         label[k] = sst_map_u8_row(&lf.views[k].label, 0);
-    label[1][20] = 2; /* alone */
-    label[1][25] = 0; /* none here */
+    label[1][20] = 2;                /* alone */
+    label[1][25] = 0;                /* none here */
     label[1][30] = label[0][32] = 3; /* two of three */
     label[0][42] = label[2][38] = 4; /* both others, on the same surface as 40 ... */
     label[0][52] = label[2][48] = 4; /* ... on another colour than 50 ... */

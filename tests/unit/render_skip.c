@@ -27,7 +27,9 @@ static int make_view(void *arg, int k, int worker SST_UNUSED)
     struct sst_map_f32 disp = { 0 };
     int err = sst_map_f32_init(&disp, f->lf.width, f->lf.height);
 
-    err = err ? err : sst_scene_render(f->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(f->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label });
     for (int y = 0; !err && y < f->lf.height; y++) {
         for (int x = 0; x < f->lf.width; x++)
             sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&f->lf, sst_map_f32_row(&disp, y)[x]);

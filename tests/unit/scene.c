@@ -40,7 +40,10 @@ static struct view render(const struct sst_scene *s, int width, int height, doub
     assert_int_equal(sst_image_init(&v.image, width, height), 0);
     assert_int_equal(sst_map_f32_init(&v.disp, width, height), 0);
     assert_int_equal(sst_map_u8_init(&v.label, width, height), 0);
-    assert_int_equal(sst_scene_render(s, bx, by, hidden, image ? &v.image : NULL, &v.disp, &v.label), 0);
+    assert_int_equal(sst_scene_render(s, bx, by, hidden,
+                                      &(struct sst_scene_maps){
+                                          .image = image ? &v.image : NULL, .disp = &v.disp, .label = &v.label }),
+                     0);
     return v;
 }
 
@@ -144,7 +147,7 @@ static void ball_has_its_depth_and_outline(void **state SST_UNUSED)
     struct view v;
     int across = 0;
 
-    add_ball(&w, vec3(0, 0, 2000), 100, 100, 100, material(sst_scene_paint_fbm, 0, 0, 1));
+    add_ball(&w, vec3(0, 0, 2000), vec3(100, 100, 100), material(sst_scene_paint_fbm, 0, 0, 1));
     v = raster(&w, 0, 0);
     assert_near(disp_at(&v, 50, 50), 10000.0 / 1900, 1e-6);
     for (int x = 0; x < 101; x++)

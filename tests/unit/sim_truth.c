@@ -84,7 +84,7 @@ static void scene_view(const char *name, double time_s, int rows, int cols, doub
     assert_int_equal(sst_image_init(image, width, height), 0);
     if (disp)
         assert_int_equal(sst_map_f32_init(disp, width, height), 0);
-    assert_int_equal(sst_scene_render(scene, bx, by, 0, image, disp, NULL), 0);
+    assert_int_equal(sst_scene_render(scene, bx, by, 0, &(struct sst_scene_maps){ .image = image, .disp = disp }), 0);
     sst_scene_destroy(scene);
 }
 

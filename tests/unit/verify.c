@@ -36,7 +36,9 @@ static int make_view(void *arg, int k, int worker SST_UNUSED)
     err = err ? err : sst_image_init(&v->image, WIDTH, HEIGHT);
     err = err ? err : sst_map_u16_init(&v->disp, WIDTH, HEIGHT);
     err = err ? err : sst_map_u8_init(&v->label, WIDTH, HEIGHT);
-    err = err ? err : sst_scene_render(f->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    err = err ? err
+              : sst_scene_render(f->scene, v->bx, v->by, 0,
+                                 &(struct sst_scene_maps){ .image = &v->image, .disp = &disp, .label = &v->label });
     for (int y = 0; !err && y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++)
             sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&f->lf, sst_map_f32_row(&disp, y)[x]);
@@ -68,8 +70,9 @@ static void draw_field(struct field *f, const char *name)
     assert_int_equal(sst_map_u8_init(&f->mask, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_f32_init(&with, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_f32_init(&without, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_scene_render(f->scene, 0, 0, 0, NULL, &with, NULL), 0);
-    assert_int_equal(sst_scene_render(f->scene, 0, 0, 1, &f->behind, &without, NULL), 0);
+    assert_int_equal(sst_scene_render(f->scene, 0, 0, 0, &(struct sst_scene_maps){ .disp = &with }), 0);
+    assert_int_equal(
+        sst_scene_render(f->scene, 0, 0, 1, &(struct sst_scene_maps){ .image = &f->behind, .disp = &without }), 0);
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             const float d = sst_map_f32_row(&without, y)[x];

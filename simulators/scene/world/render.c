@@ -453,12 +453,14 @@ static int shoot_hedge(const struct sim_stage *s, const struct shooting *t)
 {
     const struct sst_sim_settings *c = s->settings;
     const int pass = pass_frames(s);
-    struct sst_hedge_config cfg;
+    struct sst_hedge_config cfg = {
+        .rows = c->rows, .cols = c->cols, .width = c->width, .height = c->height, .seed = c->seed
+    };
     struct sst_hedge *hedge = NULL;
     struct sst_image native = { 0 };
     int err = sst_image_init(&native, c->width, c->height);
 
-    sst_hedge_scene_config(&cfg, c->rows, c->cols, c->width, c->height, c->seed);
+    sst_hedge_scene_config(&cfg);
     err = err ? err : sst_hedge_create(&hedge, &cfg);
     for (int i = t->first; i < t->last && !err; i++) {
         const double t_s = (i < pass ? i : i - pass) / c->rate_hz;
