@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/visible.h"
 #include "tests/test.h"
 
 enum { W = 96, H = 64, SIDE = 3, VIEWS = SIDE * SIDE, MIN_PX = -1, FLAT = 24 };

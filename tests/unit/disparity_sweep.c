@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 
@@ -12,6 +13,7 @@ enum { STRIDE = W + 2 * MARGIN, LEVEL = STEP / 2 };
 
 /* Views of a plane of random colours at BACK, whose maps say FRONT. */
 struct scene {
+    struct sst_sweep_plan plan;
     uint32_t pixels[VIEWS][STRIDE * (H + 2 * MARGIN)];
     uint8_t code[65536];
     struct sst_hypothesis_test test; /* of the middle view */
@@ -32,6 +34,7 @@ static struct scene *scene_new(bool plain)
     assert_non_null(s);
     for (int d = 0; d < 65536; d++)
         s->code[d] = (uint8_t)(1 + sst_min_int(d / 16, 253));
+    sst_sweep_plan_init(&s->plan, W, H, RANGE * 64, STEP);
     s->test = (struct sst_hypothesis_test){ .width = W, .height = H, .code = s->code, .tolerance = STEP };
     s->test.similar = 24;
     s->test.settled = 41;
@@ -71,7 +74,7 @@ static void finds_what_the_map_lacks(void **state SST_UNUSED)
     struct sst_sweep sweep = { 0 };
     size_t right = 0;
 
-    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, NULL, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_view(&sweep, &s->plan, &s->test, &s->disp, NULL), 0);
     assert_true(sweep.count > 600); /* of 40 x 24 samples, those near the border are seen by too few views */
     for (size_t i = 0; i < sweep.count; i++)
         right += sweep.point[i].level * LEVEL == 64 * BACK;
@@ -88,17 +91,17 @@ static void finds_nothing_else(void **state SST_UNUSED)
     struct sst_sweep sweep = { 0 };
 
     assert_int_equal(sst_map_u8_init(&seen, W, H), 0);
-    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, &seen, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_view(&sweep, &s->plan, &s->test, &s->disp, &seen), 0);
     assert_int_equal(sweep.count, 0);
     sst_sweep_fini(&sweep);
     for (int i = 0; i < W * H; i++)
         sst_map_u16_row(&s->disp, i / W)[i % W] = 64 * BACK;
-    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, NULL, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_view(&sweep, &s->plan, &s->test, &s->disp, NULL), 0);
     assert_true(sweep.count < 20); /* at the border */
     sst_sweep_fini(&sweep);
     for (int i = 0; i < W * H; i++)
         sst_map_u16_row(&plain->disp, i / W)[i % W] = SST_DISP_NONE;
-    assert_int_equal(sst_sweep_view(&sweep, &plain->test, &plain->disp, NULL, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_view(&sweep, &plain->plan, &plain->test, &plain->disp, NULL), 0);
     assert_int_equal(sweep.count, 0);
     sst_sweep_fini(&sweep);
     sst_map_u8_fini(&seen);
@@ -110,10 +113,12 @@ static void finds_nothing_else(void **state SST_UNUSED)
 static void candidates_of_another_view(void **state SST_UNUSED)
 {
     struct sst_sweep_point point[400];
-    const struct sst_sweep sweep = { .point = point, .count = 400, .bx = 1 };
+    struct sst_sweep sweep = { .point = point, .count = 400, .bx = 1 };
+    struct sst_sweeps sweeps = { .sweep = &sweep, .count = 1 };
     struct sst_sweep_candidates c = { 0 };
     const struct sst_sweep_peak *at;
     struct sst_map_u16 map;
+    const struct sst_visible_view view = { .disp = &map };
 
     assert_int_equal(sst_map_u16_init(&map, 320, 96), 0);
     for (int i = 0; i < 320 * 96; i++)
@@ -121,8 +126,9 @@ static void candidates_of_another_view(void **state SST_UNUSED)
     for (int i = 0; i < 400; i++)
         point[i] = (struct sst_sweep_point){ (uint16_t)(100 + i % 20), (uint16_t)(40 + i / 20 % 20),
                                              (uint16_t)(i % 4 ? 8 : 24), 100 };
+    sst_sweep_plan_init(&sweeps.plan, map.width, map.height, RANGE * 64, STEP);
     /* Disparities 14 and 22 px, seen from (0, 0): at x + 14 and x + 22. The map has the second one alone. */
-    assert_int_equal(sst_sweep_candidates(&c, &sweep, 1, 0, 0, &map, 10, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_candidates(&c, &sweeps, &view, 10), 0);
     at = sst_sweep_candidates_at(&c, 120, 48);
     assert_int_equal(at[0].disp, 8 * LEVEL);
     assert_true(at[0].absent);
@@ -133,7 +139,9 @@ static void candidates_of_another_view(void **state SST_UNUSED)
     assert_int_equal(sst_sweep_candidates_at(&c, 300, 48)->disp, SST_DISP_NONE);
     sst_sweep_candidates_fini(&c);
     map.width = map.height = 1;
-    assert_int_equal(sst_sweep_candidates(&c, &sweep, 0, 0, 0, &map, 10, RANGE * 64, STEP), 0);
+    sweeps.count = 0;
+    sst_sweep_plan_init(&sweeps.plan, 1, 1, RANGE * 64, STEP);
+    assert_int_equal(sst_sweep_candidates(&c, &sweeps, &view, 10), 0);
     assert_int_equal(sst_sweep_candidates_at(&c, 0, 0)->disp, SST_DISP_NONE);
     sst_sweep_candidates_fini(&c);
     sst_map_u16_fini(&map);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 

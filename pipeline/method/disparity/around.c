@@ -11,6 +11,7 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/visible.h"
 
 /* The farthest and nearest surface that lands at each pixel, as land_row has them. */
 struct landed {
@@ -183,30 +184,30 @@ void sst_around_fini(struct sst_around *a)
     sst_mem_kept_fini(&a->lines);
 }
 
-int sst_around_init(struct sst_around *a, const struct sst_visible_views *in, int k, int step,
-                    const struct sst_sweep *sweep, int sweeps)
+int sst_around_init(struct sst_around *a, const struct sst_visible_views *in, int k, const struct sst_sweeps *sweeps)
 {
     const struct sst_map_u16 *map = in->view[k].disp;
     int err = project_around(a, in, k);
 
-    err = err ? err : find_steps(&a->steps, map, step);
+    a->apart = sst_max_int(sweeps->plan.step, 1);
+    err = err ? err : find_steps(&a->steps, map, sweeps->plan.step);
     err = err ? err : find_extremes(a->flat, 1, &a->steps, false, &a->lines);
     for (int i = 0; !err && i < 2; i++)
         err = find_extremes(&a->extreme[i], 2, map, i, &a->lines);
     sst_sweep_candidates_fini(&a->swept);
-    return err ? err
-               : sst_sweep_candidates(&a->swept, sweep, sweeps, in->view[k].bx, in->view[k].by, map, in->disp_min_px,
-                                      in->range * 64, step);
+    return err ? err : sst_sweep_candidates(&a->swept, sweeps, &in->view[k], in->disp_min_px);
 }
 
 /* A row of a view and of what is around it. */
 struct around_row {
     const uint16_t *own, *far, *near, *flat[SST_AROUND_EXTREMES / 2], *extreme[SST_AROUND_EXTREMES];
     const uint8_t *seen, *agreed; /* NULL: all are; none is */
+    int apart;
 };
 
 static void around_row_init(struct around_row *r, const struct sst_around *a, const struct sst_visible_view *v, int y)
 {
+    r->apart = a->apart;
     r->own = sst_map_u16_row(v->disp, y);
     r->far = sst_map_u16_row(&a->projected.far, y);
     r->near = sst_map_u16_row(&a->projected.near, y);
@@ -239,12 +240,12 @@ static inline int add(list_lanes *list, int count, uint16_t d, int apart)
 }
 
 /* Add the farthest and the nearest of a window that holds a step. */
-static inline int add_extremes(list_lanes *list, int count, const struct around_row *r, int window, int x, int apart)
+static inline int add_extremes(list_lanes *list, int count, const struct around_row *r, int window, int x)
 {
     if (r->flat[window][x])
         return count;
-    count = add(list, count, r->extreme[2 * window][x], apart);
-    return add(list, count, r->extreme[2 * window + 1][x], apart);
+    count = add(list, count, r->extreme[2 * window][x], r->apart);
+    return add(list, count, r->extreme[2 * window + 1][x], r->apart);
 }
 
 /* Add the candidates of the sweep; inside a surface without steps, only those that the map does not have. */
@@ -258,8 +259,9 @@ static inline int add_candidates(list_lanes *list, int count, const struct sst_s
 }
 
 /* Which pixels inside a surface have no other hypothesis than their own disparity, from column `left` on? */
-static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n, int apart)
+static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n)
 {
+    const int apart = r->apart;
     const uint16_t *own = r->own + left, *far = r->far + left, *near = r->near + left;
     const uint16_t *flat = r->flat[SST_AROUND_EXTREMES / 2 - 1] + left;
 
@@ -274,35 +276,36 @@ static void find_alone(uint8_t *restrict alone, const struct around_row *r, int 
 }
 
 /* The hypotheses of a pixel, its own disparity first; unused entries repeat the last, or are 0. @return their number */
-static int list_hypotheses(uint16_t *out, const struct around_row *r, const struct sst_sweep_peak *peak, int x,
-                           int apart)
+static int list_hypotheses(uint16_t *out, const struct around_row *r, const struct sst_sweep_peak *peak, int x)
 {
     const uint16_t near = r->near[x];
+    const int apart = r->apart;
     list_lanes list = { 0 };
     int n = 0;
 
     if (!r->seen || r->seen[x])
         n = add(&list, n, r->own[x], apart);
     if ((!r->seen || r->seen[x]) && !(n && r->agreed && r->agreed[x])) {
-        n = add_extremes(&list, n, r, 0, x, apart);
+        n = add_extremes(&list, n, r, 0, x);
         n = add(&list, n, r->far[x], apart);
         n = add(&list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
         n = add_candidates(&list, n, peak, r->flat[SST_AROUND_EXTREMES / 2 - 1][x], apart);
         for (int i = 1; i < SST_AROUND_EXTREMES / 2; i++)
-            n = add_extremes(&list, n, r, i, x, apart);
+            n = add_extremes(&list, n, r, i, x);
     }
     *(list_lanes *)out = list;
     return n;
 }
 
 void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a, const struct sst_visible_view *v,
-                     int left, int y, int n, int apart)
+                     const struct sst_around_part *part)
 {
+    const int left = part->left, y = part->y, n = part->n;
     struct around_row row;
     int next = 0;
 
     around_row_init(&row, a, v, y);
-    find_alone(count, &row, left, n, apart);
+    find_alone(count, &row, left, n);
     for (int x = left; x < left + n; x = next) {
         const struct sst_sweep_peak *peak = sst_sweep_candidates_at(&a->swept, x, y);
         bool absent = false; /* from the map is some candidate of the sweep */
@@ -316,7 +319,7 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
             if (count[i - left] && !absent)
                 *(list_lanes *)to = (list_lanes){ 0 } + row.own[i];
             else
-                count[i - left] = (uint8_t)list_hypotheses(to, &row, peak, i, apart);
+                count[i - left] = (uint8_t)list_hypotheses(to, &row, peak, i);
         }
     }
 }

@@ -11,7 +11,7 @@
 #include "base/mem.h"
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/surfaces.h"
-#include "pipeline/method/disparity/visible.h"
+#include "pipeline/method/disparity/visible_pass.h"
 
 #define SAMPLED_ROWS       64  /* one in this many is tested whole, to measure what skipped hypotheses change */
 #define STRIP              128 /* columns that are tested together */
@@ -93,7 +93,6 @@ static void count_skipped(const struct tested *t, int y, const uint32_t *chosen)
  * cache for the next. */
 static void test_hypotheses(const struct tested *t)
 {
-    const int apart = sst_max_int(t->p->step, 1);
     struct hypothesis_lists *l = t->lists;
 
     for (int left = 0; left < l->width; left += STRIP) {
@@ -103,7 +102,7 @@ static void test_hypotheses(const struct tested *t)
             const size_t at = (size_t)y * (size_t)l->width + (size_t)left;
             uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
 
-            sst_around_list(hypothesis, l->count + at, t->around, t->view, left, y, n, apart);
+            sst_around_list(hypothesis, l->count + at, t->around, t->view, &(struct sst_around_part){ left, y, n });
             sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, &t->test, left, y, (size_t)n);
             prefer_own(cost, l->count + at, n);
         }
@@ -174,7 +173,7 @@ static int test_view(void *job, int k, int worker)
     err = begin_view(&t, p, k, &p->scratch[worker]);
     if (p->tested[k] == VISIBLE_UNTESTED)
         p->tested[k] = VISIBLE_ON_CPU;
-    err = err ? err : sst_around_init(t.around, p->in, k, p->step, p->sweep, p->sweeps);
+    err = err ? err : sst_around_init(t.around, p->in, k, &p->sweeps);
     if (err)
         return err;
     visible_set_test(&t.test, p, k, nearest);
@@ -248,24 +247,24 @@ static struct sst_gpu_range gather_points(const struct work *w)
 {
     const struct visible_pass *p = w->p;
     const struct sst_visible_view *own = &p->in->view[w->k];
-    const struct sst_sweep_plan *plan = &p->plan;
+    const struct sst_sweep_plan *plan = &p->sweeps.plan;
     const struct sst_gpu_sweep_gather push = { (uint32_t)p->points, plan->levels, plan->cell, plan->cols, plan->rows };
     const size_t levels = (size_t)plan->levels, words = (size_t)plan->cols * (size_t)plan->rows * levels;
     const uint32_t across = SST_GPU_HYPOTHESIS_PIXELS * SST_GPU_HYPOTHESIS_ACROSS;
     const struct sst_gpu_range weights = words_of(w, WEIGHTS, words);
-    int32_t(*shift)[2] = sst_mem_alloc_raw((size_t)p->sweeps * levels + 1, sizeof(*shift));
+    int32_t(*shift)[2] = sst_mem_alloc_raw((size_t)p->sweeps.count * levels + 1, sizeof(*shift));
 
     sst_run_fill(w->r, weights, 0, words, 0);
     sst_run_fail(w->r, shift ? 0 : -ENOMEM);
-    for (int i = 0; shift && i < p->sweeps; i++)
-        sst_sweep_shifts(shift + (size_t)i * levels, plan, own->bx - p->sweep[i].bx, own->by - p->sweep[i].by,
+    for (int i = 0; shift && i < p->sweeps.count; i++)
+        sst_sweep_shifts(shift + (size_t)i * levels, plan, own->bx - p->sweeps.sweep[i].bx, own->by - p->sweeps.sweep[i].by,
                          p->in->disp_min_px);
     if (shift && p->points)
         sst_run_dispatch(w->r, SST_GPU_SWEEP_GATHER, &push,
                          (const uint32_t[]){ SST_GPU_HYPOTHESIS_ACROSS, (push.points + across - 1) / across, 1 },
                          (const struct sst_gpu_range[]){
                              sst_run_upload(w->r, POINTS, p->point, p->points * sizeof(*p->point)),
-                             sst_run_upload(w->r, SHIFTS, shift, (size_t)p->sweeps * levels * sizeof(*shift)),
+                             sst_run_upload(w->r, SHIFTS, shift, (size_t)p->sweeps.count * levels * sizeof(*shift)),
                              weights },
                          SST_GPU_SWEEP_GATHER_BUFFERS);
     sst_mem_free(shift);
@@ -274,7 +273,7 @@ static struct sst_gpu_range gather_points(const struct work *w)
 
 static struct sst_gpu_range pick_peaks(const struct work *w)
 {
-    const struct sst_sweep_plan *plan = &w->p->plan;
+    const struct sst_sweep_plan *plan = &w->p->sweeps.plan;
     const struct sst_gpu_sweep_peaks push = { .width = w->width,
                                               .height = w->height,
                                               .stride = plan->stride,
@@ -298,12 +297,12 @@ static struct sst_gpu_range pick_peaks(const struct work *w)
 
 static void list_surfaces(struct work *w)
 {
-    const struct sst_gpu_surface_rows rows = { w->width, w->height, w->p->step * 3 / 2 };
+    const struct sst_gpu_surface_rows rows = { w->width, w->height, w->p->sweeps.plan.step * 3 / 2 };
     const struct sst_gpu_surface_list list = { .width = w->width,
                                                .height = w->height,
-                                               .apart = sst_max_int(w->p->step, 1),
-                                               .cell = w->p->plan.cell,
-                                               .cols = w->p->plan.cols };
+                                               .apart = sst_max_int(w->p->sweeps.plan.step, 1),
+                                               .cell = w->p->sweeps.plan.cell,
+                                               .cols = w->p->sweeps.plan.cols };
     const struct sst_gpu_range windows = words_of(w, ROWS, 4 * w->pixels);
     const struct sst_gpu_range coded = sst_run_plane(w->r, SST_PLANE_DERIVED, w->k);
     const struct sst_gpu_range projected = project(w);

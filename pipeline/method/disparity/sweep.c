@@ -4,7 +4,7 @@
  * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in
  * space: seen from each view, the disparities where points gather are its candidates.
  */
-#include "pipeline/method/disparity/visible.h"
+#include "pipeline/method/disparity/visible_pass.h"
 
 #include <errno.h>
 #include <math.h>
@@ -29,6 +29,7 @@ void sst_sweep_plan_init(struct sst_sweep_plan *p, int width, int height, int ra
     *p = (struct sst_sweep_plan){
         .width = width,
         .height = height,
+        .step = step,
         .stride = STRIDE * unit,
         .cell = CELL * unit,
         .distinct = DISTINCT,
@@ -98,16 +99,13 @@ static bool is_explained(const struct sst_hypothesis_test *t, int x, int y, uint
     return cost[0] < t->settled;
 }
 
-int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test, const struct sst_map_u16 *disp,
-                   const struct sst_map_u8 *seen, int range_q6, int step)
+int sst_sweep_view(struct sst_sweep *out, const struct sst_sweep_plan *plan, const struct sst_hypothesis_test *test,
+                   const struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
 {
     struct sst_hypothesis_test all = *test;
     uint16_t cost[SST_SWEEP_LEVELS + SST_HYPOTHESES];
-    struct sst_sweep_plan p;
-    int stride;
+    const int stride = plan->stride;
 
-    sst_sweep_plan_init(&p, disp->width, disp->height, range_q6, step);
-    stride = p.stride;
     all.settled = 0;
     out->count = 0;
     out->point = sst_mem_alloc_raw((size_t)(disp->width / stride + 1) * (size_t)(disp->height / stride + 1),
@@ -122,8 +120,8 @@ int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test
             if ((seen && seen->data && !sst_map_u8_row(seen, y)[x]) ||
                 (own != SST_DISP_NONE && is_explained(test, x, y, own)))
                 continue;
-            cost_of_levels(cost, &all, x, y, &p);
-            weight = find_distinct(cost, &p, &best);
+            cost_of_levels(cost, &all, x, y, plan);
+            weight = find_distinct(cost, plan, &best);
             if (weight)
                 out->point[out->count++] =
                     (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)best, (uint16_t)weight };
@@ -223,16 +221,13 @@ static void pick_peaks(struct sst_sweep_peak *peak, const struct gathered *g)
     }
 }
 
-int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweep *sweep, int count, double bx,
-                         double by, const struct sst_map_u16 *disp, double disp_min_px, int range_q6, int step)
+int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweeps *sweeps,
+                         const struct sst_visible_view *view, double disp_min_px)
 {
-    struct gathered g = { 0 };
-    size_t cells, levels;
+    struct gathered g = { .plan = sweeps->plan };
+    const size_t cells = (size_t)g.plan.cols * (size_t)g.plan.rows, levels = (size_t)g.plan.levels;
     bool done;
 
-    sst_sweep_plan_init(&g.plan, disp->width, disp->height, range_q6, step);
-    cells = (size_t)g.plan.cols * (size_t)g.plan.rows;
-    levels = (size_t)g.plan.levels;
     out->cell = g.plan.cell;
     out->cols = g.plan.cols;
     out->peak = sst_mem_alloc_raw(cells * SST_SWEEP_PEAKS, sizeof(*out->peak));
@@ -243,9 +238,12 @@ int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_swee
     if (done) {
         g.sum = g.weight + cells * levels;
         g.mapped_sum = g.mapped + cells * levels;
-        for (int i = 0; i < count; i++)
-            gather(&g, &sweep[i], bx - sweep[i].bx, by - sweep[i].by, disp_min_px);
-        count_map(&g, disp);
+        for (int i = 0; i < sweeps->count; i++) {
+            const struct sst_sweep *s = &sweeps->sweep[i];
+
+            gather(&g, s, view->bx - s->bx, view->by - s->by, disp_min_px);
+        }
+        count_map(&g, view->disp);
         for (size_t i = 0; i < cells; i++) {
             struct sst_sweep_peak *peak = out->peak + i * SST_SWEEP_PEAKS;
             const int col = (int)(i % (size_t)g.plan.cols), row = (int)(i / (size_t)g.plan.cols);
@@ -278,7 +276,7 @@ const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_cand
 
 static bool is_sweep(const void *job, int i)
 {
-    return i < ((const struct visible_pass *)job)->sweeps;
+    return i < ((const struct visible_pass *)job)->sweeps.count;
 }
 
 static int sweep_job(void *job, int i, int worker SST_UNUSED)
@@ -291,8 +289,8 @@ static int sweep_job(void *job, int i, int worker SST_UNUSED)
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
     visible_set_test(&test, p, p->swept[i], nearest);
-    sst_mem_free(p->sweep[i].point);
-    return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
+    sst_mem_free(p->sweeps.sweep[i].point);
+    return sst_sweep_view(&p->sweeps.sweep[i], &p->sweeps.plan, &test, v->disp, v->seen);
 }
 
 /* Points of the words that `sweep_points` leaves. */
@@ -315,7 +313,7 @@ static void sweep_on_device(struct sst_run *r, void *job, int i)
 {
     enum { VIEWS, FOUND };
     struct visible_pass *p = job;
-    const struct sst_sweep_plan *plan = &p->plan;
+    const struct sst_sweep_plan *plan = &p->sweeps.plan;
     const int columns = sst_gpu_sweep_samples(plan->width, plan->stride);
     const int rows = sst_gpu_sweep_samples(plan->height, plan->stride);
     const size_t n = (size_t)columns * (size_t)rows;
@@ -333,12 +331,12 @@ static void sweep_on_device(struct sst_run *r, void *job, int i)
                      SST_GPU_SWEEP_POINTS_BUFFERS);
     words = sst_run_fetch(r, found, n);
     if (words)
-        sst_run_fail(r, take_points(&p->sweep[i], words, columns, rows, plan->stride));
+        sst_run_fail(r, take_points(&p->sweeps.sweep[i], words, columns, rows, plan->stride));
 }
 
 static void swept_points(void *job, int i, struct sst_share_maps *out)
 {
-    struct sst_sweep *s = &((struct visible_pass *)job)->sweep[i];
+    struct sst_sweep *s = &((struct visible_pass *)job)->sweeps.sweep[i];
 
     sst_share_add_list(out, &s->point, &s->count, sizeof(*s->point));
 }
@@ -363,15 +361,16 @@ const struct sst_step disparity_sweep_step = { .name = "sweep",
 int visible_sweep(struct visible_pass *p, struct sst_runner_user *user)
 {
     const struct sst_run_options how = { p->in->share, p->threads, 1, p->in->cancel };
-    int err = sst_run(user, &disparity_sweep_step, p, p->sweeps, &how);
+    const int count = p->sweeps.count;
+    int err = sst_run(user, &disparity_sweep_step, p, count, &how);
     size_t at = 0;
 
-    for (int i = 0; i < p->sweeps; i++)
-        p->points += err ? 0 : p->sweep[i].count;
+    for (int i = 0; i < count; i++)
+        p->points += err ? 0 : p->sweeps.sweep[i].count;
     p->point = err ? NULL : sst_mem_alloc_raw(p->points + 1, sizeof(*p->point));
-    for (int i = 0; p->point && i < p->sweeps; i++) {
-        for (size_t k = 0; k < p->sweep[i].count; k++) {
-            const struct sst_sweep_point *from = &p->sweep[i].point[k];
+    for (int i = 0; p->point && i < count; i++) {
+        for (size_t k = 0; k < p->sweeps.sweep[i].count; k++) {
+            const struct sst_sweep_point *from = &p->sweeps.sweep[i].point[k];
 
             p->point[at++] =
                 (struct sst_gpu_sweep_point){ from->x | (uint32_t)from->y << 16,

@@ -5,7 +5,7 @@
  * tested pixel by pixel against the views around, of which those count in which nothing nearer hides it. What the
  * colours cannot decide, the semi-global optimisation over the hypotheses does.
  */
-#include "pipeline/method/disparity/visible.h"
+#include "pipeline/method/disparity/visible_pass.h"
 
 #include <errno.h>
 #include <math.h>
@@ -176,7 +176,7 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
                                        .width = own->disp->width,
                                        .height = own->disp->height,
                                        .code = p->code,
-                                       .tolerance = p->step,
+                                       .tolerance = p->sweeps.plan.step,
                                        .similar = p->view[k].similar,
                                        .settled = p->in->skip_hypotheses ? VISIBLE_CHEAP : VISIBLE_CHANGE + 1 };
     for (int i = 0; i < t->views; i++) {
@@ -240,7 +240,7 @@ void visible_load(struct visible_tests *l, struct sst_run *r, const struct visib
 
 static void set_penalties(struct visible_pass *p)
 {
-    p->penalty.near = (uint16_t)sst_max_int(p->step / 2, 1);
+    p->penalty.near = (uint16_t)sst_max_int(p->sweeps.plan.step / 2, 1);
     for (int colour = 0; colour < 256; colour++) {
         p->penalty.p1[colour] = P1;
         p->penalty.p2[colour] = (uint16_t)sst_max_int(P2 * EDGE_STEP / (EDGE_STEP + colour), P1);
@@ -250,11 +250,13 @@ static void set_penalties(struct visible_pass *p)
 /* All views are of one size. */
 static void set_plan(struct visible_pass *p)
 {
+    const int step = sst_clamp_int(p->in->range * 64 / LEVELS_RANGE, STEP_LEAST, STEP_MOST);
+
     for (int k = 0; k < p->in->count; k++) {
         const struct sst_visible_view *v = &p->in->view[k];
 
         if (v->image)
-            sst_sweep_plan_init(&p->plan, v->disp->width, v->disp->height, p->in->range * 64, p->step);
+            sst_sweep_plan_init(&p->sweeps.plan, v->disp->width, v->disp->height, p->in->range * 64, step);
     }
 }
 
@@ -266,9 +268,9 @@ static void set_sweeps(struct visible_pass *p)
 
         if (!v->image || (lround(v->bx) + 2 * lround(v->by)) % SWEPT)
             continue;
-        p->sweep[p->sweeps].bx = v->bx;
-        p->sweep[p->sweeps].by = v->by;
-        p->swept[p->sweeps++] = k;
+        p->sweeps.sweep[p->sweeps.count].bx = v->bx;
+        p->sweeps.sweep[p->sweeps.count].by = v->by;
+        p->swept[p->sweeps.count++] = k;
     }
 }
 
@@ -277,17 +279,16 @@ int visible_pass_init(struct visible_pass *p)
     const size_t count = (size_t)p->in->count;
     int err;
 
-    p->step = sst_clamp_int(p->in->range * 64 / LEVELS_RANGE, STEP_LEAST, STEP_MOST);
     p->view = calloc(count, sizeof(*p->view));
     p->out = calloc(count, sizeof(*p->out));
     p->confidence = calloc(count, sizeof(*p->confidence));
     p->scratch = calloc((size_t)p->threads + 1, sizeof(*p->scratch));
     p->counted = calloc(count, sizeof(*p->counted));
     p->tested = calloc(count, sizeof(*p->tested));
-    p->sweep = calloc(count, sizeof(*p->sweep));
+    p->sweeps.sweep = calloc(count, sizeof(*p->sweeps.sweep));
     p->swept = calloc(count, sizeof(*p->swept));
     p->code = sst_mem_alloc_raw(65536, 1);
-    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->tested || !p->sweep || !p->swept ||
+    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->tested || !p->sweeps.sweep || !p->swept ||
         !p->code)
         return -ENOMEM;
     set_codes(p);
@@ -312,8 +313,8 @@ void visible_pass_fini(struct visible_pass *p)
         if (p->out && p->confidence)
             drop_maps(p, k);
     }
-    for (int i = 0; i < p->sweeps; i++)
-        sst_sweep_fini(&p->sweep[i]);
+    for (int i = 0; i < p->sweeps.count; i++)
+        sst_sweep_fini(&p->sweeps.sweep[i]);
     for (int i = 0; p->scratch && i <= p->threads; i++) {
         hypothesis_lists_fini(&p->scratch[i].lists);
         sst_around_fini(&p->scratch[i].around);
@@ -321,7 +322,7 @@ void visible_pass_fini(struct visible_pass *p)
     free(p->scratch);
     free(p->counted);
     free(p->tested);
-    free(p->sweep);
+    free(p->sweeps.sweep);
     free(p->swept);
     sst_mem_free(p->point);
     sst_mem_free(p->code);
@@ -370,6 +371,7 @@ struct visible_pass *visible_sample(uint32_t seed)
     for (int k = 0; !err && repair && k < s->in.count; k++)
         err = s->view[k].image ? set_agreed(&s->agreed[k], &s->disp[k]) : 0;
     err = err ? err : visible_pass_init(p);
+    p->sweeps.plan.gathered = 600; /* candidates of few points */
     if (!err)
         return p;
     visible_sample_free(p);

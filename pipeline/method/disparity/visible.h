@@ -1,110 +1,200 @@
-/* pipeline/method/disparity/visible.h - the second pass over the views of a light field, of which the sweep (sweep.c) and
- * the tests of hypotheses (surfaces.c) are steps. */
+/* pipeline/method/disparity/visible.h - passes over the maps of all views of a light field: the second pass, carried
+ * maps, refinement between pixels. */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 
-#include "pipeline/gpu/sweep.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "base/mem.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/disparity.h"
 
-#define VISIBLE_CHANGE 40 /* penalty of a disparity other than the first pass's */
-#define VISIBLE_CHEAP  96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
-
-/** A view whose pixels have depth codes, with a margin. */
-struct visible_packed {
-    uint32_t *memory, *pixels; /* pixels: (0, 0) */
-    ptrdiff_t stride;
-    int similar; /* levels, by the picture's noise */
+/** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
+struct sst_visible_view {
+    const struct sst_image *image; /* at full size; NULL: no view here */
+    const struct sst_map_u8 *seen; /* 0 where pixels must not be matched; NULL or empty: all may be */
+    struct sst_map_u16 *disp;      /* in and out; SST_DISP_NONE: unknown */
+    struct sst_map_u8 *confidence; /* in and out */
+    double bx, by;
+    bool carried;              /* not matched: its map comes from the matched views */
+    struct sst_map_u8 *agreed; /* out of sst_disparity_carry(): 255 where most sources put the same surface and none
+                                  another, nearer or behind it; NULL: not wanted; empty: nowhere */
 };
 
-/** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
-struct hypothesis_lists {
-    int width, height;
-    uint16_t *hypothesis, *cost, *sum;
-    uint8_t *count;
-    uint16_t *line[2]; /* paths of two rows */
-    uint8_t *colour;   /* steps of a row */
+struct sst_visible_views {
+    struct sst_visible_view *view; /* [count] */
+    int count;
+    int scale;                           /* of the maps: 1 full size, 2 half size */
+    double disp_min_px;                  /* at their size */
+    int range;                           /* whole pixels from there */
+    bool repair;                         /* sst_disparity_visible(): the carried views, not the matched ones */
+    bool skip_hypotheses;                /* see struct sst_disparity_config */
+    struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
+    const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
+    struct sst_share *share;             /* as there */
+    struct sst_disparity_device *device; /* as there */
 };
 
-/** Memory of a thread, used for one view after the other. */
-struct visible_scratch {
-    struct hypothesis_lists lists;
-    struct sst_around around;
+/**
+ * The views nearest to view k, sorted by distance and number. Displacements are 32-bit numbers in 2^-16 px: views so
+ * far away that they do not fit are left out, nothing of view k is seen there.
+ *
+ * @param most     at most SST_HYPOTHESIS_VIEWS
+ * @param nearest  out [most], indices of in->view
+ * @return their number
+ */
+int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int *nearest);
+
+/** Views that processes exchange together (sst_share_block()). */
+int sst_visible_block(const struct sst_visible_views *in);
+
+/* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
+ * that can distinguish. */
+#define SST_VISIBLE_LEAST 6 /* views */
+#define SST_VISIBLE_RANGE 8 /* px */
+
+/**
+ * The second pass (design.md, 5.7): choose each pixel's disparity again, among those of the surfaces around it, by its
+ * colours in the views where it is visible. Of the matched views, or of the carried ones (`repair`); the maps of the
+ * others stay and only hide what is behind them. Where a carried pixel's sources agree, it stays.
+ *
+ * @param rounds  1 or more: each starts from the maps of the last one
+ * @return 0, -ENOMEM, -ECANCELED; the maps then are those of the last whole round
+ */
+SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
+
+/**
+ * Carry the maps of the matched views to the others (design.md, 5.7), which become dense.
+ *
+ * @param status  [count] enum sst_disparity_check of the matched views' pixels; out for the others: pixels whose
+ *                disparity comes from a correct one are correct, all others occluded; NULL: none is correct
+ * @return 0, -ENOMEM, -ECANCELED
+ */
+SST_MUST_CHECK int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads);
+
+/** Percent of a matched view's disparities that differ by more than 1 px from those carried to it from the other
+ * matched views, which are farther from it than those that a carried view has. NaN: none to compare. */
+SST_MUST_CHECK int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k,
+                                             double *percent);
+
+/* Surfaces that the first pass missed (design.md, 5.7, sweep.c). Disparities are tested at levels of half of a step,
+ * from the disparity of stored value 0 on. */
+#define SST_SWEEP_PEAKS 6
+
+/** Points in space that one view found. */
+struct sst_sweep {
+    struct sst_sweep_point {
+        uint16_t x, y, level, weight;
+    } * point; /* owned */
+    size_t count;
+    double bx, by; /* of the view; set by the caller */
 };
 
-/** See struct sst_disparity_report. */
-struct visible_counted {
-    int64_t hypotheses, skipped, samples, changed;
+#define SST_SWEEP_LEVELS 256 /* at most */
+
+/** Parameters of a sweep and of its candidates, the same for all views of a size. */
+struct sst_sweep_plan {
+    int width, height;         /* of a view */
+    int step;                  /* 1/64 px: surfaces that are nearer to each other are one */
+    int stride;                /* px between sparse pixels, from half of it on */
+    int level, levels;         /* disparities that are tested: multiples of `level`, 1/64 px */
+    int apart;                 /* levels: nearer ones explain a pixel together */
+    int distinct, weight_most; /* least and largest distance to the cost of the next one that counts */
+    int cell, cols, rows;      /* px of a cell's side; cells of a view */
+    int peaks_apart;           /* levels: nearer ones are one candidate */
+    uint32_t gathered, mapped; /* least weight of a candidate; most sparse pixels of a map, counted twice, that do
+                                  not make a surface */
 };
 
-struct visible_pass {
-    const struct sst_visible_views *in;
-    int threads;
-    int step;                      /* 1/64 px: surfaces that are nearer to each other are one */
-    uint8_t *code;                 /* [65536], see struct sst_hypothesis_test */
-    struct visible_packed *view;   /* [in->count] */
-    struct sst_map_u16 *out;       /* [in->count] of a round, as the next one */
-    struct sst_map_u8 *confidence; /* [in->count] */
-    struct sst_hypothesis_penalty penalty;
-    struct visible_scratch *scratch; /* [threads + 1]: the last one for views on a device */
+void sst_sweep_plan_init(struct sst_sweep_plan *plan, int width, int height, int range_q6, int step);
+
+/**
+ * Whole pixels that a point of each level moves by to a view at offset (bx, by), so that it is found in the right cell:
+ * it is at (x, y) - shift there.
+ *  shift  out [plan->levels] along x and y
+ */
+void sst_sweep_shifts(int32_t (*shift)[2], const struct sst_sweep_plan *plan, double bx, double by, double disp_min_px);
+
+/**
+ * Find the points of sparse pixels that their own disparity does not explain, as `test` decides it.
+ * @param out  out; sst_sweep_fini() frees it, also after a failure
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_sweep_view(struct sst_sweep *out, const struct sst_sweep_plan *plan,
+                                  const struct sst_hypothesis_test *test, const struct sst_map_u16 *disp,
+                                  const struct sst_map_u8 *seen);
+void sst_sweep_fini(struct sst_sweep *s);
+
+/** Points of several views. */
+struct sst_sweeps {
     struct sst_sweep_plan plan;
-    struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
-    int *swept;              /* [sweeps] these views */
-    int sweeps;
-    struct sst_gpu_sweep_point *point; /* [points] of all sweeps */
-    size_t points;
-    struct visible_counted *counted, all; /* [in->count] of a round; of all rounds and views */
-    enum visible_tested { VISIBLE_UNTESTED = 0, VISIBLE_ON_DEVICE = 1, VISIBLE_ON_CPU = 2 } *tested; /* [in->count] */
-    struct disparity_sample *sample; /* that these are of; or NULL */
+    struct sst_sweep *sweep; /* [count] */
+    int count;
 };
 
-/** Prepare a pass: pictures, depth codes, views that are swept. @param p  in and threads are set, the rest is 0
- * @return 0, -ENOMEM; visible_pass_fini() frees all, also after a failure */
-SST_MUST_CHECK int visible_pass_init(struct visible_pass *p);
-void visible_pass_fini(struct visible_pass *p);
-
-/** A pass over a sample, for sst_step_check(). @return NULL: no memory */
-struct visible_pass *visible_sample(uint32_t seed);
-void visible_sample_free(void *pass);
-
-/** Tests of view k. @param nearest  out [SST_HYPOTHESIS_VIEWS]: the views that it is tested against */
-void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int *nearest);
-
-/** The same on a device. */
-struct visible_tests {
-    struct sst_hypothesis_test test;
-    struct sst_gpu_hypothesis_cost push;
-    struct sst_gpu_range views, pixels; /* struct sst_gpu_hypothesis_view[]; of all views, with depth codes */
+/** Disparities at which points gather, by cell of a view. */
+struct sst_sweep_candidates {
+    int cell, cols; /* px of a side; cells of a row */
+    struct sst_sweep_peak {
+        uint16_t disp; /* SST_DISP_NONE: no more */
+        bool absent;   /* the view's map hardly has it around there */
+    } * peak;          /* [rows][cols][SST_SWEEP_PEAKS], heaviest first; owned */
 };
 
-/** Load view k and those that it is tested against. @param scratch  for the list of views */
-void visible_load(struct visible_tests *t, struct sst_run *r, const struct visible_pass *p, int k, int scratch);
+/**
+ * Candidates of a view from the points of sweeps.
+ * @param out  out; sst_sweep_candidates_fini() frees it, also after a failure
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweeps *sweeps,
+                                        const struct sst_visible_view *view, double disp_min_px);
+void sst_sweep_candidates_fini(struct sst_sweep_candidates *c);
 
-/** Functions of steps over the pass. */
-void visible_pass_source(const void *pass, int k, struct sst_plane_source *out);
-void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to);
+/** [SST_SWEEP_PEAKS] candidates at a pixel. */
+const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y);
 
-/** Points of the views that are swept. @return 0, -ENOMEM, -ECANCELED */
-SST_MUST_CHECK int visible_sweep(struct visible_pass *p, struct sst_runner_user *user);
+#define SST_AROUND_EXTREMES 6 /* farthest and nearest in windows of three sizes */
 
-/** A round of tests. @return 0, -ENOMEM, -ECANCELED */
-SST_MUST_CHECK int visible_test(struct visible_pass *p, struct sst_runner_user *user);
+/** Surfaces around each pixel of a view; zeroed before the first one. Its maps are written again for the next view. */
+struct sst_around {
+    struct sst_map_u16 steps;
+    struct sst_map_u16 flat[SST_AROUND_EXTREMES / 2]; /* 0 where the window holds a step: a slant alone has none */
+    struct sst_map_u16 extreme[SST_AROUND_EXTREMES];
+    struct {
+        struct sst_map_u16 far, near; /* of other views: the farthest (SST_DISP_NONE: none) and the nearest (0) */
+    } projected;
+    struct sst_sweep_candidates swept;
+    int apart; /* least difference between two hypotheses of a pixel, 1/64 px */
+    struct sst_mem_kept lines;
+};
 
-/* --- hypotheses.c --- */
+/** Gather the surfaces of view k. @return 0, -ENOMEM; sst_around_fini() frees all, also after a failure */
+SST_MUST_CHECK int sst_around_init(struct sst_around *a, const struct sst_visible_views *in, int k,
+                                   const struct sst_sweeps *sweeps);
+void sst_around_fini(struct sst_around *a);
 
-/** Lists of this size, of any content. @return 0, -ENOMEM; hypothesis_lists_fini() frees them, also after a failure */
-SST_MUST_CHECK int hypothesis_lists_init(struct hypothesis_lists *l, int width, int height);
-void hypothesis_lists_fini(struct hypothesis_lists *l);
+/** Pixels of a row. */
+struct sst_around_part {
+    int left, y, n;
+};
 
-/** The two paths along row y, its first sums. */
-void hypothesis_paths_along(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
-                            const struct sst_packed_view *view, int y);
+/**
+ * Hypotheses of pixels of view v, a pixel's own disparity first; unused entries are any number.
+ * @param list   out [n][SST_HYPOTHESES]
+ * @param count  out [n]; 0: nothing is known, or the pixel must not be matched
+ */
+void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a, const struct sst_visible_view *v,
+                     const struct sst_around_part *part);
 
-/** The path from above (dir 1) or below (dir -1) through all rows, added to the sums. */
-void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
-                           const struct sst_packed_view *view, int dir);
+/* Sub-pixel refinement pays where the range is narrow: steps of the first pass are then coarse against it. */
+#define SST_SUBPIXEL_RANGE 16 /* px: wider light fields are not refined */
 
-/** The cheapest hypothesis of each pixel of row y; where it is not the pixel's own disparity, the confidence is the
- *  distance to the next. */
-void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *disp, uint8_t *confidence);
+/**
+ * Refine disparities by the luma of the views around, in small windows, by at most 20/64 px (design.md, 5.8).
+ * Confidences are not used.
+ *
+ * @param steps  of Gauss-Newton, 1 or more
+ * @param views  compared at most, 1..SST_SUBPIXEL_VIEWS
+ * @return 0, -ENOMEM, -ECANCELED; the maps are unchanged then
+ */
+SST_MUST_CHECK int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads);
 
 #endif

@@ -1,0 +1,107 @@
+/* pipeline/method/disparity/visible_pass.h - the second pass over the views of a light field, of which the sweep (sweep.c) and
+ * the tests of hypotheses (surfaces.c) are steps. */
+#ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
+#define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
+
+#include "pipeline/gpu/sweep.h"
+#include "pipeline/method/disparity/disparity_internal.h"
+
+#define VISIBLE_CHANGE 40 /* penalty of a disparity other than the first pass's */
+#define VISIBLE_CHEAP  96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
+
+/** A view whose pixels have depth codes, with a margin. */
+struct visible_packed {
+    uint32_t *memory, *pixels; /* pixels: (0, 0) */
+    ptrdiff_t stride;
+    int similar; /* levels, by the picture's noise */
+};
+
+/** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
+struct hypothesis_lists {
+    int width, height;
+    uint16_t *hypothesis, *cost, *sum;
+    uint8_t *count;
+    uint16_t *line[2]; /* paths of two rows */
+    uint8_t *colour;   /* steps of a row */
+};
+
+/** Memory of a thread, used for one view after the other. */
+struct visible_scratch {
+    struct hypothesis_lists lists;
+    struct sst_around around;
+};
+
+/** See struct sst_disparity_report. */
+struct visible_counted {
+    int64_t hypotheses, skipped, samples, changed;
+};
+
+struct visible_pass {
+    const struct sst_visible_views *in;
+    int threads;
+    uint8_t *code;                 /* [65536], see struct sst_hypothesis_test */
+    struct visible_packed *view;   /* [in->count] */
+    struct sst_map_u16 *out;       /* [in->count] of a round, as the next one */
+    struct sst_map_u8 *confidence; /* [in->count] */
+    struct sst_hypothesis_penalty penalty;
+    struct visible_scratch *scratch; /* [threads + 1]: the last one for views on a device */
+    struct sst_sweeps sweeps;
+    int *swept; /* [sweeps.count] these views */
+    struct sst_gpu_sweep_point *point; /* [points] of all sweeps */
+    size_t points;
+    struct visible_counted *counted, all; /* [in->count] of a round; of all rounds and views */
+    enum visible_tested { VISIBLE_UNTESTED = 0, VISIBLE_ON_DEVICE = 1, VISIBLE_ON_CPU = 2 } *tested; /* [in->count] */
+    struct disparity_sample *sample; /* that these are of; or NULL */
+};
+
+/** Prepare a pass: pictures, depth codes, views that are swept. @param p  in and threads are set, the rest is 0
+ * @return 0, -ENOMEM; visible_pass_fini() frees all, also after a failure */
+SST_MUST_CHECK int visible_pass_init(struct visible_pass *p);
+void visible_pass_fini(struct visible_pass *p);
+
+/** A pass over a sample, for sst_step_check(). @return NULL: no memory */
+struct visible_pass *visible_sample(uint32_t seed);
+void visible_sample_free(void *pass);
+
+/** Tests of view k. @param nearest  out [SST_HYPOTHESIS_VIEWS]: the views that it is tested against */
+void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int *nearest);
+
+/** The same on a device. */
+struct visible_tests {
+    struct sst_hypothesis_test test;
+    struct sst_gpu_hypothesis_cost push;
+    struct sst_gpu_range views, pixels; /* struct sst_gpu_hypothesis_view[]; of all views, with depth codes */
+};
+
+/** Load view k and those that it is tested against. @param scratch  for the list of views */
+void visible_load(struct visible_tests *t, struct sst_run *r, const struct visible_pass *p, int k, int scratch);
+
+/** Functions of steps over the pass. */
+void visible_pass_source(const void *pass, int k, struct sst_plane_source *out);
+void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to);
+
+/** Points of the views that are swept. @return 0, -ENOMEM, -ECANCELED */
+SST_MUST_CHECK int visible_sweep(struct visible_pass *p, struct sst_runner_user *user);
+
+/** A round of tests. @return 0, -ENOMEM, -ECANCELED */
+SST_MUST_CHECK int visible_test(struct visible_pass *p, struct sst_runner_user *user);
+
+/* --- hypotheses.c --- */
+
+/** Lists of this size, of any content. @return 0, -ENOMEM; hypothesis_lists_fini() frees them, also after a failure */
+SST_MUST_CHECK int hypothesis_lists_init(struct hypothesis_lists *l, int width, int height);
+void hypothesis_lists_fini(struct hypothesis_lists *l);
+
+/** The two paths along row y, its first sums. */
+void hypothesis_paths_along(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
+                            const struct sst_packed_view *view, int y);
+
+/** The path from above (dir 1) or below (dir -1) through all rows, added to the sums. */
+void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
+                           const struct sst_packed_view *view, int dir);
+
+/** The cheapest hypothesis of each pixel of row y; where it is not the pixel's own disparity, the confidence is the
+ *  distance to the next. */
+void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *disp, uint8_t *confidence);
+
+#endif
