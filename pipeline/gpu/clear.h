@@ -1,7 +1,7 @@
 /* pipeline/gpu/clear.h - the shaders `clear_land` and `clear_blend`: the clear picture (design.md, 5.6).
  *
  * clear_land is clear_removed, clear_state and clear_land of pipeline/kernels/kernels.h for all views at once, and
- * gives the same numbers. clear_blend is clear_surface, clear_take and clear_blend for all pixels; it takes the same
+ * gives the same numbers; landed rays are 0 before. clear_blend is clear_surface, clear_take and clear_blend for all pixels; it takes the same
  * rays at the same positions; the disparities of surfaces are the reference's, and colours, weights and support differ
  * from its by at most SST_GPU_CLEAR_LEVELS.
  */
@@ -38,7 +38,6 @@ struct sst_gpu_clear {
     int32_t coarse;                      /* of struct sst_clear_view */
     int32_t rays;                        /* of full weight that make up a pixel */
     uint32_t views;                      /* nearest to the viewpoint first */
-    uint32_t zero;                       /* clear_land: not 0: only set the landed rays to 0 */
     float disp_min_px, disp_min_rest_px; /* their sum */
     int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
     uint32_t merged;                     /* clear_blend: not 0: what is seen is written, too */
@@ -46,15 +45,15 @@ struct sst_gpu_clear {
     uint32_t sampled;                    /* clear_blend: not 0: rays were sampled from raw frames (clear_sample.h) */
 };
 
-/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view, from its first row on;
- * with `zero` of the picture's rows. */
+/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view, from its first row on.
+ */
 enum sst_gpu_clear_land_buffer {
     SST_GPU_LAND_VIEWS = 0,  /* struct sst_gpu_clear_view[views] */
     SST_GPU_LAND_PIXELS = 1, /* as of blend.h */
     SST_GPU_LAND_DISP = 2,
     SST_GPU_LAND_VALID = 3,
     SST_GPU_LAND_MASKS = 4,  /* a byte each, as valid pixels are */
-    SST_GPU_LAND_LANDED = 5, /* out, uint32_t[views][rows][pitch] */
+    SST_GPU_LAND_LANDED = 5, /* in and out, uint32_t[views][rows][pitch] */
     SST_GPU_LAND_BUFFERS
 };
 

@@ -12,19 +12,17 @@
 /** Constants of both (std430, pipeline/kernels/hole.glsl). */
 struct sst_gpu_hole {
     int32_t width, height; /* of the finer level, or of the picture; the coarser one has half of it, rounded up */
-    int32_t top, rows;     /* rows of the finer one to work on; of the picture those that are in its buffer. `top` is
-                              even, and so is `rows` but at the end */
     uint32_t finer;        /* where the levels begin in their buffer; not read with from_picture */
     uint32_t coarser;
     uint32_t from_picture; /* not 0: the finer level is the picture */
 };
 
-/** Buffers, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels: of the coarser level for hole_pull, from row
- *  top / 2 on; of the finer one for hole_push, from row `top` on. */
+/** Buffers, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels: of the coarser level for hole_pull, of the finer
+ * one for hole_push. */
 enum sst_gpu_hole_buffer {
     SST_GPU_HOLE_LEVELS = 0,  /* in and out, float[4] a pixel, levels one after the other: R, G, B times weight, the
                                  weight 0..1; once filled R, G, B */
-    SST_GPU_HOLE_PICTURE = 1, /* in, of hole_push also out: uint32_t[rows * width]: R, G, B, weight 0..255 */
+    SST_GPU_HOLE_PICTURE = 1, /* in, of hole_push also out: uint32_t[height * width]: R, G, B, weight 0..255 */
     SST_GPU_HOLE_BUFFERS
 };
 

@@ -7,12 +7,6 @@
 #define SST_PIPELINE_GPU_SHADER_LIST_H
 
 #define SST_GPU_SHADER_LIST(X)                                                                                         \
-    X(CLEAR_LAND, clear_land, SST_GPU_LAND_BUFFERS, sst_gpu_clear)                                                     \
-    X(CLEAR_BLEND, clear_blend, SST_GPU_CLEAR_BUFFERS, sst_gpu_clear)                                                  \
-    X(CLEAR_SURFACE, clear_surface, SST_GPU_SURFACE_BUFFERS, sst_gpu_clear)                                            \
-    X(CLEAR_SAMPLE, clear_sample, SST_GPU_SAMPLE_BUFFERS, sst_gpu_clear_sample)                                        \
-    X(HOLE_PULL, hole_pull, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
-    X(HOLE_PUSH, hole_push, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
     X(SGM_PATH, sgm_path, SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                            \
     X(WINNER, winner, SST_GPU_WINNER_BUFFERS, sst_gpu_winner)                                                          \
     X(CENSUS, census, SST_GPU_CENSUS_BUFFERS, sst_gpu_census)                                                          \
@@ -40,6 +34,12 @@
     X(VERIFY_RAYS, verify_rays, SST_GPU_RAYS_BUFFERS, sst_gpu_verify)                                                  \
     X(VERIFY_MODE, verify_mode, SST_GPU_MODE_BUFFERS, sst_gpu_verify)                                                  \
     X(VERIFY_BLEND, verify_blend, SST_GPU_MIX_BUFFERS, sst_gpu_verify)                                                 \
+    X(CLEAR_LAND, clear_land, SST_GPU_LAND_BUFFERS, sst_gpu_clear)                                                     \
+    X(CLEAR_BLEND, clear_blend, SST_GPU_CLEAR_BUFFERS, sst_gpu_clear)                                                  \
+    X(CLEAR_SURFACE, clear_surface, SST_GPU_SURFACE_BUFFERS, sst_gpu_clear)                                            \
+    X(CLEAR_SAMPLE, clear_sample, SST_GPU_SAMPLE_BUFFERS, sst_gpu_clear_sample)                                        \
+    X(HOLE_PULL, hole_pull, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
+    X(HOLE_PUSH, hole_push, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
     X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
     X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
     X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \

@@ -21,7 +21,7 @@ layout(std430, binding = 5) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
-    uint views, zero;
+    uint views;
     float disp_min, disp_min_rest;
     int as_others;
     uint merged;

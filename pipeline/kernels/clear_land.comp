@@ -19,7 +19,7 @@ layout(std430, binding = 5) buffer Landed { uint landed[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
-    uint views, zero;
+    uint views;
     float disp_min, disp_min_rest;
     int as_others;
     uint merged;
@@ -59,16 +59,11 @@ bool is_removed(uint k, int x, int y)
 void main()
 {
     const int x = int(gl_GlobalInvocationID.x), row = int(gl_GlobalInvocationID.y);
-    const uint k = gl_GlobalInvocationID.z, plane = uint(rows) * uint(pitch);
+    const uint k = gl_GlobalInvocationID.z;
     bool beside = false;
 
     if (x >= width || k >= views)
         return;
-    if (zero != 0) {
-        if (row < rows)
-            landed[k * plane + uint(row) * uint(pitch) + uint(x)] = 0;
-        return;
-    }
     const int y = view[k].top + row;
 
     if (y >= view[k].end)
@@ -85,5 +80,5 @@ void main()
         return;
     for (int i = 0; i < 9; i++)
         beside = beside || is_removed(k, x + i % 3 - 1, y + i / 3 - 1);
-    atomicMax(landed[k * plane + uint(to_row) * uint(pitch) + uint(to_x)], 2 * (d >> coarse) + 2 + (beside ? 0 : 1));
+    atomicMax(landed[(k * uint(rows) + uint(to_row)) * uint(pitch) + uint(to_x)], 2 * (d >> coarse) + 2 + (beside ? 0 : 1));
 }

@@ -10,7 +10,7 @@ layout(std430, binding = 1) writeonly buffer State { uint state[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
-    uint views, zero;
+    uint views;
     float disp_min, disp_min_rest;
     int as_others;
     uint merged;

@@ -4,7 +4,7 @@ layout(std430, binding = 0) buffer Levels { vec4 level[]; };
 layout(std430, binding = 1) buffer Picture { uint picture[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, top, rows;
+    int width, height;
     uint finer, coarser, from_picture;
 };
 

@@ -14,7 +14,7 @@ vec4 finer_at(int x, int y)
 {
     if (from_picture == 0)
         return level[finer + uint(y * width + x)];
-    const uint word = picture[uint((y - top) * width + x)];
+    const uint word = picture[uint(y * width + x)];
     const float w = weight_of(word);
     precise vec3 colour = w * rgb(word);
 
@@ -29,10 +29,10 @@ float share(float sum, float weights)
 void main()
 {
     const ivec2 size = ivec2((width + 1) / 2, (height + 1) / 2);
-    const int x = int(gl_GlobalInvocationID.x), y = top / 2 + int(gl_GlobalInvocationID.y);
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
     precise vec4 sum = vec4(0.0);
 
-    if (x >= size.x || 2 * y >= top + rows)
+    if (x >= size.x || y >= size.y)
         return;
     for (int sy = 2 * y; sy < min(2 * y + 2, height); sy++) {
         for (int sx = 2 * x; sx < min(2 * x + 2, width); sx++)

@@ -35,15 +35,15 @@ void push_level(int x, int y)
 
 void main()
 {
-    const int x = int(gl_GlobalInvocationID.x), y = top + int(gl_GlobalInvocationID.y);
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
 
-    if (x >= width || y >= top + rows)
+    if (x >= width || y >= height)
         return;
     if (from_picture == 0) {
         push_level(x, y);
         return;
     }
-    const uint at = uint((y - top) * width + x), word = picture[at];
+    const uint at = uint(y * width + x), word = picture[at];
 
     if (word >> 24 == 255)
         return;

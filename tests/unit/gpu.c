@@ -63,13 +63,10 @@ static void test_memory(void **state)
 static void test_faults(void **state)
 {
     static const int dispatches[SST_GPU_SHADERS] = {
-        [SST_GPU_CLEAR_LAND] = 4,      [SST_GPU_CLEAR_BLEND] = 3,
         [SST_GPU_SGM_PATH] = 32,       [SST_GPU_WINNER] = 2,          [SST_GPU_CENSUS] = 1,
         [SST_GPU_MATCH_COST] = 5,      [SST_GPU_SUPPORT_ARMS] = 1,    [SST_GPU_SUPPORT_SUM] = 1,
         [SST_GPU_SUPPORT_MEAN] = 1,    [SST_GPU_MEDIAN] = 1,          [SST_GPU_BILATERAL] = 1,
         [SST_GPU_HYPOTHESIS_COST] = 3, [SST_GPU_HYPOTHESIS_PATH] = 4, [SST_GPU_HYPOTHESIS_CHOICE] = 1,
-        [SST_GPU_HOLE_PULL] = 3,       [SST_GPU_HOLE_PUSH] = 3,       [SST_GPU_CLEAR_SURFACE] = 2,
-        [SST_GPU_CLEAR_SAMPLE] = 3,
     }; /* of its self-test; 0: it has none, or the same as another shader */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;

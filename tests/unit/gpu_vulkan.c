@@ -169,7 +169,7 @@ static void test_frames_in_bands(void **state)
     assert_int_equal(frames_make(&field), 0);
     assert_int_equal(sst_renderer_create(&cpu, &field.raw, 2), 0);
     assert_int_equal(sst_renderer_create(&gpu, &field.raw, 2), 0);
-    assert_int_equal(sst_renderer_use_device(gpu, "lavapipe", (uint64_t)2000 << 10), 0);
+    assert_int_equal(sst_renderer_use_device(gpu, "lavapipe", (uint64_t)1000 << 10), 0);
     want = frames_render(cpu, &field.raw, &cfg);
     got = frames_render(gpu, &field.raw, &cfg);
     assert_int_equal(frames_count(&want, &got, SST_GPU_CLEAR_LEVELS), 0);

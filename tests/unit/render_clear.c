@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 

@@ -1,4 +1,4 @@
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -190,16 +190,16 @@ static size_t place_scratch(struct scratch *s, uint8_t *at, const struct clear *
     return 4 * row + 5 * slots + 2 * lists;
 }
 
-static int allocate(struct clear *c, int threads)
+static int allocate(struct clear *c)
 {
     const size_t scratch = place_scratch(NULL, NULL, c);
     uint8_t *rows;
 
-    c->scratch = calloc((size_t)threads, sizeof(*c->scratch));
-    c->rows = rows = sst_mem_alloc_raw((size_t)threads, scratch);
+    c->scratch = calloc((size_t)c->threads, sizeof(*c->scratch));
+    c->rows = rows = sst_mem_alloc_raw((size_t)c->threads, scratch);
     if (!c->scratch || !rows)
         return -ENOMEM;
-    for (int i = 0; i < threads; i++)
+    for (int i = 0; i < c->threads; i++)
         place_scratch(&c->scratch[i], rows + (size_t)i * scratch, c);
     return 0;
 }
@@ -210,11 +210,12 @@ static int cut_q6(const struct sst_lightfield *lf, double cut_px)
     return (int)sst_clamp_double((cut_px - lf->disp_min_px) * SST_DISP_SCALE, -1, SST_DISP_NONE);
 }
 
-static void clear_fini(struct clear *c)
+void clear_fini(struct clear *c)
 {
     landed_give_back(c);
     free(c->scratch);
     sst_mem_free(c->rows);
+    sst_render_plan_fini(&c->plan);
 }
 
 /* Between the views there are rays for every viewpoint; outside there are not. */
@@ -275,27 +276,31 @@ static int count_bins(const struct sst_renderer *r)
                        known ? sst_min_int(sst_disp_q6(r->lf, r->lf->range_max_px) + 1, SST_DISP_NONE) : 0);
 }
 
-/* Views and limits. */
-static int clear_init(struct clear *c, const struct sst_render_plan *p, struct sst_renderer *r,
-                      const struct sst_render_config *cfg)
+int clear_init(struct clear *c, struct sst_renderer *r, const struct sst_render_config *cfg)
 {
-    int err = check_config(cfg, p);
+    const struct sst_render_plan *p = &c->plan;
+    int err;
 
-    *c = (struct clear){ 0 };
+    memset(c, 0, sizeof(*c));
+    err = plan_views(&c->plan, r, cfg);
+    err = err ? err : check_config(cfg, p);
     if (err)
         return err;
-    *c = (struct clear){ .renderer = r,
-                         .lf = p->lf,
-                         .cfg = cfg,
-                         .width = p->lf->width,
-                         .height = p->lf->height,
-                         .bins = count_bins(r),
-                         .cut_q6 = cut_q6(p->lf, cfg->cut_px),
-                         .stride = sst_mem_stride((size_t)p->lf->width, 2) / 2,
-                         .kernels = sst_kernels_get() };
+    c->renderer = r;
+    c->lf = p->lf;
+    c->cfg = cfg;
+    c->threads = sst_thread_count(cfg->threads);
+    c->width = p->lf->width;
+    c->height = p->lf->height;
+    c->bins = count_bins(r);
+    c->cut_q6 = cut_q6(p->lf, cfg->cut_px);
     c->coarse = c->bins > 0x7FFF;
-    for (int i = 0; i < p->count; i++)
+    c->stride = sst_mem_stride((size_t)c->width, 2) / 2;
+    c->kernels = sst_kernels_get();
+    for (int i = 0; i < p->count; i++) {
         add_view(c, &p->tap[i]);
+        c->sampled |= p->sampled && p->tap[i].frame;
+    }
     if (cfg->merge || (p->sampled && c->lf->images_raw))
         return 0;
     err = p->pending && !p->sampled ? render_need_view(r, c->view[0].tap->view) : 0;
@@ -303,15 +308,22 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     return err;
 }
 
-/* Send all rays to the viewpoint. */
-static int land_rays(struct clear *c, struct sst_render_plan *p, int threads)
+int clear_need_frames(struct clear *c)
 {
-    int err = render_need_frames(p, c->renderer);
+    const int err = render_need_frames(&c->plan, c->renderer);
 
     for (int k = 0; k < c->count; k++)
         set_planes(&c->view[k]);
-    err = err ? err : allocate(c, threads);
-    return err ? err : landed_make(c, threads);
+    return err;
+}
+
+/* Send all rays to the viewpoint. */
+static int land_rays(struct clear *c)
+{
+    int err = clear_need_frames(c);
+
+    err = err ? err : allocate(c);
+    return err ? err : landed_make(c);
 }
 
 static void mark_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *weight)
@@ -355,13 +367,15 @@ static void copy_rows(void *to, const void *from, size_t stride, int rows)
 }
 
 /* What is kept is coloured where it changed, and copied. */
-static int colour_kept(struct clear *c, const struct clear_target *to, int threads)
+static int colour_kept(struct clear *c)
 {
     struct sst_render_kept *kept = c->cfg->merge->kept;
+    const struct clear_target to = c->to;
     int err = kept_reserve(kept, c->width, c->height);
 
     c->to = (struct clear_target){ &kept->image, &kept->weight, &kept->surface, &kept->support };
-    err = err ? err : sst_parallel_for(c->height, threads, colour_row, c);
+    err = err ? err : sst_parallel_for(c->height, c->threads, colour_row, c);
+    c->to = to;
     if (err) {
         kept->id = 0;
         return err;
@@ -369,84 +383,74 @@ static int colour_kept(struct clear *c, const struct clear_target *to, int threa
     kept->coloured_px = landed_coloured_px(c);
     kept->coloured = kept->serial;
     for (int i = 0; i < 3; i++)
-        copy_rows(to->image->plane[i], kept->image.plane[i], kept->image.stride, c->height);
-    copy_rows(to->weight->data, kept->weight.data, kept->weight.stride, c->height);
-    copy_rows(to->surface->data, kept->surface.data, kept->surface.stride, c->height);
-    copy_rows(to->support->data, kept->support.data, kept->support.stride, c->height);
+        copy_rows(to.image->plane[i], kept->image.plane[i], kept->image.stride, c->height);
+    copy_rows(to.weight->data, kept->weight.data, kept->weight.stride, c->height);
+    copy_rows(to.surface->data, kept->surface.data, kept->surface.stride, c->height);
+    copy_rows(to.support->data, kept->support.data, kept->support.stride, c->height);
     return 0;
 }
 
-static int colour(struct clear *c, const struct clear_target *to, int threads)
+int clear_colour(void *job, int item, int worker)
 {
-    if (landed_kept(c))
-        return colour_kept(c, to, threads);
-    if (c->cfg->merge && c->cfg->merge->kept)
-        c->cfg->merge->kept->coloured_px = (int64_t)c->width * c->height;
-    c->to = *to;
+    struct clear *c = (struct clear *)job + item;
+    int err = land_rays(c);
+
+    if (err)
+        return err;
     for (int i = 0; i < 3; i++)
-        memset(to->image->plane[i], 0, to->image->stride * (size_t)c->height);
-    return sst_parallel_for(c->height, threads, c->words ? clear_unpack_row : colour_row, c);
+        memset(c->to.image->plane[i], 0, c->to.image->stride * (size_t)c->height);
+    err = landed_kept(c) ? colour_kept(c) : sst_parallel_for(c->height, c->threads, colour_row, c);
+    return err || !c->filled ? err : clear_fill_picture(job, item, worker);
 }
 
-/* Fill what the device has not filled with the picture: there if it has one, else here. */
-static int fill(struct clear *c, struct sst_image *out, const struct sst_map_u8 *weight, int threads)
+int clear_fill_picture(void *job, int item, int worker SST_UNUSED)
 {
-    void *levels;
-    int err = 0;
+    struct clear *c = (struct clear *)job + item;
+    void *levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
+    const int err = levels ? clear_fill(c->to.image, c->to.weight, levels, c->threads) : -ENOMEM;
 
-    if (c->filled)
-        return 0;
-    if (c->words && c->cfg->merge) {
-        err = sst_parallel_for(c->height, threads, clear_pack_row, c);
-        c->filled = !err && render_device_fill(c->renderer->device);
-    }
-    if (err || c->filled)
-        return err ? err : sst_parallel_for(c->height, threads, clear_unpack_row, c);
-    levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
-    err = levels ? clear_fill(out, weight, levels, threads) : -ENOMEM;
     sst_mem_free(levels);
     return err;
 }
 
-static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u8 *valid, int threads)
+/* On the device, if there is one that can, else on the CPU. */
+static int make_picture(struct clear *c)
 {
     const struct sst_render_merge *merge = c->cfg->merge;
-    struct sst_map_u8 weight = { 0 };
-    const struct clear_target to = { out, &weight, merge ? merge->surface : NULL, merge ? merge->support : NULL };
-    int err = sst_map_u8_init(&weight, c->width, c->height);
+    struct render_device *d = c->renderer->device;
+    const bool there = d && render_device_clear(d, c);
+    int err = 0;
 
-    err = err ? err : colour(c, &to, threads);
+    if (!there)
+        err = clear_colour(c, 0, 0);
     if (!err && merge)
-        err = merge->merge(merge->arg, out, &weight);
-    if (!err)
-        err = fill(c, out, &weight, threads);
-    if (!err && valid)
-        mark_valid(valid, &weight);
-    sst_map_u8_fini(&weight);
+        err = merge->merge(merge->arg, c->to.image, c->to.weight);
+    if (!err && !c->filled && !(there && render_device_fill(d, c)))
+        err = clear_fill_picture(c, 0, 0);
     return err;
 }
 
 int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
                  struct sst_map_u8 *valid)
 {
-    const int threads = sst_thread_count(cfg->threads);
-    struct sst_render_plan plan;
+    const struct sst_render_merge *merge = cfg->merge;
+    struct sst_map_u8 weight = { 0 };
     struct clear c;
-    int err = plan_views(&plan, r, cfg);
+    int err = clear_init(&c, r, cfg);
 
-    if (err)
-        return err;
-    err = clear_init(&c, &plan, r, cfg);
-    if (!err && !clear_on_device(&c, &plan))
-        err = land_rays(&c, &plan, threads);
-    if (!err)
-        err = render_clear(&c, out, valid, threads);
-    if (c.words)
-        render_device_end(r->device);
-    if (err == -ENOMEM)
+    err = err ? err : sst_map_u8_init(&weight, c.width, c.height);
+    if (!err) {
+        if (merge && merge->kept)
+            merge->kept->coloured_px = (int64_t)c.width * c.height;
+        c.to = (struct clear_target){ out, &weight, merge ? merge->surface : NULL, merge ? merge->support : NULL };
+        err = make_picture(&c);
+    }
+    if (!err && valid)
+        mark_valid(valid, &weight);
+    if (err == -ENOMEM && c.lf)
         sst_log_error("not enough memory for a clear picture of %d views of %d x %d", c.count, c.width, c.height);
+    sst_map_u8_fini(&weight);
     clear_fini(&c);
-    sst_render_plan_fini(&plan);
     return err;
 }
 
@@ -487,16 +491,11 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
 int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,
                int *count)
 {
-    const int threads = sst_thread_count(cfg->threads), i = x % SST_CLEAR_BLOCK;
-    struct sst_render_plan plan;
+    const int i = x % SST_CLEAR_BLOCK;
     struct clear c;
-    int err = plan_views(&plan, r, cfg);
+    int err = clear_init(&c, r, cfg);
 
-    if (err)
-        return err;
-    err = clear_init(&c, &plan, r, cfg);
-    if (!err)
-        err = land_rays(&c, &plan, threads);
+    err = err ? err : land_rays(&c);
     if (!err) {
         struct scratch *s = &c.scratch[0];
         const int own = find_rays(&c, s, x - i, y);
@@ -505,7 +504,6 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
         *count = describe(&c, s, i, x, y, rays, own);
     }
     clear_fini(&c);
-    sst_render_plan_fini(&plan);
     return err;
 }
 
@@ -536,18 +534,12 @@ static int describe_row(void *arg, int y, int worker)
 
 int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg)
 {
-    const int threads = sst_thread_count(cfg->threads);
-    struct sst_render_plan plan;
     struct clear c;
     struct clear_job job = { &c, pixel, arg };
-    int err = plan_views(&plan, r, cfg);
+    int err = clear_init(&c, r, cfg);
 
-    if (err)
-        return err;
-    err = clear_init(&c, &plan, r, cfg);
-    err = err ? err : land_rays(&c, &plan, threads);
-    err = err ? err : sst_parallel_for(c.height, threads, describe_row, &job);
+    err = err ? err : land_rays(&c);
+    err = err ? err : sst_parallel_for(c.height, c.threads, describe_row, &job);
     clear_fini(&c);
-    sst_render_plan_fini(&plan);
     return err;
 }

@@ -5,7 +5,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 struct each {
     const struct sst_render_plan *plan;

@@ -12,7 +12,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 #define TEST_BYTES (1 << 20) /* more than the self-tests of clear pictures need */
 
@@ -27,8 +27,6 @@ void device_drop(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, d->sums);
     sst_gpu_buffer_destroy(d->gpu, d->out);
     d->params = d->table = d->sums = d->out = NULL;
-    device_drop_clear(d);
-    device_drop_parts(d);
     device_drop_frames(d);
     device_drop_verify(d);
     d->chunks = d->slots = d->rows = 0;
@@ -54,7 +52,8 @@ static void note_opening(struct render_device *d)
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
     d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
-    d->clear_tested = d->verify.tested = false;
+    d->verify.tested = false;
+    d->clear = (struct device_clear){ .noted = d->clear.noted };
     d->verify.small = d->verify.split = d->verify.cramped = false;
 }
 
@@ -103,14 +102,15 @@ static void list_tested(struct render_device *d)
         SST_GPU_VERIFY_BLEND, SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED, SST_GPU_CLEAR_LAND,
         SST_GPU_CLEAR_BLEND,  SST_GPU_HOLE_PULL,     SST_GPU_HOLE_PUSH
     };
-    static const struct sst_step *const steps[] = { &render_picture_step, &render_verify_step };
+    static const struct sst_step *const steps[] = { &render_picture_step, &render_verify_step,
+                                                    &clear_steps[CLEAR_STEP], &clear_steps[CLEAR_STEP_HOLES] };
 
     d->user.shaders = shaders;
     d->user.count = ARRAY_LEN(shaders) - CLEAR;
     d->user.tested = d->clears ? CLEAR : 0;
     d->user.steps = steps;
     d->user.step_count = 1;
-    d->user.steps_tested = d->verify.wanted;
+    d->user.steps_tested = d->clears ? 3 : d->verify.wanted;
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
@@ -269,17 +269,6 @@ bool render_device_picture(struct render_device *d, struct render_picture *p)
     return !err;
 }
 
-/* Note that a clear picture is the CPU's; live that is logged once. */
-static void note_clear(struct render_device *d, int err)
-{
-    note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
-                : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
-                                  : sst_gpu_error(err));
-    if (d->changes && !d->noted)
-        sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->report.name, d->report.why);
-    d->noted = true;
-}
-
 /* Views may use all the memory, of which the tests need some. */
 int device_prepare_verify(struct render_device *d)
 {
@@ -295,43 +284,91 @@ int device_prepare_verify(struct render_device *d)
     return err;
 }
 
-static int prepare_clear(struct render_device *d, const struct device_clear *c)
-{
-    int err;
+/* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
-    if (!d->clear_tested && sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
-        device_drop(d);
-    d->clear_tested = true;
-    err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
-    if (!err)
-        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
-    if (!err && c->push.sampled)
-        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_SURFACE);
-    if (!err && c->push.sampled)
-        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_SAMPLE);
-    return err ? err : device_prepare_holes(d);
+/* Note a clear picture that is rendered on the CPU; live that is logged once. */
+static void note_clear(struct render_device *d, int err)
+{
+    note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
+                : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
+                                  : sst_gpu_error(err));
+    if (d->changes && !d->clear.noted)
+        sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->report.name, d->report.why);
+    d->clear.noted = true;
 }
 
-/* The shaders of clear pictures are tested at the first one. What the device cannot hold, or computes differently, is
- * the CPU's; the device is not to blame. */
-static int try_clear(struct render_device *d, struct device_clear *c)
+/* Test a step at its first picture since the opening. Views may use all the memory, of which the test needs some.
+ * @return 0, -ENOTSUP (refused), -ENOMEM or an error of the device */
+static int prepare_step(struct render_device *d, enum clear_step step)
 {
-    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_clear(d, c);
+    static const enum sst_gpu_shader shaders[CLEAR_STEPS][4] = {
+        [CLEAR_STEP] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND },
+        [CLEAR_STEP_SAMPLED] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_CLEAR_SURFACE, SST_GPU_CLEAR_SAMPLE },
+        [CLEAR_STEP_HOLES] = { SST_GPU_HOLE_PULL, SST_GPU_HOLE_PUSH },
+    };
+    int err = 0;
+
+    if (d->clear.tested >> step & 1)
+        return d->clear.refused >> step & 1 ? -ENOTSUP : 0;
+    if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
+        device_drop(d);
+    for (int i = 0; i < 4 && shaders[step][i] && !err; i++)
+        err = sst_gpu_prepare(d->gpu, shaders[step][i]);
+    err = err ? err : sst_step_check(&d->user, d->gpu, &clear_steps[step]);
+    if (!err || err == -ENOTSUP)
+        d->clear.tested |= 1U << step;
+    d->clear.refused |= err == -ENOTSUP ? 1U << step : 0;
+    return err;
+}
+
+/* A device that cannot hold the picture, or computes it otherwise, is not to blame. */
+static int try_clear(struct render_device *d, struct clear *c)
+{
+    const enum clear_step step = c->sampled ? CLEAR_STEP_SAMPLED : CLEAR_STEP;
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_step(d, step), holes = 0;
 
     d->clears = true;
+    if (!err && !c->cfg->merge)
+        holes = prepare_step(d, CLEAR_STEP_HOLES);
+    c->device = d;
+    c->fills = !holes && !c->cfg->merge;
+    c->band_rows = d->clear.rows && c->count >= d->clear.views ? d->clear.rows : c->height;
+    err = err || holes == -ENOTSUP || holes == -ENOMEM ? err : holes;
+    err = err ? err : sst_run_item(&d->user, &clear_steps[step], c, 0);
+    if (!err && c->band_rows < c->height) {
+        d->clear.views = c->count;
+        d->clear.rows = sst_max_int(c->band_rows, 2); /* which can be halved, without buffers of larger ones */
+        d->report.in_parts++;
+    }
     if (!err)
-        err = device_render_clear(d, c);
+        return 0;
     if (err == -EOVERFLOW || err == -ENOTSUP || err == -ENOMEM)
         note_clear(d, err);
-    else if (err != -EAGAIN)
+    else
         note_error(d, err);
     return err;
 }
 
-/* Note that holes of a picture are filled on the CPU, and why; live that is logged once. */
-static void note_unfilled(struct render_device *d)
+bool render_device_clear(struct render_device *d, struct clear *c)
 {
-    const char *why = *d->why_holes ? d->why_holes : "not enough memory on the device to fill holes";
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = 1;
+
+    sst_runner_lock(d->runner);
+    if (may_try(d))
+        err = try_clear(d, c);
+    if (!err) {
+        note_success(d);
+        d->report.total_ns += sst_clock_now_ns() - start_ns;
+    }
+    sst_runner_unlock(d->runner);
+    return !err;
+}
+
+/* Note holes that are filled on the CPU; live each reason is logged once. */
+static void note_unfilled(struct render_device *d, int err)
+{
+    const char *why = err == -ENOMEM ? "not enough memory on the device to fill holes" : sst_gpu_error(err);
 
     d->report.filled_on_cpu++;
     if (d->changes && strcmp(d->report.why_filled, why))
@@ -339,51 +376,24 @@ static void note_unfilled(struct render_device *d)
     snprintf(d->report.why_filled, sizeof(d->report.why_filled), "%s", why);
 }
 
-/* The picture is there but for its holes, which are the CPU's where the device fails at them. */
-bool render_device_fill(struct render_device *d)
+bool render_device_fill(struct render_device *d, struct clear *c)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    const int err = *d->why_holes ? -ENOMEM : device_fill_words(d);
-
-    d->report.total_ns += sst_clock_now_ns() - start_ns;
-    if (!err)
-        return true;
-    if (err != -ENOMEM) {
-        fail(d, err, "");
-        snprintf(d->why_holes, sizeof(d->why_holes), "%s", sst_gpu_error(err));
-    }
-    note_unfilled(d);
-    return false;
-}
-
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, uint32_t **words, const uint32_t **seen)
-{
-    const int64_t start_ns = sst_clock_now_ns();
-    int err = 1;
+    int err = -ENODEV; /* it has failed since */
 
     sst_runner_lock(d->runner);
-    c->filled = false;
-    if (may_try(d))
-        err = try_clear(d, c);
-    c->pending = err == -EAGAIN;
-    if (err) {
-        sst_runner_unlock(d->runner);
-        return false;
+    d->gpu = sst_runner_device(d->runner);
+    if (d->gpu) {
+        err = prepare_step(d, CLEAR_STEP_HOLES);
+        err = err ? err : sst_run_item(&d->user, &clear_steps[CLEAR_STEP_HOLES], c, 0);
+        if (err && err != -ENOMEM && err != -ENOTSUP)
+            fail(d, err, "");
     }
-    note_success(d);
-    if (!c->filled && !c->push.merged)
-        note_unfilled(d);
+    if (err)
+        note_unfilled(d, err);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
-    *words = d->words.data;
-    *seen = c->push.merged ? d->weights.data : NULL;
-    return true;
-}
-
-void render_device_end(struct render_device *d)
-{
-    if (d->parts.all)
-        device_drop_parts(d);
     sst_runner_unlock(d->runner);
+    return !err;
 }
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out)
@@ -391,6 +401,9 @@ void render_device_report(struct render_device *d, struct sst_render_device_repo
     sst_runner_lock(d->runner);
     *out = d->report;
     out->dispatches += d->user.report.dispatches;
+    out->upload_bytes += d->user.report.upload_bytes;
+    out->upload_ns += d->user.report.upload_ns;
+    out->download_ns += d->user.report.download_ns;
     out->chunks = d->chunks;
     sst_runner_unlock(d->runner);
 }

@@ -1,237 +1,322 @@
-/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. Here with all views there at
- * once; what does not fit is done in parts: device_parts.c. */
+/* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. All views are there as a whole;
+ * where memory does not hold them and their landed rays, the picture is made in bands of rows. Of each view only those
+ * rows are uploaded from which rays may land in the band, with what such rays are made of.
+ *
+ * A ray of stored disparity q moves by floor(q b + c) rows, which is monotonic in q, so that the smallest and the
+ * largest disparity bound from where rays come:
+ *
+ *      view                      picture
+ *      top - most - BESIDE   .
+ *                            .
+ *                            .   top  .   rows move by least .. most
+ *                            .   end  .
+ *      end - least + BESIDE  .
+ *
+ * The colour of a ray is found less than a row from where its surface's disparity puts it, between two rows; and a ray
+ * that comes from beside what is removed counts less. */
 #include <errno.h>
+#include <math.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "pipeline/method/render/render_internal.h"
+#include "base/thread.h"
+#include "pipeline/gpu/clear_sample.h"
+#include "pipeline/method/render/clear_internal.h"
 
-void device_drop_clear(struct render_device *d)
+#define BESIDE 3 /* rows around those from which rays land: neighbours, and pixels that colours are made of */
+
+_Static_assert(sizeof(struct sst_gpu_clear_view) == 40 && sizeof(struct sst_gpu_clear) <= 128,
+               "the layout of clear_land.comp and clear_blend.comp");
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+static void describe_view(struct clear_band *b, int k)
 {
-    sst_gpu_buffer_destroy(d->gpu, d->clear_params);
-    sst_gpu_buffer_destroy(d->gpu, d->landed);
-    sst_gpu_buffer_destroy(d->gpu, d->masks);
-    sst_gpu_buffer_destroy(d->gpu, d->levels);
-    d->clear_params = d->landed = d->masks = d->levels = NULL;
-    d->clear_views = 0;
+    const struct sst_clear_view *at = &b->c->view[k].at;
+    const int largest = sst_max_int(sst_min_int(b->push.bins - 1, b->push.cut_q6), 0);
+    const int move[2] = { (int)floorf(at->y_0), (int)floorf((float)largest * at->y_q6 + at->y_0) };
+
+    b->view[k] = (struct sst_gpu_clear_view){ at->x_q6, at->x_0, at->y_q6, at->y_0, at->bx, at->by };
+    b->least[k] = sst_min_int(move[0], move[1]);
+    b->most[k] = sst_max_int(move[0], move[1]);
+    b->taps.tap[k] = b->c->view[k].tap;
 }
 
-/* Buffers of clear pictures: where rays land, masks of what is removed where there are any, levels to fill holes. */
-static int make_clear_buffers(struct render_device *d, const struct device_clear *c)
+static void describe(struct clear_band *b, struct clear *c)
 {
-    const size_t slots = (size_t)(d->lf->rows * d->lf->cols);
-    int err = 0;
+    const double disp_min_px = c->lf->disp_min_px;
 
-    if (c->count > d->clear_views) {
-        sst_gpu_buffer_destroy(d->gpu, d->landed);
-        d->landed = NULL;
-        d->clear_views = 0;
-        err = sst_gpu_buffer_create(d->gpu, &d->landed, 4 * (size_t)c->count * device_view_pixels(d));
-        d->clear_views = err ? 0 : c->count;
-    }
-    if (!err && c->remove && !d->masks)
-        err = sst_gpu_buffer_create(d->gpu, &d->masks, slots * device_view_pixels(d));
-    if (!err && !*d->why_holes && !d->levels)
-        err = sst_gpu_buffer_create(d->gpu, &d->levels, device_hole_bytes(d));
-    if (!err && !d->clear_params)
-        err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(c->view[0]));
-    return err;
+    b->c = c;
+    b->d = c->device;
+    b->taps.count = c->count;
+    b->taps.threads = c->threads;
+    b->taps.sampled = false;
+    b->taps.rays = c->sampled;
+    b->push = (struct sst_gpu_clear){ .width = c->width,
+                                      .height = c->height,
+                                      .pitch = b->d->pitch,
+                                      .bins = c->bins,
+                                      .cut_q6 = c->cut_q6,
+                                      .remove_label = c->cfg->remove_label,
+                                      .coarse = c->coarse,
+                                      .rays = c->cfg->rays ? c->cfg->rays : CLEAR_ENOUGH,
+                                      .views = (uint32_t)c->count,
+                                      .disp_min_px = (float)disp_min_px,
+                                      .disp_min_rest_px = (float)(disp_min_px - (double)(float)disp_min_px),
+                                      .as_others = c->as_others,
+                                      .merged = c->to.surface != NULL,
+                                      .sampled = c->sampled };
+    for (int k = 0; k < c->count; k++)
+        describe_view(b, k);
 }
 
 /* Put all views into one chunk. @return -ENOMEM: they do not fit into one, or into the memory */
-static int gather_views(struct render_device *d, const struct device_clear *c, const struct device_taps *taps)
+static int gather_views(struct clear_band *b)
 {
+    struct render_device *d = b->d;
     const struct device_slot *first = NULL;
-    int err = 0;
+    int err = d->slots ? 0 : device_grow(d);
 
-    for (int k = 0; k < c->count && !err; k++) {
-        struct device_slot *s = device_find_slot(d, c->tap[k]->view);
+    for (int i = 0, n = 0; i < d->slots && !err && n < b->c->count; i++) {
+        n += !d->slot[i].chunk;
+        err = i + 1 == d->slots && n < b->c->count ? -ENOMEM : 0;
+    }
+    for (int k = 0; k < b->c->count && !err; k++) {
+        struct device_slot *s = device_find_slot(d, b->taps.tap[k]->view);
 
-        if (!s && !d->slots)
-            err = device_grow(d);
-        if (!s && !err)
-            s = device_free_slot(d);
+        s = s ? s : device_free_slot(d);
         first = first ? first : s;
-        if (!err && (!s || s->chunk != first->chunk))
+        if (!s || s->chunk != first->chunk)
             err = -ENOMEM;
         if (!err)
-            err = device_ready_frames(d, taps, k);
+            err = device_ready_frames(d, &b->taps, k);
         if (!err)
-            err = device_place_view(d, s, c->tap[k], false, c->threads);
+            err = device_place_view(d, s, b->taps.tap[k], false, b->c->threads);
         if (!err) {
             s->used = ++d->turn;
             s->pending = true;
+            b->view[k].first = (uint32_t)((size_t)s->index * device_view_pixels(d));
         }
     }
     for (int i = 0; i < d->slots; i++)
         d->slot[i].pending = false;
-    return err;
-}
-
-static int upload_masks(struct render_device *d, const struct device_clear *c)
-{
-    uint8_t *memory = sst_mem_keep(&d->packed, device_view_pixels(d), 1);
-    int err = memory ? 0 : -ENOMEM;
-
-    for (int k = 0; k < c->count && !err; k++) {
-        const struct sst_map_u8 *mask = &c->remove[c->tap[k]->view];
-
-        if (!mask->data)
-            continue;
-        for (int y = 0; y < mask->height; y++)
-            memcpy(memory + (size_t)y * (size_t)d->pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
-        err = sst_gpu_upload(d->gpu, d->masks, c->view[k].first, memory, device_view_pixels(d));
-    }
-    return err;
-}
-
-uint32_t device_clear_flags(const struct device_clear *c, int k, bool frame)
-{
-    const struct sst_view *v = c->tap[k]->v;
-
-    return (frame || v->valid.data ? SST_GPU_CLEAR_VALID : 0U) | (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
-           (c->remove && c->remove[c->tap[k]->view].data ? SST_GPU_CLEAR_MASK : 0U);
-}
-
-static void describe_clear(struct device_clear *c, struct render_device *d)
-{
-    for (int k = 0; k < c->count; k++) {
-        const struct device_slot *s = device_find_slot(d, c->tap[k]->view);
-
-        c->view[k].first = (uint32_t)((size_t)s->index * device_view_pixels(d));
-        c->view[k].flags = device_clear_flags(c, k, c->tap[k]->frame != NULL);
-        c->view[k].top = 0;
-        c->view[k].end = d->lf->height;
-    }
-    c->push.pitch = d->pitch;
-    c->push.views = (uint32_t)c->count;
-    c->push.top = 0;
-    c->push.rows = d->lf->height;
-}
-
-static uint32_t groups(int n, int of)
-{
-    return (uint32_t)((n + of - 1) / of);
-}
-
-int device_dispatch_clear(struct render_device *d, const struct device_clear *c, const struct device_chunk *views,
-                          struct sst_gpu_buffer *masks, struct sst_gpu_buffer *landed, struct sst_gpu_buffer *seen,
-                          struct sst_gpu_buffer *out)
-{
-    struct sst_gpu_clear push = c->push;
-    struct sst_gpu_work land = {
-        .shader = SST_GPU_CLEAR_LAND,
-        .push = &push,
-        .buffer = { d->clear_params, views->pixels, views->disp, views->valid, masks ? masks : views->valid, landed },
-        .groups = { groups(push.width, SST_GPU_CLEAR_GROUP_WIDTH), groups(push.rows, SST_GPU_CLEAR_GROUP_HEIGHT),
-                    push.views },
-    };
-    const struct sst_gpu_work blend = { .shader = SST_GPU_CLEAR_BLEND,
-                                        .push = &push,
-                                        .buffer = { d->clear_params, views->pixels, landed, seen,
-                                                    push.sampled ? d->parts.state : landed, out },
-                                        .groups = { land.groups[0], land.groups[1], 1 } };
-    int most = 0, err;
-
-    for (int k = 0; k < c->count; k++)
-        most = sst_max_int(most, c->view[k].end - c->view[k].top);
-    push.zero = 1;
-    err = sst_gpu_dispatch(d->gpu, &land);
-    push.zero = 0;
-    land.groups[1] = groups(most, SST_GPU_CLEAR_GROUP_HEIGHT);
-    if (!err && most)
-        err = sst_gpu_dispatch(d->gpu, &land);
-    if (!err && push.sampled)
-        err = device_sample_rays(d, c, landed);
-    if (!err)
-        err = sst_gpu_dispatch(d->gpu, &blend);
-    d->report.dispatches += 3;
-    return err ? err : sst_gpu_wait(d->gpu);
-}
-
-/* @return -ENOMEM: it does not fit */
-static int render_whole(struct render_device *d, struct device_clear *c)
-{
-    const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
-    struct device_taps taps = { .count = c->count, .threads = c->threads };
-    int64_t start_ns;
-    int err;
-
-    memcpy(taps.tap, c->tap, (size_t)c->count * sizeof(c->tap[0]));
-    err = device_make_frames(d, &taps);
-    if (!err)
-        err = device_make_bands(d);
-    if (!err && d->rows < d->lf->height)
-        err = -ENOMEM;
-    if (!err)
-        err = make_clear_buffers(d, c);
-    if (!err)
-        err = gather_views(d, c, &taps);
     if (err)
         return err;
-    describe_clear(c, d);
-    err = sst_gpu_upload(d->gpu, d->clear_params, 0, c->view, (size_t)c->count * sizeof(c->view[0]));
-    if (!err && c->remove)
-        err = upload_masks(d, c);
-    if (!err)
-        err = device_dispatch_clear(d, c, &d->chunk[device_find_slot(d, c->tap[0]->view)->chunk], d->masks, d->landed,
-                                    d->sums, d->out);
-    c->filled = !c->push.merged && d->levels;
-    if (!err && c->filled)
-        err = device_fill_holes(d, &(struct device_holes){ d->levels, d->out, d->lf->height, true });
-    start_ns = sst_clock_now_ns();
-    if (!err && !c->filled)
-        err = sst_gpu_download(d->gpu, d->words.data, d->out, 0, 4 * n);
-    if (!err && c->push.merged)
-        err = sst_gpu_download(d->gpu, d->weights.data, d->sums, 0, 4 * n);
-    d->report.download_ns += sst_clock_now_ns() - start_ns;
-    return err;
+    b->colour.buffer = d->chunk[first->chunk].pixels;
+    b->disp.buffer = d->chunk[first->chunk].disp;
+    b->valid.buffer = d->chunk[first->chunk].valid;
+    return 0;
 }
 
-int device_fill_words(struct render_device *d)
+/* --- bands -------------------------------------------------------------------------------------------------------- */
+
+/* Memory for bands of some rows. @param whole  views are there as a whole: they come last */
+static void reserve(struct sst_run *r, struct clear_band *b, int rows, bool whole)
 {
-    const struct device_parts *p = &d->parts;
-    const int rows = (int)(p->pixels / (size_t)d->lf->width);
+    const struct clear *c = b->c;
+    const size_t pitch = (size_t)b->push.pitch, n = (size_t)rows * (size_t)c->width;
+    size_t pixels = 0;
 
-    if (d->levels)
-        return device_fill_holes(d, &(struct device_holes){ d->levels, d->out, d->lf->height, false });
-    if (!p->levels)
-        return -ENOMEM;
-    return device_fill_holes(
-        d, &(struct device_holes){ p->levels, p->out, rows < d->lf->height ? rows / 2 * 2 : d->lf->height, false });
-}
-
-/* Whether all views and their rays may fit, if nothing else is there. */
-static bool may_fit(const struct render_device *d, const struct device_clear *c)
-{
-    const uint64_t pixels = (uint64_t)c->count * device_view_pixels(d);
-    const uint64_t levels = *d->why_holes ? 0 : device_hole_bytes(d);
-
-    return !c->push.sampled && (!d->too_many || c->count < d->too_many) &&
-           4 * pixels <= sst_gpu_get_info(d->gpu)->buffer_bytes &&
-           (DEVICE_PIXEL_BYTES + d->doubts + 4 + (c->remove != NULL)) * pixels + levels <= d->limit_bytes;
-}
-
-int device_render_clear(struct render_device *d, struct device_clear *c)
-{
-    const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
-    const bool whole = may_fit(d, c);
-    int err = -ENOMEM;
-
-    if (!sst_mem_keep(&d->words, n, 4) || (c->push.merged && !sst_mem_keep(&d->weights, n, 4)))
-        return err;
+    for (int k = 0; k < c->count; k++)
+        pixels += (size_t)sst_min_int(c->height, rows + b->most[k] - b->least[k] + 2 * BESIDE) * pitch;
     if (whole)
-        err = render_whole(d, c);
-    if (whole && err == -ENOMEM && d->verify.params) { /* what rays are verified with gives way */
-        device_drop_verify(d);
-        d->full = false;
-        err = render_whole(d, c);
-    }
-    if (err != -ENOMEM)
-        return err;
-    if (whole) {
-        device_drop_clear(d);
-        d->too_many = c->count;
-    }
-    return c->pending ? -EAGAIN : device_render_parts(d, c);
+        pixels = (size_t)(c->lf->rows * c->lf->cols) * device_view_pixels(b->d);
+    b->landed = sst_run_scratch(r, CLEAR_SCRATCH_LANDED, 4 * (size_t)c->count * (size_t)rows * pitch);
+    b->picture = sst_run_scratch(r, CLEAR_SCRATCH_PICTURE, 4 * n);
+    b->seen = b->push.merged ? sst_run_scratch(r, CLEAR_SCRATCH_SEEN, 4 * n) : b->picture;
+    b->state = c->sampled ? sst_run_scratch(r, CLEAR_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
+    if (c->cfg->remove)
+        b->masks = sst_run_scratch(r, CLEAR_SCRATCH_MASKS, pixels);
+    if (c->fills && rows == c->height)
+        b->levels = sst_run_scratch(r, CLEAR_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height));
+    if (whole)
+        return;
+    b->colour = sst_run_scratch(r, CLEAR_SCRATCH_COLOUR, 4 * pixels);
+    b->disp = sst_run_scratch(r, CLEAR_SCRATCH_DISP, 2 * pixels);
+    b->valid = sst_run_scratch(r, CLEAR_SCRATCH_VALID, pixels);
 }
+
+/* Rows of the views that a band needs. @return of the largest part of a view */
+static int place_band(struct clear_band *b, int top, int rows, bool whole)
+{
+    const struct clear *c = b->c;
+    uint32_t first = 0;
+    int most = 0;
+
+    for (int k = 0; k < c->count; k++) {
+        struct sst_gpu_clear_view *v = &b->view[k];
+        const struct sst_render_tap *t = b->taps.tap[k];
+
+        v->top = whole ? 0 : sst_clamp_int(top - b->most[k] - BESIDE, 0, c->height);
+        v->end = whole ? c->height : sst_clamp_int(top + rows - b->least[k] + BESIDE, v->top, c->height);
+        v->first = whole ? v->first : first;
+        v->flags = ((whole && t->frame) || t->v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
+                   (t->v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
+                   (c->cfg->remove && c->cfg->remove[t->view].data ? SST_GPU_CLEAR_MASK : 0U);
+        first += (uint32_t)((v->end - v->top) * b->push.pitch);
+        most = sst_max_int(most, v->end - v->top);
+    }
+    b->push.top = top;
+    b->push.rows = rows;
+    return most;
+}
+
+static int upload_mask(struct clear_band *b, int k)
+{
+    const struct sst_gpu_clear_view *v = &b->view[k];
+    const struct sst_map_u8 *mask = &b->c->cfg->remove[b->taps.tap[k]->view];
+    const size_t pitch = (size_t)b->push.pitch, n = (size_t)(v->end - v->top) * pitch;
+    uint8_t *memory = sst_mem_keep(&b->d->packed, n, 1);
+
+    if (!memory)
+        return -ENOMEM;
+    for (int y = v->top; y < v->end; y++)
+        memcpy(memory + (size_t)(y - v->top) * pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
+    return sst_gpu_upload(b->d->gpu, b->masks.buffer, v->first, memory, n);
+}
+
+static int upload_view(struct clear_band *b, int k)
+{
+    const struct device_chunk to = { .pixels = b->colour.buffer, .disp = b->disp.buffer, .valid = b->valid.buffer };
+    const struct sst_render_tap *t = b->taps.tap[k];
+    const struct device_rows rows = { .v = t->v,
+                                      .top = b->view[k].top,
+                                      .end = b->view[k].end,
+                                      .colours = !(b->c->sampled && t->frame),
+                                      .labels = b->push.remove_label };
+
+    b->d->report.uploads++;
+    return device_upload_rows(b->d, &to, b->view[k].first, &rows, b->c->threads);
+}
+
+static void upload_views(struct sst_run *r, struct clear_band *b, bool whole)
+{
+    for (int k = 0; k < b->c->count && !sst_run_failed(r); k++) {
+        if (!whole && b->view[k].top < b->view[k].end)
+            sst_run_fail(r, upload_view(b, k));
+        if (!sst_run_failed(r) && b->view[k].flags & SST_GPU_CLEAR_MASK && b->view[k].top < b->view[k].end)
+            sst_run_fail(r, upload_mask(b, k));
+    }
+}
+
+/* Rows of the picture from words. */
+struct unpacking {
+    const struct clear *c;
+    const uint32_t *word, *seen; /* or NULL; of the row `top` on */
+    int top;
+};
+
+static int unpack_row(void *arg, int row, int worker SST_UNUSED)
+{
+    const struct unpacking *u = arg;
+    const struct clear_target *to = &u->c->to;
+    const size_t at = (size_t)row * (size_t)u->c->width;
+
+    _Static_assert(SST_GPU_CLEAR_SUPPORT == SST_RENDER_SUPPORT, "devices note it in the same unit");
+    for (int x = 0; x < u->c->width && u->word; x++) {
+        for (int k = 0; k < 3; k++)
+            sst_image_row(to->image, k, u->top + row)[x] = (uint8_t)(u->word[at + (size_t)x] >> (8 * k));
+        sst_map_u8_row(to->weight, u->top + row)[x] = (uint8_t)(u->word[at + (size_t)x] >> 24);
+    }
+    for (int x = 0; x < u->c->width && u->seen; x++) {
+        sst_map_u16_row(to->surface, u->top + row)[x] = (uint16_t)u->seen[at + (size_t)x];
+        sst_map_u8_row(to->support, u->top + row)[x] = (uint8_t)(u->seen[at + (size_t)x] >> 16);
+    }
+    return 0;
+}
+
+void clear_unpack(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture, int top, int rows)
+{
+    const struct unpacking u = { c, sst_run_fetch(r, picture, (size_t)rows * (size_t)c->width), NULL, top };
+
+    if (u.word)
+        sst_run_fail(r, sst_parallel_for(rows, c->threads, unpack_row, (void *)&u));
+}
+
+static void unpack_seen(struct sst_run *r, const struct clear_band *b)
+{
+    const size_t n = (size_t)b->push.rows * (size_t)b->push.width;
+    const struct unpacking u = { b->c, NULL, sst_run_fetch(r, b->seen, n), b->push.top };
+
+    if (u.seen)
+        sst_run_fail(r, sst_parallel_for(b->push.rows, b->c->threads, unpack_row, (void *)&u));
+}
+
+static void render_band(struct sst_run *r, struct clear_band *b, int most)
+{
+    const size_t landed = (size_t)b->c->count * (size_t)b->push.rows * (size_t)b->push.pitch;
+    const struct sst_gpu_range views =
+        sst_run_upload(r, CLEAR_SCRATCH_VIEWS, b->view, (size_t)b->c->count * sizeof(b->view[0]));
+
+    sst_run_fill(r, b->landed, 0, landed, 0);
+    if (most)
+        CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_LAND, &b->push, most, b->c->count, views, b->colour, b->disp, b->valid,
+                       b->masks.buffer ? b->masks : b->valid, b->landed);
+    if (b->c->sampled)
+        clear_sample_rays(r, b);
+    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_BLEND, &b->push, b->push.rows, 1, views, b->colour, b->landed, b->seen, b->state,
+                   b->picture);
+    if (b->levels.buffer)
+        clear_fill_on_device(r, b->c, b->picture, b->levels);
+    clear_unpack(r, b->c, b->picture, b->push.top, b->push.rows);
+    if (b->push.merged)
+        unpack_seen(r, b);
+}
+
+/* --- a picture ---------------------------------------------------------------------------------------------------- */
+
+static void clear_on_device(struct sst_run *r, void *job, int item)
+{
+    struct clear *c = (struct clear *)job + item;
+    const int rows = sst_run_rows(r, c->band_rows, 1);
+    const bool whole = rows == c->height && !c->sampled;
+    struct clear_band b = { 0 };
+
+    c->device->gpu = sst_run_gpu(r);
+    if (!whole && !c->sampled)
+        sst_run_fail(r, clear_need_frames(c));
+    describe(&b, c);
+    reserve(r, &b, rows, whole);
+    if (!sst_run_failed(r) && (whole || c->sampled))
+        sst_run_fail(r, device_make_frames(b.d, &b.taps));
+    if (!sst_run_failed(r) && whole)
+        sst_run_fail(r, gather_views(&b));
+    for (int top = 0; top < c->height && !sst_run_failed(r); top += rows) {
+        const int most = place_band(&b, top, sst_min_int(rows, c->height - top), whole);
+
+        upload_views(r, &b, whole);
+        render_band(r, &b, most);
+    }
+    c->band_rows = sst_run_failed(r) ? c->band_rows : rows;
+    c->filled = b.levels.buffer && !sst_run_failed(r);
+}
+
+static bool is_picture(const void *job, int item)
+{
+    return ((const struct clear *)job)[item].lf;
+}
+
+static void written(void *job, int item, struct sst_share_maps *out)
+{
+    const struct clear_target *to = &((struct clear *)job)[item].to;
+
+    sst_share_add_image(out, to->image);
+    sst_share_add_u8(out, to->weight);
+    if (to->surface) {
+        sst_share_add_u16(out, to->surface);
+        sst_share_add_u8(out, to->support);
+    }
+}
+
+#define STEP(...)                                                                                                      \
+    {                                                                                                                  \
+        .wants = is_picture, .writes = written, .sample_free = clear_sample_free, __VA_ARGS__                          \
+    }
+
+const struct sst_step clear_steps[CLEAR_STEPS] = {
+    [CLEAR_STEP] = STEP(.name = "clear picture", .cpu = clear_colour, .device = clear_on_device,
+                        .levels = SST_GPU_CLEAR_LEVELS, .sample = clear_sample),
+    [CLEAR_STEP_SAMPLED] = STEP(.name = "clear picture of frames", .cpu = clear_colour, .device = clear_on_device,
+                                .levels = SST_GPU_CLEAR_LEVELS, .sample = clear_sample_frames),
+    [CLEAR_STEP_HOLES] = STEP(.name = "holes", .cpu = clear_fill_picture, .device = clear_holes_on_device,
+                              .sample = clear_sample_holes),
+};

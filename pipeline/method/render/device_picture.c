@@ -252,7 +252,7 @@ static int make_all(struct render_device *d, const struct device_batch *b)
     if (err || !b->verify)
         return err;
     err = device_make_verify(d, b);
-    if (err != -ENOMEM || !(d->slots || d->parts.pixels))
+    if (err != -ENOMEM || (!device_make_room(d) && !d->slots))
         return err;
     device_drop(d);
     err = make_room(d, b->p, &b->taps);

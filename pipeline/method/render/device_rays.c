@@ -5,37 +5,25 @@
 #include <string.h>
 
 #include "pipeline/gpu/clear_sample.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/kernels/place_patch_ref.h"
+#include "pipeline/method/render/clear_internal.h"
 
-static uint32_t groups(int n, int of)
-{
-    return (uint32_t)((n + of - 1) / of);
-}
-
-static int find_surfaces(struct render_device *d, const struct device_clear *c, struct sst_gpu_buffer *landed)
-{
-    const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_SURFACE,
-                                       .push = &c->push,
-                                       .buffer = { landed, d->parts.state },
-                                       .groups = { groups(c->push.width, SST_GPU_CLEAR_GROUP_WIDTH),
-                                                   groups(c->push.rows, SST_GPU_CLEAR_GROUP_HEIGHT), 1 } };
-
-    d->report.dispatches++;
-    return sst_gpu_dispatch(d->gpu, &work);
-}
+_Static_assert(sizeof(struct sst_gpu_clear_sample) == 112 && sizeof(struct sst_gpu_clear_state) == 12 &&
+                   sizeof(struct sst_place_patch) == 144,
+               "the layout of clear_sample.comp");
 
 /* What a view's rays are sampled with. @param t  NULL: it has no frame */
-static struct sst_gpu_clear_sample describe(const struct device_clear *c, int k, const struct sst_rectify_tables *t)
+static struct sst_gpu_clear_sample describe(const struct clear_band *b, int k, const struct sst_rectify_tables *t)
 {
-    const struct sst_gpu_clear_view *v = &c->view[k];
-    struct sst_gpu_clear_sample push = { .frame = { .width = c->push.width,
-                                                    .height = c->push.height,
-                                                    .pitch = c->push.pitch,
+    const struct sst_gpu_clear_view *v = &b->view[k];
+    struct sst_gpu_clear_sample push = { .frame = { .width = b->push.width,
+                                                    .height = b->push.height,
+                                                    .pitch = b->push.pitch,
                                                     .flags = SST_GPU_SAMPLE_PLAIN },
                                          .bx = v->bx,
                                          .by = v->by,
-                                         .top = c->push.top,
-                                         .rows = c->push.rows,
+                                         .top = b->push.top,
+                                         .rows = b->push.rows,
                                          .view = (uint32_t)k };
 
     if (!t)
@@ -56,46 +44,39 @@ static struct sst_gpu_clear_sample describe(const struct device_clear *c, int k,
 }
 
 /* Have the frame of a view on the device, with its tables. */
-static int place_frame(struct render_device *d, const struct device_clear *c, int k, struct sst_rectify_tables *t,
-                       struct sst_gpu_buffer **source)
+static int place_frame(const struct clear_band *b, int k, struct sst_rectify_tables *t, struct sst_gpu_buffer **source)
 {
-    const struct sst_render_tap *tap = c->tap[k];
-    int err = device_ready_frames(d, c->taps, k);
+    const struct sst_render_tap *tap = b->taps.tap[k];
+    const int err = device_ready_frames(b->d, &b->taps, k);
     const struct device_frame *f;
 
     if (err)
         return err;
-    f = device_find_frame(d, tap);
+    f = device_find_frame(b->d, tap);
     assert(f);
-    sst_rectify_map_tables(t, tap->frame->map, render_frame_filter(d->lf));
-    return device_upload_rays(d, f, t, source);
+    sst_rectify_map_tables(t, tap->frame->map, render_frame_filter(b->d->lf));
+    return device_upload_rays(b->d, f, t, source);
 }
 
-static int sample_view(struct render_device *d, const struct device_clear *c, int k, struct sst_gpu_buffer *landed)
+static void sample_view(struct sst_run *r, const struct clear_band *b, int k)
 {
-    const struct device_frames *f = &d->frames;
-    struct sst_gpu_buffer *source = d->parts.rows.pixels;
-    const bool framed = c->tap[k]->frame;
+    const struct device_frames *f = &b->d->frames;
+    const bool framed = b->taps.tap[k]->frame;
+    struct sst_gpu_buffer *source = b->colour.buffer;
+    struct sst_gpu_clear_sample push;
     struct sst_rectify_tables t;
-    int err = framed ? place_frame(d, c, k, &t, &source) : 0;
-    const struct sst_gpu_clear_sample push = describe(c, k, framed && !err ? &t : NULL);
-    const struct sst_gpu_work work = {
-        .shader = SST_GPU_CLEAR_SAMPLE,
-        .push = &push,
-        .buffer = { f->weights, source, f->places, f->list, f->light, d->parts.state, landed },
-        .groups = { groups(c->push.width, SST_GPU_CLEAR_GROUP_WIDTH), groups(c->push.rows, SST_GPU_CLEAR_GROUP_HEIGHT),
-                    1 },
-    };
 
-    d->report.dispatches++;
-    return err ? err : sst_gpu_dispatch(d->gpu, &work);
+    sst_run_fail(r, framed ? place_frame(b, k, &t, &source) : 0);
+    if (sst_run_failed(r))
+        return;
+    push = describe(b, k, framed ? &t : NULL);
+    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_SAMPLE, &push, b->push.rows, 1, { f->weights, 0 }, { source, 0 },
+                   { f->places, 0 }, { f->list, 0 }, { f->light, 0 }, b->state, b->landed);
 }
 
-int device_sample_rays(struct render_device *d, const struct device_clear *c, struct sst_gpu_buffer *landed)
+void clear_sample_rays(struct sst_run *r, const struct clear_band *b)
 {
-    int err = find_surfaces(d, c, landed);
-
-    for (int k = 0; k < c->count && !err; k++)
-        err = sample_view(d, c, k, landed);
-    return err;
+    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_SURFACE, &b->push, b->push.rows, 1, b->landed, b->state);
+    for (int k = 0; k < b->c->count && !sst_run_failed(r); k++)
+        sample_view(r, b, k);
 }

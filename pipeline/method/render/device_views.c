@@ -57,6 +57,17 @@ static int add_chunk(struct render_device *d, int n)
     return 0;
 }
 
+bool device_make_room(struct render_device *d)
+{
+    return d->runner && sst_runner_make_room(d->runner, &d->user);
+}
+
+/* Views that there is memory for. */
+static int count_room(const struct render_device *d)
+{
+    return (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d)));
+}
+
 int device_grow(struct render_device *d)
 {
     const size_t bytes = 4 * device_view_pixels(d);
@@ -64,7 +75,9 @@ int device_grow(struct render_device *d)
 
     n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
     n = d->chunk_views ? sst_min_int(n, d->chunk_views) : n;
-    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d))));
+    if (count_room(d) < n)
+        (void)device_make_room(d);
+    n = sst_min_int(n, count_room(d));
     for (; n > 0 && err == -ENOMEM; n /= 2)
         err = add_chunk(d, n);
     d->full = err == -ENOMEM;

@@ -2,7 +2,7 @@
 
 #include "base/thread.h"
 #include "pipeline/kernels/pyramid_ref.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 #define MAX_LEVELS 17 /* of sides up to 2^16 */
 #define BAND       16 /* rows of a job */

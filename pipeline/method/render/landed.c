@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "base/thread.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 #define WHOLE 0.7 /* of a view's tiles: from there on, landing all of them costs less */
 
@@ -407,10 +407,10 @@ static int reserve(struct clear *c, const struct sst_render_kept *kept)
 }
 
 /* Land all rays, as the first picture of a series if it is kept. */
-static int start(struct clear *c, const struct sst_render_kept *kept, int threads)
+static int start(struct clear *c, const struct sst_render_kept *kept)
 {
     struct landed *l = c->landed;
-    const int err = sst_parallel_for(c->count, threads, land_view, c);
+    const int err = sst_parallel_for(c->count, c->threads, land_view, c);
 
     l->id = 0;
     if (err || !kept)
@@ -426,11 +426,11 @@ static int start(struct clear *c, const struct sst_render_kept *kept, int thread
 }
 
 /* Land what changed since the last picture of the series. */
-static int go_on(struct clear *c, const struct sst_render_kept *kept, int threads)
+static int go_on(struct clear *c, const struct sst_render_kept *kept)
 {
     struct landed *l = c->landed;
     const size_t cells = (size_t)l->cols * (size_t)l->rows;
-    const int err = sst_parallel_for(c->count, threads, update_view, c);
+    const int err = sst_parallel_for(c->count, c->threads, update_view, c);
 
     if (err) {
         l->id = 0;
@@ -446,7 +446,7 @@ static int go_on(struct clear *c, const struct sst_render_kept *kept, int thread
     return 0;
 }
 
-int landed_make(struct clear *c, int threads)
+int landed_make(struct clear *c)
 {
     struct sst_render_kept *kept = kept_of(c);
     struct landed *l = c->landed = take(c->renderer);
@@ -459,9 +459,9 @@ int landed_make(struct clear *c, int threads)
     if (kept)
         key = key_of(c, kept);
     if (!kept || !l->id || memcmp(&key, &l->key, sizeof(key)) || l->serial > kept->serial)
-        err = start(c, kept, threads);
+        err = start(c, kept);
     else if (l->serial < kept->serial)
-        err = go_on(c, kept, threads);
+        err = go_on(c, kept);
     if (err || !kept)
         return err;
     if (kept->id == l->id)

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/clear_internal.h"
 
 /* log W_d, which cannot underflow; -inf where W_d is exactly 0. */
 static double log_depth_weight(const struct sst_render_config *cfg, double disp_px)

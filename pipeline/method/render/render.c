@@ -9,6 +9,7 @@
 #include "base/thread.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/lightfield/correction.h"
+#include "pipeline/method/render/clear_internal.h"
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 

@@ -11,7 +11,6 @@
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
 #include "pipeline/gpu/blend.h"
-#include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
@@ -110,32 +109,6 @@ bool render_device_picture(struct render_device *d, struct render_picture *p);
 /** After render_device_begin_clear(). */
 void render_device_end(struct render_device *d);
 
-struct device_taps;
-
-/** Views of a clear picture, nearest to the viewpoint first. */
-struct device_clear {
-    int count;
-    bool pending; /* in: frames are not rectified on the host; out: they have to be, as the picture is made in parts */
-    const struct sst_render_tap *tap[SST_MAX_VIEWS];
-    struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* where its rows lie and `flags` are set by the device */
-    struct sst_gpu_clear push;                     /* `pitch`, `views` and the rows likewise */
-    struct device_taps *taps;                      /* set by the device if push.sampled */
-    const struct sst_map_u8 *remove;               /* as in struct sst_render_config */
-    int threads;
-    bool filled; /* out: its holes are filled; else render_device_fill() may do so */
-};
-
-/** The same for colours and weights of a clear picture. Its holes are filled (c->filled) where they can be, and there
- * is no merge. If it returns false with c->pending set, frames are to be rectified, and it called again.
- *  @param words  out, [height * width] R, G, B, weight 0..255; the caller may change them
- *  @param seen   out, if c->push.merged, as SST_GPU_CLEAR_SEEN of pipeline/gpu/clear.h; else NULL */
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, uint32_t **words,
-                               const uint32_t **seen);
-
-/** Fill the holes of a clear picture that was begun, after its merge, in the words of render_device_begin_clear().
- *  @return false: not done, which is counted, and words are undefined */
-bool render_device_fill(struct render_device *d);
-
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
@@ -162,16 +135,6 @@ struct device_slot {
 struct device_chunk {
     struct sst_gpu_buffer *pixels, *disp, *valid;
     struct sst_gpu_buffer *confidence; /* NULL: not wanted */
-};
-
-/** Clear pictures in bands of rows: of each view the rows that a band needs. */
-struct device_parts {
-    struct device_chunk rows;
-    struct sst_gpu_buffer *masks, *landed, *seen, *out;
-    struct sst_gpu_buffer *levels; /* NULL: there is no room to fill holes */
-    struct sst_gpu_buffer *state;  /* of `pixels` pixels, while rays are sampled from frames; NULL: they are not */
-    size_t view_pixels, mask_pixels, landed_pixels, pixels; /* that these hold; of all views, and of the picture */
-    bool all; /* of the memory is used: dropped once the picture is done */
 };
 
 #define DEVICE_SPANS 8
@@ -225,6 +188,14 @@ struct device_verify {
     unsigned logged;            /* bits: reasons that were, live */
 };
 
+/** Clear pictures: their steps, and bands. */
+struct device_clear {
+    bool noted; /* the fallback of a clear picture to the CPU was logged */
+    /* since the device was opened */
+    unsigned tested, refused; /* bits by enum clear_step */
+    int views, rows;          /* struct clear, `band_rows`, of a picture of this many views; 0: all had memory */
+};
+
 struct render_device {
     struct sst_runner *runner; /* owned */
     struct sst_runner_user user;
@@ -238,8 +209,7 @@ struct render_device {
     uint64_t limit_bytes; /* that its buffers may use */
     bool given_up; /* it computes something else: not opened again */
     bool clears;   /* clear pictures are wanted */
-    bool noted;    /* that a clear picture is the CPU's */
-    bool clear_tested; /* the shaders of clear pictures were, since the device was opened */
+    struct device_clear clear;
     struct sst_render_device_report report;
     /* of gpu */
     struct device_chunk *chunk;
@@ -249,12 +219,6 @@ struct render_device {
     bool full; /* no more chunks fit */
     int64_t turn;
     struct sst_gpu_buffer *params, *table, *sums, *out;
-    struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
-    int clear_views;
-    struct sst_gpu_buffer *levels; /* of the pyramid that fills holes */
-    char why_holes[128];           /* holes are filled on the CPU; "": they are not */
-    int too_many; /* views of a clear picture that cannot be there as a whole, together; 0: none yet */
-    struct device_parts parts;
     struct device_frames frames;
     struct device_verify verify;
     bool doubts;       /* chunks have confidences */
@@ -272,6 +236,9 @@ void device_drop(struct render_device *d);
 
 /** Pixels of a view's slot. */
 size_t device_view_pixels(const struct render_device *d);
+
+/** Let scratch memory and other users make room. @return true if this freed memory */
+bool device_make_room(struct render_device *d);
 
 /** More room: a chunk of as many views as fit, or half of them, and so on. @return -ENOMEM: nothing fits */
 SST_MUST_CHECK int device_grow(struct render_device *d);
@@ -419,158 +386,6 @@ SST_MUST_CHECK int device_place_explained(struct render_device *d, struct device
 
 /** Sum up their unexplained rays. @param rows  with those beside them */
 SST_MUST_CHECK int device_find_unexplained(struct render_device *d, const struct device_batch *b, int rows);
-
-/** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge.
- * @return -EAGAIN: it has to be made in parts, and c->pending */
-SST_MUST_CHECK int device_render_clear(struct render_device *d, struct device_clear *c);
-void device_drop_clear(struct render_device *d);
-
-/** Flags of a view of it. @param frame  its pixels come from its frame */
-uint32_t device_clear_flags(const struct device_clear *c, int k, bool frame);
-
-/** Land all rays in the rows of c->push, and colour these. */
-SST_MUST_CHECK int device_dispatch_clear(struct render_device *d, const struct device_clear *c,
-                                         const struct device_chunk *views, struct sst_gpu_buffer *masks,
-                                         struct sst_gpu_buffer *landed, struct sst_gpu_buffer *seen,
-                                         struct sst_gpu_buffer *out);
-
-/** Replace landed rays with their colours, sampled from frames. */
-SST_MUST_CHECK int device_sample_rays(struct render_device *d, const struct device_clear *c,
-                                      struct sst_gpu_buffer *landed);
-
-/** device_render_clear() in bands of rows. @return -ENOMEM: the memory does not hold the smallest one */
-SST_MUST_CHECK int device_render_parts(struct render_device *d, struct device_clear *c);
-void device_drop_parts(struct render_device *d);
-
-/** Where the holes of a picture are filled. */
-struct device_holes {
-    struct sst_gpu_buffer *levels;  /* of device_hole_bytes() bytes */
-    struct sst_gpu_buffer *picture; /* words of the picture, of this many rows: all, or an even number */
-    int rows;
-    bool there; /* all of the picture is; else it is in d->words */
-};
-
-size_t device_hole_bytes(const struct render_device *d);
-
-/** Test the shaders; sets d->why_holes. @return 0, also where they are refused, or an error of the device */
-SST_MUST_CHECK int device_prepare_holes(struct render_device *d);
-
-/** Fill the holes of the picture, and have it in d->words. */
-SST_MUST_CHECK int device_fill_holes(struct render_device *d, const struct device_holes *h);
-
-/** The same for a picture in d->words, with whatever buffers there are. @return -ENOMEM: there are none */
-SST_MUST_CHECK int device_fill_words(struct render_device *d);
-
-/* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
- *
- * Surface: every view's kept rays go to the viewpoint by their own disparity; of the rays that arrive at a pixel, the
- * nearest group within 3/4 px wins that has at least 2 views and a quarter of all that arrive.
- * Colour: weighted mean over the rays that see that surface, the nearest views first. Rays next to something removed
- * mix its colour with theirs and count little; so do colours that differ from the mean. The viewpoint's own camera
- * replaces the mean where it sees the surface and agrees with it.
- * Holes: pixels of little weight are mixed with the mean of their surroundings (fill.c). What was removed is not part
- * of it, so they are filled from behind.
- */
-
-/** Values of the validity plane. */
-enum clear_valid { CLEAR_UNKNOWN = 0, CLEAR_FILLED = 64, CLEAR_SEEN = 255 };
-
-/** As sst_render() for SST_RENDER_CLEAR; logged. @param valid  out, enum clear_valid, or NULL */
-SST_MUST_CHECK int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
-                                struct sst_map_u8 *valid);
-
-/** As sst_render_rays(): rays that end at the surface of one pixel. w_depth is the weight of the place (next to
- *  something removed: little), w_label that of the colour's agreement. No rays: a hole. */
-SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
-                              struct sst_ray *rays, int *count);
-
-/** As sst_render_each(), a row at a time. */
-SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg);
-
-/**
- * Mix every pixel with the mean of its surroundings, as far as its weight is below 255: a pyramid of weighted means,
- * each level as far as the finer one lacks weight.   Source: Gortler 1996, pull-push.
- *
- * @param weight  in, 0..255
- * @param levels  in, working memory of clear_fill_bytes() bytes
- */
-SST_MUST_CHECK int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *levels, int threads);
-size_t clear_fill_bytes(int width, int height);
-
-/* --- clear.c, clear_device.c, landed.c: rays at the viewpoint, kept from one picture to the next
- * ---------------------------------- */
-
-struct clear_view {
-    const struct sst_render_tap *tap;
-    struct sst_clear_view at;
-    uint16_t *landed; /* [height][stride] of the picture: the nearest ray of each pixel */
-};
-
-/* Working memory of one thread. */
-struct scratch {
-    uint8_t *row[3], *state; /* [width + 2] removed pixels of three rows, in a ring; [width] enum sst_clear_state */
-    const uint16_t **landed; /* [views] */
-    int *view;               /* [slots] whose rays they are: index in struct clear */
-    float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
-    struct sst_clear_rays rays;
-    struct sst_clear_colours out;
-};
-
-/* Where the colours of a picture go. */
-struct clear_target {
-    struct sst_image *image;
-    struct sst_map_u8 *weight;   /* of the picture's pixels: 255 is enough */
-    struct sst_map_u16 *surface; /* with support as of struct sst_render_merge; NULL: not wanted */
-    struct sst_map_u8 *support;
-};
-
-struct clear {
-    const struct sst_lightfield *lf;
-    const struct sst_render_config *cfg;
-    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
-    int coarse;                      /* of struct sst_clear_view */
-    size_t stride;                   /* of landed, elements: whole blocks */
-    bool as_others;                  /* the camera at the viewpoint counts as the others do: it has too much noise */
-    int count;
-    struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
-    struct scratch *scratch;               /* [threads] */
-    struct clear_target to;
-    struct sst_renderer *renderer;
-    uint32_t *words;        /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
-    bool filled;            /* likewise, and the holes are filled */
-    const uint32_t *seen;   /* likewise, if there is a merge */
-    struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
-    const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
-    const struct sst_kernels *kernels;
-    void *rows; /* owned: scratch */
-};
-
-#define CLEAR_ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
-
-/** clear_device.c: land and colour on the device, if there is one that can, and fill holes without a merge. In bands it
- *  needs views that are rectified. @return true: c->words, c->seen and c->filled are set until render_device_end() */
-bool clear_on_device(struct clear *c, struct sst_render_plan *p);
-
-/** Jobs of sst_parallel_for(), `arg` a struct clear: a row of c->words to c->to with what was seen unless it is filled;
- *  and back, colours and weights. */
-int clear_unpack_row(void *arg, int y, int worker);
-int clear_pack_row(void *arg, int y, int worker);
-
-/**
- * Send all rays of all views to the viewpoint, or only those that may land elsewhere than in the renderer's last
- * picture (see struct sst_render_kept). Sets c->landed, the views' landed rays and c->change.
- *
- * @return 0 or -ENOMEM (not logged). c->landed has to be given back with landed_give_back() in either case.
- */
-SST_MUST_CHECK int landed_make(struct clear *c, int threads);
-void landed_give_back(struct clear *c);
-void landed_destroy(struct landed *l);
-
-/** Pixels of the cells of 64x8 px that are coloured. */
-int64_t landed_coloured_px(const struct clear *c);
-bool landed_colours(const struct clear *c, int x, int y);
-/** Is this picture continued by the next one? */
-bool landed_kept(const struct clear *c);
 
 /* --- skip.c ------------------------------------------------------------------------------------------------------- */
 

@@ -1,0 +1,207 @@
+/* pipeline/method/render/clear_internal.h - the clear picture, all in focus, without what stands in front (design.md,
+ * 5.6): its definition on the CPU, and its steps on a device.
+ *
+ * Surface: every view's kept rays go to the viewpoint by their own disparity; of the rays that arrive at a pixel, the
+ * nearest group within 3/4 px wins that has at least 2 views and a quarter of all that arrive.
+ * Colour: weighted mean over the rays that see that surface, the nearest views first. Rays next to something removed
+ * mix its colour with theirs and count little; so do colours that differ from the mean. The viewpoint's own camera
+ * replaces the mean where it sees the surface and agrees with it.
+ * Holes: pixels of little weight are mixed with the mean of their surroundings (fill.c). What was removed is not part
+ * of it, so they are filled from behind.
+ */
+#ifndef SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
+#define SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
+
+#include "pipeline/gpu/clear.h"
+#include "pipeline/method/render/render_internal.h"
+#include "pipeline/step/run.h"
+
+/** Values of the validity plane. */
+enum clear_valid { CLEAR_UNKNOWN = 0, CLEAR_FILLED = 64, CLEAR_SEEN = 255 };
+
+/** As sst_render() for SST_RENDER_CLEAR; logged. @param valid  out, enum clear_valid, or NULL */
+SST_MUST_CHECK int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
+                                struct sst_map_u8 *valid);
+
+/** As sst_render_rays(): rays that end at the surface of one pixel. w_depth is the weight of the place (next to
+ *  something removed: little), w_label that of the colour's agreement. No rays: a hole. */
+SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
+                              struct sst_ray *rays, int *count);
+
+/** As sst_render_each(), a row at a time. */
+SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel,
+                              void *arg);
+
+/* --- clear.c: a picture in work ----------------------------------------------------------------------------------- */
+
+struct clear_view {
+    const struct sst_render_tap *tap;
+    struct sst_clear_view at;
+    uint16_t *landed; /* [height][stride] of the picture: the nearest ray of each pixel */
+};
+
+/* Working memory of one thread. */
+struct scratch {
+    uint8_t *row[3], *state; /* [width + 2] removed pixels of three rows, in a ring; [width] enum sst_clear_state */
+    const uint16_t **landed; /* [views] */
+    int *view;               /* [slots] whose rays they are: index in struct clear */
+    float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
+    struct sst_clear_rays rays;
+    struct sst_clear_colours out;
+};
+
+/* Where the colours of a picture go. */
+struct clear_target {
+    struct sst_image *image;
+    struct sst_map_u8 *weight;   /* of the picture's pixels: 255 is enough */
+    struct sst_map_u16 *surface; /* with support as of struct sst_render_merge; NULL: not wanted */
+    struct sst_map_u8 *support;
+};
+
+/** An item of the steps of clear pictures. */
+struct clear {
+    struct sst_renderer *renderer;
+    const struct sst_lightfield *lf; /* NULL: no picture */
+    const struct sst_render_config *cfg;
+    struct sst_render_plan plan;     /* views and frames */
+    int threads;
+    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
+    int coarse;                      /* of struct sst_clear_view */
+    size_t stride;                   /* of landed, elements: whole blocks */
+    bool as_others;                  /* the camera at the viewpoint counts as the others do: it has too much noise */
+    bool sampled;                    /* rays of some views are sampled from frames */
+    int count;
+    struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
+    struct scratch *scratch;               /* [threads] */
+    struct clear_target to;
+    bool filled;            /* the holes are, too */
+    struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
+    const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
+    const struct sst_kernels *kernels;
+    void *rows; /* owned: scratch */
+    /* on a device */
+    struct render_device *device;
+    int band_rows; /* that it begins with, and had memory for */
+    bool fills;    /* holes are filled with the picture */
+};
+
+#define CLEAR_ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
+
+/** Views, limits and frames of a picture. @return as clear_render(). clear_fini() follows in either case */
+SST_MUST_CHECK int clear_init(struct clear *c, struct sst_renderer *r, const struct sst_render_config *cfg);
+void clear_fini(struct clear *c);
+
+/** Rectified views, or samplers, of frames that were pending. @return as render_need_frames() */
+SST_MUST_CHECK int clear_need_frames(struct clear *c);
+
+/** Definitions of the steps: `job` is an array of struct clear; with `filled` holes are filled, too. @return 0, -ENOMEM, -EBADMSG (a frame; logged) */
+int clear_colour(void *job, int item, int worker);
+int clear_fill_picture(void *job, int item, int worker);
+
+/* --- fill.c: holes ------------------------------------------------------------------------------------------------ */
+
+/**
+ * Mix every pixel with the mean of its surroundings, as far as its weight is below 255: a pyramid of weighted means,
+ * each level as far as the finer one lacks weight.   Source: Gortler 1996, pull-push.
+ *
+ * @param weight  in, 0..255
+ * @param levels  in, working memory of clear_fill_bytes() bytes
+ */
+SST_MUST_CHECK int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *levels, int threads);
+size_t clear_fill_bytes(int width, int height);
+
+/* --- landed.c: rays at the viewpoint, kept from one picture to the next ------------------------------------------- */
+
+/**
+ * Send all rays of all views to the viewpoint, or only those that may land elsewhere than in the renderer's last
+ * picture (see struct sst_render_kept). Sets c->landed, the views' landed rays and c->change.
+ *
+ * @return 0 or -ENOMEM (not logged). c->landed has to be given back with landed_give_back() in either case.
+ */
+SST_MUST_CHECK int landed_make(struct clear *c);
+void landed_give_back(struct clear *c);
+void landed_destroy(struct landed *l);
+
+/** Pixels of the cells of 64x8 px that are coloured. */
+int64_t landed_coloured_px(const struct clear *c);
+bool landed_colours(const struct clear *c, int x, int y);
+/** Is this picture continued by the next one? */
+bool landed_kept(const struct clear *c);
+
+/* --- device_clear.c, device_rays.c, device_holes.c: steps on a device --------------------------------------------- */
+
+enum clear_step {
+    CLEAR_STEP = 0,         /* pictures of rectified views */
+    CLEAR_STEP_SAMPLED = 1, /* rays are sampled from frames */
+    CLEAR_STEP_HOLES = 2,   /* holes of a picture with colours and weights */
+    CLEAR_STEPS
+};
+
+extern const struct sst_step clear_steps[CLEAR_STEPS];
+
+/** Scratch memory of the runner. */
+enum clear_scratch {
+    CLEAR_SCRATCH_VIEWS,
+    CLEAR_SCRATCH_COLOUR,
+    CLEAR_SCRATCH_DISP,
+    CLEAR_SCRATCH_VALID,
+    CLEAR_SCRATCH_MASKS,
+    CLEAR_SCRATCH_LANDED,
+    CLEAR_SCRATCH_STATE,
+    CLEAR_SCRATCH_SEEN,
+    CLEAR_SCRATCH_PICTURE,
+    CLEAR_SCRATCH_LEVELS
+};
+
+/** A picture, or a band of its rows, on a device. */
+struct clear_band {
+    struct clear *c;
+    struct render_device *d;
+    struct sst_gpu_clear push;
+    struct sst_gpu_clear_view view[SST_GPU_CLEAR_VIEWS];
+    int least[SST_GPU_CLEAR_VIEWS], most[SST_GPU_CLEAR_VIEWS]; /* rows that rays of a view move */
+    struct device_taps taps;
+    struct sst_gpu_range colour, disp, valid, masks, landed, state, seen, picture, levels;
+};
+
+/** Dispatch a shader over the pixels of a band. @param ranges  by binding */
+#define CLEAR_DISPATCH(r, b, shader, constants, rows, layers, ...)                                                     \
+    sst_run_dispatch(r, shader, constants,                                                                             \
+                     (const uint32_t[]){ (uint32_t)((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) /                 \
+                                             SST_GPU_CLEAR_GROUP_WIDTH,                                                \
+                                         (uint32_t)((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) /                         \
+                                             SST_GPU_CLEAR_GROUP_HEIGHT,                                               \
+                                         (uint32_t)(layers) },                                                         \
+                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
+                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+
+/** Replace the landed rays of a band with their colours, sampled from frames. */
+void clear_sample_rays(struct sst_run *r, const struct clear_band *b);
+
+/** Fill the holes of a whole picture. @param picture  words as of enum sst_gpu_hole_buffer @param levels  of
+ * clear_fill_bytes() bytes */
+void clear_fill_on_device(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture,
+                          struct sst_gpu_range levels);
+
+void clear_holes_on_device(struct sst_run *r, void *job, int item);
+
+/** Fetch colours and weights of rows top .. top+rows-1. @param picture  words of these rows */
+void clear_unpack(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture, int top, int rows);
+
+/* --- clear_sample.c: random pictures for sst_step_check() --------------------------------------------------------- */
+
+void *clear_sample(uint32_t seed);
+void *clear_sample_frames(uint32_t seed);
+void *clear_sample_holes(uint32_t seed);
+void clear_sample_free(void *job);
+
+/* --- device.c: pictures ------------------------------------------------------------------------------------------- */
+
+/** Colour a clear picture on the device: c->to and c->filled are set. @return false: not done, which is counted, and
+ * logged where the device failed */
+bool render_device_clear(struct render_device *d, struct clear *c);
+
+/** Fill the holes of a picture that the device has coloured. @return false: not done, which is counted */
+bool render_device_fill(struct render_device *d, struct clear *c);
+
+#endif
