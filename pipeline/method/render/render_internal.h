@@ -111,8 +111,8 @@ void render_device_end(struct render_device *d);
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
-/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c, device_clear.c,
- * device_parts.c, device_explain.c, device_holes.c, device_rays.c. */
+/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c,
+ * device_explain.c; clear pictures: clear_internal.h. */
 
 #define DEVICE_NO_VIEW (-1)
 
