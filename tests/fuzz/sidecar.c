@@ -27,7 +27,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct sst_model_info info;
 
-    if (sst_labels_model_info_parse(&info, NULL, "fuzz.onnx", (const char *)data, size, "fuzz.yaml"))
+    if (sst_labels_model_info_parse(&info, NULL, "fuzz.onnx",
+                                    &(struct sst_model_yaml){ (const char *)data, size, "fuzz.yaml" }))
         return 0;
     if (info.channels < 1 || info.classes.count < 1 || info.classes.count > info.channels || info.width < 8)
         abort();

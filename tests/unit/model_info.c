@@ -18,7 +18,7 @@ static char said[SST_LOG_MAX]; /* the last error */
 static int parse(struct sst_model_info *info, const char *yaml)
 {
     char *before = sst_log_hold_errors(said);
-    const int err = sst_labels_model_info_parse(info, NULL, "m.onnx", yaml, strlen(yaml), "m.yaml");
+    const int err = sst_labels_model_info_parse(info, NULL, "m.onnx", &(struct sst_model_yaml){ yaml, strlen(yaml), "m.yaml" });
 
     sst_log_hold_errors(before);
     return err;

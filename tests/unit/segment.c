@@ -276,8 +276,8 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
     assert_int_equal(sst_map_u8_init(&label, 16, 2), 0);
     assert_int_equal(sst_map_u8_init(&alone, 16, 2), 0);
     assert_int_equal(sst_map_f32_init(&entropy, 16, 2), 0);
-    assert_int_equal(labels_upsample(&label, &entropy, prob, &grid, &img, 1, &memory), 0);
-    assert_int_equal(labels_upsample(&alone, NULL, NULL, &grid, &img, 2, &memory), 0);
+    assert_int_equal(labels_upsample(&(struct upsampled){ &label, &entropy, prob }, &grid, &img, 1, &memory), 0);
+    assert_int_equal(labels_upsample(&(struct upsampled){ .label = &alone }, &grid, &img, 2, &memory), 0);
     for (int i = 0; i < 32; i++) {
         const bool white = i % 16 >= 7;
 
@@ -563,19 +563,20 @@ static void unfit_models_are_refused(void **state SST_UNUSED)
 /* Shrinking 5 to 2: means of [0, 2.5) and [2.5, 5). Growing 2 to 4: 0, 1/4, 3/4, 1 of the way. */
 static void resampling_has_known_values(void **state SST_UNUSED)
 {
-    static const double mean[3] = { 0, 0, 0.5 }, std[3] = { 1, 1, 0.5 };
     struct sst_image img = new_image(5, 1, 0, 0, 0);
     struct sst_mem_kept kept = { 0 };
     float out[3 * 4];
+    struct resampled to = { out, 2, 1, { 0, 0, 0.5 }, { 1, 1, 0.5 } };
 
     for (int c = 0; c < 3; c++)
         memcpy(sst_image_row(&img, c, 0), (const uint8_t[]){ 10, 20, 30, 40, 255 }, 5);
-    assert_int_equal(resample_planes(out, 2, 1, &img, mean, std, 2, &kept), 0);
+    assert_int_equal(resample_planes(&to, &img, 2, &kept), 0);
     assert_true(fabs((double)out[0] - (10 + 20 + 15) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[1] - (15 + 40 + 255) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[4] - ((10 + 20 + 15) / 2.5 / 255 - 0.5) / 0.5) < 1e-6);
     img.width = 2;
-    assert_int_equal(resample_planes(out, 4, 1, &img, mean, std, 1, &kept), 0);
+    to.width = 4;
+    assert_int_equal(resample_planes(&to, &img, 1, &kept), 0);
     for (int i = 0; i < 4; i++)
         assert_true(fabs((double)out[i] - ((const double[]){ 10, 12.5, 17.5, 20 })[i] / 255) < 1e-6);
     img.width = 5;

@@ -52,9 +52,13 @@ static int compare(const void *a, const void *b)
     return u < v ? -1 : u > v;
 }
 
-/* Count the pixels with a true label in n_truth; pack the pixels that a threshold can keep. */
-static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const struct sst_map_u8 *label,
-                   const struct sst_map_f32 *entropy, const struct sst_map_u8 *truth)
+struct collected {
+    uint64_t *packed;  /* [n] pixels that a threshold can keep */
+    size_t n, n_truth; /* n_truth: pixels with a true label */
+};
+
+static int collect(struct collected *out, const struct sst_map_u8 *label, const struct sst_map_f32 *entropy,
+                   const struct sst_map_u8 *truth)
 {
     for (int y = 0; y < truth->height; y++) {
         const uint8_t *l = sst_map_u8_row(label, y), *t = sst_map_u8_row(truth, y);
@@ -69,30 +73,31 @@ static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const st
             }
             if (t[x] == SST_LABEL_NONE)
                 continue;
-            ++*n_truth;
+            out->n_truth++;
             if (l[x] != SST_LABEL_NONE && isfinite(h[x]))
-                packed[(*n_packed)++] = pack(h[x], l[x] == t[x]);
+                out->packed[out->n++] = pack(h[x], l[x] == t[x]);
         }
     }
     return 0;
 }
 
 /* Try every prefix of the sorted pixels that ends between two different entropies. */
-static struct sst_epsilon_result best_prefix(const uint64_t *packed, size_t n, size_t n_truth, double m)
+static struct sst_epsilon_result best_prefix(const struct collected *c, double m)
 {
+    const uint64_t *packed = c->packed;
     struct sst_epsilon_result best = { 0 };
     double best_log = -INFINITY;
     size_t correct = 0;
 
-    for (size_t i = 0; i < n; i++) {
-        const float h = unpack(packed[i]), next = i + 1 < n ? unpack(packed[i + 1]) : INFINITY;
+    for (size_t i = 0; i < c->n; i++) {
+        const float h = unpack(packed[i]), next = i + 1 < c->n ? unpack(packed[i + 1]) : INFINITY;
         double accuracy, coverage, score;
 
         correct += packed[i] & 1;
         if (next == h || !correct)
             continue;
         accuracy = (double)correct / (double)(i + 1);
-        coverage = (double)correct / (double)n_truth;
+        coverage = (double)correct / (double)c->n_truth;
         score = m * log(accuracy) + log(coverage);
         if (!(score > best_log + SCORE_TIE))
             continue;
@@ -111,8 +116,7 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
 {
     const size_t pixels = (size_t)truth->width * (size_t)truth->height;
     struct sst_epsilon_result best;
-    size_t n = 0, n_truth = 0;
-    uint64_t *packed;
+    struct collected c = { 0 };
     int err;
 
     if (label->width != truth->width || label->height != truth->height || entropy->width != truth->width ||
@@ -127,25 +131,25 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
         sst_log_error("entropy threshold: the exponent m is %g; it must be 0 or more", m);
         return -EINVAL;
     }
-    packed = malloc((pixels + 1) * sizeof(*packed));
-    if (!packed) {
+    c.packed = malloc((pixels + 1) * sizeof(*c.packed));
+    if (!c.packed) {
         sst_log_error("entropy threshold: not enough memory for %zu pixels", pixels);
         return -ENOMEM;
     }
-    err = collect(packed, &n, &n_truth, label, entropy, truth);
+    err = collect(&c, label, entropy, truth);
     if (!err) {
-        qsort(packed, n, sizeof(*packed), compare);
-        best = best_prefix(packed, n, n_truth, m);
+        qsort(c.packed, c.n, sizeof(*c.packed), compare);
+        best = best_prefix(&c, m);
         if (best.coverage > 0)
             *out = best;
         else
             err = -ENODATA;
     }
-    free(packed);
+    free(c.packed);
     if (err == -ENODATA) {
         sst_log_error("entropy threshold: none of the %zu hand-labelled pixels has the correct label; check that the "
                       "hand labels are of this view and class list",
-                      n_truth);
+                      c.n_truth);
         err = -EBADMSG;
     }
     return err;

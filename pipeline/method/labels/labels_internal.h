@@ -9,17 +9,23 @@
 
 /* --- resample: an image resized to the working size of a network, as floats. --- */
 
+/** Planes of floats that an image becomes: (sample / 255 - mean[c]) / std[c]. */
+struct resampled {
+    float *out; /* [3][height][width] */
+    int width, height;
+    double mean[3], std[3];
+};
+
 /**
  * Resize the three planes: along an axis that shrinks, each output sample is the mean of the input samples that it
  * covers (fractions of samples at the ends included); along one that grows, bilinear with half-pixel centres. Same
  * bytes for any threads.
  *
- * @param out  [3][height][width], (sample / 255 - mean[c]) / std[c]
  * @param kept  scratch
  * @return 0 or -ENOMEM (not logged)
  */
-SST_MUST_CHECK int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                                   const double std[3], int threads, struct sst_mem_kept *kept);
+SST_MUST_CHECK int resample_planes(const struct resampled *to, const struct sst_image *img, int threads,
+                                   struct sst_mem_kept *kept);
 
 /* --- tiles: one axis cut into overlapping windows of equal length whose weights sum to 1. --- */
 
@@ -58,6 +64,13 @@ struct class_grid {
     float *cell;   /* [height][width][values]: count probabilities, >= 0 with sum 1; the rest is used internally */
 };
 
+/** Maps of the image's size. */
+struct upsampled {
+    struct sst_map_u8 *label;
+    struct sst_map_f32 *entropy; /* or NULL */
+    float *prob;                 /* [count][height][width]; or NULL */
+};
+
 /** Scratch. Zeroed: none yet. */
 struct upsample_memory {
     struct sst_mem_kept own, resample;
@@ -74,14 +87,10 @@ size_t class_grid_values(int count);
  * SST_GUIDE_SIGMA). So leaves and outlines end at image edges, not between cells. If all 16 cells have the same winner
  * it wins, which saves most of the work when only the label is requested.
  *
- * @param label    out, of the image's size
- * @param entropy  out, of that size too; or NULL
- * @param prob     out [count][height][width]; or NULL
- * @param grid     the free floats of its cells are set here
+ * @param grid  the free floats of its cells are set here
  * @return 0 or -ENOMEM (not logged). Same bytes for any number of threads; the same labels whatever else is requested.
  */
-SST_MUST_CHECK int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob,
-                                   struct class_grid *grid, const struct sst_image *img, int threads,
-                                   struct upsample_memory *memory);
+SST_MUST_CHECK int labels_upsample(const struct upsampled *out, struct class_grid *grid, const struct sst_image *img,
+                                   int threads, struct upsample_memory *memory);
 
 #endif

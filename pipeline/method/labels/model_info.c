@@ -86,10 +86,16 @@ static int bad_metadata(const struct reader *r, const char *key, const char *wan
     return -EBADMSG;
 }
 
-/* Exactly n numbers from min to max, separated by commas or blanks; a missing entry leaves the default. */
-static int read_numbers(struct reader *r, const char *key, double *out, int n, double min, double max, const char *want)
+struct numbers {
+    const char *key;
+    double min, max;
+    const char *want; /* for messages */
+};
+
+/* Exactly n numbers, separated by commas or blanks; a missing entry leaves the default. */
+static int read_numbers(struct reader *r, double *out, int n, const struct numbers *of)
 {
-    const char *text = metadata(r, key);
+    const char *text = metadata(r, of->key);
 
     if (!text)
         return 0;
@@ -97,12 +103,12 @@ static int read_numbers(struct reader *r, const char *key, double *out, int n, d
         char *end;
         const double v = strtod(text, &end);
 
-        if (end == text || !(v >= min && v <= max))
-            return bad_metadata(r, key, want);
+        if (end == text || !(v >= of->min && v <= of->max))
+            return bad_metadata(r, of->key, of->want);
         out[i] = v;
         text = end + strspn(end, ", ");
     }
-    return *text ? bad_metadata(r, key, want) : 0;
+    return *text ? bad_metadata(r, of->key, of->want) : 0;
 }
 
 /* One of two words; a missing entry leaves the default. */
@@ -199,17 +205,21 @@ static int read_size(struct reader *r)
 
 static int read_metadata(struct reader *r)
 {
+    static const struct numbers mean = { "sst.mean", -MEAN_MAX, MEAN_MAX, "three numbers in -1000..1000" };
+    static const struct numbers std = { "sst.std", STD_MIN, STD_MAX, "three numbers in 1e-6..1e6" };
+    static const struct numbers eps_h = { "sst.epsilon_h", 0, HUGE_VAL, "one number, 0 or more" };
+    static const struct numbers temperature = { "sst.temperature", 1e-3, 1e3, "one number in 0.001..1000" };
     struct sst_model_info *info = r->info;
     int err = read_size(r);
 
     if (!err)
-        err = read_numbers(r, "sst.mean", info->mean, 3, -MEAN_MAX, MEAN_MAX, "three numbers in -1000..1000");
+        err = read_numbers(r, info->mean, 3, &mean);
     if (!err && !sst_yaml_get(r->root, "scale"))
-        err = read_numbers(r, "sst.std", info->std, 3, STD_MIN, STD_MAX, "three numbers in 1e-6..1e6");
+        err = read_numbers(r, info->std, 3, &std);
     if (!err)
-        err = read_numbers(r, "sst.epsilon_h", &info->eps_h, 1, 0, HUGE_VAL, "one number, 0 or more");
+        err = read_numbers(r, &info->eps_h, 1, &eps_h);
     if (!err)
-        err = read_numbers(r, "sst.temperature", &info->temperature, 1, 1e-3, 1e3, "one number in 0.001..1000");
+        err = read_numbers(r, &info->temperature, 1, &temperature);
     if (!err)
         err = read_word(r, "sst.colour", colours, "rgb or bgr", &info->bgr);
     if (!err)
@@ -461,7 +471,7 @@ static int read_channels(struct reader *r)
 }
 
 int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path,
-                                const char *yaml, size_t size, const char *yaml_name)
+                                const struct sst_model_yaml *yaml)
 {
     struct sst_model_info info = {
         .std = { 1, 1, 1 },
@@ -471,7 +481,7 @@ int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_net
         .height = 360,
     };
     struct reader r = { .info = &info, .net = net, .path = path, .output = -1 };
-    int err = yaml ? sst_yaml_parse(&r.doc, yaml, size, yaml_name) : 0;
+    int err = yaml ? sst_yaml_parse(&r.doc, yaml->text, yaml->size, yaml->name) : 0;
 
     if (err)
         return err;
@@ -533,12 +543,12 @@ int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_netw
     int err = sst_labels_model_sidecar(sidecar, path);
 
     if (err == -ENOENT)
-        return sst_labels_model_info_parse(out, net, path, NULL, 0, NULL);
+        return sst_labels_model_info_parse(out, net, path, NULL);
     if (!err)
         err = sst_file_read_text(sidecar, SST_YAML_MAX_BYTES, &text, &size);
     if (!err) {
         sst_log_debug("model %s: described by %s", path, sidecar);
-        err = sst_labels_model_info_parse(out, net, path, (const char *)text, size, sidecar);
+        err = sst_labels_model_info_parse(out, net, path, &(struct sst_model_yaml){ (char *)text, size, sidecar });
     }
     free(text);
     return err;

@@ -34,9 +34,16 @@ struct sst_model_info {
 SST_MUST_CHECK int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_network *net,
                                               const char *path);
 
+/** A YAML file in memory. */
+struct sst_model_yaml {
+    const char *text;
+    size_t size;
+    const char *name; /* for messages */
+};
+
 /** The same from the text of the YAML file; NULL: none. @param net  NULL: no metadata either */
 SST_MUST_CHECK int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_network *net,
-                                               const char *path, const char *yaml, size_t size, const char *yaml_name);
+                                               const char *path, const struct sst_model_yaml *yaml);
 
 /** The YAML file beside a network. @return 0, -ENOENT (none; not logged), -EBADMSG (both spellings), -ENAMETOOLONG */
 SST_MUST_CHECK int sst_labels_model_sidecar(char out[SST_PATH_MAX], const char *path);

@@ -14,10 +14,8 @@ struct tap {
 };
 
 struct job {
-    float *out;
-    int width, height;
+    const struct resampled *to;
     const struct sst_image *img;
-    const double *mean, *std;
     struct tap *x, *y;
     float *rows; /* [worker][img->width] */
 };
@@ -70,10 +68,11 @@ static struct tap *make_axis(void *at, int from, int to)
 static int resample_row(void *arg, int index, int worker)
 {
     const struct job *j = arg;
-    const int c = index / j->height, y = index % j->height, w = j->img->width;
+    const struct resampled *to = j->to;
+    const int c = index / to->height, y = index % to->height, w = j->img->width;
     const struct tap *ty = &j->y[y];
-    float *row = j->rows + (size_t)worker * (size_t)w, *out = j->out + (size_t)index * (size_t)j->width;
-    const float scale = (float)(1 / (255 * j->std[c])), shift = (float)(j->mean[c] / j->std[c]);
+    float *row = j->rows + (size_t)worker * (size_t)w, *out = to->out + (size_t)index * (size_t)to->width;
+    const float scale = (float)(1 / (255 * to->std[c])), shift = (float)(to->mean[c] / to->std[c]);
 
     memset(row, 0, (size_t)w * sizeof(*row));
     for (int k = 0; k < ty->n; k++) {
@@ -82,7 +81,7 @@ static int resample_row(void *arg, int index, int worker)
         for (int x = 0; x < w; x++)
             row[x] += ty->weight[k] * in[x];
     }
-    for (int x = 0; x < j->width; x++) {
+    for (int x = 0; x < to->width; x++) {
         const struct tap *tx = &j->x[x];
         float sum = 0;
 
@@ -93,18 +92,17 @@ static int resample_row(void *arg, int index, int worker)
     return 0;
 }
 
-int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                    const double std[3], int threads, struct sst_mem_kept *kept)
+int resample_planes(const struct resampled *to, const struct sst_image *img, int threads, struct sst_mem_kept *kept)
 {
-    struct job job = { .out = out, .width = width, .height = height, .img = img, .mean = mean, .std = std };
-    const size_t x_bytes = axis_bytes(img->width, width), y_bytes = axis_bytes(img->height, height);
+    struct job job = { .to = to, .img = img };
+    const size_t x_bytes = axis_bytes(img->width, to->width), y_bytes = axis_bytes(img->height, to->height);
     const size_t row_bytes = (size_t)sst_thread_count(threads) * (size_t)img->width * sizeof(*job.rows);
     uint8_t *at = sst_mem_keep(kept, x_bytes + y_bytes + row_bytes, 1);
 
     if (!at)
         return -ENOMEM;
-    job.x = make_axis(at, img->width, width);
-    job.y = make_axis(at + x_bytes, img->height, height);
+    job.x = make_axis(at, img->width, to->width);
+    job.y = make_axis(at + x_bytes, img->height, to->height);
     job.rows = (float *)(void *)(at + x_bytes + y_bytes);
-    return sst_parallel_for(3 * height, threads, resample_row, &job);
+    return sst_parallel_for(3 * to->height, threads, resample_row, &job);
 }

@@ -273,8 +273,11 @@ static int make_input(float *in, int width, int height, const struct sst_image *
     const struct sst_model_info *info = &seg->info;
     const size_t plane = (size_t)width * (size_t)height;
     const bool grey = sst_network_in_channels(seg->net) == 1;
-    const double mean[3] = { info->mean[0], info->mean[grey ? 0 : 1], info->mean[grey ? 0 : 2] };
-    const double std[3] = { info->std[0], info->std[grey ? 0 : 1], info->std[grey ? 0 : 2] };
+    const struct resampled to = { in,
+                                  width,
+                                  height,
+                                  { info->mean[0], info->mean[grey ? 0 : 1], info->mean[grey ? 0 : 2] },
+                                  { info->std[0], info->std[grey ? 0 : 1], info->std[grey ? 0 : 2] } };
     struct sst_image swapped = *img;
     int err;
 
@@ -282,7 +285,7 @@ static int make_input(float *in, int width, int height, const struct sst_image *
         swapped.plane[0] = img->plane[2];
         swapped.plane[2] = img->plane[0];
     }
-    err = resample_planes(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
+    err = resample_planes(&to, &swapped, seg->threads, &seg->resample);
     for (size_t i = 0; !err && grey && i < plane; i++)
         in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
     return err;
@@ -365,8 +368,8 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     err = make_grid(&grid, seg, img);
     if (err)
         goto fail;
-    err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
-                          &seg->upsample);
+    err = labels_upsample(&(struct upsampled){ &label_made, entropy ? &entropy_made : NULL, prob_made }, &grid, img,
+                          seg->threads, &seg->upsample);
     if (err) {
         err = out_of_memory(img);
         goto fail;
@@ -398,7 +401,8 @@ static int upsample_hcsm(struct sst_segmenter *seg, struct class_grid *grid, con
         sst_map_f32_fini(entropy);
         err = sst_map_f32_init(entropy, img->width, img->height);
     }
-    err = err ? err : labels_upsample(label, entropy, NULL, grid, img, seg->threads, &seg->upsample);
+    if (!err)
+        err = labels_upsample(&(struct upsampled){ label, entropy, NULL }, grid, img, seg->threads, &seg->upsample);
     if (!err)
         sst_hcsm(label, entropy, seg->info.eps_h);
     return err;

@@ -24,15 +24,22 @@ struct job {
     const struct sst_kernels *kernels;
     const struct class_grid *grid;
     const struct sst_image *img;
-    struct sst_map_u8 *label;
-    struct sst_map_f32 *entropy; /* or NULL */
-    float *prob;                 /* or NULL */
-    float *colour;               /* [3][height of the grid][width of the grid] */
-    int32_t *left;               /* [width] column of the grid at or before a pixel */
-    float *across;               /* [width][16] weights of the columns, the same in every row of four */
-    uint8_t *winner;             /* [height of the grid][width of the grid] label */
+    struct upsampled out;
+    float *colour;   /* [3][height of the grid][width of the grid] */
+    int32_t *left;   /* [width] column of the grid at or before a pixel */
+    float *across;   /* [width][16] weights of the columns, the same in every row of four */
+    uint8_t *winner; /* [height of the grid][width of the grid] label */
     uint8_t *single; /* [worker][width of the grid]: the only label of the pixels from a column to the next, or 0 */
     struct scratch *scratch; /* [worker] */
+};
+
+/* A row of pixels in work. */
+struct row {
+    const struct job *job;
+    struct scratch *scratch;
+    const uint8_t *single; /* of the row; see struct job */
+    int y, cell_y;         /* cell_y: row of the grid at or before it */
+    struct sst_guide guide;
 };
 
 size_t class_grid_values(int count)
@@ -83,18 +90,21 @@ static void set_cells(struct sst_guide *g, const struct job *j, int x, int y)
     }
 }
 
-/* Distributions of n pixels of row y from column x on, into s->prob. */
-static void mix_cells(const struct job *j, struct scratch *s, struct sst_guide *g, int cell_y, int y, int x, int n)
+/* Distributions of n pixels of a row from column x on, into its scratch. */
+static void mix_cells(struct row *r, int x, int n)
 {
+    const struct job *j = r->job;
+    struct scratch *s = r->scratch;
+    struct sst_guide *g = &r->guide;
     const size_t count = (size_t)j->grid->count;
 
     for (int i = 0, run; i < n; i += run) {
         for (run = 1; i + run < n && j->left[x + i + run] == j->left[x + i];)
             run++;
-        set_cells(g, j, j->left[x + i], cell_y);
+        set_cells(g, j, j->left[x + i], r->cell_y);
         g->across = j->across + 16 * (size_t)(x + i);
         for (int c = 0; c < 3; c++)
-            g->pixel[c] = sst_image_row(j->img, c, y) + x + i;
+            g->pixel[c] = sst_image_row(j->img, c, r->y) + x + i;
         j->kernels->guide_cells(s->cells + (size_t)i * g->values, g, (size_t)run);
     }
     for (int i = 0; i < n; i++) {
@@ -105,39 +115,40 @@ static void mix_cells(const struct job *j, struct scratch *s, struct sst_guide *
     }
 }
 
-/* Classes and entropies of n pixels of row y from column x on. */
-static void finish_block(const struct job *j, struct scratch *s, struct sst_guide *g, const uint8_t *single, int cell_y,
-                         int y, int x, int n)
+/* Classes and entropies of n pixels of a row from column x on. */
+static void finish_block(struct row *r, int x, int n)
 {
-    uint8_t *label = sst_map_u8_row(j->label, y) + x;
-    const size_t count = (size_t)j->grid->count;
+    const struct job *j = r->job;
+    struct scratch *s = r->scratch;
+    uint8_t *label = sst_map_u8_row(j->out.label, r->y) + x;
+    const size_t count = (size_t)j->grid->count, width = (size_t)j->out.label->width;
     bool all_sure = true;
 
     for (int i = 0; i < n; i++) {
-        label[i] = single[j->left[x + i]];
+        label[i] = r->single[j->left[x + i]];
         all_sure &= label[i] != 0;
     }
-    if (all_sure && !j->entropy && !j->prob)
+    if (all_sure && !j->out.entropy && !j->out.prob)
         return;
-    mix_cells(j, s, g, cell_y, y, x, n);
-    j->kernels->class_row(s->top, j->entropy ? s->entropy : NULL, s->prob, BLOCK, count, (size_t)n);
+    mix_cells(r, x, n);
+    j->kernels->class_row(s->top, j->out.entropy ? s->entropy : NULL, s->prob, BLOCK, count, (size_t)n);
     for (int i = 0; i < n; i++)
         label[i] = label[i] ? label[i] : (uint8_t)(s->top[i] + 1);
-    if (j->entropy)
-        memcpy(sst_map_f32_row(j->entropy, y) + x, s->entropy, (size_t)n * sizeof(float));
-    for (size_t c = 0; j->prob && c < count; c++)
-        memcpy(j->prob + (c * (size_t)j->label->height + (size_t)y) * (size_t)j->label->width + (size_t)x,
-               s->prob + c * BLOCK, (size_t)n * sizeof(float));
+    if (j->out.entropy)
+        memcpy(sst_map_f32_row(j->out.entropy, r->y) + x, s->entropy, (size_t)n * sizeof(float));
+    for (size_t c = 0; j->out.prob && c < count; c++)
+        memcpy(j->out.prob + (c * (size_t)j->out.label->height + (size_t)r->y) * width + (size_t)x, s->prob + c * BLOCK,
+               (size_t)n * sizeof(float));
 }
 
 /* Pixels from column x on that one step processes; if only labels are requested, either all or none of them have a
  * single winner. */
 static int run_length(const struct job *j, const uint8_t *single, int x)
 {
-    const int most = sst_min_int(BLOCK, j->label->width - x);
+    const int most = sst_min_int(BLOCK, j->out.label->width - x);
     int n = 1;
 
-    if (j->entropy || j->prob)
+    if (j->out.entropy || j->out.prob)
         return most;
     while (n < most && !single[j->left[x + n]] == !single[j->left[x]])
         n++;
@@ -148,16 +159,20 @@ static int finish_row(void *arg, int y, int worker)
 {
     const struct job *j = arg;
     uint8_t *single = j->single + (size_t)worker * (size_t)j->grid->width;
-    struct sst_guide guide = { .cells = SST_GUIDE_CELLS, .values = j->grid->values };
+    struct row r = { .job = j,
+                     .scratch = &j->scratch[worker],
+                     .single = single,
+                     .y = y,
+                     .guide = { .cells = SST_GUIDE_CELLS, .values = j->grid->values } };
     float down[4];
-    const int cell_y = place(y, j->grid->height, j->label->height, down);
 
+    r.cell_y = place(y, j->grid->height, j->out.label->height, down);
     for (int k = 0; k < 16; k++)
-        guide.down[k] = down[k / 4];
-    find_single(single, j, cell_y);
-    for (int x = 0, n; x < j->label->width; x += n) {
+        r.guide.down[k] = down[k / 4];
+    find_single(single, j, r.cell_y);
+    for (int x = 0, n; x < j->out.label->width; x += n) {
         n = run_length(j, single, x);
-        finish_block(j, &j->scratch[worker], &guide, single, cell_y, y, x, n);
+        finish_block(&r, x, n);
     }
     return 0;
 }
@@ -187,10 +202,10 @@ static void prepare_cells(const struct job *j)
 
 static void prepare_columns(const struct job *j)
 {
-    for (int x = 0; x < j->label->width; x++) {
+    for (int x = 0; x < j->out.label->width; x++) {
         float *across = j->across + 16 * (size_t)x;
 
-        j->left[x] = place(x, j->grid->width, j->label->width, across);
+        j->left[x] = place(x, j->grid->width, j->out.label->width, across);
         for (int k = 4; k < 16; k++)
             across[k] = across[k % 4];
     }
@@ -214,7 +229,7 @@ static void *part(uint8_t *base, size_t *at, size_t count, size_t size)
 /* @return bytes */
 static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
 {
-    const size_t cells = (size_t)j->grid->width * (size_t)j->grid->height, width = (size_t)j->label->width;
+    const size_t cells = (size_t)j->grid->width * (size_t)j->grid->height, width = (size_t)j->out.label->width;
     size_t at = 0;
 
     j->scratch = part(base, &at, workers, sizeof(*j->scratch));
@@ -230,18 +245,16 @@ static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
 static int find_colours(float *colour, const struct class_grid *grid, const struct sst_image *img, int threads,
                         struct upsample_memory *memory)
 {
-    static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
+    const struct resampled to = { colour, grid->width, grid->height, { 0, 0, 0 }, { 1 / 255.0, 1 / 255.0, 1 / 255.0 } };
 
-    return resample_planes(colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+    return resample_planes(&to, img, threads, &memory->resample);
 }
 
-int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct class_grid *grid,
-                    const struct sst_image *img, int threads, struct upsample_memory *memory)
+int labels_upsample(const struct upsampled *out, struct class_grid *grid, const struct sst_image *img, int threads,
+                    struct upsample_memory *memory)
 {
     const size_t workers = (size_t)sst_thread_count(threads);
-    struct job j = {
-        .kernels = sst_kernels_get(), .grid = grid, .img = img, .label = label, .entropy = entropy, .prob = prob
-    };
+    struct job j = { .kernels = sst_kernels_get(), .grid = grid, .img = img, .out = *out };
     uint8_t *base = sst_mem_keep(&memory->own, lay_out(&j, NULL, workers), 1);
     int err;
 
@@ -253,5 +266,5 @@ int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float
         return err;
     prepare_cells(&j);
     prepare_columns(&j);
-    return sst_parallel_for(label->height, threads, finish_row, &j);
+    return sst_parallel_for(out->label->height, threads, finish_row, &j);
 }
