@@ -194,24 +194,28 @@ static int subtract(struct kind *kind, int views, double common)
     return known;
 }
 
-/* Subtract what all share; 0 what is not significant.
- * @param all   the array is off
- * @param stay  where the array is off, this view stays as it is, unless it is far off itself; -1: none */
-static void keep_significant(struct kind *kind, int views, bool all, int stay, double least, double most)
+struct significance {
+    bool all; /* the array is off */
+    int stay; /* where the array is off, this view stays as it is, unless it is far off itself; -1: none */
+    double least, most;
+};
+
+/* Subtract the value that all share; 0 without significance. */
+static void keep_significant(struct kind *kind, int views, const struct significance *s)
 {
     const int known = subtract(kind, views, common_value(kind, views));
     bool off[SST_MAX_VIEWS];
-    int n = mark_off(off, kind, views, least, most);
+    int n = mark_off(off, kind, views, s->least, s->most);
 
-    if (stay >= 0 && (all || n > MANY * known) &&
-        islessequal(fabs(kind->value[stay]), STAY_SPREADS * rms_about(kind, views, 0))) {
-        subtract(kind, views, kind->value[stay]);
-        n = mark_off(off, kind, views, least, most);
+    if (s->stay >= 0 && (s->all || n > MANY * known) &&
+        islessequal(fabs(kind->value[s->stay]), STAY_SPREADS * rms_about(kind, views, 0))) {
+        subtract(kind, views, kind->value[s->stay]);
+        n = mark_off(off, kind, views, s->least, s->most);
     }
     for (int k = 0; k < views; k++) {
         const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k]);
 
-        if (!value || (!off[k] && !((all || n > MANY * known) && value > kind->sigma[k] && value <= most)))
+        if (!value || (!off[k] && !((s->all || n > MANY * known) && value > kind->sigma[k] && value <= s->most)))
             kind->value[k] = 0;
     }
 }
@@ -240,8 +244,9 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
     report->sigma_px = median_of(kind[0].sigma, views);
     for (int i = 0; i < 4; i++) {
         remove_tilt(&kind[i], lf);
-        keep_significant(&kind[i], views, is_apart(&kind[i], views, APART_PX, APART_SIGMA), lf->ref_view, OFF_PX,
-                         MOST_PX);
+        keep_significant(&kind[i], views,
+                         &(struct significance){ is_apart(&kind[i], views, APART_PX, APART_SIGMA), lf->ref_view, OFF_PX,
+                                                 MOST_PX });
     }
     for (int k = 0; k < views; k++) {
         const double off = hypot(hypot(kind[0].value[k], kind[1].value[k]), hypot(kind[2].value[k], kind[3].value[k]));
@@ -286,7 +291,7 @@ static void plan_falloffs(struct sst_correction *correction, struct sst_align_re
     report->falloff_sigma = median_of(kind.sigma, views);
     common = common_value(&kind, views);
     apart = is_apart(&kind, views, FALL_APART, FALL_SIGMA);
-    keep_significant(&kind, views, apart, -1, OFF_GAIN, MOST_FALL);
+    keep_significant(&kind, views, &(struct significance){ apart, -1, OFF_GAIN, MOST_FALL });
     for (int k = 0; k < views; k++) {
         const double all = apart && common < -OFF_GAIN && lf->views[k].present && !isnan(kind.sigma[k]) ? common : 0;
 
@@ -344,7 +349,7 @@ static void plan_gains(struct sst_correction *correction, struct sst_align_repor
             kind.value[k] = use ? log(report->faded ? c->even_gain[colour] : c->gain[colour]) : NAN;
             kind.sigma[k] = sigma[k] = use ? c->gain_sigma : NAN;
         }
-        keep_significant(&kind, views, false, -1, OFF_GAIN, MOST_GAIN);
+        keep_significant(&kind, views, &(struct significance){ false, -1, OFF_GAIN, MOST_GAIN });
         for (int k = 0; k < views; k++)
             correction[k].gain[colour] = exp(kind.value[k]);
     }

@@ -21,11 +21,18 @@ struct job {
     struct sst_map_f32 *spare; /* [threads] entropies of a view that is done; NULL: they are kept */
 };
 
-/* The nearest labelled views other than the view itself, the nearest first. @return their number */
-static int sources_of(const struct process_carry *c, int view, struct process_source source[SOURCES])
+/* The nearest labelled views other than the view itself, the nearest first. */
+struct sources {
+    struct process_source at[SOURCES];
+    int n;
+};
+
+static struct sources sources_of(const struct process_carry *c, int view)
 {
     const struct sst_lightfield *lf = c->lf;
     const struct sst_view *own = &lf->views[view];
+    struct sources found = { .n = 0 };
+    struct process_source *source = found.at;
     double distance[SOURCES];
     int n = 0;
 
@@ -46,7 +53,8 @@ static int sources_of(const struct process_carry *c, int view, struct process_so
         source[at] = (struct process_source){ k, sst_shift_by(own->bx - from->bx, lf->disp_min_px),
                                               sst_shift_by(own->by - from->by, lf->disp_min_px) };
     }
-    return n;
+    found.n = n;
+    return found;
 }
 
 /* What is gathered of a view. */
@@ -68,14 +76,16 @@ struct gathered_row {
 
 /* Labels of a row from the nearest sources that show each surface and have a label there. */
 static void gather_row(const struct gathered_row *to, struct process_rays *rays, const struct process_carry *c,
-                       const struct gathered *out, const struct process_source *source, int n)
+                       const struct gathered *out, const struct sources *s)
 {
+    const int n = s->n;
+
     for (int i = 0; i < n && rays->count; i++) {
-        const int view = source[i].view;
+        const int view = s->at[i].view;
         const struct sst_map_f32 *entropy = to->entropy ? &out->entropy[view] : NULL;
         int left = 0;
 
-        process_rays_find(rays, &c->lf->views[view], out->packed[view], &source[i]);
+        process_rays_find(rays, &c->lf->views[view], out->packed[view], &s->at[i]);
         for (int k = 0; k < rays->count; k++) {
             const int32_t at = rays->at[k];
             const uint8_t label = rays->label[k];
@@ -93,18 +103,17 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
     }
 }
 
-/* The label of pixel (x, y) from the first of the sources from `first` on that shows its surface and has a label there.
- */
-static uint8_t find_label(const struct process_carry *c, const struct sst_view *own,
-                          const struct process_source *source, int first, int n, int x, int y)
+/* Label of a pixel from the first of the sources from `first` on that shows its surface and has a label there. */
+static uint8_t find_label(const struct process_carry *c, const struct sst_view *own, const struct sources *s, int first,
+                          struct process_place pixel)
 {
-    const int d = sst_map_u16_row(&own->disp, y)[x];
+    const int d = sst_map_u16_row(&own->disp, pixel.y)[pixel.x];
 
-    for (int i = first; i < n; i++) {
-        const struct sst_view *there = &c->lf->views[source[i].view];
-        const struct process_place at = process_place_in(&source[i], x, y, d);
-        const uint8_t label = process_shows(there, own, x, y, d, at) ? sst_map_u8_row(&there->label, at.y)[at.x]
-                                                                     : (uint8_t)SST_LABEL_NONE;
+    for (int i = first; i < s->n; i++) {
+        const struct sst_view *there = &c->lf->views[s->at[i].view];
+        const struct process_place at = process_place_in(&s->at[i], pixel.x, pixel.y, d);
+        const uint8_t label = process_shows(there, own, pixel, d, at) ? sst_map_u8_row(&there->label, at.y)[at.x]
+                                                                      : (uint8_t)SST_LABEL_NONE;
 
         if (label != SST_LABEL_NONE)
             return label;
@@ -113,14 +122,14 @@ static uint8_t find_label(const struct process_carry *c, const struct sst_view *
 }
 
 /* Labels of a view whose nearest sources are known: mostly they have a label, and the others are not asked. */
-static void gather_known(const struct process_carry *c, int view, const struct gathered *out,
-                         const struct process_source *source, int n)
+static void gather_known(const struct process_carry *c, int view, const struct gathered *out, const struct sources *s)
 {
     const struct sst_view *own = &c->lf->views[view];
+    const int n = s->n;
     struct process_way way[SOURCES];
 
     for (int i = 0; i < n; i++)
-        way[i] = process_way_to(&source[i]);
+        way[i] = process_way_to(&s->at[i]);
     for (int y = 0; y < out->label->height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
         const uint8_t *nearest = sst_map_u8_row(out->source, y);
@@ -133,10 +142,10 @@ static void gather_known(const struct process_carry *c, int view, const struct g
 
             if (i < n) {
                 at = process_place_by(&way[i], x, y, d[x]);
-                to[x] = sst_map_u8_row(&c->lf->views[source[i].view].label, at.y)[at.x];
+                to[x] = sst_map_u8_row(&c->lf->views[s->at[i].view].label, at.y)[at.x];
             }
             if (i < n && to[x] == SST_LABEL_NONE)
-                to[x] = find_label(c, own, source, i + 1, n, x, y);
+                to[x] = find_label(c, own, s, i + 1, (struct process_place){ x, y });
         }
     }
 }
@@ -145,13 +154,13 @@ static void gather_known(const struct process_carry *c, int view, const struct g
 static int gather_labels(const struct process_carry *c, int view, const struct gathered *out)
 {
     const struct sst_view *own = &c->lf->views[view];
-    struct process_source source[SOURCES];
+    const struct sources sources = sources_of(c, view);
     struct process_rays rays = { 0 };
-    const int n = sources_of(c, view, source), width = out->label->width;
+    const int width = out->label->width;
     int err;
 
     if (out->known) {
-        gather_known(c, view, out, source, n);
+        gather_known(c, view, out, &sources);
         return 0;
     }
     err = process_rays_init(&rays, width);
@@ -162,11 +171,11 @@ static int gather_labels(const struct process_carry *c, int view, const struct g
 
         memset(to.label, SST_LABEL_NONE, (size_t)width);
         if (to.source)
-            memset(to.source, n, (size_t)width);
+            memset(to.source, sources.n, (size_t)width);
         for (int x = 0; to.entropy && x < width; x++)
             to.entropy[x] = INFINITY;
         process_rays_take(&rays, own, y);
-        gather_row(&to, &rays, c, out, source, n);
+        gather_row(&to, &rays, c, out, &sources);
     }
     process_rays_fini(&rays);
     return err;
@@ -293,18 +302,19 @@ int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entr
 static int gather_one(const struct process_carry *c, int view, struct sst_map_u8 *label)
 {
     const int views = c->lf->rows * c->lf->cols;
-    struct process_source source[SOURCES];
-    const int n = sources_of(c, view, source);
+    const struct sources sources = sources_of(c, view);
     uint64_t **packed = calloc((size_t)views, sizeof(*packed));
     int err = packed ? 0 : -ENOMEM;
 
-    for (int i = 0; i < n && !err; i++) {
-        packed[source[i].view] = process_rays_pack(&c->lf->views[source[i].view]);
-        err = packed[source[i].view] ? 0 : -ENOMEM;
+    for (int i = 0; i < sources.n && !err; i++) {
+        const int of = sources.at[i].view;
+
+        packed[of] = process_rays_pack(&c->lf->views[of]);
+        err = packed[of] ? 0 : -ENOMEM;
     }
     err = err ? err : gather_labels(c, view, &(struct gathered){ .label = label, .packed = packed });
-    for (int i = 0; packed && i < n; i++)
-        sst_mem_free(packed[source[i].view]);
+    for (int i = 0; packed && i < sources.n; i++)
+        sst_mem_free(packed[sources.at[i].view]);
     free(packed);
     return err;
 }

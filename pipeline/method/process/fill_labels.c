@@ -27,17 +27,17 @@ struct gaps {
     int *last;       /* [columns, falling diagonals, rising diagonals] row of the last labelled pixel, see sweep() */
 };
 
-static void consider(struct gap *g, const struct sst_view *v, int y, int from_x, int from_y, int direction)
+static void consider(struct gap *g, const struct sst_view *v, int y, struct process_place from, int direction)
 {
-    const int off_disp = abs(sst_map_u16_row(&v->disp, y)[g->x] - sst_map_u16_row(&v->disp, from_y)[from_x]);
+    const int off_disp = abs(sst_map_u16_row(&v->disp, y)[g->x] - sst_map_u16_row(&v->disp, from.y)[from.x]);
     uint32_t colour = 0, off;
 
     for (int c = 0; c < 3; c++)
-        colour += (uint32_t)abs(sst_image_row(&v->image, c, y)[g->x] - sst_image_row(&v->image, c, from_y)[from_x]);
+        colour += (uint32_t)abs(sst_image_row(&v->image, c, y)[g->x] - sst_image_row(&v->image, c, from.y)[from.x]);
     off = colour << 16 | (uint32_t)off_disp;
     if (off < g->least || (off == g->least && direction < g->direction)) {
         g->least = off;
-        g->label = sst_map_u8_row(&v->label, from_y)[from_x];
+        g->label = sst_map_u8_row(&v->label, from.y)[from.x];
         g->direction = (uint8_t)direction;
     }
 }
@@ -85,9 +85,9 @@ static int list_gaps(struct gaps *g)
 
                 *gap = (struct gap){ UINT32_MAX, (uint16_t)x, SST_LABEL_NONE, 0 };
                 if (from > 0 && x - from < PROCESS_FILL_REACH)
-                    consider(gap, g->v, y, from - 1, y, LEFT);
+                    consider(gap, g->v, y, (struct process_place){ from - 1, y }, LEFT);
                 if (end < label->width && end - x <= PROCESS_FILL_REACH)
-                    consider(gap, g->v, y, end, y, RIGHT);
+                    consider(gap, g->v, y, (struct process_place){ end, y }, RIGHT);
             }
         }
     }
@@ -114,11 +114,12 @@ static void sweep(struct gaps *g, bool up)
                       right = i - rising[x + i];
 
             if (straight <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, x, y + step * straight, up ? DOWN : UP);
+                consider(gap, g->v, y, (struct process_place){ x, y + step * straight }, up ? DOWN : UP);
             if (left <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, x - left, y + step * left, up ? DOWN_LEFT : UP_LEFT);
+                consider(gap, g->v, y, (struct process_place){ x - left, y + step * left }, up ? DOWN_LEFT : UP_LEFT);
             if (right <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, x + right, y + step * right, up ? DOWN_RIGHT : UP_RIGHT);
+                consider(gap, g->v, y, (struct process_place){ x + right, y + step * right },
+                         up ? DOWN_RIGHT : UP_RIGHT);
         }
         for (int x = 0; x < w; x++)
             column[x] = row[x] != SST_LABEL_NONE ? i : column[x];

@@ -81,7 +81,7 @@ static void probe(struct choice *c, int candidate, int view)
             shown[i] = !own->valid.data || sst_map_u8_row(&own->valid, at.y)[at.x];
         else
             shown[i] = process_is_seen(own, at.x, at.y) &&
-                       process_shows(there, own, at.x, at.y, d, process_place_in(&to, at.x, at.y, d));
+                       process_shows(there, own, at, d, process_place_in(&to, at.x, at.y, d));
     }
 }
 
@@ -225,8 +225,7 @@ double process_labels_differ(const struct sst_lightfield *lf, const bool *carrie
             const uint8_t label = label_of(lf, entropy, eps_h, view, at);
             uint8_t second;
 
-            if (label == SST_LABEL_NONE || d == SST_DISP_NONE ||
-                !process_shows(&lf->views[other], own, at.x, at.y, d, there))
+            if (label == SST_LABEL_NONE || d == SST_DISP_NONE || !process_shows(&lf->views[other], own, at, d, there))
                 continue;
             second = label_of(lf, entropy, eps_h, other, there);
             n += second != SST_LABEL_NONE;

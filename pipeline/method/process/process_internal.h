@@ -52,22 +52,23 @@ static inline struct process_place process_place_by(const struct process_way *w,
                                    y + w->whole[1] + ((w->part[1] + d * w->step[1]) >> 16) };
 }
 
-static inline bool process_similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
+static inline bool process_similar(const struct sst_image *a, struct process_place at_a, const struct sst_image *b,
+                                   struct process_place at_b)
 {
     for (int c = 0; c < 3; c++) {
-        if (abs(sst_image_row(a, c, ya)[xa] - sst_image_row(b, c, yb)[xb]) > PROCESS_SIMILAR)
+        if (abs(sst_image_row(a, c, at_a.y)[at_a.x] - sst_image_row(b, c, at_b.y)[at_b.x]) > PROCESS_SIMILAR)
             return false;
     }
     return true;
 }
 
-/** Does a view show the surface of pixel (x, y), disparity d, of another one? @param at  process_place_in() */
-static inline bool process_shows(const struct sst_view *there, const struct sst_view *own, int x, int y, int d,
-                                 struct process_place at)
+/** Does a view show the surface of a pixel, disparity d, of another one? @param at  process_place_in() */
+static inline bool process_shows(const struct sst_view *there, const struct sst_view *own, struct process_place pixel,
+                                 int d, struct process_place at)
 {
     return (unsigned)at.x < (unsigned)own->image.width && (unsigned)at.y < (unsigned)own->image.height &&
            abs(sst_map_u16_row(&there->disp, at.y)[at.x] - d) <= PROCESS_SAME_Q6 &&
-           process_similar(&own->image, x, y, &there->image, at.x, at.y);
+           process_similar(&own->image, pixel, &there->image, at);
 }
 
 /** A pixel that has a disparity and lies inside the raw frame. */

@@ -70,8 +70,9 @@ static inline uint8_t label_there(const struct ballot *b, int x, int y, int d, s
 
 /* The label with most votes of those that see the surface of pixel (x, y) and have a label there; the own one where it
  * has as many as another, then that of the nearer voter. */
-static uint8_t elect(const struct ballot *ballot, int n, const struct sst_view *own, int x, int y, int d)
+static uint8_t elect(const struct ballot *ballot, int n, const struct sst_view *own, struct process_place pixel)
 {
+    const int x = pixel.x, y = pixel.y, d = sst_map_u16_row(&own->disp, y)[x];
     const uint8_t mine = sst_map_u8_row(&own->label, y)[x];
     uint8_t there[SOURCES], label[SOURCES + 1] = { mine };
     int count[SOURCES + 1] = { mine != SST_LABEL_NONE }, labels = 1, best = 0;
@@ -87,7 +88,7 @@ static uint8_t elect(const struct ballot *ballot, int n, const struct sst_view *
     for (int i = 0; i < n; i++) {
         int k = 0;
 
-        if (there[i] == SST_LABEL_NONE || !process_shows(ballot[i].there, own, x, y, d, at[i]))
+        if (there[i] == SST_LABEL_NONE || !process_shows(ballot[i].there, own, pixel, d, at[i]))
             continue;
         while (k < labels && label[k] != there[i])
             k++;
@@ -124,7 +125,9 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
         uint8_t *to = sst_map_u8_row(&v->out[view], y);
 
         for (int x = 0; x < own->label.width; x++)
-            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(ballot, n, own, x, y, d[x]);
+            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x])
+                        ? from[x]
+                        : elect(ballot, n, own, (struct process_place){ x, y });
     }
     return err;
 }
