@@ -15,11 +15,6 @@ enum kind {
     KIND_JPEG = 2,
 };
 
-bool sst_image_is_jpeg(const uint8_t *data, size_t size)
-{
-    return size >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF;
-}
-
 static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
 {
     if (size >= 4 && data[0] == 0x89 && data[1] == 'P' && data[2] == 'N' && data[3] == 'G')
@@ -31,39 +26,6 @@ static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
     else
         sst_log_error("%s is empty; write the image again", name);
     return KIND_NONE;
-}
-
-int sst_image_size_error(int err, const char *name, int64_t width, int64_t height)
-{
-    if (err == -ENOMEM) {
-        sst_log_error("out of memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
-        return -ENOMEM;
-    }
-    sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name, (long long)width,
-                  (long long)height, SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_PIXELS);
-    return -EBADMSG;
-}
-
-void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb)
-{
-    uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
-
-    for (size_t x = 0; x < (size_t)img->width; x++) {
-        r[x] = rgb[3 * x];
-        g[x] = rgb[3 * x + 1];
-        b[x] = rgb[3 * x + 2];
-    }
-}
-
-void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y)
-{
-    const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
-
-    for (size_t x = 0; x < (size_t)img->width; x++) {
-        rgb[3 * x] = r[x];
-        rgb[3 * x + 1] = g[x];
-        rgb[3 * x + 2] = b[x];
-    }
 }
 
 bool sst_image_is_picture(const char *name)

@@ -3,7 +3,9 @@
 #include <errno.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/mem.h"
+#include "pipeline/image/codec_formats.h"
 
 /* The planes of a pixel follow each other, as images of their own. */
 struct layout {
@@ -128,6 +130,39 @@ int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
     if (!err)
         sst_luma_part(luma, img, (struct sst_rect){ 0, 0, img->width, img->height });
     return err;
+}
+
+int sst_image_size_error(int err, const char *name, int64_t width, int64_t height)
+{
+    if (err == -ENOMEM) {
+        sst_log_error("out of memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
+        return -ENOMEM;
+    }
+    sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name, (long long)width,
+                  (long long)height, SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_PIXELS);
+    return -EBADMSG;
+}
+
+void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb)
+{
+    uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+
+    for (size_t x = 0; x < (size_t)img->width; x++) {
+        r[x] = rgb[3 * x];
+        g[x] = rgb[3 * x + 1];
+        b[x] = rgb[3 * x + 2];
+    }
+}
+
+void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y)
+{
+    const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+
+    for (size_t x = 0; x < (size_t)img->width; x++) {
+        rgb[3 * x] = r[x];
+        rgb[3 * x + 1] = g[x];
+        rgb[3 * x + 2] = b[x];
+    }
 }
 
 void sst_image_put_rgbx(uint8_t *rgbx, size_t stride, const struct sst_image *img)

@@ -1,4 +1,10 @@
+#include "pipeline/image/codec.h"
 #include "pipeline/image/image_internal.h"
+
+bool sst_image_is_jpeg(const uint8_t *data, size_t size)
+{
+    return size >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF;
+}
 
 bool jpeg_next_segment(struct jpeg_segment *s, const uint8_t *data, size_t size)
 {
