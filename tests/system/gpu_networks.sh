@@ -34,7 +34,7 @@ device labels.json 'd["runs"] == 1 and d["on_cpu"] == 0 and d["failures"] == 0 a
 alike "on 8 bits" labels.png labels1.png prob.npy prob1.npy
 "$sst" segment "$view" $int8 "$view.copy" --scale 0.3 -o labels2 --device dummy 2>/dev/null && fail "segment of a missing file"
 cmp -s labels1.png labels2/$(basename "$view") || fail "the labels of two devices differ"
-"$sst" segment "$view" $int8 --scale 0.3 -o labels3.png --device dummy:lost=60 --json >lost.json 2>err || fail "segment, lost: $(cat err)"
+"$sst" segment "$view" $int8 --scale 0.3 -o labels3.png --device dummy:lost=210 --json >lost.json 2>err || fail "segment, lost: $(cat err)"
 cmp -s labels.png labels3.png || fail "segment, lost: other labels than the CPU's"
 grep -q "1 of 1 runs of a network were on the CPU instead of dummy: the device is lost" err || fail "segment, lost: $(cat err)"
 device lost.json "d['runs'] == 0 and d['on_cpu'] == 1 and d['failures'] == 1 and 'lost' in d['why_cpu']"
@@ -48,7 +48,7 @@ for variant in plain:net_conv8 dot:net_conv8_dot; do
   cmp -s labels1.png variant.png || fail "segment, $variant: other labels"
   device variant.json "d['conv8'] == '${variant#*:}' and d['runs'] == 1"
 done
-"$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy:dot=1,wrong=25 --json >variant.json 2>err || fail "segment, a wrong variant"
+"$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy:dot=1,wrong=75 --json >variant.json 2>err || fail "segment, a wrong variant"
 grep -q 'the shader `net_conv8_dot` is refused' err || fail "segment, a wrong variant: $(cat err)"
 cmp -s labels1.png variant.png || fail "segment, a wrong variant: other labels"
 device variant.json "d['conv8'] == 'net_conv8' and d['on_cpu'] == 0"
