@@ -44,18 +44,17 @@ static void bind(struct live_identities *w, enum live_part_kind kind, uint32_t k
 }
 
 /* Parts that have ended. */
-static void forget_parts(struct live_identities *w, const struct sst_live_track *open, int n,
-                         const struct sst_hidden_thing *thing, int things)
+static void forget_parts(struct live_identities *w, const struct live_seen *set)
 {
     int kept = 0;
 
     for (int i = 0; i < w->parts; i++) {
         bool there = false;
 
-        for (int k = 0; k < n; k++)
-            there |= w->part[i].kind == LIVE_PART_OPEN && open[k].id == w->part[i].key;
-        for (int k = 0; k < things; k++)
-            there |= w->part[i].kind == LIVE_PART_HIDDEN && thing[k].key == w->part[i].key;
+        for (int k = 0; k < set->n; k++)
+            there |= w->part[i].kind == LIVE_PART_OPEN && set->open[k].id == w->part[i].key;
+        for (int k = 0; k < set->things; k++)
+            there |= w->part[i].kind == LIVE_PART_HIDDEN && set->thing[k].key == w->part[i].key;
         if (there && find(w, w->part[i].id))
             w->part[kept++] = w->part[i];
     }
@@ -222,39 +221,37 @@ static void meet(struct live_identities *w, enum live_part_kind kind, uint32_t k
     measure(a, 0);
 }
 
-static void follow_parts(struct live_identities *w, const struct sst_live_track *open, int n,
-                         const struct sst_hidden_thing *thing, int things, int64_t t_ns)
+static void follow_parts(struct live_identities *w, const struct live_seen *set)
 {
-    for (int i = 0; i < n; i++) {
-        struct live_identity *a = bound_to(w, LIVE_PART_OPEN, open[i].id);
+    for (int i = 0; i < set->n; i++) {
+        struct live_identity *a = bound_to(w, LIVE_PART_OPEN, set->open[i].id);
 
         if (!a)
             continue;
-        a->has[LIVE_PART_OPEN] |= open[i].state != SST_LIVE_TRACK_COVERED;
-        describe(a, &open[i], t_ns);
+        a->has[LIVE_PART_OPEN] |= set->open[i].state != SST_LIVE_TRACK_COVERED;
+        describe(a, &set->open[i], set->t_ns);
     }
-    for (int i = 0; i < things; i++) {
-        struct live_identity *a = bound_to(w, LIVE_PART_HIDDEN, thing[i].key);
-        const struct sst_live_track t = as_track(&thing[i]);
+    for (int i = 0; i < set->things; i++) {
+        struct live_identity *a = bound_to(w, LIVE_PART_HIDDEN, set->thing[i].key);
+        const struct sst_live_track t = as_track(&set->thing[i]);
 
         if (!a)
             continue;
-        a->has[LIVE_PART_HIDDEN] |= thing[i].seen;
-        describe(a, &t, t_ns);
+        a->has[LIVE_PART_HIDDEN] |= set->thing[i].seen;
+        describe(a, &t, set->t_ns);
     }
 }
 
-static void meet_parts(struct live_identities *w, const struct sst_live_track *open, int n,
-                       const struct sst_hidden_thing *thing, int things, int64_t t_ns)
+static void meet_parts(struct live_identities *w, const struct live_seen *set)
 {
-    for (int i = 0; i < n; i++)
-        if (open[i].state != SST_LIVE_TRACK_COVERED && !bound_to(w, LIVE_PART_OPEN, open[i].id))
-            meet(w, LIVE_PART_OPEN, open[i].id, &open[i], t_ns);
-    for (int i = 0; i < things; i++) {
-        const struct sst_live_track t = as_track(&thing[i]);
+    for (int i = 0; i < set->n; i++)
+        if (set->open[i].state != SST_LIVE_TRACK_COVERED && !bound_to(w, LIVE_PART_OPEN, set->open[i].id))
+            meet(w, LIVE_PART_OPEN, set->open[i].id, &set->open[i], set->t_ns);
+    for (int i = 0; i < set->things; i++) {
+        const struct sst_live_track t = as_track(&set->thing[i]);
 
-        if (thing[i].reported && thing[i].seen && !bound_to(w, LIVE_PART_HIDDEN, thing[i].key))
-            meet(w, LIVE_PART_HIDDEN, thing[i].key, &t, t_ns);
+        if (set->thing[i].reported && set->thing[i].seen && !bound_to(w, LIVE_PART_HIDDEN, set->thing[i].key))
+            meet(w, LIVE_PART_HIDDEN, set->thing[i].key, &t, set->t_ns);
     }
 }
 
@@ -344,9 +341,9 @@ static void start_times(struct live_identities *w, int64_t t_ns)
     }
 }
 
-void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
-                            const struct sst_hidden_thing *thing, int things, int width, int height, int64_t t_ns)
+void live_identities_update(struct live_identities *w, const struct live_seen *set)
 {
+    const int64_t t_ns = set->t_ns;
     const double dt_s = w->t_ns ? fmax((double)(t_ns - w->t_ns) * 1e-9, 0) : 0;
     int kept = 0;
 
@@ -357,15 +354,15 @@ void live_identities_update(struct live_identities *w, const struct sst_live_tra
         w->who[i].updated = false;
         memset(w->who[i].has, 0, sizeof(w->who[i].has));
     }
-    forget_parts(w, open, n, thing, things);
-    follow_parts(w, open, n, thing, things, t_ns);
+    forget_parts(w, set);
+    follow_parts(w, set);
     for (int i = 0; i < w->count; i++)
         if (w->who[i].updated)
             measure(&w->who[i], dt_s);
-    meet_parts(w, open, n, thing, things, t_ns);
+    meet_parts(w, set);
     unite_all(w, t_ns);
     for (int i = 0; i < w->count; i++)
-        if (stays(&w->who[i], width, height, t_ns))
+        if (stays(&w->who[i], set->width, set->height, t_ns))
             w->who[kept++] = w->who[i];
     w->count = kept;
 }

@@ -128,15 +128,18 @@ struct live_identities {
     int64_t t_ns;
 };
 
-/**
- * Follow a set.
- *
- * @param open   [n] tracks of the scene
- * @param thing  [things] behind the foreground; only reported ones begin an identity
- * @param width, height  of the picture, px
- */
-void live_identities_update(struct live_identities *w, const struct sst_live_track *open, int n,
-                            const struct sst_hidden_thing *thing, int things, int width, int height, int64_t t_ns);
+/** Objects of a set. */
+struct live_seen {
+    const struct sst_live_track *open; /* [n] tracks of the scene */
+    int n;
+    const struct sst_hidden_thing *thing; /* [things] behind the foreground; only reported ones begin an identity */
+    int things;
+    int width, height; /* of the picture, px */
+    int64_t t_ns;
+};
+
+/** Follow a set. */
+void live_identities_update(struct live_identities *w, const struct live_seen *set);
 
 /** As of the last set. @return number */
 int live_identities_tracks(const struct live_identities *w, struct sst_live_track track[SST_LIVE_TRACKS]);

@@ -81,7 +81,7 @@ int live_watch_update(struct sst_live *live, int64_t t_ns)
     }
     n = sst_livescene_tracks(live->scene, open);
     things = sst_hidden_things(w->hidden, thing);
-    live_identities_update(&w->who, open, n, thing, things, lf->width, lf->height, t_ns);
+    live_identities_update(&w->who, &(struct live_seen){ open, n, thing, things, lf->width, lf->height, t_ns });
     return 0;
 }
 

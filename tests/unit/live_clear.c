@@ -553,11 +553,11 @@ static void objects_are_bounded(void **state SST_UNUSED)
             for (int x = x0; x < x0 + 8; x++)
                 sst_map_u16_row(&lf->views[lf->ref_view].disp, y)[x] = (uint16_t)(64 * (20 + i));
         }
-        err = picture_objects_toggle(&o, lf, x0 + 4, y0 + 4, 1, 2, &removed);
+        err = picture_objects_toggle(&o, &(struct picture_click){ lf, x0 + 4, y0 + 4, 1, 2 }, &removed);
         assert_int_equal(err, i < 8 ? 0 : -EOVERFLOW);
     }
     assert_int_equal(o.count, SST_LIVEPICTURE_OBJECTS);
-    assert_int_equal(picture_objects_toggle(&o, lf, 14, 12, 1, 2, &removed), 0);
+    assert_int_equal(picture_objects_toggle(&o, &(struct picture_click){ lf, 14, 12, 1, 2 }, &removed), 0);
     assert_false(removed);
     set_scene(&s, "pedestrian", 0); /* the patches are gone */
     assert_int_equal(picture_objects_follow(&o, lf, INT64_C(1000000000), 2), 0);
@@ -588,7 +588,7 @@ static void objects_do_not_creep(void **state SST_UNUSED)
         for (int x = 0; x < lf->width; x++)
             sst_map_u16_row(&lf->views[lf->ref_view].disp, y)[x] = (uint16_t)(16 * x);
     }
-    assert_int_equal(picture_objects_toggle(&o, lf, 80, 60, 1, 2, &removed), 0);
+    assert_int_equal(picture_objects_toggle(&o, &(struct picture_click){ lf, 80, 60, 1, 2 }, &removed), 0);
     assert_true(removed);
     first = o.object[0].area;
     first_px = o.object[0].near_px - o.object[0].far_px;

@@ -69,7 +69,8 @@ static void add_hidden(struct bench *b, uint32_t key, double x, double speed, do
 
 static void step(struct bench *b)
 {
-    live_identities_update(&b->who, b->open, b->opens, b->thing, b->things, WIDTH, HEIGHT, b->t_ns);
+    live_identities_update(&b->who,
+                           &(struct live_seen){ b->open, b->opens, b->thing, b->things, WIDTH, HEIGHT, b->t_ns });
     b->tracks = live_identities_tracks(&b->who, b->track);
     for (int i = 0; i < b->tracks; i++) {
         int k = 0;
@@ -235,7 +236,7 @@ static void there_is_room_for_those_who_are_there(void **state)
                                                .y0 = 100 * round,
                                                .y1 = 100 * round + 20,
                                                .disp_px = NEARBY };
-        live_identities_update(&who, open, SST_LIVE_TRACKS, NULL, 0, WIDTH, HEIGHT, t_ns);
+        live_identities_update(&who, &(struct live_seen){ open, SST_LIVE_TRACKS, NULL, 0, WIDTH, HEIGHT, t_ns });
         assert_int_equal(live_identities_tracks(&who, track), SST_LIVE_TRACKS);
         for (int i = 0; i < SST_LIVE_TRACKS; i++)
             assert_int_equal(track[i].y0, 100 * round);

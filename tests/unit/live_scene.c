@@ -43,10 +43,10 @@ static void changed_tiles_are_gathered(void **state SST_UNUSED)
     uint8_t dirty[20 * 15] = { 0 };
     int n;
 
-    assert_int_equal(scene_gather(r, dirty, 20, 15, 320, 240), 0);
+    assert_int_equal(scene_gather(r, (struct scene_dirty){ dirty, 20 }, 15, 320, 240), 0);
     dirty[0] = 1;
     dirty[7 * 20 + 10] = dirty[8 * 20 + 10] = 1;
-    assert_int_equal(scene_gather(r, dirty, 20, 15, 320, 240), 2);
+    assert_int_equal(scene_gather(r, (struct scene_dirty){ dirty, 20 }, 15, 320, 240), 2);
     assert_int_equal(r[0].x0, 0);
     assert_int_equal(r[0].x1, 32);
     assert_int_equal(r[1].x0, 144);
@@ -55,7 +55,7 @@ static void changed_tiles_are_gathered(void **state SST_UNUSED)
     assert_int_equal(r[1].y1, 160);
     for (int i = 0; i < 300; i += 4) /* far more than there is room for */
         dirty[i] = 1;
-    n = scene_gather(r, dirty, 20, 15, 320, 240);
+    n = scene_gather(r, (struct scene_dirty){ dirty, 20 }, 15, 320, 240);
     assert_in_range(n, 1, SST_SCENE_RECTS);
     for (int i = 0; i < 300; i++) {
         int holds = 0;
@@ -104,7 +104,7 @@ static void cells_are_carried_over(void **state SST_UNUSED)
     }
     assert_int_equal(scene_composer_init(&composer, 32, 32), 0);
     scene_measure_tiles(&key);
-    scene_compose(&composer, &lf, 1, &key, 1, dirty, true);
+    scene_compose(&composer, &lf, 1, &(struct scene_keys){ &key, 1, true }, dirty);
     for (int y = 0; y < 64; y++) {
         for (int x = 0; x < 64; x++) {
             const int d = sst_map_u16_row(&lf.views[1].disp, y)[x], l = sst_map_u8_row(&lf.views[1].label, y)[x];
@@ -307,7 +307,8 @@ static void cancel_ends_updates(void **state SST_UNUSED)
     open_field(&f, 3, 3);
     draw(&f, 40);
     sst_livescene_cancel(f.scene);
-    assert_int_equal(sst_livescene_update(f.scene, &f.changes, &(const struct sst_live_input){ 0 }, &f.report), -ECANCELED);
+    assert_int_equal(sst_livescene_update(f.scene, &f.changes, &(const struct sst_live_input){ 0 }, &f.report),
+                     -ECANCELED);
     close_field(&f);
 }
 

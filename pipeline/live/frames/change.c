@@ -103,10 +103,18 @@ static int sum_of(const struct block_means *c, int p, struct span s)
     return sum;
 }
 
+/* Cells of a tile in two frames. */
+struct cells {
+    const int16_t *a, *b;
+    size_t stride;
+    int zero, gain_q14;
+};
+
 /* Inlined with a constant width, so that the loops are unrolled. */
-static inline void compare_span(const int16_t *a, const int16_t *b, size_t stride, int width, int height, int zero,
-                                int gain_q14, float out[SST_DETECTOR_STATS])
+static inline void compare_span(const struct cells *cells, int width, int height, float out[SST_DETECTOR_STATS])
 {
+    const int16_t *a = cells->a, *b = cells->b;
+    const int zero = cells->zero, gain_q14 = cells->gain_q14;
     int sum = 0, abs_sum = 0, most = 0;
 
     for (int y = 0; y < height; y++) {
@@ -117,30 +125,30 @@ static inline void compare_span(const int16_t *a, const int16_t *b, size_t strid
             abs_sum += size;
             most = size > most ? size : most;
         }
-        a += stride;
-        b += stride;
+        a += cells->stride;
+        b += cells->stride;
     }
     out[0] = (float)abs(sum) / (float)(width * height);
     out[1] = (float)abs_sum / (float)(width * height);
     out[2] = (float)most;
 }
 
-/* |mean e|, mean |e|, max |e| with e = a - gain b. */
-static void compare(const struct block_means *a, const struct block_means *b, int p, struct span s, double gain,
+/* |mean e|, mean |e|, max |e| with e = a - gain b, of a plane. */
+static void compare(const struct mean_plane *a, const struct mean_plane *b, struct span s, double gain,
                     float out[SST_DETECTOR_STATS])
 {
-    const size_t stride = (size_t)a->plane[p].cols, at = (size_t)s.y0 * stride + (size_t)s.x0;
-    const int16_t *u = a->plane[p].mean + at, *v = b->plane[p].mean + at;
-    const int zero = a->plane[p].zero, gain_q14 = (int)lrint(gain * GAIN_ONE), w = s.x1 - s.x0, h = s.y1 - s.y0;
+    const size_t stride = (size_t)a->cols, at = (size_t)s.y0 * stride + (size_t)s.x0;
+    const struct cells cells = { a->mean + at, b->mean + at, stride, a->zero, (int)lrint(gain * GAIN_ONE) };
+    const int w = s.x1 - s.x0, h = s.y1 - s.y0;
 
     if (w == 4 && h == 4)
-        compare_span(u, v, stride, 4, 4, zero, gain_q14, out);
+        compare_span(&cells, 4, 4, out);
     else if (w == 2 && h == 4)
-        compare_span(u, v, stride, 2, 4, zero, gain_q14, out);
+        compare_span(&cells, 2, 4, out);
     else if (w == 2 && h == 2)
-        compare_span(u, v, stride, 2, 2, zero, gain_q14, out);
+        compare_span(&cells, 2, 2, out);
     else
-        compare_span(u, v, stride, w, h, zero, gain_q14, out);
+        compare_span(&cells, w, h, out);
 }
 
 /* --- light -------------------------------------------------------------------------------------------------------- */
@@ -185,7 +193,8 @@ static void follow_noise(struct change_detector *w, double gain_step)
         for (int t = w->noise_phase % step; t < tiles; t += step, n++) {
             float stat[SST_DETECTOR_STATS];
 
-            compare(&w->now, &w->before, p, cells_of(&w->now, p, t % w->cols, t / w->cols), gain_step, stat);
+            compare(&w->now.plane[p], &w->before.plane[p], cells_of(&w->now, p, t % w->cols, t / w->cols), gain_step,
+                    stat);
             for (int s = 0; s < SST_DETECTOR_STATS; s++)
                 w->scratch[s * tiles + n] = stat[s];
         }
@@ -220,7 +229,7 @@ static bool exceeds(const struct change_detector *w, int t, double ease)
         const struct span span = cells_of(&w->now, p, t % w->cols, t / w->cols);
         float stat[SST_DETECTOR_STATS];
 
-        compare(&w->now, &w->kept, p, span, gain, stat);
+        compare(&w->now.plane[p], &w->kept.plane[p], span, gain, stat);
         for (int s = 0; s < SST_DETECTOR_STATS; s++) {
             if (stat[s] > ease * limits[s].floor + limits[s].factor * w->noise[p][s])
                 return true;

@@ -12,15 +12,17 @@
 
 /* --- decoding ----------------------------------------------------------------------------------------------------- */
 
-/* Split the pixels of a run of tiles into colour planes. @param pixels  of (x0, y0) */
-static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
+/* Split the pixels of a run of tiles into colour planes. @param pixels  of the part */
+static void unpack(struct sst_image *image, const struct sst_rect *part, const uint8_t *pixels, size_t stride)
 {
-    for (int y = y0; y < y1; y++) {
+    const int x0 = part->x0, y0 = part->y0;
+
+    for (int y = y0; y < part->y1; y++) {
         const uint8_t *from = pixels + (size_t)(y - y0) * stride;
         uint8_t *restrict r = sst_image_row(image, 0, y) + x0, *restrict g = sst_image_row(image, 1, y) + x0;
         uint8_t *restrict b = sst_image_row(image, 2, y) + x0;
 
-        for (int x = 0; x < x1 - x0; x++) {
+        for (int x = 0; x < part->x1 - x0; x++) {
             r[x] = from[4 * x];
             g[x] = from[4 * x + 1];
             b[x] = from[4 * x + 2];
@@ -41,17 +43,17 @@ static void store_part(struct sst_liveframes *f, int k, const struct decoder_par
         for (int col = left, end; col < right; col = end + 1) {
             const int x0 = col * SST_LIVE_TILE;
             const uint8_t *from = p->pixels + (size_t)(y0 - p->box[1]) * p->stride + 4 * (size_t)(x0 - p->box[0]);
-            int x1;
+            struct sst_rect run = { x0, y0, 0, y1 };
 
             for (end = col; end < right && dirty[end];)
                 end++;
-            x1 = sst_min_int(end * SST_LIVE_TILE, f->cfg->width);
+            run.x1 = sst_min_int(end * SST_LIVE_TILE, f->cfg->width);
             if (end == col)
                 continue;
             if (v->sampler)
-                sst_sampler_put(v->sampler, &(struct sst_rect){ x0, y0, x1, y1 }, from, p->stride);
+                sst_sampler_put(v->sampler, &run, from, p->stride);
             else
-                unpack(&f->lf->views[k].image, x0, y0, x1, y1, from, p->stride);
+                unpack(&f->lf->views[k].image, &run, from, p->stride);
         }
     }
 }

@@ -25,11 +25,11 @@
 #define GAIN_SPEED  0.25
 #define GAIN_SIZE   0.25
 #define GAIN_DEPTH  0.1 /* at least: a mean in the beginning */
-#define SETS        3 /* and seconds of a thing that is reported */
+#define SETS        3   /* and seconds of a thing that is reported */
 #define SECONDS     1.0
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
-#define AFTER_S     30.0 /* until a track is reported that begins there, or has been beside one */
-#define STAYS_S     600.0 /* an object that has not moved for this long is part of the scene */
+#define AFTER_S     30.0                 /* until a track is reported that begins there, or has been beside one */
+#define STAYS_S     600.0                /* an object that has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 /* At the start: as if chance had made tracks for these hours, at this rate an hour and with this mean evidence. */
 #define PRIOR_H     0.03
@@ -188,7 +188,8 @@ bool hidden_tracks_left(const struct hidden_tracks *t, const struct hidden_left 
     for (int i = 0; i < t->count; i++) {
         const struct hidden_track *a = &t->track[i];
 
-        there |= a->thing.reported && a->seen && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
+        there |=
+            a->thing.reported && a->seen && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
     }
     return t->t_ns - l->t_ns < LEFT_NS && !there;
 }
@@ -200,7 +201,8 @@ static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a
     for (int i = 0; i < sst_min_int(t->lefts, HIDDEN_LEFT); i++) {
         const struct hidden_left *l = &t->left[i];
 
-        was |= t->t_ns - l->t_ns < LEFT_NS && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
+        was |=
+            t->t_ns - l->t_ns < LEFT_NS && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
     }
     return was;
 }
@@ -254,8 +256,10 @@ static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
         (struct sst_hidden_thing){ .key = t->next_key++, .disp_px = g->disp_px, .first_ns = t_ns, .seen_ns = t_ns };
 }
 
-static void assign(struct hidden_tracks *t, struct group *g, int groups, double depth_px, double dt_s, int64_t t_ns)
+static void assign(struct hidden_tracks *t, struct group *g, int groups, double depth_px, double dt_s)
 {
+    const int64_t t_ns = t->t_ns;
+
     for (;;) {
         double best = INFINITY;
         int track = -1, of = -1;
@@ -393,7 +397,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         a->y += a->vy * fmin(dt_s, SET_MOST_S);
         a->seen = false;
     }
-    assign(t, g, groups, DEPTH_STEPS * p->step_px, dt_s, t_ns);
+    assign(t, g, groups, DEPTH_STEPS * p->step_px, dt_s);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 

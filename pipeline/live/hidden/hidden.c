@@ -153,7 +153,8 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
             r.wake[r.wakes++] = (struct hidden_rect){ (int)(x - HIDDEN_BLOCK * l->w), (int)(y - HIDDEN_BLOCK * l->h),
                                                       (int)(x + HIDDEN_BLOCK * l->w), (int)(y + HIDDEN_BLOCK * l->h) };
     }
-    hidden_model_update(h->model[k], h->in->image[k], h->changed[k], h->step, h->in->t_ns, &r);
+    hidden_model_update(h->model[k], &(struct hidden_picture){ h->in->image[k], h->changed[k], h->step }, h->in->t_ns,
+                        &r);
     return 0;
 }
 
@@ -206,10 +207,13 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
     if (!err && hidden_planes_choose(&h->planes, in, h->reach))
         hidden_usual_reset(&h->usual);
     err = err ? err : hidden_planes_cover(&h->planes, in, h->step, h->cfg.threads);
-    err = err ? err : hidden_planes_sum(&h->planes, model, h->cfg.views, h->dx, h->dy, h->cfg.threads);
+    err = err ? err
+              : hidden_planes_sum(&h->planes, &(struct hidden_views){ model, h->cfg.views, h->dx, h->dy },
+                                  h->cfg.threads);
     if (err)
         return err;
-    count = hidden_usual_follow(&h->usual, &h->planes, in->t_ns, h->keep, h->keeps, h->cfg.threads, candidate);
+    count = hidden_usual_follow(&h->usual, &h->planes, &(struct hidden_kept){ in->t_ns, h->keep, h->keeps },
+                                h->cfg.threads, candidate);
     hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns, h->usual.age_s < QUIET_S);
     return 0;
 }

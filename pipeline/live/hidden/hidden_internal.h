@@ -32,7 +32,7 @@ struct hidden_model {
     uint8_t *hot;               /* [tiles] the tile has scores: compared again without changes */
     int tiles_x, tiles_y, tile; /* tile: cells */
     bool filled;
-    double gain; /* brightness of the view against the slots */
+    double gain;                 /* brightness of the view against the slots */
     int64_t learnt_ns, usual_ns; /* when its colours and its usual differences last followed */
     uint32_t rounds;             /* since it was filled */
 };
@@ -49,13 +49,16 @@ struct hidden_rects {
     int keeps, wakes;
 };
 
-/**
- * Follow a picture.
- *
- * @param step  px per cell, a power of 2
- */
-void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
-                         int64_t t_ns, const struct hidden_rects *rects);
+/** A picture, and its changed tiles; NULL: all. */
+struct hidden_picture {
+    const struct sst_image *image;
+    const uint8_t *changed;
+    int step; /* px per cell, a power of 2 */
+};
+
+/** Follow a picture. */
+void hidden_model_update(struct hidden_model *m, const struct hidden_picture *picture, int64_t t_ns,
+                         const struct hidden_rects *rects);
 
 /* --- planes.c: scores integrated on planes -------------------------------------------------------------------------
  */
@@ -87,9 +90,15 @@ bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const str
  * before */
 bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input *in, double reach);
 
-/** Integrate scores. @param model  [views], NULL: not used @param dx, dy  cells per px of disparity */
-SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct hidden_model *const *model, int views,
-                                     const double *dx, const double *dy, int threads);
+/** Models of all views. */
+struct hidden_views {
+    const struct hidden_model *const *model; /* [views], NULL: not used */
+    int views;
+    const double *dx, *dy; /* cells per px of disparity */
+};
+
+/** Integrate scores. */
+SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct hidden_views *v, int threads);
 
 /* --- usual.c: background level of integrated scores, and candidates above it ---------------------------------------
  */
@@ -118,11 +127,17 @@ void hidden_usual_reset(struct hidden_usual *u);
 /** Follow a set in which nothing changed. */
 void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
 
-/** Follow a set. @param keep  [keeps] blocks excluded from background learning
+/** Time of a set, and its blocks that are excluded from background learning. */
+struct hidden_kept {
+    int64_t t_ns;
+    const struct hidden_rect *keep; /* [keeps] */
+    int keeps;
+};
+
+/** Follow a set.
  *  @return number of candidates, the best first */
-int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
-                        const struct hidden_rect *keep, int keeps, int threads,
-                        struct hidden_candidate out[SST_HIDDEN_THINGS]);
+int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, const struct hidden_kept *kept,
+                        int threads, struct hidden_candidate out[SST_HIDDEN_THINGS]);
 
 /* --- follow.c: candidates from set to set ----------------------------------------------------------------------------
  */

@@ -15,7 +15,7 @@
 #define PHASES     8
 #define BESIDE     3                   /* cells */
 #define USUAL_NS   INT64_C(2000000000) /* the usual difference follows by 1/32 in this time */
-#define GAIN_STEP  6  /* cells between samples of brightness */
+#define GAIN_STEP  6                   /* cells between samples of brightness */
 #define GAIN_BINS  256
 #define GAIN_LEAST 24  /* levels of a cell that it is measured on */
 #define GAIN_RANGE 4.0 /* more than that: another scene */
@@ -67,9 +67,20 @@ static void halve_row(uint8_t *restrict out, const uint8_t *restrict a, const ui
         out[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
 }
 
-/* Means of step x step px, of cells x0..x1-1 of a row. */
-static void shrink_row(uint8_t *out, const struct sst_image *in, int channel, int y, int x0, int x1, int step)
+/* Cells of a rectangle, of step x step px each. */
+struct shrunk {
+    const struct hidden_rect *r;
+    int step;
+};
+
+/* Means of step x step px, of row y of a rectangle of cells. */
+static void shrink_row(struct hidden_model *m, const struct sst_image *in, int channel, int y,
+                       const struct shrunk *part)
 {
+    uint8_t *out = sst_image_row(&m->now, channel, y);
+    const int x1 = part->r->x1, step = part->step;
+    int x0 = part->r->x0;
+
     if (step == 1) {
         memcpy(out + x0, sst_image_row(in, channel, y) + x0, (size_t)(x1 - x0));
         return;
@@ -96,9 +107,11 @@ static void shrink_row(uint8_t *out, const struct sst_image *in, int channel, in
 
 static void shrink(struct hidden_model *m, const struct sst_image *image, const struct hidden_rect *r, int step)
 {
+    const struct shrunk part = { r, step };
+
     for (int c = 0; c < 3; c++)
         for (int y = r->y0; y < r->y1; y++)
-            shrink_row(sst_image_row(&m->now, c, y), image, c, y, r->x0, r->x1, step);
+            shrink_row(m, image, c, y, &part);
 }
 
 /* Brightness of the changed tiles against a remembered colour: the median of the ratios of single cells. */
@@ -286,14 +299,15 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
     }
 }
 
-void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
-                         int64_t t_ns, const struct hidden_rects *rects)
+void hidden_model_update(struct hidden_model *m, const struct hidden_picture *picture, int64_t t_ns,
+                         const struct hidden_rects *rects)
 {
+    const uint8_t *changed = picture->changed;
     const bool usual = m->rounds < BEGIN || t_ns - m->usual_ns >= USUAL_NS || t_ns < m->usual_ns;
     const int tiles = m->tiles_x * m->tiles_y;
 
     if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
-        read_tiles(m, image, changed, step);
+        read_tiles(m, picture->image, changed, picture->step);
     for (int i = 0, end; i < tiles; i = end) {
         struct hidden_rect r = tile_rect(m, i), next = r;
         const bool learns = usual && !overlaps(&r, rects->keep, rects->keeps);

@@ -201,15 +201,14 @@ static int sum_row(void *arg, int block, int worker SST_UNUSED)
     return 0;
 }
 
-int hidden_planes_sum(struct hidden_planes *p, const struct hidden_model *const *model, int views, const double *dx,
-                      const double *dy, int threads)
+int hidden_planes_sum(struct hidden_planes *p, const struct hidden_views *v, int threads)
 {
-    struct job j = { p, model, views };
+    struct job j = { p, v->model, v->views };
 
     for (int plane = 0; plane < p->count; plane++) {
-        for (int k = 0; k < views; k++) {
-            p->shift[plane][k][0] = (int)lround(p->disp_px[plane] * dx[k]);
-            p->shift[plane][k][1] = (int)lround(p->disp_px[plane] * dy[k]);
+        for (int k = 0; k < v->views; k++) {
+            p->shift[plane][k][0] = (int)lround(p->disp_px[plane] * v->dx[k]);
+            p->shift[plane][k][1] = (int)lround(p->disp_px[plane] * v->dy[k]);
         }
     }
     return sst_parallel_for(p->rows, threads, sum_row, &j);

@@ -139,11 +139,19 @@ static inline void follow_spread(float *spread, float over, float rate)
     *spread += rate * ((over * over > most ? most : over * over) - *spread);
 }
 
+struct job {
+    struct hidden_usual *u;
+    const struct hidden_planes *p;
+    const struct hidden_kept *kept;
+    float rate;
+};
+
 /* Excess of all places of a box on a plane over the background level, less that of the surroundings: gusts raise both.
  */
-static void follow_box(const struct hidden_usual *u, int box, int plane, float rate, const struct hidden_rect *keep,
-                       int keeps)
+static void follow_box(const struct job *j, int box, int plane)
 {
+    const struct hidden_usual *u = j->u;
+    const int keeps = j->kept->keeps;
     const int bw = box_size[box].cols, bh = box_size[box].rows, w = u->cols + 1;
     const float *sums = sums_of(u, plane);
 
@@ -154,20 +162,23 @@ static void follow_box(const struct hidden_usual *u, int box, int plane, float r
 
         measure_row(&r, u->cols, excess);
         for (int x = 0; x + bw <= u->cols && !keeps; x++)
-            follow_spread(&spread[x], excess[x], rate);
+            follow_spread(&spread[x], excess[x], j->rate);
         for (int x = 0; x + bw <= u->cols && keeps; x++) {
             const struct hidden_rect at = { x, y, x + bw, y + bh };
 
-            if (!overlaps(&at, keep, keeps))
-                follow_spread(&spread[x], excess[x], rate);
+            if (!overlaps(&at, j->kept->keep, keeps))
+                follow_spread(&spread[x], excess[x], j->rate);
         }
     }
 }
 
 /* Excess of the blocks of a plane over their background level, which follows. */
-static void follow_level(const struct hidden_usual *u, const float *mean, int plane, float rate,
-                         const struct hidden_rect *keep, int keeps)
+static void follow_level(const struct job *j, int plane)
 {
+    const struct hidden_usual *u = j->u;
+    const float *mean = j->p->mean + (size_t)plane * (size_t)u->cols * (size_t)u->rows;
+    const int keeps = j->kept->keeps;
+
     for (int y = 0; y < u->rows; y++) {
         float *level = u->level + ((size_t)plane * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
         float *over = u->over + ((size_t)plane * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
@@ -178,29 +189,20 @@ static void follow_level(const struct hidden_usual *u, const float *mean, int pl
             const float most = 2 * level[x] + (float)LEVEL_MIN;
 
             over[x] = now[x] - level[x];
-            if (!keeps || !overlaps(&r, keep, keeps))
-                level[x] += rate * (over[x] > most ? most : over[x]);
+            if (!keeps || !overlaps(&r, j->kept->keep, keeps))
+                level[x] += j->rate * (over[x] > most ? most : over[x]);
         }
     }
 }
 
-struct job {
-    struct hidden_usual *u;
-    const struct hidden_planes *p;
-    const struct hidden_rect *keep;
-    int keeps;
-    float rate;
-};
-
 static int follow_plane(void *arg, int plane, int worker SST_UNUSED)
 {
     const struct job *j = arg;
-    const struct hidden_usual *u = j->u;
 
-    follow_level(u, j->p->mean + (size_t)plane * (size_t)u->cols * (size_t)u->rows, plane, j->rate, j->keep, j->keeps);
-    sum_up(u, plane);
+    follow_level(j, plane);
+    sum_up(j->u, plane);
     for (int box = 0; box < HIDDEN_BOXES; box++)
-        follow_box(u, box, plane, j->rate, j->keep, j->keeps);
+        follow_box(j, box, plane);
     return 0;
 }
 
@@ -278,12 +280,12 @@ static bool next_best(struct hidden_usual *u, struct hidden_candidate *c)
     return true;
 }
 
-int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
-                        const struct hidden_rect *keep, int keeps, int threads,
-                        struct hidden_candidate out[SST_HIDDEN_THINGS])
+int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, const struct hidden_kept *kept,
+                        int threads, struct hidden_candidate out[SST_HIDDEN_THINGS])
 {
+    const int64_t t_ns = kept->t_ns;
     const double dt_s = u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
-    struct job j = { u, p, keep, keeps, 1 };
+    struct job j = { u, p, kept, 1 };
     int n = 0;
 
     u->age_s += dt_s;

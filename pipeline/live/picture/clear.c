@@ -312,8 +312,8 @@ static int decorate(struct picture_clear *c)
     return err || !c->outline ? err : draw_outlines(c);
 }
 
-int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole, bool outline,
-                         bool tint, struct sst_image *image, int64_t *rendered_px)
+int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, struct picture_look look,
+                         struct sst_image *image, int64_t *rendered_px)
 {
     const struct sst_live *live = c->live;
     struct sst_render_config wanted = *cfg;
@@ -325,8 +325,8 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     if (c->serial != live->serial)
         err = picture_objects_follow(&c->objects, &live->lf, live->focus.t_ns, live->cfg.threads);
     resolve(c, &wanted);
-    changed = whole || !c->rendered || c->serial != live->serial || c->present_serial != live->present_serial ||
-              c->objects_shown != c->objects_version || c->outline != outline || c->tint != tint ||
+    changed = look.whole || !c->rendered || c->serial != live->serial || c->present_serial != live->present_serial ||
+              c->objects_shown != c->objects_version || c->outline != look.outline || c->tint != look.tint ||
               !same(wanted.cut_px, c->cfg.cut_px) || wanted.remove_label != c->cfg.remove_label;
     *rendered_px = 0;
     if (err || !changed)
@@ -334,8 +334,8 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     check_memory(c);
     c->rendered = false;
     c->cfg = wanted;
-    c->outline = outline;
-    c->tint = tint;
+    c->outline = look.outline;
+    c->tint = look.tint;
     c->image = image;
     wanted.merge = &step;
     c->kept.stamp = live->stamp;
@@ -431,18 +431,17 @@ static bool aim(const struct picture_clear *c, int *x, int *y)
 
 int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed)
 {
-    const int64_t t_ns = c->live->focus.t_ns;
-    const int threads = c->live->cfg.threads;
-    int at_x = x, at_y = y, err = aim(c, &at_x, &at_y) ? 0 : -ENODATA;
-    const bool hidden = at_x != x || at_y != y;
+    struct picture_click at = { &c->live->lf, x, y, c->live->focus.t_ns, c->live->cfg.threads };
+    int err = aim(c, &at.x, &at.y) ? 0 : -ENODATA;
+    const bool hidden = at.x != x || at.y != y;
 
-    err = err ? err : picture_objects_toggle(&c->objects, &c->live->lf, at_x, at_y, t_ns, threads, removed);
+    err = err ? err : picture_objects_toggle(&c->objects, &at, removed);
     for (int part = 1; !err && hidden && *removed && part < AIM_PARTS; part++) {
-        at_x = x;
-        at_y = y;
-        if (!aim(c, &at_x, &at_y))
+        at.x = x;
+        at.y = y;
+        if (!aim(c, &at.x, &at.y))
             break;
-        err = picture_objects_extend(&c->objects, &c->live->lf, at_x, at_y, t_ns, threads);
+        err = picture_objects_extend(&c->objects, &at);
     }
     c->objects_version += !err;
     return err;

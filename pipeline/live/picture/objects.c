@@ -329,14 +329,16 @@ static void measure_first(struct picture_object *at, const struct sst_lightfield
     at->first_px = at->near_px - at->far_px;
 }
 
-static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns, int threads)
+static int add(struct picture_objects *o, const struct picture_click *click)
 {
+    const struct sst_lightfield *lf = click->lf;
+    const int x = click->x, y = click->y;
     struct picture_object *at = &o->object[o->count];
     struct sst_map_u8 mask[SST_MAX_VIEWS] = { 0 };
-    int err = sst_render_grow_object(mask, lf, x, y, threads);
+    int err = sst_render_grow_object(mask, lf, x, y, click->threads);
 
     if (!err) {
-        *at = (struct picture_object){ .region = mask[lf->ref_view], .seen_ns = t_ns };
+        *at = (struct picture_object){ .region = mask[lf->ref_view], .seen_ns = click->t_ns };
         mask[lf->ref_view] = (struct sst_map_u8){ 0 };
         o->count++;
         drop_outline(&at->region, lf, x, y);
@@ -352,9 +354,10 @@ static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x
     return err;
 }
 
-int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns,
-                           int threads, bool *removed)
+int picture_objects_toggle(struct picture_objects *o, const struct picture_click *click, bool *removed)
 {
+    const struct sst_lightfield *lf = click->lf;
+    const int x = click->x, y = click->y;
     double d;
     int err;
 
@@ -364,7 +367,7 @@ int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfiel
         if (sst_map_u8_row(&o->object[i].region, y)[x]) {
             drop(o, i);
             *removed = false;
-            return mark_views(o, lf, threads);
+            return mark_views(o, lf, click->threads);
         }
     }
     if (o->count == SST_LIVEPICTURE_OBJECTS)
@@ -372,18 +375,17 @@ int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfiel
     if (!has_reference(lf) || !disparity_at(lf, lf->ref_view, x, y, &d))
         return -ENODATA;
     err = reserve(o);
-    err = err ? err : add(o, lf, x, y, t_ns, threads);
-    err = err ? err : mark_views(o, lf, threads);
+    err = err ? err : add(o, click);
+    err = err ? err : mark_views(o, lf, click->threads);
     if (!err)
         *removed = true;
     return err;
 }
 
-int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns,
-                           int threads)
+int picture_objects_extend(struct picture_objects *o, const struct picture_click *click)
 {
     struct picture_object *at = &o->object[o->count - 1];
-    int err = o->count < SST_LIVEPICTURE_OBJECTS ? add(o, lf, x, y, t_ns, threads) : -EOVERFLOW;
+    int err = o->count < SST_LIVEPICTURE_OBJECTS ? add(o, click) : -EOVERFLOW;
 
     if (err)
         return err == -ENOMEM ? err : 0;
@@ -395,6 +397,6 @@ int picture_objects_extend(struct picture_objects *o, const struct sst_lightfiel
             to[col] |= from[col];
     }
     drop(o, o->count - 1);
-    measure_first(at, lf);
-    return mark_views(o, lf, threads);
+    measure_first(at, click->lf);
+    return mark_views(o, click->lf, click->threads);
 }

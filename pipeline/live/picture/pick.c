@@ -130,7 +130,7 @@ static bool borne_out(struct patch_sweep *s, const struct sst_livepicture_pick *
 }
 
 static void pick_by_rays(struct sst_livepicture_pick *pick, const struct sst_live *live,
-                         const struct sst_render_plan *plan, double share, int x, int y)
+                         const struct sst_render_plan *plan, double share, const int at[2])
 {
     const double focus_px = plan->cfg.focus_px;
     const double limit_px = focus_px + fmax(FRONT_SIGMAS * plan->cfg.sigma_px, PICK_PX);
@@ -140,7 +140,7 @@ static void pick_by_rays(struct sst_livepicture_pick *pick, const struct sst_liv
 
     if (!sst_renderer_disparities(live->renderer, &min_px, &max_px))
         return;
-    sweep_init(&sweep, plan, live->renderer->rarity, x, y);
+    sweep_init(&sweep, plan, live->renderer->rarity, at[0], at[1]);
     peak = sweep_peak(&sweep, fmin(min_px, focus_px), limit_px, focus_px);
     if (isnan(peak.disp_px) || borne_out(&sweep, pick, share, limit_px, &peak))
         return;
@@ -157,6 +157,6 @@ struct sst_livepicture_pick pick_surface(const struct sst_live *live, const stru
     meet(&met, plan, x, y);
     share = pick_by_maps(&met, &pick);
     if (met.open > 0)
-        pick_by_rays(&pick, live, plan, share, x, y);
+        pick_by_rays(&pick, live, plan, share, (const int[2]){ x, y });
     return pick;
 }

@@ -142,13 +142,13 @@ struct marks {
     int cols, width, height, around; /* around: px that a ray affects beside its own */
 };
 
-/* Cells of output pixels whose ray of this tap meets pixels x0 .. x1-1, y0 .. y1-1 of the view: colour is read at
+/* Cells of output pixels whose ray of this tap meets a part of the view: colour is read at
  * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Verified rays also affect the
  * pixels around. */
-static void mark_tile(const struct marks *m, const struct sst_render_tap *t, int x0, int x1, int y0, int y1)
+static void mark_tile(const struct marks *m, const struct sst_render_tap *t, struct sst_rect r)
 {
-    int from_x = sst_max_int(x0 - t->ix - (t->fx > 0), t->x0), to_x = sst_min_int(x1 - t->ix, t->x1) - 1;
-    int from_y = sst_max_int(y0 - t->iy - (t->fy > 0), t->y0), to_y = sst_min_int(y1 - t->iy, t->y1) - 1;
+    int from_x = sst_max_int(r.x0 - t->ix - (t->fx > 0), t->x0), to_x = sst_min_int(r.x1 - t->ix, t->x1) - 1;
+    int from_y = sst_max_int(r.y0 - t->iy - (t->fy > 0), t->y0), to_y = sst_min_int(r.y1 - t->iy, t->y1) - 1;
 
     if (from_x > to_x || from_y > to_y)
         return;
@@ -175,8 +175,10 @@ static void mark_view(const struct marks *m, const struct sst_live *live, const 
                     break;
             }
             if (changed)
-                mark_tile(m, t, col * SST_LIVE_TILE, sst_min_int(to * SST_LIVE_TILE, live->lf.width),
-                          row * SST_LIVE_TILE, sst_min_int((row + 1) * SST_LIVE_TILE, live->lf.height));
+                mark_tile(m, t,
+                          (struct sst_rect){ col * SST_LIVE_TILE, row * SST_LIVE_TILE,
+                                             sst_min_int(to * SST_LIVE_TILE, live->lf.width),
+                                             sst_min_int((row + 1) * SST_LIVE_TILE, live->lf.height) });
         }
     }
 }
@@ -234,7 +236,9 @@ static int render_clear(struct sst_livepicture *p, const struct sst_render_confi
     int err = reserve_clear(p);
 
     p->present_serial = UINT64_MAX; /* the image is not the plan's any more */
-    err = err ? err : picture_clear_render(p->clear, cfg, !p->is_clear, p->outline, p->tint, &p->image, rendered_px);
+    err = err ? err
+              : picture_clear_render(p->clear, cfg, (struct picture_look){ !p->is_clear, p->outline, p->tint },
+                                     &p->image, rendered_px);
     p->is_clear = !err;
     *image = &p->image;
     return err;

@@ -166,14 +166,20 @@ void picture_objects_fini(struct picture_objects *o);
 SST_MUST_CHECK int picture_objects_follow(struct picture_objects *o, const struct sst_lightfield *lf, int64_t t_ns,
                                           int threads);
 
+/** A click on a pixel of the light field. */
+struct picture_click {
+    const struct sst_lightfield *lf;
+    int x, y;
+    int64_t t_ns;
+    int threads;
+};
+
 /** As sst_livepicture_toggle(). */
-SST_MUST_CHECK int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
-                                          int64_t t_ns, int threads, bool *removed);
+SST_MUST_CHECK int picture_objects_toggle(struct picture_objects *o, const struct picture_click *at, bool *removed);
 
 /** Add the surface at a pixel to the object that was removed last, from which an occluder divides it; nothing where it
  *  cannot be found or no object more fits. @return 0, -ENOMEM */
-SST_MUST_CHECK int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
-                                          int64_t t_ns, int threads);
+SST_MUST_CHECK int picture_objects_extend(struct picture_objects *o, const struct picture_click *at);
 void picture_objects_restore(struct picture_objects *o);
 
 /* --- clear.c ------------------------------------------------------------------------------------------------------ */
@@ -183,10 +189,14 @@ struct picture_clear; /* of one picture */
 SST_MUST_CHECK int picture_clear_create(struct picture_clear **out, struct sst_live *live); /* -ENOMEM, logged */
 void picture_clear_destroy(struct picture_clear *c);
 
-/** As sst_livepicture_render(), and with outlines and tint.
- *  @param whole  the image shows something else @param image  out, of the light field's size */
-SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole,
-                                        bool outline, bool tint, struct sst_image *image, int64_t *rendered_px);
+struct picture_look {
+    bool whole; /* the image shows something else */
+    bool outline, tint;
+};
+
+/** As sst_livepicture_render(), and with outlines and tint. @param image  out, of the light field's size */
+SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg,
+                                        struct picture_look look, struct sst_image *image, int64_t *rendered_px);
 void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_clear *out);
 SST_MUST_CHECK int picture_clear_pick(const struct picture_clear *c, int x, int y, struct sst_livepicture_pick *out);
 SST_MUST_CHECK int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed);

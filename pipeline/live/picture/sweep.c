@@ -176,9 +176,14 @@ struct sweep_peak sweep_peak(struct patch_sweep *s, double min_px, double max_px
 
 /* --- labels ------------------------------------------------------------------------------------------------------- */
 
+/* Votes of rays of a surface. */
+struct votes {
+    double disp_px, reach_px;
+    double weight[256]; /* by label */
+};
+
 /* Add the votes of the agreeing rays of a view to their labels. */
-static void count_labels(double weight[256], const struct patch_sweep *s, const struct sst_view *v, struct corner at,
-                         double disp_px, double reach_px)
+static void count_labels(struct votes *votes, const struct patch_sweep *s, const struct sst_view *v, struct corner at)
 {
     const int x0 = at.x + (at.fx >= PARTS / 2), y0 = at.y + (at.fy >= PARTS / 2);
 
@@ -189,14 +194,15 @@ static void count_labels(double weight[256], const struct patch_sweep *s, const 
         if (!s->near[i])
             continue; /* nor is there any ray outside */
         disp = sst_map_u16_row(&v->disp, y)[x];
-        if (disp != SST_DISP_NONE && fabs(sst_disp_px(s->plan->lf, disp) - disp_px) <= reach_px)
-            weight[sst_map_u8_row(&v->label, y)[x]] += s->near[i];
+        if (disp != SST_DISP_NONE && fabs(sst_disp_px(s->plan->lf, disp) - votes->disp_px) <= votes->reach_px)
+            votes->weight[sst_map_u8_row(&v->label, y)[x]] += s->near[i];
     }
 }
 
 static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px)
 {
-    double weight[256] = { 0 };
+    struct votes votes = { disp_px, reach_px, { 0 } };
+    const double *weight = votes.weight;
     int best = 0;
 
     if (isnan(sweep_agree(s, disp_px)))
@@ -207,7 +213,7 @@ static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px
         if (!t->v->disp.data || !t->v->label.data)
             continue;
         count_near(s, k);
-        count_labels(weight, s, t->v, corner_of(s, t, disp_px), disp_px, reach_px);
+        count_labels(&votes, s, t->v, corner_of(s, t, disp_px));
     }
     for (int i = 1; i < 256; i++) {
         if (weight[i] > weight[best] || (!best && weight[i] > 0))

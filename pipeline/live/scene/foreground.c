@@ -204,26 +204,34 @@ static void compare_all(struct scene_foreground *t, struct scene_maps *maps, con
 
 /* --- objects ------------------------------------------------------------------------------------------------------ */
 
-static void reach(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, int disp, int *count)
+/* Cells of a component on the stack. */
+struct flood {
+    struct scene_foreground *t;
+    const struct scene_maps *maps;
+    int count;
+};
+
+static void reach(struct flood *f, int x, int y, int disp)
 {
+    struct scene_foreground *t = f->t;
     const int i = y * t->width + x;
 
     if (x < 0 || y < 0 || x >= t->width || y >= t->height || t->visited[i] || !t->cell[i].object ||
-        abs(sst_map_u16_row(&maps->disp, y)[x] - disp) > JOIN_Q6)
+        abs(sst_map_u16_row(&f->maps->disp, y)[x] - disp) > JOIN_Q6)
         return;
     t->visited[i] = 1;
-    t->stack[(*count)++] = i;
+    t->stack[f->count++] = i;
 }
 
 /* Collect the cells of the component around a cell in t->stack, and its box. */
 static void gather(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, struct object *out)
 {
+    struct flood f = { t, maps, 0 };
     int64_t sum = 0;
-    int count = 0;
 
     *out = (struct object){ .at = { x, y, x + 1, y + 1 } };
-    reach(t, maps, x, y, sst_map_u16_row(&maps->disp, y)[x], &count);
-    for (int i = 0; i < count; i++) {
+    reach(&f, x, y, sst_map_u16_row(&maps->disp, y)[x]);
+    for (int i = 0; i < f.count; i++) {
         const int cx = t->stack[i] % t->width, cy = t->stack[i] / t->width, d = sst_map_u16_row(&maps->disp, cy)[cx];
 
         sum += d;
@@ -231,13 +239,13 @@ static void gather(struct scene_foreground *t, const struct scene_maps *maps, in
         out->at.x1 = sst_max_int(out->at.x1, cx + 1);
         out->at.y0 = sst_min_int(out->at.y0, cy);
         out->at.y1 = sst_max_int(out->at.y1, cy + 1);
-        reach(t, maps, cx - 1, cy, d, &count);
-        reach(t, maps, cx + 1, cy, d, &count);
-        reach(t, maps, cx, cy - 1, d, &count);
-        reach(t, maps, cx, cy + 1, d, &count);
+        reach(&f, cx - 1, cy, d);
+        reach(&f, cx + 1, cy, d);
+        reach(&f, cx, cy - 1, d);
+        reach(&f, cx, cy + 1, d);
     }
-    out->cells = count;
-    out->disp_q6 = (int)(sum / sst_max_int(count, 1));
+    out->cells = f.count;
+    out->disp_q6 = (int)(sum / sst_max_int(f.count, 1));
 }
 
 static int64_t overlap(const struct object *a, const struct object *b)

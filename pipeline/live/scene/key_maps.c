@@ -12,15 +12,19 @@
 #define MIN_CELLS 25
 #define SIGMA_PX  0.5
 
-/* The cell of another view that shows the same surface point; -1: outside. */
-static int project(const struct scene_warp *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
-                   int *ty)
+struct cell_at {
+    int x, y;
+};
+
+/* The cell of another view that shows the same surface point; x -1: outside. */
+static struct cell_at project(const struct scene_warp *way, const struct sst_map_u16 *there, int x, int y,
+                              uint16_t disp_q6)
 {
     const int64_t d = way->zero_q6 + disp_q6;
-    const int tx = x - scene_shift(d, way->bx_q16);
+    const struct cell_at to = { x - scene_shift(d, way->bx_q16), y - scene_shift(d, way->by_q16) };
+    const bool inside = to.x >= 0 && to.x < there->width && to.y >= 0 && to.y < there->height;
 
-    *ty = y - scene_shift(d, way->by_q16);
-    return tx >= 0 && tx < there->width && *ty >= 0 && *ty < there->height ? tx : -1;
+    return inside ? to : (struct cell_at){ -1, 0 };
 }
 
 static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_warp *way,
@@ -28,10 +32,10 @@ static void check_against(struct scene_key *key, const struct scene_key *other, 
 {
     const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
     uint8_t *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
-    int ty;
 
     for (int x = 0; x < key->maps.disp.width; x++) {
-        int tx, d;
+        struct cell_at to;
+        int d;
 
         if (!tiles[x / SST_SCENE_CELLS]) {
             x |= SST_SCENE_CELLS - 1;
@@ -39,21 +43,20 @@ static void check_against(struct scene_key *key, const struct scene_key *other, 
         }
         if (confirmed[x] || disp[x] == SST_DISP_NONE)
             continue;
-        tx = project(way, &other->maps.disp, x, y, disp[x], &ty);
-        if (tx < 0)
+        to = project(way, &other->maps.disp, x, y, disp[x]);
+        if (to.x < 0)
             continue;
-        d = sst_map_u16_row(&other->maps.disp, ty)[tx];
+        d = sst_map_u16_row(&other->maps.disp, to.y)[to.x];
         confirmed[x] = d != (int)SST_DISP_NONE && abs(d - disp[x]) <= AGREE_Q6;
     }
 }
 
-void scene_check(struct scene_key *keys, int count, int k, const struct sst_lightfield *lf, const uint8_t *dirty,
-                 int tile_cols)
+void scene_check(struct scene_key *keys, int count, int k, const struct sst_lightfield *lf, struct scene_dirty dirty)
 {
     struct scene_key *key = &keys[k];
 
     for (int y = 0; y < key->maps.confirmed.height; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *tiles = dirty.tiles + y / SST_SCENE_CELLS * dirty.cols;
         uint8_t *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
 
         for (int x = 0; x < key->maps.confirmed.width; x++)
@@ -63,29 +66,31 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
         const struct scene_warp way = scene_warp(lf, key->view, keys[i].view);
 
         for (int y = 0; i != k && y < key->maps.disp.height; y++)
-            check_against(key, &keys[i], &way, dirty + y / SST_SCENE_CELLS * tile_cols, y);
+            check_against(key, &keys[i], &way, dirty.tiles + y / SST_SCENE_CELLS * dirty.cols, y);
     }
 }
 
 void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
-                           const uint8_t *dirty, int tile_cols)
+                           struct scene_dirty dirty)
 {
     const struct scene_warp way = scene_warp(lf, key->view, ref->view);
 
     for (int y = 0; y < key->maps.disp.height; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *tiles = dirty.tiles + y / SST_SCENE_CELLS * dirty.cols;
         const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
         uint8_t *label = sst_map_u8_row(&key->maps.label, y);
 
         for (int x = 0; x < key->maps.disp.width; x++) {
-            int tx, ty;
+            struct cell_at to;
 
             if (!tiles[x / SST_SCENE_CELLS])
                 continue;
             label[x] = SST_LABEL_NONE;
-            tx = disp[x] == SST_DISP_NONE ? -1 : project(&way, &ref->maps.disp, x, y, disp[x], &ty);
-            if (tx >= 0 && abs(sst_map_u16_row(&ref->maps.disp, ty)[tx] - disp[x]) <= AGREE_Q6)
-                label[x] = sst_map_u8_row(&ref->maps.label, ty)[tx];
+            if (disp[x] == SST_DISP_NONE)
+                continue;
+            to = project(&way, &ref->maps.disp, x, y, disp[x]);
+            if (to.x >= 0 && abs(sst_map_u16_row(&ref->maps.disp, to.y)[to.x] - disp[x]) <= AGREE_Q6)
+                label[x] = sst_map_u8_row(&ref->maps.label, to.y)[to.x];
         }
     }
 }
@@ -157,13 +162,12 @@ static uint8_t from_neighbour(const struct scene_maps *maps, const struct scene_
 }
 
 /* Labels spread to cells without one: rightwards and down (step 1), or leftwards and up (step -1). */
-static void spread(struct scene_maps *maps, const struct scene_candidates *c, const uint8_t *dirty, int tile_cols,
-                   int step)
+static void spread(struct scene_maps *maps, const struct scene_candidates *c, struct scene_dirty dirty, int step)
 {
     const int w = maps->label.width, h = maps->label.height;
 
     for (int y = step > 0 ? 0 : h - 1; y >= 0 && y < h; y += step) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *tiles = dirty.tiles + y / SST_SCENE_CELLS * dirty.cols;
         const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
         uint8_t *label = sst_map_u8_row(&maps->label, y);
 
@@ -177,12 +181,12 @@ static void spread(struct scene_maps *maps, const struct scene_candidates *c, co
     }
 }
 
-void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c, const uint8_t *dirty, int tile_cols)
+void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c, struct scene_dirty dirty)
 {
-    spread(maps, c, dirty, tile_cols, 1);
-    spread(maps, c, dirty, tile_cols, -1);
+    spread(maps, c, dirty, 1);
+    spread(maps, c, dirty, -1);
     for (int y = 0; y < maps->label.height; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *tiles = dirty.tiles + y / SST_SCENE_CELLS * dirty.cols;
         const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
         uint8_t *label = sst_map_u8_row(&maps->label, y);
 

@@ -113,14 +113,14 @@ static int add_rect(struct scene_rect *rects, int count, struct scene_rect r)
     return count + 1;
 }
 
-int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
-                 int height)
+int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height)
 {
+    const int cols = dirty.cols;
     int count = 0;
 
     for (int y = 0; y < rows; y++) {
         for (int x = 0, end; x < cols; x = end + 1) {
-            for (end = x; end < cols && dirty[y * cols + end] == 1; end++)
+            for (end = x; end < cols && dirty.tiles[y * cols + end] == 1; end++)
                 ;
             if (end > x)
                 count = add_rect(rects, count, (struct scene_rect){ x - 1, y - 1, end + 1, y + 2 });
@@ -176,11 +176,11 @@ static struct sst_image part_of(const struct sst_image *img, const struct scene_
 
 /* Copy changed tiles to the key's map; half-size disparities become full-size ones. */
 static void store(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
-                  const struct scene_rect *r, const uint8_t *dirty, int tile_cols)
+                  const struct scene_rect *r, struct scene_dirty dirty)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *tiles = dirty.tiles + y / SST_SCENE_CELLS * dirty.cols;
         const uint8_t *seen = desc->seen.data ? sst_map_u8_row(&desc->seen, y) : NULL;
         uint16_t *to = sst_map_u16_row(&key->maps.disp, y);
 
@@ -191,12 +191,14 @@ static void store(struct scene_key *key, const struct sst_map_u16 *disp, const s
     }
 }
 
-int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const struct sst_descriptor *desc,
-                struct scene_key *key, const struct scene_rect *rect, const uint8_t *dirty, int tile_cols)
+int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, struct scene_key *key,
+                const struct scene_rect *rect, struct scene_dirty dirty)
 {
     static const struct sst_disparity_config cfg = {
         .paths = PATHS, .p1 = PENALTY_1, .p2 = PENALTY_2, .edge_step = EDGE_STEP
     };
+    const struct sst_lightfield *lf = pictures->lf;
+    const struct sst_descriptor *desc = pictures->desc;
     const struct sst_view *v = &lf->views[key->view];
     const struct sst_image part = part_of(&desc[key->view].image, rect);
     struct sst_neighbour neighbours[SST_SCENE_NEIGHBOURS];
@@ -217,6 +219,6 @@ int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const 
     err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
     err = err ? err : sst_disparity_median5(&disp, &m->volume.lines);
     if (!err)
-        store(key, &disp, &desc[key->view], rect, dirty, tile_cols);
+        store(key, &disp, &desc[key->view], rect, dirty);
     return err;
 }

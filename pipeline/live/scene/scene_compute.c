@@ -128,8 +128,8 @@ static int match_job(void *arg, int index, int worker)
 
     if (err || job->key >= 0)
         return err ? err
-                   : scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
-                                 dirty_of(s, job->key), s->cols);
+                   : scene_match(&s->matchers[worker], &(struct scene_pictures){ s->lf, s->desc }, &s->key[job->key],
+                                 &job->rect, (struct scene_dirty){ dirty_of(s, job->key), s->cols });
     start_ns = sst_clock_now_ns();
     err = sst_segment_hcsm(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
     s->label_ns = sst_clock_now_ns() - start_ns;
@@ -178,7 +178,8 @@ static int make_jobs(struct sst_livescene *s)
     if (label_due(s, changed))
         s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
     for (int k = 0; k < s->keys; k++) {
-        const int n = scene_gather(rects, dirty_of(s, k), s->cols, s->rows, s->width, s->height);
+        const int n =
+            scene_gather(rects, (struct scene_dirty){ dirty_of(s, k), s->cols }, s->rows, s->width, s->height);
 
         for (int i = 0; i < n; i++)
             s->jobs[count++] = (struct scene_job){ k, rects[i] };
@@ -192,7 +193,7 @@ static int check_job(void *arg, int k, int worker SST_UNUSED)
     struct sst_livescene *s = arg;
 
     if (any(dirty_of(s, k), s->tiles))
-        scene_check(s->key, s->keys, k, s->lf, dirty_of(s, k), s->cols);
+        scene_check(s->key, s->keys, k, s->lf, (struct scene_dirty){ dirty_of(s, k), s->cols });
     return scene_cancelled(s);
 }
 
@@ -283,7 +284,7 @@ static int label_reference(struct sst_livescene *s)
         s->runs = 0;
     }
     sst_map_u8_fini(&s->labels);
-    scene_fill_labels(maps, s->candidates, dirty, s->cols);
+    scene_fill_labels(maps, s->candidates, (struct scene_dirty){ dirty, s->cols });
     return 0;
 }
 
@@ -294,8 +295,8 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
     const uint8_t *dirty = dirty_of(s, index + 1);
 
     if (any(dirty, s->tiles)) {
-        scene_transfer_labels(key, &s->key[0], s->lf, dirty, s->cols);
-        scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
+        scene_transfer_labels(key, &s->key[0], s->lf, (struct scene_dirty){ dirty, s->cols });
+        scene_fill_labels(&key->maps, s->candidates, (struct scene_dirty){ dirty, s->cols });
     }
     return scene_cancelled(s);
 }
@@ -314,7 +315,8 @@ static int compose_job(void *arg, int view, int worker)
     int err = scene_cancelled(s);
 
     if (!err && s->lf->views[view].present)
-        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cfg->model != NULL);
+        scene_compose(&s->composers[worker], s->lf, view,
+                      &(struct scene_keys){ s->key, s->keys, s->cfg->model != NULL }, s->dirty[view]);
     return err;
 }
 

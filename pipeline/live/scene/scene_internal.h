@@ -83,13 +83,17 @@ int scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS]
  *  @return their number */
 int scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCENE_NEIGHBOURS]);
 
+/** Tiles of a view that changed: 1, and others to match again: 2. */
+struct scene_dirty {
+    const uint8_t *tiles; /* [rows][cols] */
+    int cols;
+};
+
 /**
- * Disjoint rectangles (in cells, made of whole tiles) that cover all changed tiles with a margin of one tile.
- *
- * @param dirty  [rows * cols] tiles; 1: changed. Other tiles to match again lie in the margin.
+ * Disjoint rectangles (in cells, made of whole tiles) that cover all changed tiles with a margin of one tile, in which
+ * other tiles to match again lie.
  */
-int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
-                 int height);
+int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height);
 
 /** Working memory to match a rectangle; one per thread. */
 struct scene_matcher {
@@ -105,25 +109,28 @@ void scene_matcher_fini(struct scene_matcher *m);
 /** The disparity of stored value 0 of these matchers. */
 double scene_disp_min(double min_px);
 
+/** Views, and their descriptors at half size with the phases that the volume needs. */
+struct scene_pictures {
+    const struct sst_lightfield *lf;
+    const struct sst_descriptor *desc; /* [views] */
+};
+
 /**
  * Compute disparities of a key in the changed tiles of a rectangle.
  *
- * @param desc   [views] at half size, with the phases that the volume needs
- * @param dirty  [tiles] of the key
+ * @param dirty  of the key
  */
-SST_MUST_CHECK int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf,
-                               const struct sst_descriptor *desc, struct scene_key *key, const struct scene_rect *rect,
-                               const uint8_t *dirty, int tile_cols);
+SST_MUST_CHECK int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, struct scene_key *key,
+                               const struct scene_rect *rect, struct scene_dirty dirty);
 
 /* --- key_maps.c: confirmation between key views; labels of cells without a confident network label ---------------- */
 
 /** Confirm the changed cells of key k that other keys see at the same disparity, within three quarters of a cell. */
-void scene_check(struct scene_key *keys, int count, int k, const struct sst_lightfield *lf, const uint8_t *dirty,
-                 int tile_cols);
+void scene_check(struct scene_key *keys, int count, int k, const struct sst_lightfield *lf, struct scene_dirty dirty);
 
 /** Copy labels to the changed cells of a key from the reference key, where it sees the same surface. */
 void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
-                           const uint8_t *dirty, int tile_cols);
+                           struct scene_dirty dirty);
 
 /** Columns of disparity, a quarter px each, in which labels are candidates. */
 #define SST_SCENE_COLUMNS      4096
@@ -140,7 +147,7 @@ void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps,
                       int64_t *hist);
 
 /** Label changed cells without a label: like a neighbour of the same disparity, else the most likely candidate. */
-void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c, const uint8_t *dirty, int tile_cols);
+void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c, struct scene_dirty dirty);
 
 /* --- foreground.c: labels of moving objects and of the background that they uncover ------------------------------- */
 
@@ -207,10 +214,10 @@ struct scene_track {
     double at[4];              /* left, top, right, bottom of its pieces when it was last seen */
     double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
     float colour[2][3];
-    uint16_t votes[SST_MAX_CLASSES + 1]; /* label votes along the track, in sets */
-    int sets;                            /* with a piece, along the track */
-    double from_x, from_y, from_q6; /* origin of its motion: first piece, or first one after a pause */
-    int64_t way_ns;                 /* time at the origin */
+    uint16_t votes[SST_MAX_CLASSES + 1];  /* label votes along the track, in sets */
+    int sets;                             /* with a piece, along the track */
+    double from_x, from_y, from_q6;       /* origin of its motion: first piece, or first one after a pause */
+    int64_t way_ns;                       /* time at the origin */
     double before_x, before_y, before_q6; /* in the last set */
     double gone, gone_q6;                 /* length of its path in the picture; in depth */
     int64_t first_ns, seen_ns, moved_ns;  /* moved: not only standing */
@@ -258,17 +265,22 @@ void scene_composer_fini(struct scene_composer *c);
 /** Prepare a key's maps for scene_compose(): the disparities of each tile, and the warped value of each cell. */
 void scene_measure_tiles(struct scene_key *key);
 
+/** Keys, measured by scene_measure_tiles(). */
+struct scene_keys {
+    const struct scene_key *key;
+    int count;
+    bool labels; /* false: only disparities */
+};
+
 /**
  * Disparity and label of a view's changed tiles, from the cells of all keys that are warped there: confirmed cells
  * first, of these the nearest surface. Cells that no key sees get the farther of the surfaces to their left and right.
  * Maps are upsampled to full size along the edges of the picture.
  *
- * @param keys    measured by scene_measure_tiles()
  * @param dirty   [tiles] other than 0: changed
- * @param labels  false: only disparities
  */
-void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
-                   int count, const uint8_t *dirty, bool labels);
+void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_keys *keys,
+                   const uint8_t *dirty);
 
 /* --- background.c ------------------------------------------------------------------------------------------------- */
 
@@ -349,7 +361,7 @@ struct sst_livescene {
     bool *settled[SST_MAX_VIEWS];       /* [tiles] maps come from the background */
     int64_t copied_ns, next_start_ns;   /* of the background */
     double error_labels;
-    double confirmed;  /* of the report */
+    double confirmed; /* of the report */
     /* of this set */
     struct scene_job *jobs; /* [1 + SST_SCENE_KEYS * SST_SCENE_RECTS] */
     bool whole;

@@ -34,17 +34,17 @@
 #define COVERED_NS  INT64_C(6000000000)
 #define STILL_NS    INT64_C(600000000000) /* without motion: part of the scene */
 /* After a longer gap, of PAUSE_SETS intervals at least, the displacement is measured from the next piece on. */
-#define PAUSE_NS         1e9
-#define PAUSE_SETS       2.5
-#define MOVING_SETS      3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
-#define MOVING_NS        INT64_C(300000000)
-#define MOVED            0.5 /* of its size, and */
-#define LABEL_SETS       2   /* least number of sets with its most frequent label for a track to have that label; */
-#define LABEL_SHARE      0.3 /* and their least share of its sets */
-#define MOVED_UNKNOWN    1.5 /* without a label, with one that does not move, or at longer mean intervals than RARE_NS */
-#define RARE_NS          5e8
-#define UNKNOWN_SETS     6
-#define UNKNOWN_SHARE    0.01 /* of the picture, at least */
+#define PAUSE_NS      1e9
+#define PAUSE_SETS    2.5
+#define MOVING_SETS   3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
+#define MOVING_NS     INT64_C(300000000)
+#define MOVED         0.5 /* of its size, and */
+#define LABEL_SETS    2   /* least number of sets with its most frequent label for a track to have that label; */
+#define LABEL_SHARE   0.3 /* and their least share of its sets */
+#define MOVED_UNKNOWN 1.5 /* without a label, with one that does not move, or at longer mean intervals than RARE_NS */
+#define RARE_NS       5e8
+#define UNKNOWN_SETS  6
+#define UNKNOWN_SHARE 0.01 /* of the picture, at least */
 /* A smaller object may be a twig, and needs its label in this number of sets and this share of all sets. */
 #define SMALL_SHARE      0.002
 #define SMALL_SETS       4
@@ -142,27 +142,31 @@ static struct place look(struct extent at, double disp_q6, double nearer_q6, con
     return (struct place){ (double)own / all, (double)nearer / all, (double)farther / all, 1 - (double)in / all };
 }
 
-/* The gap between two boxes along one axis, and where they face each other along the other one. */
-static void between(double a, double a_size, double b, double b_size, double *middle, double *size)
-{
-    const double lower = fmin(a + a_size / 2, b + b_size / 2), upper = fmax(a - a_size / 2, b - b_size / 2);
+struct span {
+    double middle, size;
+};
 
-    *middle = (lower + upper) / 2;
-    *size = fmax(fabs(upper - lower), 1);
+/* The gap between two boxes along one axis, and where they face each other along the other one. */
+static struct span between(struct span a, struct span b)
+{
+    const double lower = fmin(a.middle + a.size / 2, b.middle + b.size / 2);
+    const double upper = fmax(a.middle - a.size / 2, b.middle - b.size / 2);
+
+    return (struct span){ (lower + upper) / 2, fmax(fabs(upper - lower), 1) };
 }
 
 /* Are two pieces of one disparity parts of a thing, the rest of which is behind something nearer? */
 static bool joined_behind(struct extent a, struct extent b, double disp_q6, const struct sst_map_u16 *disp)
 {
     const double gap_x = fabs(a.x - b.x) - (a.w + b.w) / 2, gap_y = fabs(a.y - b.y) - (a.h + b.h) / 2;
-    struct extent gap;
+    struct span x, y;
     struct place at;
 
     if (gap_x > BEHIND_X * fmax(a.w, b.w) || gap_y > BEHIND_Y * fmin(fmax(a.w, a.h), fmax(b.w, b.h)))
         return false;
-    between(a.x, a.w, b.x, b.w, &gap.x, &gap.w);
-    between(a.y, a.h, b.y, b.h, &gap.y, &gap.h);
-    at = look(gap, disp_q6, HIDES_Q6, disp);
+    x = between((struct span){ a.x, a.w }, (struct span){ b.x, b.w });
+    y = between((struct span){ a.y, a.h }, (struct span){ b.y, b.h });
+    at = look((struct extent){ .x = x.middle, .y = y.middle, .w = x.size, .h = y.size }, disp_q6, HIDES_Q6, disp);
     return at.nearer >= HIDDEN && at.farther <= SHOWN;
 }
 
@@ -170,6 +174,16 @@ static bool is_one(struct extent a, struct extent b, double disp_q6, const struc
 {
     return beside(a, b) || joined_behind(a, b, disp_q6, disp);
 }
+
+/* Pieces of a set, and the tracks that have them: -1: none. */
+struct set {
+    const struct scene_piece *piece;
+    int pieces;
+    int *owner; /* [pieces] */
+    const struct sst_map_u16 *disp;
+    double dt_s;
+    int64_t t_ns;
+};
 
 /* --- assignment --------------------------------------------------------------------------------------------------- */
 
@@ -246,9 +260,9 @@ static void see(struct scene_track *a, struct extent at, int64_t t_ns)
 }
 
 static void follow_piece(struct scene_track *a, const struct scene_piece *p, struct extent to, int64_t cells,
-                         double dt_s, int64_t t_ns)
+                         const struct set *set)
 {
-    move_to(a, to, dt_s);
+    move_to(a, to, set->dt_s);
     a->w += GAIN_SIZE * (to.w - a->w);
     a->h += GAIN_SIZE * (to.h - a->h);
     a->disp_q6 += GAIN * (p->disp_q6 - a->disp_q6);
@@ -258,7 +272,7 @@ static void follow_piece(struct scene_track *a, const struct scene_piece *p, str
             a->colour[half][c] += (float)GAIN_SIZE * (p->colour[half][c] - a->colour[half][c]);
     if (p->label <= SST_MAX_CLASSES)
         a->votes[p->label]++;
-    see(a, to, t_ns);
+    see(a, to, set->t_ns);
 }
 
 /* One piece of several tracks, which pass each other: they go on as they went, together within the piece. */
@@ -284,9 +298,9 @@ static void share_piece(struct scene_tracks *t, const struct scene_piece *p, con
 }
 
 /* Follow the piece of track i with all others that are parts of it, or share it. */
-static void follow(struct scene_tracks *t, int i, const struct scene_piece *piece, int pieces, int *owner,
-                   const struct sst_map_u16 *disp, double dt_s, int64_t t_ns)
+static void follow(struct scene_tracks *t, int i, const struct set *set)
 {
+    const struct scene_piece *piece = set->piece;
     struct scene_track *a = &t->track[i];
     const struct scene_piece *own = &piece[a->piece];
     struct extent to = extent_of(&own->at);
@@ -305,21 +319,22 @@ static void follow(struct scene_tracks *t, int i, const struct scene_piece *piec
         sharing++;
     }
     if (sharing > 1) {
-        share_piece(t, own, shares, t_ns);
+        share_piece(t, own, shares, set->t_ns);
         for (int k = 0; k < t->count; k++)
             t->track[k].piece = shares[k] ? a->piece : t->track[k].piece;
         return;
     }
-    for (int k = 0; k < pieces; k++) {
+    for (int k = 0; k < set->pieces; k++) {
         const struct extent e = extent_of(&piece[k].at);
 
-        if (owner[k] >= 0 || fabs(piece[k].disp_q6 - a->disp_q6) > DISP_Q6 / 2 || !is_one(to, e, a->disp_q6, disp))
+        if (set->owner[k] >= 0 || fabs(piece[k].disp_q6 - a->disp_q6) > DISP_Q6 / 2 ||
+            !is_one(to, e, a->disp_q6, set->disp))
             continue;
-        owner[k] = i;
+        set->owner[k] = i;
         to = union_of(to, e);
         cells += piece[k].cells;
     }
-    follow_piece(a, own, to, cells, dt_s, t_ns);
+    follow_piece(a, own, to, cells, set);
 }
 
 /* --- tracks without a piece --------------------------------------------------------------------------------------- */
@@ -407,26 +422,28 @@ static void start_again(struct scene_track *a, const struct scene_piece *p, int6
 }
 
 /* New tracks of the pieces without one; pieces beside each other, at one disparity, are parts of one object. */
-static void begin(struct scene_tracks *t, const struct scene_piece *piece, int pieces, int *owner,
-                  const struct sst_map_u16 *disp, int64_t t_ns)
+static void begin(struct scene_tracks *t, const struct set *set)
 {
-    for (int i = 0; i < pieces; i++) {
+    const struct scene_piece *piece = set->piece;
+    int *owner = set->owner;
+
+    for (int i = 0; i < set->pieces; i++) {
         struct extent e = extent_of(&piece[i].at);
         int64_t cells = piece[i].cells;
 
         if (owner[i] >= 0)
             continue;
-        for (int k = i + 1; k < pieces; k++) {
+        for (int k = i + 1; k < set->pieces; k++) {
             const struct extent other = extent_of(&piece[k].at);
 
             if (owner[k] >= 0 || fabs((double)piece[k].disp_q6 - piece[i].disp_q6) > DISP_Q6 / 2 ||
-                !is_one(e, other, piece[i].disp_q6, disp))
+                !is_one(e, other, piece[i].disp_q6, set->disp))
                 continue;
             owner[k] = SCENE_TRACKS;
             e = union_of(e, other);
             cells += piece[k].cells;
         }
-        add(t, &piece[i], e, cells, t_ns);
+        add(t, &piece[i], e, cells, set->t_ns);
     }
 }
 
@@ -502,6 +519,7 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
 {
     const double dt_s = t->count ? fmax((double)(t_ns - t->t_ns) * 1e-9, 0) : 0;
     int owner[SCENE_PIECES], kept = 0;
+    const struct set set = { piece, pieces, owner, disp, dt_s, t_ns };
 
     if (t_ns < t->t_ns)
         start_times(t, t_ns);
@@ -517,7 +535,7 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
             continue;
         if (!a->reported && (double)(t_ns - a->moved_ns) > fmax(PAUSE_NS, PAUSE_SETS * 1e9 * dt_s))
             start_again(a, &piece[a->piece], t_ns);
-        follow(t, i, piece, pieces, owner, disp, dt_s, t_ns);
+        follow(t, i, &set);
     }
     for (int i = 0; i < t->count; i++) {
         struct scene_track *a = &t->track[i];
@@ -534,7 +552,7 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
         t->track[kept++] = *a;
     }
     t->count = kept;
-    begin(t, piece, pieces, owner, disp, t_ns);
+    begin(t, &set);
 }
 
 void scene_tracks_shift(struct scene_tracks *t, int by)

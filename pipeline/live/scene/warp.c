@@ -219,6 +219,8 @@ struct enlarger {
     struct strip row[3]; /* by y modulo 3 */
     uint16_t *disp;      /* [2 width] */
     uint8_t *label;
+    int x0, x1;  /* cells at work */
+    bool labels; /* false: only disparities */
 };
 
 static struct enlarger enlarger_of(const struct scene_composer *c)
@@ -378,10 +380,11 @@ static void copy_cell(const struct strip *to, int at, int from)
     to->green4[at] = to->green4[from];
 }
 
-/* Fill a strip with cells x0-1 .. x1 of row y. */
-static void fill_strip(const struct strip *to, const struct scene_composer *c, const struct sst_image *img, int x0,
-                       int x1, int y)
+/* Fill the strip of row y with cells x0-1 .. x1. */
+static void fill_strip(const struct enlarger *e, const struct scene_composer *c, const struct sst_image *img, int y)
 {
+    const struct strip *to = &e->row[y % 3];
+    const int x0 = e->x0, x1 = e->x1;
     const uint8_t *a = sst_image_row(img, 1, 2 * y);
     const uint8_t *b = sst_image_row(img, 1, sst_min_int(2 * y + 1, img->height - 1));
     const int from = sst_max_int(x0 - 1, 0), end = sst_min_int(x1 + 1, c->width);
@@ -398,10 +401,11 @@ static void fill_strip(const struct strip *to, const struct scene_composer *c, c
         copy_cell(to, x1 - x0, x1 - x0 - 1);
 }
 
-/* Pixels of cells x0 .. x1-1 in row py, of which `cells` is the row and `other` the one next to it. */
+/* Pixels of the cells at work in row py, of which `cells` is the row and `other` the one next to it. */
 static void enlarge(const struct enlarger *e, struct sst_view *v, const struct strip *cells, const struct strip *other,
-                    int x0, int x1, int py, bool labels)
+                    int py)
 {
+    const int x0 = e->x0, x1 = e->x1;
     const int n = sst_min_int(2 * x1, v->disp.width) - 2 * x0;
     const struct sst_enlarge rows = { { cells->disp, other->disp },
                                       { cells->green4, other->green4 },
@@ -416,26 +420,28 @@ static void enlarge(const struct enlarger *e, struct sst_view *v, const struct s
         e->label[i] = valid[i] ? e->label[i] : SST_LABEL_NONE;
     }
     memcpy(sst_map_u16_row(&v->disp, py) + 2 * x0, e->disp, (size_t)n * sizeof(*e->disp));
-    if (labels)
+    if (e->labels)
         memcpy(sst_map_u8_row(&v->label, py) + 2 * x0, e->label, (size_t)n);
 }
 
-/* Upsample cells x0 .. x1-1, y0 .. y1-1: each pixel gets its own cell of the four around it, or the cell of another
+/* Upsample a rectangle of cells: each pixel gets its own cell of the four around it, or the cell of another
  * surface that is more similar in colour. */
-static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, int x0, int x1, int y0, int y1,
-                          bool labels)
+static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, const struct scene_rect *r, bool labels)
 {
-    const struct enlarger e = enlarger_of(c);
+    struct enlarger e = enlarger_of(c);
 
-    for (int y = sst_max_int(y0 - 1, 0); y < sst_min_int(y0 + 1, c->height); y++)
-        fill_strip(&e.row[y % 3], c, &v->image, x0, x1, y);
-    for (int y = y0; y < y1; y++) {
+    e.x0 = r->x0;
+    e.x1 = r->x1;
+    e.labels = labels;
+    for (int y = sst_max_int(r->y0 - 1, 0); y < sst_min_int(r->y0 + 1, c->height); y++)
+        fill_strip(&e, c, &v->image, y);
+    for (int y = r->y0; y < r->y1; y++) {
         const int up = sst_max_int(y - 1, 0), down = sst_min_int(y + 1, c->height - 1);
 
-        fill_strip(&e.row[down % 3], c, &v->image, x0, x1, down);
-        enlarge(&e, v, &e.row[y % 3], &e.row[up % 3], x0, x1, 2 * y, labels);
+        fill_strip(&e, c, &v->image, down);
+        enlarge(&e, v, &e.row[y % 3], &e.row[up % 3], 2 * y);
         if (2 * y + 1 < v->disp.height)
-            enlarge(&e, v, &e.row[y % 3], &e.row[down % 3], x0, x1, 2 * y + 1, labels);
+            enlarge(&e, v, &e.row[y % 3], &e.row[down % 3], 2 * y + 1);
     }
 }
 
@@ -451,14 +457,17 @@ static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, 
             for (end = col; end < right && tiles[end]; end++)
                 ;
             if (end > col)
-                enlarge_tiles(c, v, col * SST_SCENE_CELLS, sst_min_int(end * SST_SCENE_CELLS, c->width), y,
-                              sst_min_int(y + SST_SCENE_CELLS, c->height), labels);
+                enlarge_tiles(c, v,
+                              &(struct scene_rect){ col * SST_SCENE_CELLS, y,
+                                                    sst_min_int(end * SST_SCENE_CELLS, c->width),
+                                                    sst_min_int(y + SST_SCENE_CELLS, c->height) },
+                              labels);
         }
     }
 }
 
-void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
-                   int count, const uint8_t *dirty, bool labels)
+void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_keys *keys,
+                   const uint8_t *dirty)
 {
     struct scene_rect rects[SST_SCENE_RECTS];
     struct sst_view *v = &lf->views[view];
@@ -467,19 +476,19 @@ void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view
     if (!count_changed(c, dirty))
         return;
     /* With a margin of a tile, to fill and to upsample from. */
-    n = scene_gather(rects, c->changed, c->cols, c->rows, c->width, c->height);
+    n = scene_gather(rects, (struct scene_dirty){ c->changed, c->cols }, c->rows, c->width, c->height);
     for (int i = 0; i < n; i++) {
         for (int y = rects[i].y0; y < rects[i].y1; y++)
             memset(c->z + (size_t)y * (size_t)c->width + rects[i].x0, 0,
                    (size_t)(rects[i].x1 - rects[i].x0) * sizeof(*c->z));
     }
-    for (int k = 0; k < count; k++)
-        land(c, lf, view, &keys[k], rank_of(lf, view, keys, count, k));
+    for (int k = 0; k < keys->count; k++)
+        land(c, lf, view, &keys->key[k], rank_of(lf, view, keys->key, keys->count, k));
     for (int i = 0; i < n; i++) {
-        collect(c, v, &rects[i], labels);
+        collect(c, v, &rects[i], keys->labels);
         close_gaps(c, &rects[i]);
         fill(c, &rects[i]);
     }
     for (int i = 0; i < n; i++)
-        enlarge_changed(c, v, &rects[i], labels);
+        enlarge_changed(c, v, &rects[i], keys->labels);
 }
