@@ -38,7 +38,9 @@ static inline size_t sim_frame(struct sst_sim_world *w, const struct sst_sim_exp
 {
     size_t bytes = 0;
 
-    assert_int_equal(sst_sim_world_frame(w, e, fourcc, width, height, sim_out, SIM_CAPACITY, &bytes), 0);
+    assert_int_equal(sst_sim_world_frame(w, e, (struct sst_sim_format){ fourcc, width, height },
+                                         (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes),
+                     0);
     return bytes;
 }
 

@@ -61,8 +61,8 @@ SST_MUST_CHECK int sim_faults_set(struct sim_faults *f, const char *text, char *
 void sim_fault_scope_print(FILE *out, const struct sim_fault_scope *scope);
 
 /** The kinds, without their devices. */
-extern const struct sim_fault_scope sim_camera_faults, sim_gpio_faults, sim_usb_faults, sim_hub_faults, sim_still_faults,
-    sim_world_faults;
+extern const struct sim_fault_scope sim_camera_faults, sim_gpio_faults, sim_usb_faults, sim_hub_faults,
+    sim_still_faults, sim_world_faults;
 
 /** All faults with range and help, then the values that are not 0, as text. @return bytes written, NUL left out. */
 size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size);
@@ -167,6 +167,13 @@ void sim_handle_urgent(struct sim_handle *h);
 
 /* --- entries in /dev ---------------------------------------------------------------------------------------------- */
 
+/** A device behind a node: its operations and their argument, and its numbers. */
+struct sim_device {
+    const struct sim_ops *ops;
+    void *arg;
+    unsigned dev_major, dev_minor;
+};
+
 /**
  * Create a device node.
  *
@@ -174,8 +181,8 @@ void sim_handle_urgent(struct sim_handle *h);
  *              library, without an entry in the file system
  * @return 0, -EEXIST, -ENOMEM or -errno of the file system.
  */
-SST_MUST_CHECK int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, unsigned dev_major,
-                                unsigned dev_minor, const struct sim_ops *ops, void *device);
+SST_MUST_CHECK int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path,
+                                const struct sim_device *device);
 
 /** Remove a node and drop all its handles. NULL is fine. */
 void sim_node_remove(struct sim_server *s, struct sim_node *node);

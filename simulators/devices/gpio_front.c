@@ -261,8 +261,8 @@ static int appear(struct chip *chip)
     int err;
 
     snprintf(path, sizeof(path), "/dev/gpiochip%d", chip->number);
-    err = sim_node_add(chip->front->cfg.sysfs->server, &chip->node, path, CHARDEV_MAJOR, (unsigned)chip->number,
-                       &chip_ops, chip);
+    err = sim_node_add(chip->front->cfg.sysfs->server, &chip->node, path,
+                       &(struct sim_device){ &chip_ops, chip, CHARDEV_MAJOR, (unsigned)chip->number });
     if (!err)
         show_in_sysfs(chip, true);
     return err;

@@ -60,7 +60,8 @@ static int frame(struct sim_still *s, const struct sst_sim_exposure *e, uint32_t
     int width, height;
 
     sst_sim_world_size(s->cfg.world, &width, &height);
-    return sst_sim_world_frame(s->cfg.world, e, fourcc, width, height, out, room, bytes);
+    return sst_sim_world_frame(s->cfg.world, e, (struct sst_sim_format){ fourcc, width, height },
+                               (struct sst_sim_room){ out, room }, bytes);
 }
 
 static int expose(void *arg, const struct sst_sim_ptp_exposure *e, bool raw, uint8_t **data, size_t *bytes)

@@ -97,7 +97,7 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
 }
 
 void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
-                        const struct sim_ops *ops, void *device)
+                        const struct sim_device *device)
 {
     char real[SST_PATH_MAX];
     const char *path = real + strlen(fs->root);
@@ -106,7 +106,7 @@ void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char
     if (!real_path(fs, dir, name, real))
         return;
     /* The sticky bit makes the preload library send writes to the simulator. */
-    err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, 0, 0, ops, device);
+    err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, device);
     if (err)
         failed(fs, path, err);
 }

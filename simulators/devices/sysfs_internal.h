@@ -27,7 +27,7 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
 void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
 /** Make an existing attribute writable for programs. node: removed by the caller. */
 void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
-                        const struct sim_ops *ops, void *device);
+                        const struct sim_device *device);
 /** Create a link in a folder to another entry, relative as in sysfs. */
 void sim_sysfs_link(struct sim_sysfs *fs, const char *dir, const char *name, const char *target);
 /** Remove a file, link or folder with all in it. @param name  "": the folder itself */

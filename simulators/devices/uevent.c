@@ -225,7 +225,7 @@ int sim_events_open(struct sim_sysfs *fs)
     };
 
     fs->retry = (struct sim_timer){ .fire = retry, .arg = fs };
-    return sim_node_add(fs->server, &fs->events, SST_SIM_UEVENTS, 0, 0, &ops, fs);
+    return sim_node_add(fs->server, &fs->events, SST_SIM_UEVENTS, &(struct sim_device){ &ops, fs, 0, 0 });
 }
 
 void sim_events_close(struct sim_sysfs *fs)

@@ -20,8 +20,9 @@ static void add_node(struct sim_usb_front *front, int device)
 
     /* A failure is logged; the device is then visible in /sys, but cannot be opened. */
     snprintf(path, sizeof(path), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
-    (void)!sim_node_add(front->server, &front->shown[device].node, path, SST_SIM_USB_MAJOR,
-                        (unsigned)((d->bus - 1) * 128 + d->address - 1), &usb_file_ops, &front->shown[device]);
+    (void)!sim_node_add(front->server, &front->shown[device].node, path,
+                        &(struct sim_device){ &usb_file_ops, &front->shown[device], SST_SIM_USB_MAJOR,
+                                              (unsigned)((d->bus - 1) * 128 + d->address - 1) });
 }
 
 static void remove_node(struct sim_usb_front *front, int device)

@@ -223,7 +223,8 @@ static void writable(struct sim_usb_front *front, int device, int port, const ch
     struct usb_attribute *a = &front->shown[device].attribute[port];
 
     *a = (struct usb_attribute){ .front = front, .device = device, .port = port };
-    sim_sysfs_writable(front->cfg.sysfs, &a->node, dir, name, &usb_attribute_ops, a);
+    sim_sysfs_writable(front->cfg.sysfs, &a->node, dir, name,
+                       &(struct sim_device){ .ops = &usb_attribute_ops, .arg = a });
 }
 
 static void add_port(struct sim_usb_front *front, int hub, int port)
@@ -426,7 +427,8 @@ void usb_sysfs_drivers(struct sim_usb_front *front)
 
             *f = (struct usb_driver_file){ .front = front, .driver = drivers[i], .bind = bind };
             sim_sysfs_attr(front->cfg.sysfs, dir, name, "%s", "");
-            sim_sysfs_writable(front->cfg.sysfs, &f->node, dir, name, &usb_driver_ops, f);
+            sim_sysfs_writable(front->cfg.sysfs, &f->node, dir, name,
+                               &(struct sim_device){ .ops = &usb_driver_ops, .arg = f });
         }
     }
 }

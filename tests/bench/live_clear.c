@@ -110,8 +110,8 @@ static int feed(int set)
         const struct sst_sim_exposure e = {
             .cam = view, .trigger = (uint64_t)set, .exposure_us = 5000, .gain = 1, .t_ns = b.in.t_ns
         };
-        const int err = sst_sim_world_frame(b.world, &e, V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, b.frame[view], CAPACITY,
-                                            &b.in.frame[view].bytes);
+        const int err = sst_sim_world_frame(b.world, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT },
+                                            (struct sst_sim_room){ b.frame[view], CAPACITY }, &b.in.frame[view].bytes);
 
         if (err)
             return err;

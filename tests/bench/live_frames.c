@@ -53,8 +53,8 @@ static struct sets make_sets(const char *world, int count)
             size_t bytes = 0;
             uint8_t *copy;
 
-            check("frame",
-                  sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, s.width, s.height, frame, FRAME_ROOM, &bytes));
+            check("frame", sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, s.width, s.height },
+                                               (struct sst_sim_room){ frame, FRAME_ROOM }, &bytes));
             copy = malloc(bytes);
             memcpy(copy, frame, bytes);
             s.in[i].frame[k].data = copy;

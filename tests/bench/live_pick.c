@@ -124,8 +124,8 @@ static int take_set(int set, int shown)
                                             .exposure_us = 5000,
                                             .gain = 1,
                                             .t_ns = (int64_t)(time_of(shown) * 1e9) + 1000000 };
-        const int err = sst_sim_world_frame(b.world, &e, V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, b.frame[view], CAPACITY,
-                                            &b.in.frame[view].bytes);
+        const int err = sst_sim_world_frame(b.world, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT },
+                                            (struct sst_sim_room){ b.frame[view], CAPACITY }, &b.in.frame[view].bytes);
 
         if (err)
             return err;

@@ -76,8 +76,8 @@ static int fetch(int set)
                                             .exposure_us = 5000,
                                             .gain = 1,
                                             .t_ns = INT64_C(1000000000) / RATE_HZ * set + 1000000 };
-        const int err = sst_sim_world_frame(b.world, &e, V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, b.frame[view], CAPACITY,
-                                            &b.bytes[view]);
+        const int err = sst_sim_world_frame(b.world, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT },
+                                            (struct sst_sim_room){ b.frame[view], CAPACITY }, &b.bytes[view]);
 
         if (err)
             return err;

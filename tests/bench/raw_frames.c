@@ -25,7 +25,8 @@ static int write_frame(struct sst_sim_world *w, const char *folder, int cam, uin
 
     sst_sim_world_grid(w, &rows, &cols);
     sst_sim_world_size(w, &width, &height);
-    err = sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, width, height, frame, FRAME_MAX, &bytes);
+    err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
+                              (struct sst_sim_room){ frame, FRAME_MAX }, &bytes);
     if (err)
         return err;
     snprintf(path, sizeof(path), "%s/frames/%02d_%02d.jpg", folder, cam / cols, cam % cols);

@@ -35,7 +35,8 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
                                             .exposure_us = exposure_us,
                                             .gain = 1 };
 
-        err = sst_sim_world_frame(w, &e, fourcc, width, height, out, capacity, &bytes);
+        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ fourcc, width, height },
+                                  (struct sst_sim_room){ out, capacity }, &bytes);
         sum += bytes;
     }
     printf("%-28s %8.1f us a frame, %zu bytes\n", what, ms_since(start) * 1000 / frames, sum / (size_t)frames);
@@ -54,7 +55,8 @@ static int deliver_poses(struct sst_sim_world *w, int frames, uint8_t *out, size
     for (int i = 0; i < frames && !err; i++) {
         const struct sst_sim_exposure e = { .exposure_us = 5000, .gain = 1, .pose_um = { 1000 * (i + 1), 0, 0 } };
 
-        err = sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, width, height, out, capacity, &bytes);
+        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
+                                  (struct sst_sim_room){ out, capacity }, &bytes);
     }
     printf("%-28s %8.1f ms a frame\n", "MJPEG, new pose", ms_since(start) / frames);
     return err;
@@ -78,7 +80,8 @@ static int leave_frames(struct sst_sim_world *w, const char *folder, uint8_t *ou
         snprintf(name, sizeof(name), "cam%02d-%d.jpg", i % cams, i / cams);
         err = sst_path_join(path, folder, name);
         if (!err)
-            err = sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, width, height, out, capacity, &bytes);
+            err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
+                                      (struct sst_sim_room){ out, capacity }, &bytes);
         if (!err)
             err = sst_file_write(path, out, bytes);
     }

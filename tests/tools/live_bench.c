@@ -182,8 +182,8 @@ static int read_world(struct source *s, int i, struct sst_live_input *in)
                                             .t_ns = shown_ns(i),
                                             .exposure_us = sst_sim_world_exposure_us(s->world),
                                             .gain = lit ? option("gain") : 1 };
-        int err = sst_sim_world_frame(s->world, &e, s->fourcc, s->width, s->height, s->data[c], FRAME_MAX,
-                                      &in->frame[c].bytes);
+        int err = sst_sim_world_frame(s->world, &e, (struct sst_sim_format){ s->fourcc, s->width, s->height },
+                                      (struct sst_sim_room){ s->data[c], FRAME_MAX }, &in->frame[c].bytes);
 
         if (err)
             return err;
@@ -367,8 +367,8 @@ static void print_device(const struct sst_live *live)
     if (sst_live_device(live, &d))
         printf("%s: %d pictures, %d on the CPU, %d failures; %.1f MB uploaded in %d "
                "dispatches\n",
-               d.name, (int)d.pictures, (int)d.on_cpu, (int)d.failures,
-               1e-6 * (double)d.upload_bytes, (int)d.dispatches);
+               d.name, (int)d.pictures, (int)d.on_cpu, (int)d.failures, 1e-6 * (double)d.upload_bytes,
+               (int)d.dispatches);
 }
 
 static int run(struct source *s, const struct sst_live_config *cfg, struct live_truth *truth)

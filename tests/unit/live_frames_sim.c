@@ -102,8 +102,9 @@ static void expose(struct sst_live_input *in, struct sst_sim_world *w, const str
         };
 
         in->frame[k].data = frames + (size_t)k * FRAME_ROOM;
-        assert_int_equal(sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, of->cfg.width, of->cfg.height,
-                                             frames + (size_t)k * FRAME_ROOM, FRAME_ROOM, &in->frame[k].bytes),
+        assert_int_equal(sst_sim_world_frame(
+                             w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, of->cfg.width, of->cfg.height },
+                             (struct sst_sim_room){ frames + (size_t)k * FRAME_ROOM, FRAME_ROOM }, &in->frame[k].bytes),
                          0);
     }
 }

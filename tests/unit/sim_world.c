@@ -42,14 +42,16 @@ static void any_quality_and_width_makes_valid_frames(void **state SST_UNUSED)
 
             assert_int_equal(sim_jpeg_encode(&image, qualities[q], true, &jpeg), 0);
             plain = sim_decode(jpeg.data, jpeg.bytes, width, height);
-            assert_int_equal(sim_jpeg_copy(&jpeg, width, &example, sim_out, SIM_CAPACITY, &bytes), 0);
+            assert_int_equal(
+                sim_jpeg_copy(&jpeg, width, &example, (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes), 0);
             luma = sim_decode(sim_out, bytes, width, height);
             assert_int_equal(strip_read(luma, (size_t)width, width, height, &got), 0);
             assert_int_equal(got.t_ns, example.t_ns);
             /* Below the strip nothing has changed. */
             assert_memory_equal(luma + strip_height(width) * width, plain + strip_height(width) * width,
                                 (size_t)((height - strip_height(width)) * width));
-            assert_int_equal(sim_jpeg_copy(&jpeg, width, NULL, sim_out, jpeg.bytes, &bytes), 0);
+            assert_int_equal(sim_jpeg_copy(&jpeg, width, NULL, (struct sst_sim_room){ sim_out, jpeg.bytes }, &bytes),
+                             0);
             assert_int_equal(bytes, jpeg.bytes);
             assert_memory_equal(sim_out, jpeg.data, bytes);
             free(luma);
@@ -169,20 +171,27 @@ static void what_no_camera_offers_is_refused(void **state SST_UNUSED)
     size_t bytes = 99;
 
     memset(sim_out, 0xA5, 64);
-    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_NV12, 160, 192, sim_out, SIM_CAPACITY, &bytes),
+    assert_int_equal(sst_sim_world_frame(w, &example, (struct sst_sim_format){ V4L2_PIX_FMT_NV12, 160, 192 },
+                                         (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes),
                      -EINVAL);
-    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_GREY, 161, 192, sim_out, SIM_CAPACITY, &bytes),
+    assert_int_equal(sst_sim_world_frame(w, &example, (struct sst_sim_format){ V4L2_PIX_FMT_GREY, 161, 192 },
+                                         (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes),
                      -EINVAL);
     other.cam = 2;
-    assert_int_equal(sst_sim_world_frame(w, &other, V4L2_PIX_FMT_GREY, 160, 192, sim_out, SIM_CAPACITY, &bytes),
+    assert_int_equal(sst_sim_world_frame(w, &other, (struct sst_sim_format){ V4L2_PIX_FMT_GREY, 160, 192 },
+                                         (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes),
                      -EINVAL);
     other = example;
     other.gain = NAN;
-    assert_int_equal(sst_sim_world_frame(w, &other, V4L2_PIX_FMT_GREY, 160, 192, sim_out, SIM_CAPACITY, &bytes),
+    assert_int_equal(sst_sim_world_frame(w, &other, (struct sst_sim_format){ V4L2_PIX_FMT_GREY, 160, 192 },
+                                         (struct sst_sim_room){ sim_out, SIM_CAPACITY }, &bytes),
                      -EINVAL);
-    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_GREY, 160, 192, sim_out, 160 * 192 - 1, &bytes),
+    assert_int_equal(sst_sim_world_frame(w, &example, (struct sst_sim_format){ V4L2_PIX_FMT_GREY, 160, 192 },
+                                         (struct sst_sim_room){ sim_out, 160 * 192 - 1 }, &bytes),
                      -ENOSPC);
-    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_MJPEG, 160, 192, sim_out, 64, &bytes), -ENOSPC);
+    assert_int_equal(sst_sim_world_frame(w, &example, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, 160, 192 },
+                                         (struct sst_sim_room){ sim_out, 64 }, &bytes),
+                     -ENOSPC);
     assert_int_equal(bytes, 99);
     for (int i = 0; i < 64; i++)
         assert_int_equal(sim_out[i], 0xA5);

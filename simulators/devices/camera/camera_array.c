@@ -122,7 +122,8 @@ static int appear(struct sim_array *a, struct sim_cam *cam)
     (void)snprintf(path, sizeof(path), "/dev/video%d", number);
     sim_cam_formats_reset(cam);
     sim_cam_controls_reset(cam);
-    err = sim_node_add(a->cfg.server, &cam->node, path, VIDEO_MAJOR, (unsigned)number, &sim_cam_ops, cam);
+    err = sim_node_add(a->cfg.server, &cam->node, path,
+                       &(struct sim_device){ &sim_cam_ops, cam, VIDEO_MAJOR, (unsigned)number });
     if (!err)
         cam->number = number;
     return err;

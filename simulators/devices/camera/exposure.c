@@ -281,8 +281,10 @@ static void fill(struct sim_cam *cam, const struct sim_shot *shot, uint32_t sequ
         sim_array_truth(cam->array, cam, shot, 0, "no buffer queued");
         return;
     }
-    if (sst_sim_world_frame(cam->world, &shot->exposure, cam->format.pixelformat, (int)cam->format.width,
-                            (int)cam->format.height, b->data, b->length, &bytes)) {
+    if (sst_sim_world_frame(
+            cam->world, &shot->exposure,
+            (struct sst_sim_format){ cam->format.pixelformat, (int)cam->format.width, (int)cam->format.height },
+            (struct sst_sim_room){ b->data, b->length }, &bytes)) {
         cam->counters.lost++;
         sim_array_truth(cam->array, cam, shot, 0, "larger than the buffer");
         return;

@@ -336,9 +336,10 @@ int sim_peek(void *out, const void *from, size_t bytes)
     return n == (ssize_t)bytes ? 0 : -EFAULT;
 }
 
-int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long request, void *arg,
-                    const struct sim_area *areas, int count, int *fd)
+int sim_ioctl_areas(int device_fd, const struct sim_id *id, const struct sim_ioctl *call, int *fd)
 {
+    const unsigned long request = call->request;
+    void *arg = call->arg;
     const int saved = errno;
     const size_t bytes = _IOC_DIR(request) == _IOC_NONE ? 0 : _IOC_SIZE(request);
     char in_pointer[sizeof(void *)];
@@ -354,10 +355,10 @@ int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long reques
         x.in[0] = x.out[0] = (struct iovec){ arg, bytes };
     if (!(_IOC_DIR(request) & _IOC_READ))
         x.out[0].iov_len = 0;
-    for (int i = 0; i < count && i + 1 < SIM_PARTS; i++) {
-        if (sim_peek(in_pointer, (const char *)arg + areas[i].pointer_at, sizeof(in_pointer)))
+    for (int i = 0; i < call->count && i + 1 < SIM_PARTS; i++) {
+        if (sim_peek(in_pointer, (const char *)arg + call->areas[i].pointer_at, sizeof(in_pointer)))
             return -EFAULT;
-        x.in[i + 1].iov_len = areas[i].bytes;
+        x.in[i + 1].iov_len = call->areas[i].bytes;
         memcpy(&x.in[i + 1].iov_base, in_pointer, sizeof(in_pointer));
         x.out[i + 1] = x.in[i + 1];
     }

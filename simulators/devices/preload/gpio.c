@@ -27,8 +27,8 @@ static int gpio_ioctl(int fd, const struct sim_id *id, unsigned long request, vo
     int lines = -1, result;
 
     if (!at)
-        return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
-    result = sim_ioctl_areas(fd, id, request, arg, NULL, 0, &lines);
+        return sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, NULL);
+    result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, &lines);
     if (result < 0) {
         if (lines >= 0)
             (void)sim_next()->close_(lines);

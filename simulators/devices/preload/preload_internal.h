@@ -67,13 +67,20 @@ struct sim_area {
     size_t bytes;      /* 0: none */
 };
 
+/** An ioctl: its argument, and areas besides. */
+struct sim_ioctl {
+    unsigned long request;
+    void *arg;
+    const struct sim_area *areas;
+    int count;
+};
+
 /**
  * An ioctl: sends the argument, sized by the request number, and the areas (at most SIM_PARTS - 1), and copies them
  * back.
  * @param fd  in: descriptor to send or -1; out: descriptor of the answer or -1; NULL: neither
  */
-int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long request, void *arg,
-                    const struct sim_area *areas, int count, int *fd);
+int sim_ioctl_areas(int device_fd, const struct sim_id *id, const struct sim_ioctl *call, int *fd);
 
 /** Copy from the program's memory through a pointer that may be invalid. @return 0 or -EFAULT. */
 int sim_peek(void *out, const void *from, size_t bytes);

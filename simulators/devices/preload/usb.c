@@ -128,7 +128,7 @@ static int interface_ioctl(int fd, const struct sim_id *id, void *arg)
     if (sim_peek(&c, arg, sizeof(c)))
         return -EFAULT;
     c.data = NULL;
-    return sim_ioctl_areas(fd, id, USBDEVFS_IOCTL, &c, NULL, 0, NULL);
+    return sim_ioctl_areas(fd, id, &(struct sim_ioctl){ USBDEVFS_IOCTL, &c, NULL, 0 }, NULL);
 }
 
 static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, void *arg)
@@ -154,7 +154,7 @@ static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, voi
     case USBDEVFS_CONNECTINFO:
         return ask(id, request, arg, 0, sizeof(struct usbdevfs_connectinfo));
     default:
-        return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
+        return sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, NULL);
     }
 }
 

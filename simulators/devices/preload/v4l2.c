@@ -26,7 +26,7 @@ static int fill_user(const struct v4l2_buffer *b, int fd)
 static int dequeue(int fd, const struct sim_id *id, unsigned long request, void *arg)
 {
     int memory = -1;
-    int result = sim_ioctl_areas(fd, id, request, arg, NULL, 0, &memory);
+    int result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, &memory);
 
     if (memory >= 0) {
         const int saved = errno;
@@ -62,7 +62,7 @@ static int enqueue(int fd, const struct sim_id *id, unsigned long request, void 
         return -EFAULT;
     if (b.type == V4L2_BUF_TYPE_VIDEO_CAPTURE && b.memory == V4L2_MEMORY_DMABUF)
         memory = b.m.fd < 0 ? -1 : b.m.fd;
-    result = sim_ioctl_areas(fd, id, request, arg, NULL, 0, &memory);
+    result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, &memory);
     if (memory >= 0)
         (void)sim_next()->close_(memory);
     return result;
@@ -72,7 +72,7 @@ static int export_buffer(int fd, const struct sim_id *id, unsigned long request,
 {
     struct v4l2_exportbuffer *e = arg;
     int memory = -1;
-    const int result = sim_ioctl_areas(fd, id, request, arg, NULL, 0, &memory);
+    const int result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, &memory);
 
     if (result < 0)
         return result;
@@ -90,10 +90,13 @@ static int controls(int fd, const struct sim_id *id, unsigned long request, void
         return -EFAULT;
     if (c.count > V4L2_CID_MAX_CTRLS)
         return -EINVAL;
-    return sim_ioctl_areas(fd, id, request, arg,
-                           &(struct sim_area){ .pointer_at = offsetof(struct v4l2_ext_controls, controls),
-                                               .bytes = c.count * sizeof(struct v4l2_ext_control) },
-                           c.count ? 1 : 0, NULL);
+    return sim_ioctl_areas(
+        fd, id,
+        &(struct sim_ioctl){ request, arg,
+                             &(struct sim_area){ .pointer_at = offsetof(struct v4l2_ext_controls, controls),
+                                                 .bytes = c.count * sizeof(struct v4l2_ext_control) },
+                             c.count ? 1 : 0 },
+        NULL);
 }
 
 /* --- the multi-planar API: translated to the layout of the other one, with its own type --- */
@@ -110,7 +113,7 @@ static int planar_buffer(int fd, const struct sim_id *id, unsigned long request,
         return -EFAULT;
     one.m.userptr = 0;
     one.length = 0;
-    result = sim_ioctl_areas(fd, id, request, &one, NULL, 0, NULL);
+    result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, &one, NULL, 0 }, NULL);
     if (result < 0)
         return result;
     plane = (struct v4l2_plane){ .bytesused = one.bytesused, .length = one.length, .m.mem_offset = one.m.offset };
@@ -130,7 +133,7 @@ static int planar_format(int fd, const struct sim_id *id, unsigned long request,
     int result;
 
     *p = (struct v4l2_pix_format){ in.width, in.height, in.pixelformat, in.field };
-    result = sim_ioctl_areas(fd, id, request, &one, NULL, 0, NULL);
+    result = sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, &one, NULL, 0 }, NULL);
     if (result < 0)
         return result;
     memset(&f->fmt, 0, sizeof(f->fmt));
@@ -184,7 +187,7 @@ static int v4l2_ioctl(int fd, const struct sim_id *id, unsigned long request, vo
     case VIDIOC_TRY_EXT_CTRLS:
         return controls(fd, id, request, arg);
     default:
-        return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
+        return sim_ioctl_areas(fd, id, &(struct sim_ioctl){ request, arg, NULL, 0 }, NULL);
     }
 }
 

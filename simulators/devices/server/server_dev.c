@@ -100,8 +100,7 @@ static int write_node(struct sim_server *s, const struct sim_node *n)
     return err;
 }
 
-int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, unsigned dev_major, unsigned dev_minor,
-                 const struct sim_ops *ops, void *device)
+int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, const struct sim_device *device)
 {
     struct sim_node *n;
     int err = 0;
@@ -111,7 +110,9 @@ int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path,
     n = calloc(1, sizeof(*n));
     if (!n)
         return -ENOMEM;
-    *n = (struct sim_node){ .dev_major = dev_major, .dev_minor = dev_minor, .ops = ops, .device = device };
+    *n = (struct sim_node){
+        .dev_major = device->dev_major, .dev_minor = device->dev_minor, .ops = device->ops, .device = device->arg
+    };
     if (snprintf(n->path, sizeof(n->path), "%s", path) >= (int)sizeof(n->path))
         err = -ENAMETOOLONG;
     else if (strncmp(path, "/dev/", 5) == 0)

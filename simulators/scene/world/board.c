@@ -158,11 +158,18 @@ static double room(double picture, double mm, double board_mm, int cameras, doub
 #define JITTER_DEG 5.0
 #define NEAR_LAYER 0.6 /* of the poses */
 
-/* Poses first .. first+n-1 at one depth, in a grid over all that the outermost cameras see. Tilts change from place to
- * place: straight, then to each side. */
-static void fill_layer(struct sst_sim_board *b, int first, int n, double share, const struct sst_sim_settings *s,
+/* Poses first .. first+n-1 at one depth. */
+struct layer {
+    int first, n;
+    double share; /* of the picture's width */
+};
+
+/* Poses of a layer, in a grid over all that the outermost cameras see. Tilts change from place to place: straight, then
+ * to each side. */
+static void fill_layer(struct sst_sim_board *b, struct layer layer, const struct sst_sim_settings *s,
                        const struct sst_scene_world *w, uint64_t *rng)
 {
+    const int n = layer.n;
     static const int tilt[5][2] = { { 0, 0 }, { 0, 1 }, { 1, 0 }, { 0, -1 }, { -1, 0 } };
     double width, height, x, y, z, mm;
     int cols, rows;
@@ -170,7 +177,7 @@ static void fill_layer(struct sst_sim_board *b, int first, int n, double share, 
     if (!n)
         return;
     sim_board_size(b, &width, &height);
-    z = w->focal * width / (share * PICTURE_WIDTH);
+    z = w->focal * width / (layer.share * PICTURE_WIDTH);
     mm = z / w->focal;
     x = fmax(1, (PICTURE_WIDTH * mm + (s->cols - 1) * w->spacing_mm) / 2 - EDGE_SHARE * width);
     y = fmax(1, (PICTURE_HEIGHT * mm + (s->rows - 1) * w->spacing_mm) / 2 - EDGE_SHARE * height);
@@ -179,7 +186,7 @@ static void fill_layer(struct sst_sim_board *b, int first, int n, double share, 
     for (int i = 0; i < n; i++) {
         const int col = i % cols, row = i / cols;
         const int *to = tilt[(col + 2 * row) % 5];
-        struct sst_sim_pose *p = &b->pose[first + i];
+        struct sst_sim_pose *p = &b->pose[layer.first + i];
         double at[2] = { cols > 1 ? 2.0 * col / (cols - 1) - 1 : 0, rows > 1 ? 2.0 * row / (rows - 1) - 1 : 0 };
 
         for (int c = 0; c < 2 && row >= rows; c++) /* rows that no grid needs */
@@ -201,8 +208,8 @@ void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings
     if (b->fill) {
         const int near = (int)ceil(NEAR_LAYER * b->poses);
 
-        fill_layer(b, 0, near, NEAR_SHARE, s, w, &rng);
-        fill_layer(b, near, b->poses - near, FAR_SHARE, s, w, &rng);
+        fill_layer(b, (struct layer){ 0, near, NEAR_SHARE }, s, w, &rng);
+        fill_layer(b, (struct layer){ near, b->poses - near, FAR_SHARE }, s, w, &rng);
         return;
     }
     sim_board_size(b, &width, &height);

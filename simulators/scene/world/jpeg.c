@@ -199,23 +199,23 @@ static uint8_t *put_row(uint8_t *out, const uint8_t *bits, int row, int width, i
     return w.out;
 }
 
-int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure, uint8_t *out,
-                  size_t capacity, size_t *bytes)
+int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure,
+                  struct sst_sim_room out, size_t *bytes)
 {
     const int rows = exposure ? strip_height(width) / MCU_HEIGHT : 0;
     /* At most 9 + 11 + 4 bits for each luma block and 8 for the chroma, all stuffed, and a marker. */
     const size_t row_most = (size_t)(width / MCU_WIDTH + 1) * 14 + 4;
     const size_t tail = in->bytes - (exposure ? in->rest : in->scan);
-    uint8_t bits[SST_STRIP_BYTES], *at = out + in->scan;
+    uint8_t bits[SST_STRIP_BYTES], *at = out.data + in->scan;
 
-    if (capacity < in->scan + tail + (size_t)rows * row_most)
+    if (out.bytes < in->scan + tail + (size_t)rows * row_most)
         return -ENOSPC;
-    memcpy(out, in->data, in->scan);
+    memcpy(out.data, in->data, in->scan);
     if (exposure)
         strip_pack(exposure, bits);
     for (int row = 0; row < rows; row++)
         at = put_row(at, bits, row, width, (int)in->dc_step);
     memcpy(at, in->data + in->bytes - tail, tail);
-    *bytes = (size_t)(at - out) + tail;
+    *bytes = (size_t)(at - out.data) + tail;
     return 0;
 }

@@ -247,10 +247,13 @@ static void tidy(const char *folder)
         closedir(dir);
 }
 
-int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES], const char *name,
-                  int cams, int frames, sim_render_fn *render, void *arg)
+int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg)
 {
-    struct job j = { .name = name, .cams = cams, .frames = frames, .render = render, .arg = arg };
+    struct job j = {
+        .name = cfg->name, .cams = cfg->cams, .frames = cfg->frames, .render = cfg->render, .arg = cfg->arg
+    };
+    const char *folder = cfg->folder;
+    const uint8_t *key = cfg->key;
     char file[SST_SIM_KEY_BYTES + 8], path[SST_PATH_MAX];
     int err;
 
@@ -262,7 +265,7 @@ int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[S
         err = sst_path_make_dir(folder);
     if (err)
         return err;
-    err = map_file(out, path, key, cams, frames);
+    err = map_file(out, path, key, cfg->cams, cfg->frames);
     if (!err)
         (void)utimensat(AT_FDCWD, path, NULL, 0); /* mark as used */
     if (err != -ENOENT)
@@ -271,7 +274,7 @@ int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[S
     pthread_mutex_init(&j.lock, NULL);
     err = prepare(path, key, &j);
     pthread_mutex_destroy(&j.lock);
-    if (!err && (err = map_file(out, path, key, cams, frames)) == -ENOENT) {
+    if (!err && (err = map_file(out, path, key, cfg->cams, cfg->frames)) == -ENOENT) {
         sst_log_error("the prepared world %s vanished; choose another folder for the cache", path);
         err = -EIO;
     }

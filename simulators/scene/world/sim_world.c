@@ -124,8 +124,8 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
     SHA256Update(&hash, (const uint8_t *)&version, sizeof(version));
     SHA256Update(&hash, (const uint8_t *)&w->settings, offsetof(struct sst_sim_settings, host));
     SHA256Final(key, &hash);
-    return sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, sim_stage_frames(w->stage),
-                         render_camera, w);
+    return sim_loop_open(&w->loop, &(struct sim_loop_config){ folder, key, w->settings.scene, w->cams,
+                                                              sim_stage_frames(w->stage), render_camera, w });
 }
 
 int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
@@ -347,22 +347,23 @@ static bool offered(const struct sst_sim_world *w, uint32_t fourcc, int width, i
 }
 
 static int deliver_packed(struct sst_sim_world *w, const struct sim_jpeg *frame, const struct sim_made_key *key,
-                          const struct sst_sim_exposure *e, uint8_t *out, size_t capacity, size_t *bytes)
+                          const struct sst_sim_exposure *e, struct sst_sim_room out)
 {
-    if (capacity < frame->bytes)
+    if (out.bytes < frame->bytes)
         return -ENOSPC;
-    memcpy(out, frame->data, frame->bytes);
+    memcpy(out.data, frame->data, frame->bytes);
     if (w->settings.strip) {
         strip_draw(w->luma, (size_t)key->width, key->width, e);
-        sim_pack_luma(w->luma, key->width, strip_height(key->width), key->fourcc, out);
+        sim_pack_luma(w->luma, key->width, strip_height(key->width), key->fourcc, out.data);
     }
-    *bytes = frame->bytes;
     return 0;
 }
 
-int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, uint32_t fourcc, int width,
-                        int height, uint8_t *out, size_t capacity, size_t *bytes)
+int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, struct sst_sim_format format,
+                        struct sst_sim_room out, size_t *bytes)
 {
+    const uint32_t fourcc = format.fourcc;
+    const int width = format.width, height = format.height;
     const double light = e->gain * e->exposure_us / w->settings.exposure_us * LIGHT_ONE;
     struct sim_made_key key = { .cam = e->cam, .fourcc = fourcc, .width = width, .height = height };
     const struct sim_jpeg *found;
@@ -386,6 +387,9 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
     if (!found && err)
         return err;
     if (fourcc == V4L2_PIX_FMT_MJPEG)
-        return sim_jpeg_copy(&frame, width, w->settings.strip ? e : NULL, out, capacity, bytes);
-    return deliver_packed(w, &frame, &key, e, out, capacity, bytes);
+        return sim_jpeg_copy(&frame, width, w->settings.strip ? e : NULL, out, bytes);
+    err = deliver_packed(w, &frame, &key, e, out);
+    if (!err)
+        *bytes = frame.bytes;
+    return err;
 }

@@ -83,6 +83,17 @@ SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const 
 /** Sizes that cameras offer, largest (native) first: count of {width, height}. */
 int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2]);
 
+struct sst_sim_format {
+    uint32_t fourcc; /* V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB */
+    int width, height;
+};
+
+/** Memory for a frame. */
+struct sst_sim_room {
+    uint8_t *data;
+    size_t bytes;
+};
+
 /**
  * Render the bytes that a camera delivers for an exposure. MJPEG at native size is copied from the prepared loop with
  * the strip drawn into it; other formats and sizes, and light other than nominal (exposure_us of the world at gain 1),
@@ -91,12 +102,10 @@ int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2
  * that begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered on demand, which
  * takes most of a second.
  *
- * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB
- * @param out     [capacity]; *bytes of it are written
- * @return 0, -EINVAL (unsupported format or size), -ENOSPC (capacity)
+ * @param bytes  out: of the room that were written
+ * @return 0, -EINVAL (unsupported format or size), -ENOSPC (the room is too small)
  */
 SST_MUST_CHECK int sst_sim_world_frame(struct sst_sim_world *world, const struct sst_sim_exposure *exposure,
-                                       uint32_t fourcc, int width, int height, uint8_t *out, size_t capacity,
-                                       size_t *bytes);
+                                       struct sst_sim_format format, struct sst_sim_room out, size_t *bytes);
 
 #endif

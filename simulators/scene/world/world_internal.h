@@ -203,7 +203,7 @@ SST_MUST_CHECK int sim_jpeg_encode(const struct sst_image *img, int quality, boo
  * @return 0 or -ENOSPC
  */
 SST_MUST_CHECK int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure,
-                                 uint8_t *out, size_t capacity, size_t *bytes);
+                                 struct sst_sim_room out, size_t *bytes);
 
 /* --- loop: prepared frames of all cameras: rendered once, cached in a file, mapped into memory. --- */
 
@@ -219,15 +219,21 @@ typedef int sim_render_fn(void *arg, int cam, struct sim_jpeg *frames);
 
 struct sim_loop; /* opaque; read-only after open */
 
+struct sim_loop_config {
+    const char *folder; /* of the cache, created if missing */
+    const uint8_t *key; /* [SST_SIM_KEY_BYTES] */
+    const char *name;   /* of the world, for progress on a terminal */
+    int cams, frames;
+    sim_render_fn *render;
+    void *arg;
+};
+
 /**
- * Map the loop of this key; renders it and writes its file first if it is not in the cache.
+ * Map the loop of a key; renders it and writes its file first if it is not in the cache.
  *
- * @param folder  of the cache, created if missing
- * @param name    of the world, for progress on a terminal
  * @return 0, -ENOMEM, -EIO/-ENOSPC/-EROFS/-EACCES (cache), or the error of render; logged
  */
-SST_MUST_CHECK int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
-                                 const char *name, int cams, int frames, sim_render_fn *render, void *arg);
+SST_MUST_CHECK int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg);
 void sim_loop_close(struct sim_loop *loop);
 
 /** A frame; its data is borrowed and read-only. */
