@@ -142,16 +142,23 @@ static bool is_anchor(const struct sst_numbering *n, const struct source *s, int
     return false;
 }
 
+/* An edge of a source, on the common wall clock. */
+struct heard {
+    const struct sst_numbering_edge *edge;
+    int64_t wall_t_ns, now_ns;
+    struct sst_numbering_place *place; /* out */
+};
+
 static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source *s, const struct tick *at, int64_t t_ns,
-                                         int64_t wall_t_ns, int64_t now_ns, struct sst_numbering_place *place)
+                                         const struct heard *h)
 {
-    const int64_t error_ns = wall_t_ns - at->t_ns, most_ns = n->period_ns / ANCHOR_STEP;
+    const int64_t error_ns = h->wall_t_ns - at->t_ns, most_ns = n->period_ns / ANCHOR_STEP;
 
     s->holds = false;
-    s->heard_ns = now_ns;
+    s->heard_ns = h->now_ns;
     s->state.placed = true;
     s->state.residual_ns = t_ns - at->t_ns;
-    if (is_anchor(n, s, now_ns)) {
+    if (is_anchor(n, s, h->now_ns)) {
         const int64_t step_ns = error_ns / SMOOTH;
 
         s->away_ns -= step_ns > most_ns ? most_ns : step_ns < -most_ns ? -most_ns : step_ns;
@@ -162,18 +169,19 @@ static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source 
     if (at->index <= s->last) /* an edge that it counted twice */
         return SST_NUMBERING_UNNAMED;
     s->last = at->index;
-    *place = (struct sst_numbering_place){ (uint64_t)at->index, at->t_ns };
+    *h->place = (struct sst_numbering_place){ (uint64_t)at->index, at->t_ns };
     return SST_NUMBERING_PLACED;
 }
 
 /* Name the edges of a source that has joined, by its wall clock. */
-static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s, const struct sst_numbering_edge *edge,
-                                       int64_t wall_t_ns, int64_t now_ns, struct sst_numbering_place *place)
+static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s, const struct heard *h)
 {
+    const struct sst_numbering_edge *edge = h->edge;
+    const int64_t wall_t_ns = h->wall_t_ns;
     const struct tick *last = newest(n);
     struct tick at = { (int64_t)edge->count, wall_t_ns }, *known;
 
-    s->heard_ns = now_ns;
+    s->heard_ns = h->now_ns;
     if (last) {
         const double ahead = (double)(wall_t_ns - last->t_ns) / (double)n->period_ns;
         const int64_t k = llround(ahead);
@@ -194,7 +202,7 @@ static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s
     else if (!known)
         known = add(n, at.index, wall_t_ns);
     s->state.clock_ns = wall_t_ns - known->t_ns;
-    return accept(n, s, known, edge->t_ns - s->away_ns, wall_t_ns, now_ns, place);
+    return accept(n, s, known, edge->t_ns - s->away_ns, h);
 }
 
 static void slip(struct source *s, int64_t by)
@@ -244,21 +252,22 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
 {
     struct source *s = &n->source[source];
     const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns; /* neither is below zero */
+    const struct heard h = { edge, wall_t_ns, now_ns, place };
     struct tick at = { .index = 0 };
     struct tick *known, *last = newest(n);
 
     if (!s->placed)
-        return name(n, s, edge, wall_t_ns, now_ns, place);
+        return name(n, s, &h);
     if (__builtin_add_overflow((int64_t)edge->count, s->offset, &at.index) || at.index > INDEX_MAX ||
         __builtin_sub_overflow(edge->t_ns, s->away_ns, &at.t_ns) || llabs(at.t_ns) > T_MAX_NS)
         return SST_NUMBERING_UNNAMED;
     known = find(n, at.index);
     if (known && near(n, known->t_ns, at.t_ns))
-        return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
+        return accept(n, s, known, at.t_ns, &h);
     known = find_near(n, at.t_ns);
     if (known) {
         slip(s, known->index - at.index);
-        return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
+        return accept(n, s, known, at.t_ns, &h);
     }
     if (at.index > last->index) {
         int64_t due_ns;
@@ -269,13 +278,13 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
         if (!due && must_wait(n, s, &at, now_ns))
             return SST_NUMBERING_HELD;
         if (at.t_ns > last->t_ns)
-            return accept(n, s, add(n, at.index, at.t_ns), at.t_ns, wall_t_ns, now_ns, place);
+            return accept(n, s, add(n, at.index, at.t_ns), at.t_ns, &h);
     } else if (at.t_ns > last->t_ns) {
         const int64_t k = llround((double)(at.t_ns - last->t_ns) / (double)n->period_ns);
 
         if (k > 0 && near(n, at.t_ns, last->t_ns + k * n->period_ns)) {
             slip(s, last->index + k - at.index);
-            return accept(n, s, add(n, last->index + k, at.t_ns), at.t_ns, wall_t_ns, now_ns, place);
+            return accept(n, s, add(n, last->index + k, at.t_ns), at.t_ns, &h);
         }
     } else if (at.t_ns < tick_at(n, 0)->t_ns || unreported(n, at.t_ns)) {
         const int64_t index = at.t_ns < tick_at(n, 0)->t_ns ? at.index : unreported(n, at.t_ns);
@@ -283,14 +292,14 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
         if (index != at.index)
             slip(s, index - at.index);
         at.index = index;
-        return accept(n, s, &at, at.t_ns, wall_t_ns, now_ns, place);
+        return accept(n, s, &at, at.t_ns, &h);
     }
     s->holds = false;
     s->heard_ns = now_ns;
     if (llabs(at.t_ns - last->t_ns) > LIVE_NS) { /* its clock jumped, or was it we who slept? */
         s->placed = false;
         s->state.renamed++;
-        return name(n, s, edge, wall_t_ns, now_ns, place);
+        return name(n, s, &h);
     }
     return SST_NUMBERING_UNNAMED; /* between two triggers: an edge that the others have not seen */
 }

@@ -139,21 +139,15 @@ static bool is_jpeg(uint32_t fourcc)
     return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
 }
 
-unsigned frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes,
-                     int size[2])
+unsigned frame_check(const struct sst_frame *f, size_t lead, int size[2])
 {
+    const size_t bytes = f->bytes - lead;
+
     if (!bytes)
         return SST_FRAME_EMPTY;
-    if (is_jpeg(fourcc))
-        return check_jpeg(width, height, data, bytes, size);
-    return bytes < raw_bytes(fourcc, width, height, stride) ? SST_FRAME_SHORT : 0;
-}
-
-unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes)
-{
-    int size[2];
-
-    return frame_check(fourcc, width, height, stride, data, bytes, size) & SST_FRAME_BAD;
+    if (is_jpeg(f->fourcc))
+        return check_jpeg(f->width, f->height, f->data + lead, bytes, size);
+    return bytes < raw_bytes(f->fourcc, f->width, f->height, f->stride) ? SST_FRAME_SHORT : 0;
 }
 
 size_t frame_lead(uint32_t fourcc, const uint8_t *data, size_t bytes)

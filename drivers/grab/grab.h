@@ -21,9 +21,9 @@ struct sst_grab_device {
     char serial[SST_GRAB_NAME_MAX]; /* ID_SERIAL_SHORT; "" if none */
     char port[SST_GRAB_NAME_MAX];   /* USB port path, "1-2.3" as in sysfs; else the bus_info of the device */
     /* of sst_grab_list() only */
-    int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: no error */
-    bool busy;                          /* a program streams from it */
-    char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; truncated to fit */
+    int error;                            /* errno of opening it, ETIMEDOUT: it hangs, 0: no error */
+    bool busy;                            /* a program streams from it */
+    char formats[SST_GRAB_FORMATS_MAX];   /* "MJPG 1280x720 640x480, YUYV 640x480"; truncated to fit */
     uint32_t fourcc[SST_GRAB_FOURCC_MAX]; /* of formats, 0 terminated or full; empty: it could not be asked */
     int nth;                              /* which of the capture nodes of its port, from 1 */
     char left_out[SST_GRAB_NAME_MAX];     /* why it is no camera of the array; "" if it is one */
@@ -142,9 +142,6 @@ void sst_grab_release(struct sst_grab *grab, struct sst_frame *frame);
 enum sst_grab_state sst_grab_camera_state(const struct sst_grab *grab, int cam);
 const struct sst_grab_device *sst_grab_camera_device(const struct sst_grab *grab, int cam); /* last known */
 void sst_grab_counters(const struct sst_grab *grab, int cam, struct sst_grab_counters *out);
-
-/** Bits of sst_frame_fault that follow from the bytes alone: JPEG marker structure, or size of a raw frame. */
-unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes);
 
 /** Stops within 2 s even if devices hang. All frames must have been released before. NULL is fine. */
 void sst_grab_close(struct sst_grab *grab);

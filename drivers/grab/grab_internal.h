@@ -57,7 +57,8 @@ SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 SST_MUST_CHECK int grab_list(struct grab_node *nodes);
 /** Number of "video12"; -1 for other names. */
 int grab_node_number(const char *name);
-/** Set the port of a node without one: outside of USB that is its bus_info, and the query does not access hardware that may hang. */
+/** Set the port of a node without one: outside of USB that is its bus_info, and the query does not access hardware that
+ * may hang. */
 void grab_identify_off_usb(struct grab_node *node);
 
 /** Open a node to see whether it captures pictures. @return descriptor or -errno, also in its `error` */
@@ -163,7 +164,8 @@ int ladder_step(struct ladder *ladder, enum ladder_event event, int64_t now_ns, 
 /** True if the current rung disconnects the camera on purpose: it is opened again when it is back. */
 bool ladder_expects_loss(const struct ladder *ladder);
 
-/* --- stamp: whether a camera's time stamps are of the monotonic clock, as its driver says. A pure state machine. --- */
+/* --- stamp: whether a camera's time stamps are of the monotonic clock, as its driver says. A pure state machine. ---
+ */
 
 enum stamp_fault {
     STAMP_RIGHT = 0,
@@ -174,8 +176,8 @@ enum stamp_fault {
 
 struct stamp_clock {
     bool foreign;     /* verdict: the stamps are of another clock */
-    int64_t empty_ns; /* set by the caller: no filled buffer was waiting then, so the next frame ended later; 0: unknown.
-                         It makes the bound independent of how busy the machine is. */
+    int64_t empty_ns; /* set by the caller: no filled buffer was waiting then, so the next frame ended later; 0:
+                         unknown. It makes the bound independent of how busy the machine is. */
     /* the state */
     bool any;
     int64_t last_ns;            /* believed stamp */
@@ -189,7 +191,8 @@ struct stamp_clock {
 /** The stream starts at start_ns (0: unknown): the verdict stays. */
 void stamp_begin(struct stamp_clock *clock, int64_t start_ns);
 
-/** Judge the stamp of the next frame, and update the verdict: a single wrong stamp leaves it, wrong ones for 2 s do not.
+/** Judge the stamp of the next frame, and update the verdict: a single wrong stamp leaves it, wrong ones for 2 s do
+ * not.
  *  @return the fault of this stamp, whatever the verdict */
 enum stamp_fault stamp_judge(struct stamp_clock *clock, int64_t stamp_ns, int64_t arrival_ns);
 
@@ -293,13 +296,13 @@ struct grab_camera {
 
     struct history history;
     struct stamp_clock clock;
-    int bad_row;     /* consecutive frames with bad bytes */
-    int misfit_row;  /* consecutive ones that depart from the negotiated form, all in the same way */
+    int bad_row;              /* consecutive frames with bad bytes */
+    int misfit_row;           /* consecutive ones that depart from the negotiated form, all in the same way */
     char misfit[SST_WHY_MAX]; /* which */
-    bool unfit;      /* refused for that: until a good frame */
-    bool wakes;   /* known: epoll reports its frames */
-    int eio_row;  /* consecutive failures of DQBUF */
-    int eio_well; /* frames without a failure until the next is logged again */
+    bool unfit;               /* refused for that: until a good frame */
+    bool wakes;               /* known: epoll reports its frames */
+    int eio_row;              /* consecutive failures of DQBUF */
+    int eio_well;             /* frames without a failure until the next is logged again */
     struct sst_grab_counters counters;
 
     /* already logged, so that a persistent fault is logged once */
@@ -393,8 +396,8 @@ int64_t hotplug_due(const struct sst_grab *grab);
 /** Find nodes for all cameras without one. @return 0, or -ENOTUNIQ (two devices of one serial; logged) */
 int hotplug_assign(struct sst_grab *grab);
 
-/** After a camera was refused with this node: the next node of the same device to try. NULL: none is left, or the binding
- *  chooses the node. @param more  out: the device has other nodes */
+/** After a camera was refused with this node: the next node of the same device to try. NULL: none is left, or the
+ * binding chooses the node. @param more  out: the device has other nodes */
 const struct grab_node *hotplug_sibling(struct sst_grab *grab, const struct grab_camera *cam, bool *more);
 
 /** Mark a node as not capturing, or as gone: it is not assigned again. */
@@ -455,9 +458,10 @@ SST_MUST_CHECK int node_open(struct sst_grab_device *device);
 
 /* --- check: faults in the bytes of a frame --- */
 
-/** sst_frame_check(), with UNFIT beside MARKER. @param size  out: width and height of such a JPEG */
-unsigned frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes,
-                     int size[2]);
+/** Bits of sst_frame_fault that follow from the bytes alone: JPEG marker structure, or size of a raw frame.
+ *  @param lead  of its first bytes to leave out @param size  out: width and height of a JPEG with UNFIT beside MARKER
+ */
+unsigned frame_check(const struct sst_frame *f, size_t lead, int size[2]);
 
 /** Number of bytes before the start marker of a JPEG, 0 if it is not near the beginning. */
 size_t frame_lead(uint32_t fourcc, const uint8_t *data, size_t bytes);

@@ -89,8 +89,8 @@ static void judge_stamp(struct sst_grab *g, struct grab_camera *cam, struct sst_
     if (cam->clock.foreign && !foreign) {
         stamp_describe(what, sizeof(what), fault, f->t_ns, f->arrival_ns, sst_clock_wall_ns());
         snprintf(text, sizeof(text),
-                 "%s: driver %s uses another clock than it reports; the time of arrival is used instead",
-                 what, cam->device.driver);
+                 "%s: driver %s uses another clock than it reports; the time of arrival is used instead", what,
+                 cam->device.driver);
         camera_remark(g, cam, text);
     } else if (!cam->clock.foreign && foreign) {
         sst_log_warning("%s: its time stamps are right again, and are used", cam->name);
@@ -108,7 +108,7 @@ static void judge_stamp(struct sst_grab *g, struct grab_camera *cam, struct sst_
 static void check_bytes(struct grab_camera *cam, struct sst_frame *f, int size[2])
 {
     const size_t lead = frame_lead(f->fourcc, f->data, f->bytes);
-    unsigned faults = frame_check(f->fourcc, f->width, f->height, f->stride, f->data + lead, f->bytes - lead, size);
+    unsigned faults = frame_check(f, lead, size);
 
     if (lead && faults)
         faults = SST_FRAME_NO_SOI;
@@ -116,7 +116,8 @@ static void check_bytes(struct grab_camera *cam, struct sst_frame *f, int size[2
         f->data += lead;
         f->bytes -= lead;
         if (!cam->logged_lead)
-            sst_log_warning("%s: its JPEGs begin after %zu bytes of something else, which are left out", cam->name, lead);
+            sst_log_warning("%s: its JPEGs begin after %zu bytes of something else, which are left out", cam->name,
+                            lead);
         cam->logged_lead = true;
     }
     f->faults |= faults;
@@ -130,10 +131,11 @@ static void count_misfit(struct sst_grab *g, struct grab_camera *cam, struct sst
 
     if (!field_fits(field)) {
         f->faults |= SST_FRAME_MARKER | SST_FRAME_UNFIT;
-        snprintf(what, sizeof(what),
-                 "its driver delivers fields (%s) and not the whole (progressive) pictures that were agreed; set cameras: "
-                 "width and height, or another input or mode of the device",
-                 field_name(field));
+        snprintf(
+            what, sizeof(what),
+            "its driver delivers fields (%s) and not the whole (progressive) pictures that were agreed; set cameras: "
+            "width and height, or another input or mode of the device",
+            field_name(field));
     } else {
         snprintf(what, sizeof(what),
                  "its JPEGs are %dx%d, not the %dx%d that was agreed; set cameras: width and height to a size that it "

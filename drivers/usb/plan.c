@@ -249,16 +249,23 @@ static double added(const struct route *r, struct segment *const *segment, int i
     return cost(&r->place[i], alt);
 }
 
+/* Segments of the streams planned so far. */
+struct planning {
+    const struct sst_usb_device *devices;
+    struct segment *segments;
+    int n;
+};
+
 /* Without `alt` the stream reserves nothing; it is refused unless `possible`. */
 static void reserve(struct sst_usb_stream *stream, const struct route *r, const struct sst_usb_alt *alt, bool possible,
-                    struct segment *segments, int *n, const struct sst_usb_device *devices)
+                    struct planning *p)
 {
     struct segment *segment[PATH_MAX_SEGMENTS];
     double add[PATH_MAX_SEGMENTS], fullest = -1;
 
     stream->fits = possible;
     for (int i = 0; i < r->n; i++)
-        segment[i] = at_place(segments, n, &r->place[i], devices);
+        segment[i] = at_place(p->segments, &p->n, &r->place[i], p->devices);
     for (int i = 0; i < r->n; i++) {
         const struct sst_usb_segment *s = &segment[i]->out;
         double load;
@@ -268,23 +275,22 @@ static void reserve(struct sst_usb_stream *stream, const struct route *r, const 
         stream->fits = stream->fits && load <= 1 + 1e-9;
         if (load > fullest) {
             fullest = load;
-            stream->segment = (int)(segment[i] - segments);
+            stream->segment = (int)(segment[i] - p->segments);
             stream->reserved_mbit = add[i];
         }
     }
     for (int i = 0; i < r->n; i++) {
         segment[i]->out.streams += stream->fits;
-        segment[i]->out.refused += !stream->fits && segment[i] - segments == stream->segment;
+        segment[i]->out.refused += !stream->fits && segment[i] - p->segments == stream->segment;
         segment[i]->out.reserved_mbit += stream->fits ? add[i] : 0;
         segment[i]->tt_used = segment[i]->tt_used || (stream->fits && alt);
     }
 }
 
-static void plan_stream(struct sst_usb_stream *stream, struct segment *segments, int *n,
-                        const struct sst_usb_device *devices)
+static void plan_stream(struct sst_usb_stream *stream, struct planning *p)
 {
-    const struct sst_usb_device *d = &devices[stream->device];
-    const struct route r = find_route(devices, stream->device);
+    const struct sst_usb_device *d = &p->devices[stream->device];
+    const struct route r = find_route(p->devices, stream->device);
     const struct sst_usb_alt *alt = choose(d, stream->needed_bytes_s), guess = worst(d->speed_mbit);
     const bool bulk = streams_in_bulk(d);
 
@@ -293,15 +299,15 @@ static void plan_stream(struct sst_usb_stream *stream, struct segment *segments,
     stream->segment = 0;
     if (!d->alts)
         alt = &guess;
-    reserve(stream, &r, alt, alt || bulk, segments, n, devices);
+    reserve(stream, &r, alt, alt || bulk, p);
 }
 
 int sst_usb_plan(struct sst_usb_plan *out, const struct sst_usb_device *devices, int count SST_UNUSED,
                  struct sst_usb_stream *streams, int stream_count)
 {
     struct segment *segments = calloc((size_t)stream_count * PATH_MAX_SEGMENTS + 1, sizeof(*segments));
+    struct planning p = { devices, segments, 0 };
     struct sst_usb_plan plan = { 0 };
-    int n = 0;
 
     plan.segments = segments ? calloc((size_t)stream_count * PATH_MAX_SEGMENTS + 1, sizeof(*plan.segments)) : NULL;
     if (!plan.segments) {
@@ -310,12 +316,12 @@ int sst_usb_plan(struct sst_usb_plan *out, const struct sst_usb_device *devices,
         return -ENOMEM;
     }
     for (int i = 0; i < stream_count; i++) {
-        plan_stream(&streams[i], segments, &n, devices);
+        plan_stream(&streams[i], &p);
         plan.refused += !streams[i].fits;
     }
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < p.n; i++)
         plan.segments[i] = segments[i].out;
-    plan.segment_count = n;
+    plan.segment_count = p.n;
     free(segments);
     *out = plan;
     return 0;

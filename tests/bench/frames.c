@@ -8,7 +8,6 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "drivers/grab/grab.h"
 #include "drivers/grab/grab_internal.h"
 
 #define FRAMES 64 /* as many cameras' worth: together larger than a cache */
@@ -45,6 +44,7 @@ static void report(const char *name, int64_t begin_ns, size_t bytes)
 
 int main(int argc, char **argv)
 {
+    int size[2];
     unsigned long jpeg_bytes = 0;
     unsigned char *jpeg = NULL;
     size_t bytes = 0;
@@ -66,10 +66,22 @@ int main(int argc, char **argv)
         memcpy(frames + (size_t)i * bytes, jpeg, bytes);
     memset(kept, 0, FRAMES * bytes);
     printf("%dx%d, %zu bytes, faults %u\n", width, height, bytes,
-           sst_frame_check(V4L2_PIX_FMT_MJPEG, width, height, 0, frames, bytes));
+           frame_check(&(struct sst_frame){ .fourcc = V4L2_PIX_FMT_MJPEG,
+                                            .width = width,
+                                            .height = height,
+                                            .stride = 0,
+                                            .data = frames,
+                                            .bytes = bytes },
+                       0, size));
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++)
-        sink += sst_frame_check(V4L2_PIX_FMT_MJPEG, width, height, 0, frames + (size_t)(i % FRAMES) * bytes, bytes);
+        sink += frame_check(&(struct sst_frame){ .fourcc = V4L2_PIX_FMT_MJPEG,
+                                                 .width = width,
+                                                 .height = height,
+                                                 .stride = 0,
+                                                 .data = frames + (size_t)(i % FRAMES) * bytes,
+                                                 .bytes = bytes },
+                            0, size);
     report("marker walk", begin, bytes);
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++)

@@ -21,6 +21,13 @@ static const uint8_t tiny[] = {
     0xff, 0xd9,                                                                /* 42: EOI */
 };
 
+static unsigned check(const struct sst_frame *f)
+{
+    int size[2];
+
+    return frame_check(f, 0, size) & SST_FRAME_BAD;
+}
+
 /* From the heap, so that the address sanitizer sees a byte too many. */
 static unsigned check_jpeg(const uint8_t *data, size_t bytes)
 {
@@ -29,7 +36,8 @@ static unsigned check_jpeg(const uint8_t *data, size_t bytes)
 
     assert_non_null(copy);
     memcpy(copy, data, bytes);
-    faults = sst_frame_check(V4L2_PIX_FMT_MJPEG, 16, 8, 0, copy, bytes);
+    faults = check(&(struct sst_frame){
+        .fourcc = V4L2_PIX_FMT_MJPEG, .width = 16, .height = 8, .stride = 0, .data = copy, .bytes = bytes });
     free(copy);
     return faults;
 }
@@ -95,10 +103,19 @@ static void jpeg_of_an_encoder_passes(void **state SST_UNUSED)
         assert_int_equal(tjCompress2(tj, rgb, 64, 0, 48, TJPF_RGB, &jpeg, &bytes, TJSAMP_422, 95,
                                      progressive ? TJFLAG_PROGRESSIVE : 0),
                          0);
-        assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 64, 48, 0, jpeg, bytes), 0);
-        assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 48, 64, 0, jpeg, bytes), SST_FRAME_MARKER);
+        assert_int_equal(
+            check(&(struct sst_frame){
+                .fourcc = V4L2_PIX_FMT_MJPEG, .width = 64, .height = 48, .stride = 0, .data = jpeg, .bytes = bytes }),
+            0);
+        assert_int_equal(
+            check(&(struct sst_frame){
+                .fourcc = V4L2_PIX_FMT_MJPEG, .width = 48, .height = 64, .stride = 0, .data = jpeg, .bytes = bytes }),
+            SST_FRAME_MARKER);
         for (unsigned long n = 2; n < bytes - 1; n += 97)
-            assert_int_equal(sst_frame_check(V4L2_PIX_FMT_JPEG, 64, 48, 0, jpeg, n), SST_FRAME_NO_EOI);
+            assert_int_equal(
+                check(&(struct sst_frame){
+                    .fourcc = V4L2_PIX_FMT_JPEG, .width = 64, .height = 48, .stride = 0, .data = jpeg, .bytes = n }),
+                SST_FRAME_NO_EOI);
         tjFree(jpeg);
     }
     tjDestroy(tj);
@@ -115,10 +132,22 @@ static void raw_frames_must_be_whole(void **state SST_UNUSED)
     assert_int_equal(raw_bytes(V4L2_PIX_FMT_Y10P, 8, 2, 0), 20); /* 4 pixels in 5 bytes */
     assert_int_equal(raw_bytes(V4L2_PIX_FMT_NV12, 8, 4, 16), 96);
     assert_int_equal(raw_bytes(V4L2_PIX_FMT_MJPEG, 8, 4, 0), 0);
-    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 59), SST_FRAME_SHORT);
-    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 60), 0);
-    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 64), 0);
-    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 0), SST_FRAME_EMPTY);
+    assert_int_equal(
+        check(&(struct sst_frame){
+            .fourcc = V4L2_PIX_FMT_YUYV, .width = 6, .height = 4, .stride = 16, .data = data, .bytes = 59 }),
+        SST_FRAME_SHORT);
+    assert_int_equal(
+        check(&(struct sst_frame){
+            .fourcc = V4L2_PIX_FMT_YUYV, .width = 6, .height = 4, .stride = 16, .data = data, .bytes = 60 }),
+        0);
+    assert_int_equal(
+        check(&(struct sst_frame){
+            .fourcc = V4L2_PIX_FMT_YUYV, .width = 6, .height = 4, .stride = 16, .data = data, .bytes = 64 }),
+        0);
+    assert_int_equal(
+        check(&(struct sst_frame){
+            .fourcc = V4L2_PIX_FMT_YUYV, .width = 6, .height = 4, .stride = 16, .data = data, .bytes = 0 }),
+        SST_FRAME_EMPTY);
 }
 
 /* Any one bit that differs, anywhere, and any other length, gives another hash. */
@@ -147,11 +176,24 @@ static void jpegs_of_another_size_are_measured(void **state SST_UNUSED)
     uint8_t late[300 + sizeof(tiny)] = { 0 };
     int size[2] = { 0, 0 };
 
-    assert_int_equal(frame_check(V4L2_PIX_FMT_MJPEG, 16, 16, 0, tiny, sizeof(tiny), size),
+    assert_int_equal(frame_check(&(struct sst_frame){ .fourcc = V4L2_PIX_FMT_MJPEG,
+                                                      .width = 16,
+                                                      .height = 16,
+                                                      .stride = 0,
+                                                      .data = tiny,
+                                                      .bytes = sizeof(tiny) },
+                                 0, size),
                      SST_FRAME_MARKER | SST_FRAME_UNFIT);
     assert_int_equal(size[0], 16);
     assert_int_equal(size[1], 8);
-    assert_int_equal(frame_check(V4L2_PIX_FMT_MJPEG, 16, 8, 0, tiny, sizeof(tiny), size), 0);
+    assert_int_equal(frame_check(&(struct sst_frame){ .fourcc = V4L2_PIX_FMT_MJPEG,
+                                                      .width = 16,
+                                                      .height = 8,
+                                                      .stride = 0,
+                                                      .data = tiny,
+                                                      .bytes = sizeof(tiny) },
+                                 0, size),
+                     0);
     for (size_t lead = 0; lead <= 300; lead++) {
         const size_t bytes = lead + sizeof(tiny);
 

@@ -242,10 +242,21 @@ static int keep(struct sst_photometric_samples *all, const struct sst_photometri
     return 0;
 }
 
-/* Measure all patches in the list, keep the white and usable ones. @param m  scratch [n] */
-static int keep_white(struct sst_photometric_samples *all, const struct patch *list, struct measured *m, int n,
-                      bool squares, const struct pictured *in, const struct sst_detection *det)
+/* Patches of a board. */
+struct patches {
+    const struct patch *list;
+    struct measured *m; /* scratch [n] */
+    int n;
+    bool squares;
+};
+
+/* Measure all patches, keep the white and usable ones. */
+static int keep_white(struct sst_photometric_samples *all, const struct patches *patches, const struct pictured *in,
+                      const struct sst_detection *det)
 {
+    const struct patch *list = patches->list;
+    struct measured *m = patches->m;
+    const int n = patches->n;
     const int before = all->count;
     int white = 0;
 
@@ -253,14 +264,14 @@ static int keep_white(struct sst_photometric_samples *all, const struct patch *l
         if (!measure(&list[i], in, &m[i]))
             m[i].pixels = 0;
     }
-    if (squares)
+    if (patches->squares)
         white = white_set(list, m, n);
     for (int i = 0; i < n && white >= 0; i++) {
         struct sst_photometric_sample s = { det->view, det->frame, list[i].id, (float)m[i].x, (float)m[i].y, { 0 } };
 
         for (int c = 0; c < 3; c++)
             s.linear[c] = (float)m[i].linear[c];
-        if ((squares && list[i].odd != white) || !is_fair(&m[i]))
+        if ((patches->squares && list[i].odd != white) || !is_fair(&m[i]))
             continue;
         if (keep(all, &s)) {
             all->count = before;
@@ -297,7 +308,7 @@ int sst_photometric_collect(struct sst_photometric_samples *all, const struct ss
                 corner[c->id] = c;
         }
         n = squares ? list_squares(list, board, corner) : list_gaps(list, board, corner);
-        err = keep_white(all, list, measured, n, squares, &in, det);
+        err = keep_white(all, &(struct patches){ list, measured, n, squares }, &in, det);
     }
     free(corner);
     free(list);
