@@ -636,17 +636,18 @@ static void multi_view_check(void **state SST_UNUSED)
             struct sst_map_u8 status = map8(w, h, NULL, 9);
             const double bx = down ? 0 : c->b, by = down ? c->b : 0;
             /* A view that knows nothing changes nothing, before or after. */
-            const struct sst_checked_view views[3] = { { &empty, NULL, -bx, -by },
-                                                       { &other, NULL, bx, by },
-                                                       { &empty, NULL, bx, by } };
+            struct sst_checked_views from = {
+                { { &empty, NULL, -bx, -by }, { &other, NULL, bx, by }, { &empty, NULL, bx, by } }, 3, 3, c->disp_min
+            };
 
             sst_map_u16_row(&own, down ? c->p : 0)[down ? 0 : c->p] = (uint16_t)c->d;
             sst_map_u16_row(&other, down ? c->q : 0)[down ? 0 : c->q] = (uint16_t)c->dn;
-            sst_disparity_check_views(&status, &own, c->disp_min, 8, views, 3);
+            sst_disparity_check_views(&status, &own, &from, 8);
             if (sst_map_u8_row(&status, down ? c->p : 0)[down ? 0 : c->p] != c->want)
                 fail_msg("case %zu, %s: %d, not %d", i, down ? "down" : "across",
                          sst_map_u8_row(&status, down ? c->p : 0)[down ? 0 : c->p], c->want);
-            sst_disparity_check_views(&status, &own, c->disp_min, 8, NULL, 0);
+            from.count = 0;
+            sst_disparity_check_views(&status, &own, &from, 8);
             assert_int_equal(sst_map_u8_row(&status, 0)[0], SST_DISPARITY_OCCLUSION);
             sst_map_u16_fini(&own);
             sst_map_u16_fini(&other);
@@ -675,7 +676,10 @@ static int filled_at_3(const struct known *near, int near_n, const struct known 
                        scratch = map16(LONG, 1, NULL);
     struct sst_map_u8 status = map8(LONG, 1, own, 0), near_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH),
                       far_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH);
-    const struct sst_checked_view views[2] = { { &near_d, &near_s, near_b, 0 }, { &far_d, &far_s, 2 * near_b, 0 } };
+    const struct sst_checked_views from = { { { &near_d, &near_s, near_b, 0 }, { &far_d, &far_s, 2 * near_b, 0 } },
+                                            2,
+                                            1,
+                                            0 };
     int got;
 
     for (int i = 0; i < near_n; i++) {
@@ -687,7 +691,7 @@ static int filled_at_3(const struct known *near, int near_n, const struct known 
         far_s.data[far[i].q] = SST_DISPARITY_CORRECT;
     }
     near_d.data[7] = 256; /* not correct: would land at 3 */
-    sst_fill_views(&d, &status, 0, views, 2, 1, &scratch);
+    sst_fill_views(&d, &status, &from, &scratch);
     got = d.data[3];
     for (int x = 0; x < LONG; x++)
         assert_true(x == 3 || d.data[x] == values[x]);
@@ -721,7 +725,7 @@ static void fill_alone(int width, int height, const uint16_t *in, const uint8_t 
     struct sst_map_u16 d = map16(width, height, in), scratch = map16(width, height, NULL);
     struct sst_map_u8 status = map8(width, height, status_in, SST_DISPARITY_OCCLUSION);
 
-    sst_fill_views(&d, &status, 0, NULL, 0, 0, &scratch);
+    sst_fill_views(&d, &status, &(struct sst_checked_views){ .count = 0 }, &scratch);
     holds(&d, want);
     sst_map_u16_fini(&d);
     sst_map_u16_fini(&scratch);

@@ -60,9 +60,15 @@ static int sources_of(const struct sst_visible_views *in, int k, int *source)
     return n;
 }
 
-/* One source's part of a view. @param farthest  NULL: not wanted @param rank  scratch, a row */
-static void carry_view(uint32_t *arrived, uint32_t *farthest, const struct carry *c, const struct sst_visible_view *own,
-                       int source, uint32_t bit, uint8_t *rank)
+/* Pixels of a view at which others arrive, [height][width]; see land_row. */
+struct arrivals {
+    uint32_t *arrived, *farthest; /* farthest: NULL: not wanted */
+    uint8_t *rank;                /* scratch, a row */
+};
+
+/* One source's part of a view. */
+static void carry_view(const struct arrivals *to, const struct carry *c, const struct sst_visible_view *own, int source,
+                       uint32_t bit)
 {
     const struct sst_visible_view *from = &c->in->view[source];
     const int width = from->disp->width;
@@ -75,8 +81,9 @@ static void carry_view(uint32_t *arrived, uint32_t *farthest, const struct carry
         const uint8_t *status = c->status ? sst_map_u8_row(&c->status[source], l.y) : NULL;
 
         for (int x = 0; x < width; x++)
-            rank[x] = (uint8_t)(confidence[x] >> 1 | (status && status[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0));
-        sst_kernels_get()->land_row(arrived, farthest, &l, sst_map_u16_row(from->disp, l.y), rank, (size_t)width);
+            to->rank[x] = (uint8_t)(confidence[x] >> 1 | (status && status[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0));
+        sst_kernels_get()->land_row(to->arrived, to->farthest, &l, sst_map_u16_row(from->disp, l.y), to->rank,
+                                    (size_t)width);
     }
 }
 
@@ -123,7 +130,7 @@ static int carry_to(uint32_t *arrived, uint32_t *farthest, const struct carry *c
     for (size_t i = 0; farthest && i < pixels; i++)
         farthest[i] = SST_DISP_NONE;
     for (int i = 0; i < n; i++)
-        carry_view(arrived, farthest, c, own, source[i], 1u << i, (uint8_t *)row);
+        carry_view(&(struct arrivals){ arrived, farthest, (uint8_t *)row }, c, own, source[i], 1u << i);
     if (n >= 0)
         close_gaps(arrived, width, height, row);
     sst_mem_free(row);
@@ -220,6 +227,7 @@ static void carry_on_device(struct sst_run *r, void *job, int k)
     const struct sst_visible_view *own = &c->in->view[k];
     const int width = own->disp->width, height = own->disp->height;
     const size_t n = (size_t)width * (size_t)height;
+    const struct sst_gpu_background background = { width, height, SST_DISP_NONE };
     const struct sst_gpu_carry push = { width, height, own->agreed != NULL, c->status != NULL };
     struct sst_gpu_check_other source[SOURCES];
     int from[SOURCES];
@@ -246,7 +254,7 @@ static void carry_on_device(struct sst_run *r, void *job, int k)
         SST_RUN_PIXELS(r, SST_GPU_CARRY_PROJECT, &push, width, height, (uint32_t)count,
                        sst_run_upload(r, SOURCE, source, (size_t)count * sizeof(*source)), maps, arrived);
     SST_RUN_PIXELS(r, SST_GPU_CARRY_CLOSE, &push, width, height, 1, arrived, closed);
-    run_dispatch_background(r, closed, arrived, k, width, height, SST_DISP_NONE);
+    run_dispatch_background(r, closed, arrived, k, &background);
     words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, k), n);
     if (own->agreed && !own->agreed->data)
         sst_run_fail(r, sst_map_u8_init(own->agreed, width, height));

@@ -17,6 +17,11 @@ struct neighbour {
     struct sst_shift across, down;
 };
 
+struct neighbours {
+    struct neighbour view[SST_MAX_NEIGHBOURS];
+    int count;
+};
+
 /* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
 static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
 {
@@ -29,40 +34,43 @@ static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
     return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
 }
 
-static bool agrees_with_any(const struct neighbour *n, int count, int x, int y, int d_q6)
+static bool agrees_with_any(const struct neighbours *n, int x, int y, int d_q6)
 {
-    for (int i = 0; i < count; i++) {
-        if (agrees(&n[i], x, y, d_q6))
+    for (int i = 0; i < n->count; i++) {
+        if (agrees(&n->view[i], x, y, d_q6))
             return true;
     }
     return false;
 }
 
-static uint8_t check_pixel(const struct neighbour *n, int count, int x, int y, uint16_t d_q6, int steps)
+static uint8_t check_pixel(const struct neighbours *n, int x, int y, uint16_t d_q6, int steps)
 {
-    if (d_q6 != SST_DISP_NONE && agrees_with_any(n, count, x, y, d_q6))
+    if (d_q6 != SST_DISP_NONE && agrees_with_any(n, x, y, d_q6))
         return SST_DISPARITY_CORRECT;
     for (int d = 0; d < steps; d++) {
-        if (agrees_with_any(n, count, x, y, d * (int)SST_DISP_SCALE))
+        if (agrees_with_any(n, x, y, d * (int)SST_DISP_SCALE))
             return SST_DISPARITY_MISMATCH;
     }
     return SST_DISPARITY_OCCLUSION;
 }
 
-void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px,
-                               int steps, const struct sst_checked_view *views, int count)
+void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6,
+                               const struct sst_checked_views *from, int steps)
 {
-    struct neighbour n[SST_MAX_NEIGHBOURS];
+    struct neighbours n = { .count = from->count };
 
-    for (int i = 0; i < count; i++)
-        n[i] = (struct neighbour){ views[i].disp_q6, sst_shift_by(-views[i].bx, disp_min_px),
-                                   sst_shift_by(-views[i].by, disp_min_px) };
+    for (int i = 0; i < n.count; i++) {
+        const struct sst_checked_view *v = &from->view[i];
+
+        n.view[i] = (struct neighbour){ v->disp_q6, sst_shift_by(-v->bx, from->disp_min_px),
+                                        sst_shift_by(-v->by, from->disp_min_px) };
+    }
     for (int y = 0; y < disp_q6->height; y++) {
         const uint16_t *d = sst_map_u16_row(disp_q6, y);
         uint8_t *out = sst_map_u8_row(status, y);
 
         for (int x = 0; x < disp_q6->width; x++)
-            out[x] = check_pixel(n, count, x, y, d[x], steps);
+            out[x] = check_pixel(&n, x, y, d[x], steps);
     }
 }
 
@@ -121,10 +129,16 @@ static bool any_wanted(const struct wanted *w, int x0, int x1, int y0, int y1)
            w->above_left[end][right] - w->above_left[top][right] - w->above_left[end][left] + w->above_left[top][left];
 }
 
-/* Can any of n disparities of a row put its pixel where one is left? */
-static bool reaches_wanted(const struct wanted *w, const uint16_t *d, int x, int n, int y, struct sst_shift across,
-                           struct sst_shift down)
+/* How far disparities of a neighbour move its pixels. */
+struct shifts {
+    struct sst_shift across, down;
+};
+
+/* Can any disparity of n pixels of a row from index `at` on put its pixel where one is left? */
+static bool reaches_wanted(const struct wanted *w, const struct shifts *s, const struct sst_map_u16 *map, int at, int n)
 {
+    const int x = at % map->width, y = at / map->width;
+    const uint16_t *d = sst_map_u16_row(map, y) + x;
     uint16_t least = SST_DISP_NONE, most = 0;
     int x_least, x_most, y_least, y_most;
 
@@ -136,10 +150,10 @@ static bool reaches_wanted(const struct wanted *w, const uint16_t *d, int x, int
     }
     if (least == SST_DISP_NONE)
         return false;
-    x_least = sst_shifted(x, across, least);
-    x_most = sst_shifted(x, across, most);
-    y_least = sst_shifted(y, down, least);
-    y_most = sst_shifted(y, down, most);
+    x_least = sst_shifted(x, s->across, least);
+    x_most = sst_shifted(x, s->across, most);
+    y_least = sst_shifted(y, s->down, least);
+    y_most = sst_shifted(y, s->down, most);
     return any_wanted(w, sst_min_int(x_least, x_most), sst_max_int(x_least, x_most) + n - 1,
                       sst_min_int(y_least, y_most), sst_max_int(y_least, y_most));
 }
@@ -162,23 +176,23 @@ static void open_wanted(struct sst_map_u16 *out, const struct sst_map_u16 *disp,
 static void project(struct sst_map_u16 *out, const struct wanted *w, const struct sst_checked_view *n,
                     double disp_min_px)
 {
-    const struct sst_shift across = sst_shift_by(n->bx, disp_min_px), down = sst_shift_by(n->by, disp_min_px);
+    const struct shifts shifts = { sst_shift_by(n->bx, disp_min_px), sst_shift_by(n->by, disp_min_px) };
 
     for (int i = 0; i < out->height * ((out->width + BLOCK - 1) / BLOCK); i++) {
         const int blocks = (out->width + BLOCK - 1) / BLOCK, yn = i / blocks, from = i % blocks * BLOCK;
-        const int end = sst_min_int(from + BLOCK, out->width);
+        const int end = sst_min_int(from + BLOCK, out->width), at = yn * out->width + from;
         const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
         const uint8_t *ok = sst_map_u8_row(n->status, yn);
 
-        for (int xn = reaches_wanted(w, d + from, from, end - from, yn, across, down) ? from : end; xn < end; xn++) {
-            const int x = sst_shifted(xn, across, d[xn]), y = sst_shifted(yn, down, d[xn]);
-            uint16_t *at;
+        for (int xn = reaches_wanted(w, &shifts, n->disp_q6, at, end - from) ? from : end; xn < end; xn++) {
+            const int x = sst_shifted(xn, shifts.across, d[xn]), y = sst_shifted(yn, shifts.down, d[xn]);
+            uint16_t *to;
 
             if ((unsigned)x >= (unsigned)out->width || (unsigned)y >= (unsigned)out->height)
                 continue;
-            at = &sst_map_u16_row(out, y)[x];
-            if (d[xn] + ARRIVED > *at && ok[xn] == SST_DISPARITY_CORRECT)
-                *at = (uint16_t)(d[xn] + ARRIVED);
+            to = &sst_map_u16_row(out, y)[x];
+            if (d[xn] + ARRIVED > *to && ok[xn] == SST_DISPARITY_CORRECT)
+                *to = (uint16_t)(d[xn] + ARRIVED);
         }
     }
 }
@@ -265,8 +279,8 @@ void sst_fill_background(struct sst_map_u16 *disp)
         memcpy(sst_map_u16_row(disp, j), sst_map_u16_row(disp, known), (size_t)disp->width * sizeof(uint16_t));
 }
 
-void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
-                    const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch)
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
+                    struct sst_map_u16 *scratch)
 {
     struct wanted wanted;
 
@@ -283,14 +297,14 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
         }
     }
     wanted_init(&wanted, disp_q6->width, disp_q6->height);
-    for (int i = 0; i < count;) {
-        const int end = i < near_count ? near_count : count;
+    for (int i = 0; i < from->count;) {
+        const int end = i < from->near ? from->near : from->count;
 
         if (!count_wanted(&wanted, disp_q6, status))
             break;
         open_wanted(scratch, disp_q6, status);
         for (; i < end; i++)
-            project(scratch, &wanted, &views[i], disp_min_px);
+            project(scratch, &wanted, &from->view[i], from->disp_min_px);
         copy_projected(disp_q6, status, scratch);
     }
     sst_fill_background(disp_q6);

@@ -63,13 +63,9 @@ void run_drop_phases(struct disparity_run *run);
 SST_MUST_CHECK int run_gather_neighbours(struct disparity_run *run, int view, int first, int last,
                                          struct sst_neighbour *neighbours);
 
-/** The matched views that a view is checked against where the others are carried. @param out  [SST_MAX_NEIGHBOURS]
- *  @return their number */
-int run_checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out);
-
-/** Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
- *  away */
-int run_checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near);
+/** Views that a view is checked against and filled from: one and two steps away on all sides, the nearer ones first; or,
+ * where others are carried, the matched views around it. */
+void run_checked_views(const struct disparity_run *run, int view, struct sst_checked_views *out);
 
 /** The answer at a coarser level for one view; disp is NULL without one. */
 struct sst_coarse run_coarse_view(const struct disparity_run *run, int view);
@@ -109,10 +105,9 @@ SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
 /** Continue the background into pixels that no view shows, as the last step of carrying; 0 where nothing is known. */
 SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);
 
-/** The same of a map on a device, into the plane of a view. @param scratch  of a map's size @param none  disparity
- * where nothing is known */
+/** The same of a map on a device, into the plane of a view. @param scratch  of a map's size */
 void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
-                             int width, int height, int none);
+                             const struct sst_gpu_background *push);
 
 /** What carrying would do to the reference view (sst_disparity_carry_error()), if that is one of the matched ones; else
  *  NAN. @return 0 or -errno */

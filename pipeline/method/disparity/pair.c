@@ -374,7 +374,7 @@ static int fill(struct pair *p)
                                              (p->shape.steps - 1) / p->shape.divisor, p->threads);
     if (err)
         return err;
-    sst_fill_views(&p->disp[0], &p->status, p->shape.disp_min, NULL, 0, 0, NULL);
+    sst_fill_views(&p->disp[0], &p->status, &(struct sst_checked_views){ .count = 0 }, NULL);
     return 0;
 }
 

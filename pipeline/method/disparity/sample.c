@@ -1,5 +1,6 @@
 /* Random views of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
  * slanted one in front, noise, unknown pixels; pictures show a surface that no map has through gaps. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -7,7 +8,10 @@
 #define GRID    3
 #define NOTHING 5 /* view that is absent */
 #define PARTLY  1 /* view of which a part must not be matched */
-#define BACK    330
+#define EDGE    25 /* column of the maps at which FAR ends and NEAR begins, 1/64 px */
+#define FAR     200
+#define NEAR    460
+#define BETWEEN 330
 
 static uint32_t next(uint32_t *state)
 {
@@ -17,7 +21,7 @@ static uint32_t next(uint32_t *state)
 
 static uint16_t disparity_at(int x, int y, uint32_t *state)
 {
-    const uint32_t slanted = (uint32_t)(900 - 12 * x), edge = (x < 25 ? 200 : 460) + next(state) % (x < 10 ? 90 : 3);
+    const uint32_t slanted = (uint32_t)(900 - 12 * x), edge = (x < EDGE ? FAR : NEAR) + next(state) % (x < 10 ? 90 : 3);
 
     return next(state) % 12 ? (uint16_t)(y > 20 ? slanted : edge) : (uint16_t)SST_DISP_NONE;
 }
@@ -30,18 +34,35 @@ static uint8_t colour_at(int x, int y, int channel)
     return (uint8_t)(y < 12 ? 5 * x + 3 * y + 40 * channel : 60 + (int)(next(&point) % 90));
 }
 
+static int column_of(int x, double px)
+{
+    return x + (int)floor(px + 0.5);
+}
+
+/* The surface that a view shows at a pixel: stripes of the one on the other side of the edge, at whose borders windows
+ * just reach the edge; stripes that no map has. */
+static double shown_at(int x, double bx, uint16_t disp)
+{
+    const int near = column_of(x, NEAR / 64.0 * bx), far = column_of(x, FAR / 64.0 * bx);
+    const int between = column_of(x, BETWEEN / 64.0 * bx);
+
+    if (near > 0 && near < EDGE && (near + 3) % 10 < 5)
+        return NEAR / 64.0;
+    if (far >= EDGE && (far + 1) % 10 < 5)
+        return FAR / 64.0;
+    return (disp == SST_DISP_NONE || (between + 64) % 8 < 4 ? BETWEEN : disp) / 64.0;
+}
+
 static void draw_row(const struct disparity_sample *s, int k, int y, uint32_t *state)
 {
     const struct sst_view *v = &s->lf.views[k];
 
     for (int x = 0; x < SST_STEP_SAMPLE_WIDTH; x++) {
-        const uint16_t d = sst_map_u16_row(&s->disp[k], y)[x];
-        const double px = (d == SST_DISP_NONE || x % 8 < 6 ? BACK : d) / 64.0;
+        const double px = shown_at(x, v->bx, sst_map_u16_row(&s->disp[k], y)[x]);
 
         for (int c = 0; c < 3; c++)
             sst_image_row(&v->image, c, y)[x] =
-                (uint8_t)(colour_at(x + (int)(px * v->bx + 64) - 64, y + (int)(px * v->by + 64) - 64, c) +
-                          next(state) % 4);
+                (uint8_t)(colour_at(column_of(x, px * v->bx), column_of(y, px * v->by), c) + next(state) % 4);
         sst_map_u8_row(&v->valid, y)[x] = k == PARTLY && x > 44 ? 0 : 255;
     }
 }

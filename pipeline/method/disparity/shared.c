@@ -33,25 +33,31 @@ static void run_source(const void *job, int view, struct sst_plane_source *out)
                                       .checked = &run->status[view] };
 }
 
-/* Maps of a view and of the views that it is checked against or filled from. @param first, other  out: where they
- * begin, and how far disparities move pixels from the view to them (sign 1) or from them to it (-1) */
-static struct sst_gpu_range load_maps(struct sst_run *r, const struct disparity_run *run, int view,
-                                      const struct sst_checked_view *views, int count, int sign, uint32_t *first,
-                                      struct sst_gpu_check_other *other)
+/* Views that a view is checked against or filled from, on a device. */
+struct neighbours {
+    int count, near;
+    struct sst_gpu_range maps;                            /* with the view's own */
+    uint32_t first;                                       /* where that begins */
+    struct sst_gpu_check_other other[SST_MAX_NEIGHBOURS]; /* where the others begin, and how far pixels move */
+};
+
+/* @param sign  1: disparities move pixels from the view to the others; -1: from them to it */
+static void load_maps(struct neighbours *to, struct sst_run *r, const struct disparity_run *run, int view, int sign)
 {
     int index[SST_MAX_NEIGHBOURS + 1] = { view };
-    struct sst_gpu_range maps;
+    struct sst_checked_views from;
 
-    for (int i = 0; i < count; i++)
-        index[i + 1] = (int)(views[i].disp_q6 - run->disp);
-    maps = sst_run_planes(r, SST_PLANE_MAP, index, count + 1);
-    *first = sst_run_first(r, SST_PLANE_MAP, view);
-    for (int i = 0; i < count; i++) {
-        other[i].first = sst_run_first(r, SST_PLANE_MAP, index[i + 1]);
-        sst_run_fail(r, sst_step_shift(&other[i].shift, sst_shift_by(sign * views[i].bx, run->disp_min),
-                                       sst_shift_by(sign * views[i].by, run->disp_min)));
+    run_checked_views(run, view, &from);
+    for (int i = 0; i < from.count; i++)
+        index[i + 1] = (int)(from.view[i].disp_q6 - run->disp);
+    *to = (struct neighbours){ .count = from.count, .near = from.near };
+    to->maps = sst_run_planes(r, SST_PLANE_MAP, index, from.count + 1);
+    to->first = sst_run_first(r, SST_PLANE_MAP, view);
+    for (int i = 0; i < from.count; i++) {
+        to->other[i].first = sst_run_first(r, SST_PLANE_MAP, index[i + 1]);
+        sst_run_fail(r, sst_step_shift(&to->other[i].shift, sst_shift_by(sign * from.view[i].bx, run->disp_min),
+                                       sst_shift_by(sign * from.view[i].by, run->disp_min)));
     }
-    return maps;
 }
 
 /* --- check -------------------------------------------------------------------------------------------------------- */
@@ -67,23 +73,22 @@ static void checked_maps(void *arg, int view, struct sst_share_maps *out)
 static void check_on_device(struct sst_run *r, void *job, int view)
 {
     struct disparity_run *run = job;
-    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
-    struct sst_gpu_check_other other[SST_MAX_NEIGHBOURS] = { 0 };
-    int near;
-    const int count = run->carried ? run_checked_keys(run, view, views) : run_checked_views(run, view, views, &near);
-    struct sst_gpu_check push = {
-        .width = run->width, .height = run->height, .count = count, .steps = run->carried ? 0 : run->range + 1
-    };
-    const uint32_t *words = NULL;
+    struct sst_gpu_check push = { .width = run->width,
+                                  .height = run->height,
+                                  .steps = run->carried ? 0 : run->range + 1 };
+    struct neighbours from;
+    const uint32_t *words;
 
     sst_map_u8_fini(&run->status[view]);
     sst_run_fail(r, sst_map_u8_init(&run->status[view], run->width, run->height));
     if (run_is_carried(run, view))
         return;
-    const struct sst_gpu_range maps = load_maps(r, run, view, views, count, -1, &push.own, other);
-
+    load_maps(&from, r, run, view, -1);
+    push.own = from.first;
+    push.count = from.count;
     SST_RUN_PIXELS(r, SST_GPU_CHECK, &push, run->width, run->height, 1,
-                   sst_run_upload(r, 0, other, (size_t)sst_max_int(count, 1) * sizeof(*other)), maps);
+                   sst_run_upload(r, 0, from.other, (size_t)sst_max_int(from.count, 1) * sizeof(*from.other)),
+                   from.maps);
     words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, view), (size_t)run->width * (size_t)run->height);
     if (words)
         sst_step_map_unpack(words, NULL, NULL, NULL, &run->status[view]);
@@ -116,12 +121,11 @@ int run_check_views(struct disparity_run *run, int threads)
 /* --- filling ------------------------------------------------------------------------------------------------------ */
 
 void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
-                             int width, int height, int none)
+                             const struct sst_gpu_background *push)
 {
-    const struct sst_gpu_background push = { width, height, none };
-
-    SST_RUN_PIXELS(r, SST_GPU_FILL_ALONG, &push, width, height, 1, map, scratch);
-    SST_RUN_PIXELS(r, SST_GPU_FILL_DOWN, &push, width, height, 1, scratch, sst_run_output(r, SST_PLANE_MAP, view));
+    SST_RUN_PIXELS(r, SST_GPU_FILL_ALONG, push, push->width, push->height, 1, map, scratch);
+    SST_RUN_PIXELS(r, SST_GPU_FILL_DOWN, push, push->width, push->height, 1, scratch,
+                   sst_run_output(r, SST_PLANE_MAP, view));
 }
 
 static void filled_maps(void *arg, int view, struct sst_share_maps *out)
@@ -137,25 +141,25 @@ static void fill_on_device(struct sst_run *r, void *job, int view)
     struct disparity_run *run = job;
     const int width = run->width, height = run->height;
     const size_t n = (size_t)width * (size_t)height;
+    const struct sst_gpu_background background = { width, height, SST_DISP_NONE };
     struct sst_gpu_fill push = { width, height, 0 };
-    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
-    struct sst_gpu_check_other other[SST_MAX_NEIGHBOURS];
-    int near;
-    const int count = run_checked_views(run, view, views, &near);
-    const struct sst_gpu_range maps = load_maps(r, run, view, views, count, 1, &push.own, other);
-    const struct sst_gpu_range filled = sst_run_scratch(r, FILLED, n * sizeof(uint32_t));
-    const struct sst_gpu_range arrived = sst_run_scratch(r, ARRIVED, n * sizeof(uint32_t));
+    struct sst_gpu_range filled, arrived;
+    struct neighbours from;
     const uint32_t *words;
 
-    SST_RUN_PIXELS(r, SST_GPU_FILL_START, &push, width, height, 1, maps, filled, arrived);
-    for (int i = 0; i < count; i++) {
-        const struct sst_gpu_project from = { width, height, other[i].first, other[i].shift };
+    load_maps(&from, r, run, view, 1);
+    push.own = from.first;
+    filled = sst_run_scratch(r, FILLED, n * sizeof(uint32_t));
+    arrived = sst_run_scratch(r, ARRIVED, n * sizeof(uint32_t));
+    SST_RUN_PIXELS(r, SST_GPU_FILL_START, &push, width, height, 1, from.maps, filled, arrived);
+    for (int i = 0; i < from.count; i++) {
+        const struct sst_gpu_project other = { width, height, from.other[i].first, from.other[i].shift };
 
-        SST_RUN_PIXELS(r, SST_GPU_FILL_PROJECT, &from, width, height, 1, maps, arrived);
-        if (i + 1 == near || i + 1 == count)
-            SST_RUN_PIXELS(r, SST_GPU_FILL_TAKE, &push, width, height, 1, maps, arrived, filled);
+        SST_RUN_PIXELS(r, SST_GPU_FILL_PROJECT, &other, width, height, 1, from.maps, arrived);
+        if (i + 1 == from.near || i + 1 == from.count)
+            SST_RUN_PIXELS(r, SST_GPU_FILL_TAKE, &push, width, height, 1, from.maps, arrived, filled);
     }
-    run_dispatch_background(r, filled, arrived, view, width, height, SST_DISP_NONE);
+    run_dispatch_background(r, filled, arrived, view, &background);
     words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, view), n);
     sst_map_u16_fini(&run->filled[view]);
     sst_run_fail(r, sst_map_u16_init(&run->filled[view], width, height));
@@ -203,10 +207,11 @@ static void fill_rest_on_device(struct sst_run *r, void *job, int view)
 {
     struct disparity_run *run = job;
     const size_t n = (size_t)run->width * (size_t)run->height;
+    const struct sst_gpu_background push = { run->width, run->height, 0 };
     const struct sst_gpu_range map = sst_run_plane(r, SST_PLANE_MAP, view);
     const uint32_t *words;
 
-    run_dispatch_background(r, map, sst_run_scratch(r, 0, n * sizeof(uint32_t)), view, run->width, run->height, 0);
+    run_dispatch_background(r, map, sst_run_scratch(r, 0, n * sizeof(uint32_t)), view, &push);
     words = sst_run_fetch(r, map, n);
     if (words)
         sst_step_map_unpack(words, &run->disp[view], NULL, NULL, NULL);

@@ -504,15 +504,21 @@ struct sst_checked_view {
     double bx, by;
 };
 
+/** Neighbours of a view. */
+struct sst_checked_views {
+    struct sst_checked_view view[SST_MAX_NEIGHBOURS]; /* the nearer ones first */
+    int count, near;                                  /* near: of them, one spacing away */
+    double disp_min_px;                               /* disparity of stored value 0 */
+};
+
 /**
  * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
  * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1 (none: 0); else occlusion.
  *
  * @param status  out, enum sst_disparity_check
- * @param disp_min_px  disparity of stored value 0
  */
-void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px,
-                               int steps, const struct sst_checked_view *views, int count);
+void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6,
+                               const struct sst_checked_views *from, int steps);
 
 /**
  * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near
@@ -520,9 +526,9 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
  * the rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel
  * is correct.
  *
- * @param views  the nearer neighbours first; near_count of them are one spacing away
+ * @param scratch  of the same size; without neighbours NULL
  */
-void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
-                    const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch);
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
+                    struct sst_map_u16 *scratch);
 
 #endif

@@ -27,7 +27,7 @@
 #define FEW         30.f /* weight of the pixel's own answer: noise where there is no texture */
 #define ENOUGH      1e5f /* weight at which a window and the large window around it count alike */
 #define MARGIN      (2 * WIDE_STEP)
-#define GAIN_STEP   8    /* pixels between those that gains are measured at */
+#define GAIN_STEP   8
 #define GAIN_LIMIT  32   /* levels: pixels that differ by more are not the same surface */
 #define GAIN_LEAST  64   /* pixels */
 #define GAIN_MOST   1.25 /* gains are within 1 / this and this */
@@ -42,6 +42,7 @@ struct planes;
 struct pass {
     const struct sst_visible_views *in;
     int steps, views;
+    int gain_step;           /* pixels between those that gains are measured at */
     struct packed *view;     /* [in->count] */
     struct sst_map_u16 *out; /* [in->count]; without memory: not refined */
     struct planes *planes;   /* [threads] made by the first view of a thread */
@@ -110,12 +111,15 @@ static int32_t q16(double px)
 
 /* Sums over pairs of levels, here and in another view. */
 struct levels {
+    const struct sst_subpixel_fit *fit;
+    const struct sst_subpixel_view *view;
     double n, here, there, mixed, squared;
 };
 
-static void add_levels(struct levels *s, const struct sst_subpixel_fit *f, const struct sst_subpixel_view *v,
-                       const struct sst_map_u16 *disp, int x, int y)
+static void add_levels(struct levels *s, const struct sst_map_u16 *disp, int x, int y)
 {
+    const struct sst_subpixel_fit *f = s->fit;
+    const struct sst_subpixel_view *v = s->view;
     const int d = sst_map_u16_row(disp, y)[x];
     const int here = f->own.pixels[y * f->own.stride + x] & 255;
     int there, xv, yv;
@@ -137,14 +141,15 @@ static void add_levels(struct levels *s, const struct sst_subpixel_fit *f, const
 }
 
 /* Fit the gain and the offset between two views: least squares over a sample of their pixels. */
-static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit *f, const struct sst_map_u16 *disp)
+static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit *f, const struct sst_map_u16 *disp,
+                     int step)
 {
-    struct levels s = { 0 };
+    struct levels s = { .fit = f, .view = v };
     double variance, gain = 1;
 
-    for (int y = 0; y < f->height; y += GAIN_STEP) {
-        for (int x = 0; x < f->width; x += GAIN_STEP)
-            add_levels(&s, f, v, disp, x, y);
+    for (int y = 0; y < f->height; y += step) {
+        for (int x = 0; x < f->width; x += step)
+            add_levels(&s, disp, x, y);
     }
     v->gain = 1;
     v->offset = 0;
@@ -179,7 +184,7 @@ static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k, int
                                                  .dy = q16(-by / 64),
                                                  .bx = (float)bx,
                                                  .by = (float)by };
-        set_gain(&f->view[i], f, own->disp);
+        set_gain(&f->view[i], f, own->disp, p->gain_step);
     }
 }
 
@@ -491,7 +496,7 @@ static void *refine_sample(uint32_t seed)
         disparity_sample_free(s);
         return NULL;
     }
-    *p = (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .threads = 1, .sample = s };
+    *p = (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
     if (!pass_init(p))
         return p;
     refine_sample_free(p);
@@ -513,7 +518,7 @@ const struct sst_step disparity_subpixel_step = { .name = "subpixel",
 int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
 {
     const struct sst_run_options how = { in->share, threads, 1, in->cancel };
-    struct pass p = { .in = in, .steps = steps, .views = views, .threads = threads };
+    struct pass p = { .in = in, .steps = steps, .views = views, .gain_step = GAIN_STEP, .threads = threads };
     int err = pass_init(&p);
 
     disparity_device_adopt(in->device, in);

@@ -313,51 +313,49 @@ static struct sst_checked_view checked_view(const struct disparity_run *run, int
 }
 
 /* Those at most CHECKED_FAR away. */
-int run_checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out)
+static void find_keys(const struct disparity_run *run, int view, struct sst_checked_views *out)
 {
     const struct sst_lightfield *lf = run->lf;
-    int count = 0;
 
-    for (int n = 0; n < lf->rows * lf->cols && count < SST_MAX_NEIGHBOURS; n++) {
+    for (int n = 0; n < lf->rows * lf->cols && out->count < SST_MAX_NEIGHBOURS; n++) {
         const struct sst_view *from = &lf->views[view], *to = &lf->views[n];
 
         if (n != view && to->present && !run->carried[n] && hypot(to->bx - from->bx, to->by - from->by) < CHECKED_FAR)
-            out[count++] = checked_view(run, view, n);
+            out->view[out->count++] = checked_view(run, view, n);
     }
-    return count;
 }
 
-int run_checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near)
+void run_checked_views(const struct disparity_run *run, int view, struct sst_checked_views *out)
 {
-    const struct sst_lightfield *lf = run->lf;
-    int count = 0;
-
+    *out = (struct sst_checked_views){ .disp_min_px = run->disp_min };
+    if (run->carried) {
+        find_keys(run, view, out);
+        return;
+    }
     for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
-        const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
+        const int n = run_view_at(run->lf, view, sides[s][0], sides[s][1]);
 
         if (n >= 0)
-            out[count++] = checked_view(run, view, n);
+            out->view[out->count++] = checked_view(run, view, n);
         if (s == 7)
-            *near = count;
+            out->near = out->count;
     }
-    return count;
 }
 
 int run_check(void *arg, int view, int worker SST_UNUSED)
 {
     struct disparity_run *run = arg;
-    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
-    int near, count, err;
+    struct sst_checked_views from;
+    int err;
 
     if (!run->lf->views[view].present)
         return 0;
-    count = run->carried ? run_checked_keys(run, view, views) : run_checked_views(run, view, views, &near);
+    run_checked_views(run, view, &from);
     err = run_cancelled(run);
     sst_map_u8_fini(&run->status[view]);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err && !run_is_carried(run, view))
-        sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min,
-                                  run->carried ? 0 : run->range + 1, views, count);
+        sst_disparity_check_views(&run->status[view], &run->disp[view], &from, run->carried ? 0 : run->range + 1);
     return err;
 }
 
@@ -365,19 +363,19 @@ int run_fill(void *arg, int view, int worker SST_UNUSED)
 {
     struct disparity_run *run = arg;
     struct sst_map_u16 scratch = { 0 }, *out = &run->filled[view];
-    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
-    int near, count, err;
+    struct sst_checked_views from;
+    int err;
 
     if (!run->lf->views[view].present)
         return 0;
-    count = run_checked_views(run, view, views, &near);
+    run_checked_views(run, view, &from);
     err = run_cancelled(run);
     sst_map_u16_fini(out);
     err = err ? err : sst_map_u16_init(out, run->width, run->height);
     err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
     if (!err) {
         memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
-        sst_fill_views(out, &run->status[view], run->disp_min, views, count, near, &scratch);
+        sst_fill_views(out, &run->status[view], &from, &scratch);
     }
     sst_map_u16_fini(&scratch);
     return err;
