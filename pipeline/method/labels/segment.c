@@ -1,6 +1,7 @@
 /* Image -> working size -> network, whole or in windows -> probabilities at the network's resolution -> labels and
  * entropy at the image's size (upsample.c). */
 #include <errno.h>
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +9,7 @@
 #include "base/border.h"
 #include "base/log.h"
 #include "base/mem.h"
-#include "pipeline/kernels/class_prob.h"
+#include "pipeline/kernels/exp_neg.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/labels/model_info.h"
@@ -236,12 +237,45 @@ static void read_values(float *p, const float *out, size_t plane, const struct s
     }
 }
 
+#define LOGIT_MOST        64.0F  /* below the largest one; a logit farther below has probability 0 */
+#define PROBABILITY_LEAST 1e-30F /* less is 0 */
+
+/* Values of the channels to probabilities, in place.
+ * @return false: some value is not finite, a probability is negative, or all of them are 0 */
+static bool to_probabilities(float *p, const struct sst_model_info *info)
+{
+    const float per_temperature = (float)(1 / info->temperature);
+    float most = -INFINITY, sum = 0;
+
+    for (int c = 0; c < info->channels; c++) {
+        if (!isfinite(p[c]) || (info->probabilities && p[c] < 0))
+            return false;
+        most = p[c] > most ? p[c] : most;
+    }
+    for (int c = 0; c < info->channels; c++) {
+        const float below = (most - p[c]) * per_temperature;
+
+        if (info->probabilities)
+            p[c] = p[c] < FLT_MIN ? 0 : p[c];
+        else
+            p[c] = below < LOGIT_MOST ? sst_exp_neg(below) : 0;
+        sum += p[c];
+    }
+    if (!(sum >= FLT_MIN && sum <= FLT_MAX))
+        return false;
+    for (int c = 0; c < info->channels; c++) {
+        const float share = p[c] / sum;
+
+        p[c] = share < PROBABILITY_LEAST ? 0 : share;
+    }
+    return true;
+}
+
 /* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up. */
 static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
     const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
     const int x0 = tiles_start(&w->across, i), y0 = tiles_start(&w->down, j);
-    const float per_temperature = (float)(1 / seg->info.temperature);
     float p[SST_MODEL_MAX_CHANNELS];
 
     for (int y = 0; y < w->out_height; y++) {
@@ -252,7 +286,7 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
             const float weight = down * tiles_weight(&w->across, i, x);
 
             read_values(p, w->out + (size_t)y * (size_t)w->out_width + (size_t)x, plane, &seg->info);
-            if (!sst_class_probabilities(p, seg->info.channels, seg->info.probabilities, per_temperature)) {
+            if (!to_probabilities(p, &seg->info)) {
                 sst_log_error("model %s: its output at (%d, %d) is not a %s; %suse another model", seg->path, x0 + x,
                               y0 + y,
                               seg->info.probabilities ? "probability (NaN, infinite, negative, or above 1)"
