@@ -19,6 +19,7 @@
 #include "cli/doctor_internal.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/network/device.h"
 #include "pipeline/step/runner.h"
 
 #define AREA_DISK           "disk"
@@ -257,16 +258,20 @@ void doctor_check_uvcvideo(struct doctor *d)
 
 /* --- devices for `--device` --------------------------------------------------------------------------------------- */
 
-/* True if a device computes the steps of matching as the CPU does. */
-static bool steps_pass(struct sst_runner *runner)
+/* Steps that a device computes otherwise than the CPU; "": none. */
+static const char *refused_steps(struct sst_runner *runner)
 {
-    struct sst_disparity_device *device = NULL;
+    struct sst_disparity_device *match = NULL;
+    struct sst_network_device *networks = NULL;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
-    const bool pass = !sst_disparity_device_create(&device, runner);
+    const char *refused = sst_disparity_device_create(&match, runner)                  ? "steps of matching"
+                          : WITH_DNNL && sst_network_device_open_on(&networks, runner) ? "networks"
+                                                                                       : "";
 
-    sst_disparity_device_destroy(device);
+    sst_network_device_close(networks);
+    sst_disparity_device_destroy(match);
     (void)sst_log_hold_errors(before);
-    return pass;
+    return refused;
 }
 
 /* Compile the shaders on a device and compare their results with the references, then steps with the CPU. */
@@ -291,8 +296,8 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
         snprintf(list + strlen(list), sizeof(runs) - strlen(list), "%s%s", *list ? ", " : "",
                  sst_gpu_shader_name((enum sst_gpu_shader)i));
     }
-    if (!*refuses && !steps_pass(runner))
-        snprintf(refuses, sizeof(refuses), "steps of matching");
+    if (!*refuses)
+        snprintf(refuses, sizeof(refuses), "%s", refused_steps(runner));
     if (*refuses)
         doctor_add(d, DOCTOR_WARNING, AREA_GPU,
                    "%s (%s) gives wrong results for %s and is not used for them: update the driver", info->name,

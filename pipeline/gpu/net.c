@@ -146,7 +146,7 @@ static void fill_bytes(struct test *t, uint32_t *words, size_t n, const struct k
     const uint32_t mostly = s8 ? 0x80808080 : 0xFFFFFFFF, rarely = s8 ? 0x7F7F7F7F : 0;
 
     for (size_t i = 0; i < n; i++)
-        words[i] = !k->extreme                     ? gpu_random(&t->state) << 16 ^ gpu_random(&t->state)
+        words[i] = !k->extreme                      ? gpu_random(&t->state) << 16 ^ gpu_random(&t->state)
                    : gpu_random(&t->state) % 8 != 0 ? mostly
                                                     : rarely;
 }

@@ -52,7 +52,7 @@ static int check_seed(struct sst_run *r, uint32_t seed)
             r->err = r->step->cpu(r->job, i, 0);
         r->err = r->err ? r->err : r->step->cpu(host, i, 0);
     }
-    if (!r->err && (sst_gpu_dummy_was_wrong(r->gpu) || !is_equal(r->step, r->job, host)))
+    if (r->err == RUN_LEFT || (!r->err && (sst_gpu_dummy_was_wrong(r->gpu) || !is_equal(r->step, r->job, host))))
         r->err = -ENOTSUP;
     r->step->sample_free(r->job);
     r->step->sample_free(host);

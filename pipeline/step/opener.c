@@ -92,8 +92,8 @@ static bool is_done(struct runner_opener *o, int64_t until_ns)
     return done;
 }
 
-int runner_open_beside(struct runner_opener **opener, const struct runner_opening *what,
-                       struct sst_gpu **gpu, char why[SST_LOG_MAX])
+int runner_open_beside(struct runner_opener **opener, const struct runner_opening *what, struct sst_gpu **gpu,
+                       char why[SST_LOG_MAX])
 {
     int64_t until_ns = 0;
     int err = 0;

@@ -14,7 +14,6 @@
 #define STEP_MOST   32000             /* a disparity of 16 bits times this fits 32 bits */
 #define SHIFT_MOST  (1 << 30)         /* px */
 #define STRIP_WORDS ((size_t)1 << 18) /* of a plane that are uploaded at once */
-#define LEFT        (-ENOSYS)         /* by sst_run_leave() */
 
 void sst_run_fail(struct sst_run *r, int err)
 {
@@ -26,7 +25,7 @@ void sst_run_leave(struct sst_run *r, const char *why)
     if (r->err && r->err != -ENOMEM)
         return;
     snprintf(r->why, sizeof(r->why), "%s", why);
-    r->err = LEFT;
+    r->err = RUN_LEFT;
 }
 
 bool sst_run_failed(const struct sst_run *r)
@@ -352,7 +351,7 @@ static const char *phrase_of(const struct sst_run *r, char text[64])
 
 static const char *why_of(const struct sst_run *r)
 {
-    return r->err == LEFT           ? r->why
+    return r->err == RUN_LEFT       ? r->why
            : r->err == -EOVERFLOW   ? "views are too far apart"
            : r->err == -ENODATA     ? "features of a view are no longer there"
            : r->err == -EINPROGRESS ? "the device is being opened"
@@ -371,11 +370,10 @@ static void leave(struct sst_run *r)
     snprintf(r->report->why, sizeof(r->report->why), "%s", why);
     if (r->err == -EINPROGRESS)
         return;
-    if (live ? (blameless || r->err == LEFT) && !known : blameless)
+    if (live ? (blameless || r->err == RUN_LEFT) && !known : blameless)
         sst_log_warning("%s: %s; %s on the CPU", r->report->name, why, phrase_of(r, text));
-    if (!blameless && r->err != LEFT)
-        sst_runner_report_failure(r->user, phrase_of(r, text), r->err,
-                                  r->gpu ? "" : sst_runner_why(r->user->runner));
+    if (!blameless && r->err != RUN_LEFT)
+        sst_runner_report_failure(r->user, phrase_of(r, text), r->err, r->gpu ? "" : sst_runner_why(r->user->runner));
 }
 
 static void succeed(struct sst_run *r)

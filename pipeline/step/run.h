@@ -87,8 +87,8 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
  * lost), or one of the device. */
 void sst_run_fail(struct sst_run *r, int err);
 
-/** Leave the view to the CPU for a reason that is no fault of the device, in place of -ENOMEM as well: noted, and logged
- * of a live device only. */
+/** Leave the view to the CPU for a reason that is no fault of the device, in place of -ENOMEM as well: noted, and
+ * logged of a live device only. */
 void sst_run_leave(struct sst_run *r, const char *why);
 bool sst_run_failed(const struct sst_run *r);
 

@@ -22,8 +22,8 @@ struct sst_runner {
     struct sst_runner_user *users;
     struct runner_memory memory;
     struct runner_opener *opener; /* live: at work on opening it again */
-    int err;                          /* live: of the first opening */
-    char why[SST_LOG_MAX];            /* live: message of the last error */
+    int err;                      /* live: of the first opening */
+    char why[SST_LOG_MAX];        /* live: message of the last error */
 };
 
 static void note_opening(struct sst_runner *s)

@@ -105,7 +105,8 @@ void sst_runner_succeed(struct sst_runner *s);
  */
 int sst_runner_fail(struct sst_runner *s);
 
-/** sst_runner_fail(), noted in the report of a kind of work and logged, of a live device only if it did not fail before.
+/** sst_runner_fail(), noted in the report of a kind of work and logged, of a live device only if it did not fail
+ * before.
  * @param phrase  of the work, see struct sst_runner_user @param why  "": that of the error */
 void sst_runner_report_failure(struct sst_runner_user *user, const char *phrase, int err, const char *why);
 

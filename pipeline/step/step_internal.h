@@ -19,6 +19,8 @@ struct runner_memory {
     struct sst_mem_kept words; /* of the host */
 };
 
+#define RUN_LEFT (-ENOSYS) /* by sst_run_leave() */
+
 /** An item in work. */
 struct sst_run {
     struct sst_runner_user *user;
@@ -33,7 +35,7 @@ struct sst_run {
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
     bool alone;     /* buffers of earlier items are gone */
-    char why[128]; /* of sst_run_leave() */
+    char why[128];  /* of sst_run_leave() */
 };
 
 /** A view on the device; r->err says whether it is done. */
@@ -94,10 +96,10 @@ struct runner_opening {
     struct sst_gpu_config cfg;
     const enum sst_gpu_shader *shaders; /* to prepare; static */
     size_t needed,
-        count;        /* the device must run the first ones; the others may be refused, and are tested now, not later */
+        count; /* the device must run the first ones; the others may be refused, and are tested now, not later */
     const struct sst_step *const *steps; /* to check; static */
     size_t steps_needed, step_count;     /* likewise */
-    const char *work; /* static; as of sst_gpu_open_for() */
+    const char *work;                    /* static; as of sst_gpu_open_for() */
 };
 
 /**

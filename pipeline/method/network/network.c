@@ -26,8 +26,8 @@ struct sst_network {
     struct metadata *metadata;
     enum sst_network_values values; /* of the result */
     char last_op[24];               /* that makes them probabilities */
-    struct sst_graph graph; /* of the runner oneDNN */
-    struct cv_net *cv;      /* of the runner OpenCV, else NULL */
+    struct sst_graph graph;         /* of the runner oneDNN */
+    struct cv_net *cv;              /* of the runner OpenCV, else NULL */
     /* fixed after sst_network_use_device() */
     struct sst_network_device *device; /* NULL: none */
     uint64_t id;                       /* there */

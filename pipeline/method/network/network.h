@@ -58,7 +58,8 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
  */
 const char *sst_network_ends_in_probabilities(const struct sst_network *net, bool *logarithm);
 
-/** The operator that combines probabilities with a constant at the end of the network, as in 255 p or 1 - p; NULL: none does */
+/** The operator that combines probabilities with a constant at the end of the network, as in 255 p or 1 - p; NULL: none
+ * does */
 const char *sst_network_ends_scaled(const struct sst_network *net);
 
 /**

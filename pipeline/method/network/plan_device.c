@@ -13,8 +13,9 @@
 
 #define NONE       (-1)
 #define MAX_GROUPS 65535 /* that every device has along an axis */
-/* Lavapipe of Mesa 22.3 leaves all loops of an invocation after 65,535 passes in sum, without an error: no layer comes near it. A slab of
- * 8 words is at most 12 passes of net_conv; on 8 bits MAX_PRODUCTS (plan_bits.c) is less than this allows. */
+/* Lavapipe of Mesa 22.3 leaves all loops of an invocation after 65,535 passes in sum, without an error: no layer comes
+ * near it. A slab of 8 words is at most 12 passes of net_conv; on 8 bits MAX_PRODUCTS (plan_bits.c) is less than this
+ * allows. */
 #define MAX_PASSES       49152
 #define MAX_WORDS_FLOATS (MAX_PASSES / 12 * SST_GPU_NET_SLAB) /* inputs of a result */
 #define MAX_POOLED       (MAX_PASSES * 64)                    /* pixels of a mean: 64 invocations share them */
@@ -72,6 +73,12 @@ static void too_large(const struct net_plan_config *cfg, char why[NET_DEVICE_WHY
 {
     snprintf(why, NET_DEVICE_WHY, "a network of %d x %d pixels does not fit into the device's memory", cfg->width,
              cfg->height);
+}
+
+static int refuse(struct building *b, enum sst_gpu_shader shader)
+{
+    snprintf(b->why, NET_DEVICE_WHY, "the shader %s is refused", sst_gpu_shader_name(shader));
+    return -ENOTSUP;
 }
 
 /* --- tensors ------------------------------------------------------------------------------------------------------ */
@@ -493,35 +500,48 @@ static int place(struct net_device_plan *p)
     return 0;
 }
 
-/* True if fma() rounds once: 1.000244140625^2 - 1.00048828125 is 2^-24 then, and else 0. */
-static bool fuses(struct sst_run *r)
+/* True if the sum of a product and another number is rounded once. @param by_parts  without fma() */
+static bool rounds_once(struct sst_run *r, bool by_parts)
 {
-    enum { WEIGHTS = SST_GPU_NET_SLAB * SST_GPU_NET_TILE_OUT, WORDS = WEIGHTS + SST_GPU_NET_TILE_OUT };
-    const struct sst_gpu_net_tensor one = { 0, 4, SST_GPU_NET_F32, 1, 1 };
-    const struct sst_gpu_net_conv c = { .from = one,
-                                        .to = { 4, 4, SST_GPU_NET_F32, 1, 1 },
-                                        .channels = 1,
+    enum { OUTS = SST_GPU_NET_TILE_OUT, WEIGHTS = SST_GPU_NET_SLAB * OUTS, PIXELS = SST_GPU_NET_TILE };
+    const struct sst_gpu_net_conv c = { .from = { 0, 4, SST_GPU_NET_F32, PIXELS, 1 },
+                                        .to = { 4 * PIXELS, OUTS, SST_GPU_NET_F32, PIXELS, 1 },
+                                        .channels = OUTS,
                                         .kernel = 1 << 16 | 1,
                                         .stride = 1 << 16 | 1,
                                         .dilation = 1 << 16 | 1,
                                         .bias_at = WEIGHTS,
                                         .residual_mode = SST_GPU_NET_NONE,
+                                        .by_parts = by_parts,
                                         .bias_first = 1 };
-    float fixed[WORDS] = { [0] = 1.000244140625f, [WEIGHTS] = -1.00048828125f }, io[8] = { 1.000244140625f };
-    const struct sst_gpu_range weights = sst_run_upload(r, PROBED, fixed, sizeof(fixed));
-    const struct sst_gpu_range values = sst_run_upload(r, ARENA, io, sizeof(io));
+    float fixed[WEIGHTS + OUTS] = { 0 }, values[(4 + OUTS) * PIXELS] = { 0 }, *const bias = fixed + WEIGHTS;
+    struct sst_gpu_range weights, at;
 
+    for (int i = 0; i < OUTS; i++) { /* products that are nearly -bias: what is left shows how they were rounded */
+        fixed[i] = 1 + (float)(i * i + 1) / 8192;
+        bias[i] = i % 2 ? -fixed[i] : (float)(i - 16) / 3;
+    }
+    for (int i = 0; i < PIXELS; i++)
+        values[4 * i] = 1 + (float)(i * i * i + 1) / (1 << 22);
+    weights = sst_run_upload(r, PROBED, fixed, sizeof(fixed));
+    at = sst_run_upload(r, ARENA, values, sizeof(values));
     sst_run_dispatch(r, SST_GPU_NET_CONV, &c, (const uint32_t[]){ 1, 1, 1 },
-                     (const struct sst_gpu_range[]){ weights, values, values }, SST_GPU_NET_BUFFERS);
-    sst_run_read(r, io, values, sizeof(io));
-    return io[4] > 0;
+                     (const struct sst_gpu_range[]){ weights, at, at }, SST_GPU_NET_BUFFERS);
+    sst_run_read(r, values, at, sizeof(values));
+    for (int i = 0; i < PIXELS * OUTS && !sst_run_failed(r); i++) {
+        if (values[4 * PIXELS + i] != fmaf(values[i / OUTS * 4], fixed[i % OUTS], bias[i % OUTS]))
+            return false;
+    }
+    return true;
 }
 
 /* Addresses of the steps, now that tensors have theirs. */
 static int resolve(struct building *b)
 {
-    const bool by_parts = !fuses(b->r);
+    const bool by_parts = !rounds_once(b->r, false);
 
+    if (by_parts && !sst_gpu_is_dummy(b->p->gpu) && !rounds_once(b->r, true))
+        return refuse(b, SST_GPU_NET_CONV);
     for (int i = 0; i < b->p->n_steps; i++) {
         struct step *s = &b->p->steps[i];
         struct sst_gpu_work work = { .shader = s->shader, .push = &s->conv };
@@ -579,7 +599,7 @@ static int prepare(struct building *b)
             err = sst_gpu_prepare(b->p->gpu, s->shader);
         }
         if (err == -ENOTSUP)
-            snprintf(b->why, NET_DEVICE_WHY, "the shader %s is refused", sst_gpu_shader_name(s->shader));
+            return refuse(b, s->shader);
     }
     return err;
 }

@@ -1,6 +1,7 @@
 /* Small random networks, on which devices are compared with the CPU: sizes of layers that failed on a device stay.
  *
- * The first seed is on floats, the others on 8 bits, where results must be equal: the sums of the first layer, which is on floats, are exact in any order. */
+ * The first seed is on floats, the others on 8 bits, where results must be equal: the sums of the first layer, which is
+ * on floats, are exact in any order. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +9,7 @@
 #include "base/mem.h"
 #include "pipeline/method/network/network_internal.h"
 
-#define OPS       16   /* at most */
+#define OPS       16 /* at most */
 #define SEEDS     NET_SAMPLE_SEEDS
 #define TOLERANCE 1e-5 /* of floats, over the largest value of a result */
 
@@ -42,6 +43,7 @@ struct sample {
     struct net_plan *plan[SST_STEP_SAMPLES];
     size_t values[SST_STEP_SAMPLES]; /* of a result */
     uint32_t state;
+    float push; /* of all values of the first layer, so that most have one sign, and of weights behind it; 0: none */
 };
 
 static uint32_t next(struct sample *s)
@@ -93,9 +95,12 @@ static int add_conv(struct sample *s, struct sst_graph *g, struct sst_op op)
     for (int i = 0; i < 2; i++)
         op.pad_before[i] = op.pad_after[i] = op.dilation[i] * (op.kernel[i] - 1) / 2;
     for (size_t i = 0; op.weights && i < n * per; i++)
-        op.weights[i] = exact ? fraction(s, 16) : fraction(s, 1 << 20) * scale;
+        op.weights[i] = exact              ? fraction(s, 16)
+                        : s->push == 0     ? fraction(s, 1 << 20) * scale
+                        : next(s) % 8 == 0 ? scale
+                                           : -scale;
     for (size_t i = 0; op.bias && i < n; i++)
-        op.bias[i] = exact ? fraction(s, 128) : fraction(s, 1 << 20);
+        op.bias[i] = exact ? fraction(s, 128) + s->push : fraction(s, 1 << 20);
     add(g, op); /* which frees them */
     return op.weights && op.bias ? g->n_values - 1 : -1;
 }
@@ -174,6 +179,7 @@ static int build(struct sample *s, struct sst_graph *g, const struct kind *k)
     g->in_channels = k->channels;
     first.kernel[0] = first.kernel[1] = k->extreme ? 1 : 3;
     first.relu = !k->negative;
+    s->push = !k->extreme ? 0 : k->negative ? -2 : 2;
     second.in[0] = add_conv(s, g, first);
     if (k->extreme)
         g->range[second.in[0]] = 0.01f;
@@ -212,9 +218,12 @@ static bool init(struct sample *s, int item, uint32_t seed)
         return false;
     for (size_t i = 0; i < pixels; i++)
         in[i] = fraction(s, 8);
-    job->cfg = (struct net_plan_config){
-        .graph = g, .name = "", .width = k.width, .height = k.height, .threads = 1, .precision = seed == 1 ? SST_PRECISION_F32 : SST_PRECISION_INT8
-    };
+    job->cfg = (struct net_plan_config){ .graph = g,
+                                         .name = "",
+                                         .width = k.width,
+                                         .height = k.height,
+                                         .threads = 1,
+                                         .precision = seed == 1 ? SST_PRECISION_F32 : SST_PRECISION_INT8 };
     job->plan = &s->plan[item];
     job->factor = 127;
     if (sst_graph_shapes(g, k.width, k.height, shapes, NULL))
