@@ -1,4 +1,4 @@
-/* Pictures that are displaced, have other gains, or are not those of the scene: measured, corrected, named. */
+/* Alignment of pictures: displacement and gains are measured and corrected, pictures of another scene are named. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -274,7 +274,7 @@ static void gammas_are_found_and_undone(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* ... of one lens: not to be told from what the scene feigns. */
+/* ... of one lens: indistinguishable from an error that the scene feigns. */
 static void a_common_falloff_stays(void **state SST_UNUSED)
 {
     struct sst_correction c[VIEWS];
@@ -341,7 +341,7 @@ static void rolls_are_measured_as_they_are_undone(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* What the folder states is applied at each load, or forgotten. */
+/* Corrections stated in the folder are applied at each load, or forgotten. */
 static void a_folder_keeps_its_correction(void **state SST_UNUSED)
 {
     struct sst_lightfield lf, loaded, plain;
@@ -387,7 +387,7 @@ static void a_folder_keeps_its_correction(void **state SST_UNUSED)
     sst_lightfield_fini(&plain);
 }
 
-/* --- what is plainly wrong ---------------------------------------------------------------------------------------- */
+/* --- plain errors ------------------------------------------------------------------------------------------------- */
 
 static enum sst_judge_fault fault_of(const struct sst_lightfield *lf, int view, char *sentence)
 {
@@ -488,7 +488,7 @@ static void unconfirmed_maps_are_implausible(void **state SST_UNUSED)
 }
 
 /* Leaves in small pictures: each pair is measured well, but hardly a feature is found both beside and below. Rows are
- * not held in place by what is presumed of them. */
+ * not held in place by presumed positions. */
 static void rows_of_leaves_are_not_held_back(void **state SST_UNUSED)
 {
     struct sst_correction c[36];
@@ -521,7 +521,7 @@ static void rows_of_leaves_are_not_held_back(void **state SST_UNUSED)
 }
 
 /* Displacements down of a x y + slope y at the offset (x, y), each with a sigma. 4 a^2 / 6 - sigma^2 of it is jitter;
- * six times the square of what is feigned is the other source of the slope. @return the slope that is undone */
+ * six times the square of the feigned error is the other source of the slope. @return the slope that is undone */
 static double slope_undone(double a, double slope, double sigma, int *moved)
 {
     struct sst_drift_camera camera[VIEWS];

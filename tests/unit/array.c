@@ -63,7 +63,7 @@ static void values_arrive(void **state)
     assert_int_equal(c.control[1].value, -3);
     assert_int_equal(c.bound, 2);
     assert_string_equal(c.camera[0].serial, "A");
-    assert_int_equal(c.camera[0].line, 1); /* two lines, two rows: that of its row */
+    assert_int_equal(c.camera[0].line, 1); /* two lines, two rows: the line of its row */
     assert_string_equal(c.camera[1].port, "1-2.3");
     assert_int_equal(c.camera[1].line, 1);
     assert_int_equal(c.source, SST_CONFIG_GPIO);

@@ -305,7 +305,7 @@ static void put(const char *path, const char *text)
     assert_int_equal(sst_file_write(path, text, strlen(text)), 0);
 }
 
-/* Files and folders alone: not what links point to, and nothing that would have to be waited for. */
+/* Files and folders alone: no targets of links, and no entry that would have to be waited for. */
 static void copies_follow_no_links(void **state SST_UNUSED)
 {
     static const char *const gone[] = { "to/link", "to/loop", "to/pipe", "to/in/file", "to/.hidden" };

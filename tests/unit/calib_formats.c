@@ -234,7 +234,7 @@ static void opencv_stereo_by_hand(void **state SST_UNUSED)
     }
 }
 
-/* --- what is refused ---------------------------------------------------------------------------------------------- */
+/* --- refusals ----------------------------------------------------------------------------------------------------- */
 
 static void refusals_say_why(void **state SST_UNUSED)
 {
@@ -358,7 +358,7 @@ static void refusals_say_why(void **state SST_UNUSED)
     }
 }
 
-/* What looks like another lens or a broken chain and is none. */
+/* Parameters that look like another lens or a broken chain and are none. */
 static void what_changes_nothing_is_read(void **state SST_UNUSED)
 {
     static const struct {

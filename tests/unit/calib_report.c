@@ -122,7 +122,7 @@ static void numbers_have_sensible_digits(void **state)
     assert_string_equal(report_date(1700000000000000000).text, "2023-11-14 22:13:20 UTC");
 }
 
-/* What browsers and parsers stumble over. */
+/* Characters that browsers and parsers stumble over. */
 static void text_is_valid_utf8(void **state)
 {
     static const char *const pairs[][2] = {
@@ -412,7 +412,7 @@ static void verdicts_have_their_reason(void **state)
     assert_int_equal(verdict_with(not_solved, NULL), VERDICT_BAD);
 }
 
-/* The page's figures are those of --json. */
+/* The page has the figures of --json. */
 static void assert_same_figures(const json_t *page, const char *json)
 {
     json_t *o = json_loads(json, 0, NULL);
@@ -442,7 +442,7 @@ static void assert_figures(const json_t *o, const struct made *m)
     }
 }
 
-/* Sizes of what the page draws: every cell and region of each camera, and x, y, dx, dy of each vector. */
+/* Sizes of the page's drawings: every cell and region of each camera, and x, y, dx, dy of each vector. */
 static void assert_drawing(const json_t *o, const struct made *m)
 {
     const json_t *pictures = json_object_get(o, "pictures");
@@ -614,7 +614,7 @@ static void unknown_is_reported(void **state)
     made_open(&m, &cfg);
     made_forget(&m);
     assert_page_is_sane(&m);
-    m.all.count = 0; /* what made_open() has made is not freed through it below */
+    m.all.count = 0; /* the files of made_open() are not freed through it below */
     struct made kept = m;
 
     kept.all.frames = 0;

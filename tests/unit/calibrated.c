@@ -235,7 +235,7 @@ static void light_is_corrected(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-/* Turn a camera's calibration away from what its frames are of, by what `c` undoes: in rectified axes, small. */
+/* Turn a camera's calibration away from its frames, by the correction `c`: in rectified axes, small. */
 static void misplace(struct sst_calib_camera *cam, const struct sst_rectified *to, const struct sst_correction *c)
 {
     const double w[3] = { c->shift_y_px / to->focal_px, -c->shift_x_px / to->focal_px, -c->roll_deg * (M_PI / 180) };
@@ -264,7 +264,7 @@ static void a_correction_corrects_the_calibration(void **state SST_UNUSED)
     struct sst_lightfield lf;
     double rms;
 
-    for (int k = 0; k < ROWS * COLS; k++) { /* what the frames have, and the calibration does not know */
+    for (int k = 0; k < ROWS * COLS; k++) { /* an error of the frames that the calibration does not know */
         const double f = -0.1 * k;
 
         calib.camera[k].gain[1] = 1 + 0.05 * k;
@@ -277,7 +277,8 @@ static void a_correction_corrects_the_calibration(void **state SST_UNUSED)
     for (int k = 0; k < ROWS * COLS; k++) {
         c[k] = sst_correction_none();
         if (k != calib.reference)
-            c[k] = (struct sst_correction){ 1.5 - k, 0.5 * k, 0.4 * (k % 3 - 1), 0.004 * (k % 2), { 1, 1, 1 }, .exponent = 1 };
+            c[k] = (struct sst_correction){ 1.5 - k,         0.5 * k,     0.4 * (k % 3 - 1),
+                                            0.004 * (k % 2), { 1, 1, 1 }, .exponent = 1 };
         misplace(&calib.camera[k], lf.rectified, &c[k]);
         c[k].gain[1] = calib.camera[k].gain[1];
         c[k].falloff = calib.camera[k].falloff[0];
@@ -300,7 +301,7 @@ static void a_correction_corrects_the_calibration(void **state SST_UNUSED)
     for (int k = 0; k < ROWS * COLS; k++) {
         const double worst = worst_error(&lf, k, &rms);
 
-        if (rms > 0.6) /* the worst ones are on the border of what the frame shows */
+        if (rms > 0.6) /* the worst ones are on the border of the frame */
             fail_msg("view %d: worst %.2f, RMS %.3f levels", k, worst, rms);
     }
     sst_lightfield_fini(&lf);
@@ -495,7 +496,7 @@ static void rays_from_outside_do_not_count(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-/* Pixels from outside the raw frame have no disparity, and do not spoil those beside them. */
+/* Pixels from outside the raw frame have no disparity, and do not spoil their neighbours. */
 static void borders_do_not_match(void **state SST_UNUSED)
 {
     struct sst_calib calib = bad_array();

@@ -1,4 +1,4 @@
-/* pipeline/camera/check: light fields of known texture, depth and misalignment; what the check must find, and must not.
+/* Drift check: faults that it must and must not find in light fields of known texture, depth and misalignment.
  *
  * A view shows two depths (a disc before a wall), computed at exact places, so shifts and rolls of any size are exact.
  */
@@ -19,7 +19,7 @@
 #define WIDTH  320
 #define HEIGHT 240
 
-/* What is wrong with a view's picture: it sits at (x, y), rolled and larger. */
+/* Fault of a view's picture: it sits at (x, y), rolled and larger. */
 struct fault {
     double x, y, roll_deg, scale, gain;
 };
@@ -177,7 +177,7 @@ static void alignment_is_unbiased(void **state)
     sst_image_fini(&one);
 }
 
-/* Sigmas of matches are what their errors are, within a factor of 1.5: noise of 3 grey levels, one depth. */
+/* Sigmas of matches equal their errors within a factor of 1.5: noise of 3 grey levels, one depth. */
 static void sigmas_are_true(void **state)
 {
     static struct drift_pyramid a, b;
@@ -288,7 +288,7 @@ static void drifts_are_measured(void **state)
     sst_drift_fini(&c);
 }
 
-/* A camera whose picture is 0.3 % larger, and nothing else. */
+/* A camera with a picture that is 0.3 % larger, and no other fault. */
 static void another_size_is_measured(void **state)
 {
     struct recipe r = plain(3, 3, 12);
@@ -410,7 +410,7 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
     sst_drift_fini(&c);
 }
 
-/* Parts of a mesh are found a period off, at any of several displacements; those of what is displaced at one. */
+/* Parts of a mesh are found a period off, at any of several displacements; parts of a displaced picture at one. */
 static void meshes_contradict_themselves(void **state)
 {
     const struct sst_drift_config cfg = { .threads = 2, .loose = true };
@@ -455,7 +455,7 @@ static void noise_is_measured(void **state)
     }
 }
 
-/* What a camera does not see of the common view is black with a hard edge, which is no feature. */
+/* The part of the common view outside a camera's picture is black with a hard edge, which is no feature. */
 static void borders_are_no_features(void **state)
 {
     static struct drift_pyramid v;
@@ -648,7 +648,7 @@ static void the_picture_shows_the_worst_in_red(void **state)
     r.fault[5].y = 2;
     check_recipe(&c, &r);
     assert_int_equal(sst_drift_picture(&out, &c), 0);
-    /* Left edge of the box of camera 01_01 is red, that of 00_03 green. */
+    /* The left edge of the box of camera 01_01 is red, the left edge of 00_03 green. */
     assert_true(sst_image_row(&out, 0, 40 + 168)[168 - 30] > 180 && sst_image_row(&out, 1, 40 + 168)[168 - 30] < 80);
     assert_true(sst_image_row(&out, 0, 40 + 56)[392 - 30] < 130 && sst_image_row(&out, 1, 40 + 56)[392 - 30] > 140);
     sst_image_fini(&out);

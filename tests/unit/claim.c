@@ -57,7 +57,7 @@ static void pause_ms(int ms)
     nanosleep(&(struct timespec){ ms / 1000, ms % 1000 * 1000000L }, NULL);
 }
 
-/* What a worker that was killed leaves. */
+/* Remains of a killed worker. */
 static void leave_held(const char *name, int attempts)
 {
     char path[SST_PATH_MAX + 64];

@@ -1,4 +1,4 @@
-/* What clear pictures remember of what was seen a moment ago, and what not. Maps are made by hand. */
+/* Memory of clear pictures: surfaces seen a moment ago, and their end. Maps are made by hand. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -213,7 +213,7 @@ static void what_is_seen_replaces_what_was(void **state SST_UNUSED)
     merge(&f, 0.1, true);
     assert_int_equal(sst_image_row(&f.image, 0, 20)[20], WALKER);
     assert_int_equal(sst_image_row(&f.image, 0, 30)[30], WALKER);
-    put(&f, 20, 20, true, WALL, WALL_Q6); /* what is behind is seen: it is not there any more */
+    put(&f, 20, 20, true, WALL, WALL_Q6); /* the surface behind is seen: it is not there any more */
     put(&f, 30, 30, false, 0, 0);
     merge(&f, 0.1, true);
     assert_int_equal(sst_image_row(&f.image, 0, 20)[20], WALL);
@@ -221,7 +221,7 @@ static void what_is_seen_replaces_what_was(void **state SST_UNUSED)
     close_field(&f);
 }
 
-/* A weak sighting does not replace what many rays showed a moment ago; several do. */
+/* A weak sighting does not replace a surface that many rays showed a moment ago; several do. */
 static void weak_sightings_need_another(void **state SST_UNUSED)
 {
     struct field f;

@@ -168,7 +168,7 @@ static void deep_pictures_keep_levels(void **state SST_UNUSED)
             sst_samples_levels(&before, &after, counts, scaled ? samples : (struct sst_samples){ 0, 0 });
             assert_int_equal(before, cases[i].step ? cases[i].count : 1);
             assert_int_equal(after, scaled ? cases[i].scaled : cases[i].plain);
-            /* What reading gives has that many, in the same order. */
+            /* The result of reading has that many, in the same order. */
             assert_int_equal(
                 sst_image_decode_samples(&a, data, size, "deep.png", scaled ? samples : (struct sst_samples){ 0, 0 }),
                 0);
@@ -300,7 +300,7 @@ static void a_png_without_its_header_is_refused(void **state SST_UNUSED)
 
     for (uint8_t n = 0; n < 13; n++) {
         const size_t size = sizeof(begin) + n + 4;
-        uint8_t *file = calloc(size, 1); /* so large: what is read beyond it shows */
+        uint8_t *file = calloc(size, 1); /* so large: bytes read beyond it show */
 
         assert_non_null(file);
         memcpy(file, begin, sizeof(begin));
@@ -344,7 +344,7 @@ static size_t filtered_png(uint8_t out[4096], int width, int height, uint8_t dep
     return at + put_chunk(out + at, "IEND", packed, 0);
 }
 
-/* What is read without libpng gives the samples that libpng reads. */
+/* Files read without libpng give the samples that libpng reads. */
 static void both_readers_of_png_agree(void **state SST_UNUSED)
 {
     static const struct {

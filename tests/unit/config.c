@@ -25,7 +25,7 @@ static int setup(void **state)
     return test_folder_create(state);
 }
 
-/* A file of the test's folder; with a '/' in its name in a folder of that. */
+/* A file of the test's folder; with a '/' in its name in a subfolder. */
 static void put(const char *name, const char *text)
 {
     char path[SST_PATH_MAX], *slash;
@@ -86,7 +86,7 @@ static void accept(const char *text)
 
 /* --- the shipped file --------------------------------------------------------------------------------------------- */
 
-/* The file with its examples in place of what is empty: "#-" and "#name" lose the mark. */
+/* The file with its examples in place of empty sections: "#-" and "#name" lose the mark. */
 static char *with_examples(void)
 {
     char *text, *out;
@@ -256,7 +256,7 @@ static void parts_replace_key_by_key(void **state)
     assert_int_equal(cfg.array.controls, 2);
     assert_int_equal(cfg.array.control[0].value, 9);
     assert_int_equal(cfg.array.camera[0].line, 0); /* B comes first in the lines that count */
-    assert_int_equal(cfg.array.camera[1].line, 1); /* that of its row */
+    assert_int_equal(cfg.array.camera[1].line, 1); /* the line of its row */
 }
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
@@ -339,7 +339,7 @@ static void single_faults_are_told(void **state)
         refuse(bad[i][0], bad[i][1]);
 }
 
-/* Also those of values that another file replaces, and of all files at once. */
+/* Also faults of values that another file replaces, and of all files at once. */
 static void all_faults_of_all_files_are_told(void **state)
 {
     (void)state;
@@ -392,7 +392,7 @@ static void retired_keys_are_warned_of(void **state)
     assert_null(strstr(said, "skip_ranges"));
 }
 
-/* sst capture must not stumble over what only the service reads. */
+/* sst capture must not stumble over sections that only the service reads. */
 static void the_array_alone_leaves_the_service_alone(void **state)
 {
     struct sst_array_config a;
@@ -427,7 +427,7 @@ static void expect_change(const struct sst_config_change *list, int n, const cha
     assert_string_equal(sst_reload_class_name(c->class_), class_);
 }
 
-/* What the page draws: over the zones of other files, and nothing else. */
+/* Zones drawn on the page: over the zones of other files, and no other key. */
 static void drawn_zones_replace_others(void **state)
 {
     struct sst_zone drawn = { .name = "lawn",
@@ -459,7 +459,7 @@ static void drawn_zones_replace_others(void **state)
     put("zones/zones.yaml", file);
     accept(text);
     assert_int_equal(cfg.zones, 0);
-    /* A try reads what it is given, and leaves the file alone. */
+    /* A try reads its text, and leaves the file alone. */
     other = cfg;
     assert_int_equal(sst_config_try_zones(&other, test_path("c.yaml"), "zones: [ { name: c } ]\n"), 0);
     assert_string_equal(other.zone[0].name, "c");

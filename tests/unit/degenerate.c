@@ -467,7 +467,7 @@ static void paint_post(struct field *f)
     }
 }
 
-/* The whole chain under each rounding mode: threads take over that of the one that starts them. */
+/* The whole chain under each rounding mode: a thread inherits the mode of its creator. */
 static void rounding(void **state SST_UNUSED)
 {
     static const int modes[] = { FE_TONEAREST, FE_DOWNWARD, FE_UPWARD, FE_TOWARDZERO };

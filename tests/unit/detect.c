@@ -26,7 +26,7 @@ static struct sst_board parsed(const char *text)
     return b;
 }
 
-/* Boards whose edges all are at multiples of dot_mm. */
+/* Boards with all edges at multiples of dot_mm. */
 static const struct {
     const char *text;
     double dot_mm, size_mm;

@@ -84,7 +84,7 @@ static void visible_in_the_neighbour(void **state SST_UNUSED)
 
     assert_int_equal(sst_eval_visible(&mask, &here, &right, 1, 0), 0);
     assert_memory_equal(mask.data, ((uint8_t[]){ 0, 255, 255, 0, 0, 255, 255, 255, 255, 0 }), 10);
-    /* In the view below everything moves out of the picture of one row; what is marked stays. */
+    /* In the view below everything moves out of the picture of one row; marked pixels stay. */
     assert_int_equal(sst_eval_visible(&mask, &here, &right, 0, 1), 0);
     assert_int_equal(mask.data[1], 255);
     assert_int_equal(mask.data[0], 0);
@@ -145,7 +145,7 @@ static void psnr(void **state SST_UNUSED)
     CLOSE(sst_psnr(&a, &b, NULL), 100, 0);
     assert_true(isnan(sst_psnr(&a, &b, &mask)));
     assert_true(isnan(sst_psnr(&a, &c, NULL)));
-    /* One sample of 24 off by 60: 10 log10(255^2 24 / 3600) = 26.3699 dB; in a mask of that and one other pixel of 6.
+    /* One sample of 24 off by 60: 10 log10(255^2 24 / 3600) = 26.3699 dB; in a mask of this pixel and another one of 6.
      */
     sst_image_row(&b, 1, 1)[2] = 160;
     CLOSE(sst_psnr(&a, &b, NULL), 10 * log10(65025.0 * 24 / 3600), 1e-12);

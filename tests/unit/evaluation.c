@@ -157,7 +157,7 @@ static void exact_maps_are_perfect(void **state SST_UNUSED)
     assert_true(r.occluder[0].render.ssim_occluded == again.occluder[0].render.ssim_occluded);
 }
 
-/* An HCSM of one view whose upper half is unlabeled: half covered, all of that right. */
+/* An HCSM of one view with an unlabeled upper half: half covered, all of it right. */
 static void label_stages_are_read(void **state SST_UNUSED)
 {
     struct sst_map_u8 map;

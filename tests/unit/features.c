@@ -50,7 +50,7 @@ static void bands_of_known_heights(void **state SST_UNUSED)
     band_is(750, -1, 0, 0, 0, 750);
     band_is(256, 4, 0, 0, 0, 256);
     band_is(1, 4, 0, 0, 0, 1);
-    band_is(750, 1024, 0, 0, 0, 750); /* the view is smaller than what a row depends on */
+    band_is(750, 1024, 0, 0, 0, 750); /* the view is smaller than the surroundings of a row */
 }
 
 static void bands_reach_far_enough(void **state SST_UNUSED)
@@ -126,7 +126,9 @@ static int8_t *whole_view(struct sst_network *net, const struct sst_map_u8 *luma
 
         in[i] = (float)((v - sum / (double)n) / (sqrt((double)n * squares - sum * sum) / (double)n));
     }
-    assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in, luma->width, luma->height, SST_FEATURE_ONE, out, NULL }), 0);
+    assert_int_equal(sst_network_run_s8(
+                         net, &(struct sst_network_bytes){ in, luma->width, luma->height, SST_FEATURE_ONE, out, NULL }),
+                     0);
     free(in);
     return out;
 }

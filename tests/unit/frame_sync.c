@@ -202,7 +202,7 @@ static void jumped_stamps_are_not_matched(void **state)
         begin(2, SST_FRAMESYNC_EDGE, 100 * MS, 8);
         for (int k = 0; k < 20; k++) {
             const int64_t at = (1000 + 100 * k) * MS, off = k >= 5 && k < 10 ? jump[way] : 0;
-            const bool back = way ? k == 5 : k == 10; /* what the driver sees: not after the frame before */
+            const bool back = way ? k == 5 : k == 10; /* as the driver sees it: not after the frame before */
             struct sst_frame *f = &t.frame[t.frames++];
 
             sst_framesync_trigger(t.sets, (uint64_t)k, at, false);
@@ -411,7 +411,7 @@ static void random_timelines(void **state)
     }
 }
 
-/* Frames that name their trigger, as those of other hosts do: their time stamps decide nothing. */
+/* Frames that name their trigger, like frames of other hosts: their time stamps decide nothing. */
 static void place(int cam, uint64_t index, int64_t now_ns)
 {
     struct sst_frame *f = &t.frame[t.frames++];
@@ -438,7 +438,7 @@ static void frames_that_name_their_trigger(void **state)
     assert_int_equal(t.seen[0].index, 5);
     assert_int_equal(t.seen[0].have, 3);
     assert_true(t.seen[0].t_ns == 1500 * MS);
-    place(0, 7, 1720 * MS); /* what is newer comes first: of 6 it has nothing any more */
+    place(0, 7, 1720 * MS); /* newer frames come first: of 6 it has nothing any more */
     place(1, 6, 1721 * MS);
     place(2, 6, 1722 * MS);
     assert_int_equal(t.n, 2);

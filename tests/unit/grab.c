@@ -1,4 +1,4 @@
-/* drivers/grab without devices: what a frame's bytes show, which device is which camera, names of controls. */
+/* Grabbing without devices: faults in a frame's bytes, assignment of devices to cameras, names of controls. */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <stdio.h>
@@ -88,7 +88,7 @@ static void jpeg_cut_anywhere_is_damaged(void **state SST_UNUSED)
     assert_int_equal(check_jpeg(tiny, 12), SST_FRAME_NO_EOI);
 }
 
-/* A camera's Huffman tables may be left out (UVC); what an encoder writes passes, progressive too. */
+/* A camera's Huffman tables may be left out (UVC); an encoder's files pass, progressive ones too. */
 static void jpeg_of_an_encoder_passes(void **state SST_UNUSED)
 {
     uint8_t rgb[48 * 64 * 3];
@@ -214,8 +214,8 @@ static void jpegs_of_another_size_are_measured(void **state SST_UNUSED)
 
 #define SECOND INT64_C(1000000000)
 
-/* A camera of 30 Hz whose clock is off_ns off and whose frames are dequeued wait_ns late.
- * @return number of frames out of `frames` whose stamp was found wrong */
+/* A camera of 30 Hz with a clock that is off by off_ns and frames that are dequeued wait_ns late.
+ * @return number of frames out of `frames` with a stamp that was found wrong */
 static int run_clock(struct stamp_clock *c, int64_t *now_ns, int frames, int64_t off_ns, double drift, int64_t wait_ns)
 {
     int wrong = 0;
@@ -240,7 +240,7 @@ static void clock_begin(struct stamp_clock *c, int64_t *now_ns, int right)
     assert_int_equal(run_clock(c, now_ns, right, 0, 0, 0), 0);
 }
 
-/* A stamp that cannot be costs its frame, and neither those that follow nor the trust in the clock. */
+/* An impossible stamp costs its frame, but neither later frames nor the trust in the clock. */
 static void single_wrong_stamps_cost_their_frames(void **state SST_UNUSED)
 {
     static const int64_t off_ns[] = { 3600 * SECOND, -140459 * SECOND, 2 * SECOND, -2 * SECOND, 60 * SECOND };
@@ -390,7 +390,7 @@ static void odd_identities_are_named(void **state SST_UNUSED)
     check_match("C", "1-3", n, 3, -ENODEV, "has serial B", NULL);
 }
 
-/* Nodes of one device: the binding chooses by number among those that capture. */
+/* Nodes of one device: the binding chooses by number among the capturing ones. */
 static void a_node_of_several_is_chosen(void **state SST_UNUSED)
 {
     const struct grab_node n[] = { node(0, "A", "1-1", 1), node(1, "A", "1-1", 0), node(2, "A", "1-1", 1),

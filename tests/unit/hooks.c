@@ -1,4 +1,4 @@
-/* Hooks: what a program is given, that no shell sees it, limits of time and number, and stopping. */
+/* Hooks: arguments of a program, which no shell sees, limits of time and number, and stopping. */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>
@@ -153,7 +153,7 @@ static void what_is_no_event_makes_no_environment(void **state)
     assert_null(hook_env("{\"type\": \"x\"}"));
 }
 
-/* The process whose number is in this file is gone, or waits for init to reap it. */
+/* The process with the number in this file is gone, or waits for init to reap it. */
 static void expect_gone(const char *name)
 {
     char path[64], state_of = 'R';

@@ -1,4 +1,4 @@
-/* Who may what: every route of the table for everybody who might come, and what a request must bear. */
+/* Access rights: every route of the table for every kind of client, and the headers that a request must bear. */
 #include "tests/http_fake.h"
 
 #include "daemon/publish/publish_internal.h"
@@ -53,10 +53,10 @@ static void every_route_for_everybody(void **state)
         const struct sst_route *r = &routes[i];
         const bool public = r->role == SST_ROLE_ANYONE;
         const bool post = !strcmp(r->method, "POST");
-        const int fine = post && public                        ? 303
-                         : !strcmp(r->path, "/api/v1/logout")  ? 409 /* a token has no session */
+        const int fine = post && public                          ? 303
+                         : !strcmp(r->path, "/api/v1/logout")    ? 409 /* a token has no session */
                          : strstr(r->path, "/sessions/") != NULL ? 400 /* `end` lacks */
-                                                               : 200;
+                                                                 : 200;
 
         print_message("%s %s\n", r->method, r->path);
         assert_int_equal(ask_route(r, ""), public ? fine : 401);
@@ -170,7 +170,7 @@ static void restart(void)
     read_word(in_folder("token"), control);
 }
 
-/* Who has logged in is listed, lasts over a restart, and is ended: by itself, by one who controls, by another token. */
+/* Sessions are listed, survive a restart, and are ended: by themselves, by a controlling client, by another token. */
 static void sessions_are_listed_and_ended(void **state)
 {
     char guard[80], boss[80], first[80], path[64], name[16];
@@ -183,7 +183,7 @@ static void sessions_are_listed_and_ended(void **state)
     assert_non_null(strstr(answer, "\"agent\":\"Browser/1 <b>\""));
     assert_non_null(strstr(answer, "\"address\":\"127.0.0.1\""));
     assert_non_null(strstr(answer, "\"own\":true"));
-    assert_null(strstr(answer, "\"role\":\"control\"")); /* of others only who controls hears */
+    assert_null(strstr(answer, "\"role\":\"control\"")); /* only a controlling client is told of other sessions */
     snprintf(name, sizeof(name), "%.12s", strstr(answer, "\"session\":\"") + 11);
     snprintf(path, sizeof(path), "/api/v1/sessions/%s", name);
     assert_int_equal(ask("POST", path, with(session(guard), JSON), "{\"end\":true}"), 403);
@@ -213,7 +213,7 @@ static void sessions_are_listed_and_ended(void **state)
     assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
     log_in(boss, control);
     log_in(first, view);
-    for (int i = 0; i < 140; i++) /* more than there is room for: the oldest of that role end */
+    for (int i = 0; i < 140; i++) /* more than there is room for: the oldest of this role end */
         log_in(guard, view);
     assert_int_equal(ask("GET", "/api/v1/status", session(first), NULL), 401);
     assert_int_equal(ask("GET", "/api/v1/status", session(guard), NULL), 200);
@@ -231,7 +231,7 @@ static int lasting(struct http_sessions *s, char secret[][HTTP_SECRET + 1], int 
     return valid;
 }
 
-/* Who logs in often ends sessions of the own role, first those of the own address. */
+/* Frequent log-ins end sessions of the same role, first the ones of the same address. */
 static void logins_end_only_their_like(void **state)
 {
     static char boss[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1], guard[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1];
@@ -407,7 +407,7 @@ static void bodies(void **state)
     memcpy(big, "{}", 2);
     assert_int_equal(ask("POST", "/api/v1/reload", with(bearer(control), JSON), big), 200);
     free(big);
-    /* in pieces, whose sum nobody told */
+    /* in pieces without a stated sum */
     fd = connect_tcp();
     snprintf(chunk, sizeof(chunk),
              "POST /api/v1/reload HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"

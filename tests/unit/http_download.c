@@ -1,4 +1,4 @@
-/* What is kept, over HTTP: whole, in parts, and never a half as if it were whole. */
+/* Downloads of stored data over HTTP: whole, in parts, and never a half as if it were whole. */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 
@@ -83,7 +83,7 @@ static const char *header(const char *name)
     return out;
 }
 
-/* Bytes of the answer's body that are those of the file from `first` on. */
+/* Bytes of the answer's body that equal the file from `first` on. */
 static int64_t body(int64_t first)
 {
     const char *at = strstr(answer, "\r\n\r\n");
@@ -130,7 +130,7 @@ static void parts_are_parts_of_the_whole(void **state)
     assert_int_equal(get("GET", "picture.jpg", "If-None-Match: \"00000000000000aa\"\r\n"), 304);
     assert_int_equal(get("GET", "picture.jpg", "If-None-Match: \"00000000000000aa\"\r\nRange: bytes=0-1\r\n"), 304);
 
-    /* From the middle of one that is larger than what is under way at a time. */
+    /* From the middle of a file that is larger than the buffers. */
     assert_int_equal(get("GET", "big.mkv", "Range: bytes=2900000-2999999\r\n"), 206);
     assert_int_equal(body(2900000), 100000);
     assert_string_equal(header("\r\nContent-Range: "), "bytes 2900000-2999999/3000000");
@@ -170,7 +170,7 @@ static void a_half_file_is_never_a_whole_one(void **state)
     assert_int_equal(get("GET", "full.mkv", ""), 507);
     assert_non_null(strstr(answer, "no room to make full.mkv"));
     assert_int_equal(get("GET", "nothing.tar", "Range: bytes=0-1\r\n"), 404);
-    /* The rules of access are those of everything else. */
+    /* The rules of access are the usual ones. */
     assert_int_equal(ask("GET", "/api/v1/download/picture.jpg", "Range: bytes=0-1\r\n", NULL), 401);
     assert_int_equal(ask("POST", "/api/v1/delete", with(bearer(view), JSON), "{\"name\":\"x\"}"), 403);
     assert_int_equal(ask("POST", "/api/v1/delete", with(bearer(control), JSON), "{\"name\":\"x\"}"), 200);

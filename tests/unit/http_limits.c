@@ -1,4 +1,4 @@
-/* What clients may use up: silence, trickles, floods, garbage; and nothing of it is left afterwards. */
+/* Limits of clients: silence, trickles, floods, garbage; no resource stays in use afterwards. */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 #include "tests/random.h"
@@ -191,7 +191,8 @@ static void garbage(void **state)
         close(fd);
     }
     assert_int_equal(ask("GET", "/healthz", "", NULL), 200);
-    assert_in_range(api_calls, 1, 2); /* of two that were asked rightly, before the garbage and now, if the first answer is old */
+    assert_in_range(api_calls, 1,
+                    2); /* of two that were asked rightly, before the garbage and now, if the first answer is old */
 }
 
 /* Send bytes on a connection of their own. @return status of the first answer; *more: there is another one */
@@ -208,7 +209,7 @@ static int exchange(const char *bytes, size_t size, bool *more)
     return sscanf(answer, "HTTP/1.%*d %d", &status) == 1 ? status : 0;
 }
 
-/* What another program might delimit otherwise is refused, and nothing after it is read as a request. */
+/* A message that another program might delimit otherwise is refused, and nothing after it is read as a request. */
 static void unclear_requests_end(void **state)
 {
     static const char next[] = "GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n";
@@ -242,13 +243,15 @@ static void unclear_requests_end(void **state)
         if (exchange(text, (size_t)n, &more) != 400 || more)
             fail_msg("%s, %s: %s", requests[i].line, requests[i].headers, answer);
     }
-    /* What is clear is not concerned. */
-    n = snprintf(text, sizeof(text), "GET /healthz?a=%%20b&c HTTP/1.1\r\nHost: localhost\r\nX-Any: a\tb\r\nX-Any: c\r\n\r\n%s", next);
+    /* Unambiguous messages are not concerned. */
+    n = snprintf(text, sizeof(text),
+                 "GET /healthz?a=%%20b&c HTTP/1.1\r\nHost: localhost\r\nX-Any: a\tb\r\nX-Any: c\r\n\r\n%s", next);
     assert_int_equal(exchange(text, (size_t)n, &more), 200);
     assert_true(more);
     n = snprintf(text, sizeof(text),
                  "POST /api/v1/reload HTTP/1.1\r\nHost: localhost\r\n%s%sTransfer-Encoding: chunked\r\n\r\n"
-                 "2\r\n{}\r\n0\r\n\r\n%s", bearer(control), JSON, next);
+                 "2\r\n{}\r\n0\r\n\r\n%s",
+                 bearer(control), JSON, next);
     assert_int_equal(exchange(text, (size_t)n, &more), 200);
     assert_true(more);
 }
@@ -281,7 +284,7 @@ static void nothing_is_left(void **state)
         if (fd >= 0)
             close(fd);
     }
-    /* those that still wait to be accepted are before us in the queue; then they go */
+    /* connections that still wait to be accepted are before us in the queue; then they go */
     for (int i = 0; i < 1000 && ask("GET", "/healthz", "", NULL) != 200; i++)
         sleep_ms(10);
     assert_int_equal(wait_clients(0), 0);

@@ -1,4 +1,4 @@
-/* Opening: what is refused and how it is said, sockets that are in use or left over, tokens, TLS. */
+/* Opening: refusals and their messages, sockets that are in use or left over, tokens, TLS. */
 #include "tests/http_fake.h"
 
 #include <sys/resource.h>
@@ -55,7 +55,7 @@ static void port_in_use_for_a_while(void **state)
 
     (void)state;
     cfg.socket = NULL;
-    /* Below those that the kernel gives away: nobody listens there for a while. */
+    /* Below the ports that the kernel gives away: nobody listens there for a while. */
     for (cfg.port = 20000 + (int)getpid() % 10000; open_quietly(&cfg); cfg.port++)
         assert_true(strstr(said, "in use") || strstr(said, "listens there"));
     first = server;
@@ -111,7 +111,7 @@ static void socket_in_use(void **state)
     assert_int_equal(ask_on(connect_local(in_folder("control.sock")), "GET", "/api/v1/status", "", NULL), 200);
 }
 
-/* What a service that was killed left is replaced; what is no socket stays. */
+/* The socket of a killed service is replaced; a file that is no socket stays. */
 static void left_over_socket(void **state)
 {
     const struct sst_http_config cfg = config();
@@ -152,7 +152,7 @@ static void given_socket(void **state)
     assert_int_equal(ask_on(connect_local(in_folder("control.sock")), "GET", "/api/v1/status", "", NULL), 200);
     sst_http_close(server);
     server = NULL;
-    assert_int_equal(access(at.sun_path, F_OK), 0); /* whose it is, removes it */
+    assert_int_equal(access(at.sun_path, F_OK), 0); /* its owner removes it */
 }
 
 static void addresses(void **state)

@@ -170,7 +170,7 @@ static void certificate_is_renewed(void **state)
     sst_events_emit(fake.events, SST_EVENT_INFO, "start", NULL, "afterwards");
     expect_line(f, "afterwards");
 
-    /* One that is to hold for ever: to the end of what nanoseconds count. */
+    /* A certificate that is to hold for ever: to the end of the range of nanoseconds. */
     make_pair("long", "Long", 2900000);
     install("long");
     assert_int_equal(sst_http_renew(server, cert, key, false, &then), 1);
@@ -205,7 +205,7 @@ static void certificate_is_noticed(void **state)
     assert_null(last_event("certificate"));
     install("two");
     http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
-    expect_organisation("First"); /* who knows whether it is all there */
+    expect_organisation("First"); /* it may be incomplete */
     http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     expect_organisation("Second");
     expect_event("renewed", "holds until");

@@ -1,4 +1,4 @@
-/* Pictures and events over HTTP: each viewer gets what he has time for, and nobody waits for another. */
+/* Pictures and events over HTTP: each viewer gets as many as it has time for, and no viewer waits for another. */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 
@@ -214,7 +214,7 @@ static void skipped_pictures_are_counted(void **state)
     assert_int_equal(fake_counters.skipped + (uint64_t)got, 60 - first + 1);
 }
 
-/* A hundred pictures a second to one who wants ten of them. @return how many he missed because he was slow */
+/* A hundred pictures a second to a viewer that wants ten of them. @return number missed because it was slow */
 static uint64_t watch_at_10_hz(void)
 {
     struct sst_http_config cfg = config();
@@ -431,7 +431,8 @@ static int make_impatient_server(void **state)
     return 0;
 }
 
-/* How long the service makes a client wait is not the client's silence: who waited gets what comes then. */
+/* The time for which the service makes a client wait is not the client's silence: it gets the next events afterwards.
+ */
 static void who_waits_is_served(void **state)
 {
     char type[100];
@@ -452,7 +453,7 @@ static void who_waits_is_served(void **state)
     fclose(f);
     fclose(again);
     fake_plays = false;
-    wait_viewers(0); /* who has gone is noticed, also while nothing is sent */
+    wait_viewers(0); /* a closed connection is noticed, also while nothing is sent */
 }
 
 int main(void)

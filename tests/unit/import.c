@@ -1,4 +1,4 @@
-/* pipeline/lightfield: import and export, each conversion with a known answer, and what is refused. */
+/* Import and export of light fields: each conversion with a known answer, and refusals. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -33,7 +33,7 @@ static const char *in_dir(const char *name)
     return path[next];
 }
 
-/* An image whose red is `tag` everywhere: tells which file a view came from. */
+/* An image with red `tag` everywhere: identifies the file of a view. */
 static void put_image(const char *name, int tag, int width, int height)
 {
     struct sst_image img;
@@ -198,9 +198,10 @@ static void hci_window_keeps_its_truth(void **state SST_UNUSED)
 /* Every second camera of 4x4: a spacing is two of HCI's, so disparities double. */
 static void hci_parameters_are_converted(void **state SST_UNUSED)
 {
-    static const char params[] = "[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 40\n[extrinsics]\n"
-                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\nfocus_distance_m = 2\n[meta]\ndisp_min = -1\n"
-                                 "disp_max = 2.5\n";
+    static const char params[] =
+        "[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 40\n[extrinsics]\n"
+        "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\nfocus_distance_m = 2\n[meta]\ndisp_min = -1\n"
+        "disp_max = 2.5\n";
     static const int index[] = { 0, 2, 8, 10 };
     struct sst_import_config cfg = config("hci", "src");
     struct sst_lightfield lf;
@@ -401,7 +402,7 @@ static void folder_refuses(void **state SST_UNUSED)
     assert_int_equal(sst_import(&cfg), -EINVAL);
 }
 
-/* What cameras and photo programs leave beside pictures; raw files never mix with pictures. */
+/* Files that cameras and photo programs leave beside pictures; raw files never mix with pictures. */
 static void folder_of_a_camera_is_read(void **state SST_UNUSED)
 {
     static const char *const beside[] = { "src/00_00.xmp",     "src/00_00.JSON",    "src/00_01.THM", "src/07_00.txt",
@@ -586,7 +587,7 @@ static void export_refuses(void **state SST_UNUSED)
     assert_int_equal(export_to("hci", in_dir("lf"), in_dir("lf"), true, 1), -EINVAL);
     assert_int_equal(export_to("hci", in_dir("lf"), in_dir("src"), false, 1), -EEXIST);
     assert_int_equal(export_to("hci", in_dir("lf"), in_dir("none/x"), false, 1), -EIO);
-    put_image("lf/views/00_01.png", 99, WIDTH, HEIGHT); /* no longer what its hash says */
+    put_image("lf/views/00_01.png", 99, WIDTH, HEIGHT); /* no longer the bytes of its hash */
     assert_int_equal(export_to("stanford", in_dir("lf"), in_dir("x"), false, 1), -EBADMSG);
     assert_false(sst_path_exists(in_dir("x")));
     sst_lightfield_fini(&lf);

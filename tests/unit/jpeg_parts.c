@@ -20,7 +20,7 @@
 
 #define WIDTH  320
 #define HEIGHT 200 /* the last row of blocks is no whole one */
-#define SIDE   48  /* of what moves */
+#define SIDE   48  /* of moving pixels */
 #define TOP    64
 
 struct jpeg {
@@ -226,7 +226,7 @@ static void sizes_are_checked_before_memory_is_taken(void **state)
     assert_int_equal(sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ bytes_of(base), bytes_of(whole), WIDTH, HEIGHT }, 1,
                                         &joint, &unused, NULL),
                      -EINVAL);
-    claim(whole.data, whole.bytes, 4000); /* below what the size of a file is compared with */
+    claim(whole.data, whole.bytes, 4000); /* below the size that a file is compared with */
     assert_int_equal(
         sst_raw_decode(&img, &(struct sst_raw){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, 0, whole.data, whole.bytes }),
         -EBADMSG);

@@ -1,4 +1,4 @@
-/* Huffman tables that a JPEG leaves out: those of annex K.3 are put in, and nothing else is touched. */
+/* Huffman tables that a JPEG leaves out: the tables of annex K.3 are put in, and no other byte is touched. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -8,7 +8,7 @@
 #define WIDTH  96
 #define HEIGHT 64
 #define GAPS   200  /* width of the view with gaps: more than twice the reach */
-#define FAR    6400 /* 1/64 px: no view shows what another one has there */
+#define FAR    6400 /* 1/64 px: no view shows a surface of another one there */
 
 /* Views of a grey wall of disparity 0. */
 static void wall(struct sst_lightfield *lf, int side, int width, int height)
@@ -64,7 +64,7 @@ static void test_least(void **state SST_UNUSED)
     cover = choose(&lf, 1, carried);
     assert_int_equal(cover.labelled, 1); /* shows all */
     assert_true(cover.shown == 1 && !carried[lf.ref_view]);
-    cover = choose(&lf, 5, carried); /* those far from each other */
+    cover = choose(&lf, 5, carried); /* views far from each other */
     assert_int_equal(cover.labelled, 5);
     assert_false(carried[lf.ref_view] || carried[0] || carried[5] || carried[30] || carried[35]);
     assert_int_equal(choose(&lf, 36, carried).labelled, 12);
@@ -180,8 +180,8 @@ static void test_gaps(void **state SST_UNUSED)
     v = &lf.views[0];
     set(v, 0, 2, 1, 130, 0);   /* in the row, another colour, the disparity of the gap */
     set(v, 12, 1, 2, 101, 64); /* on the diagonal of (13, 2) */
-    set(v, 8, 4, 3, 110, 0);   /* on that of (10, 2) */
-    set(v, 13, 0, 4, 101, 40); /* above it, likewise, at the nearer disparity */
+    set(v, 8, 4, 3, 110, 0);   /* on the label of (10, 2) */
+    set(v, 13, 0, 4, 101, 40); /* above it, by the same vote, at the nearer disparity */
     set(v, GAPS - 1, 2, 5, 130, 200);
     assert_int_equal(sst_map_u8_init(&v->valid, GAPS, 5), 0);
     for (int y = 0; y < 5; y++)

@@ -115,7 +115,7 @@ static void rotations_come_back(void **state SST_UNUSED)
     }
 }
 
-/* Quarter turns about z and about x: what a then b's back does to the axes. */
+/* Quarter turns about z and about x: effect on the axes of a, then of b's inverse. */
 static void turns_are_told_apart(void **state SST_UNUSED)
 {
     const double about_z[9] = { 0, -1, 0, 1, 0, 0, 0, 0, 1 }, about_x[9] = { 1, 0, 0, 0, 0, -1, 0, 1, 0 };

@@ -112,7 +112,7 @@ static void shoot_all(struct shoot *s)
     }
 }
 
-/* Light that the camera takes at a place: what was found, and the truth. */
+/* Light that the camera takes at a place: the measured one, and the truth. */
 static double found_at(const struct shoot *s, int cam, int colour, double x, double y)
 {
     const struct sst_calib_camera *c = &s->calib.camera[cam];
@@ -218,7 +218,7 @@ static void light_of_a_chessboard(void **state SST_UNUSED)
     check_board("{kind: chessboard, squares: [9, 7], square_mm: 50, poses: 8}", 0.005, 0.02);
 }
 
-/* Rims are thin: 30 samples of each camera leave the corners to what is usual. */
+/* Rims are thin: 30 samples of each camera leave the corners to the usual fall-off. */
 static void light_of_a_charuco_board(void **state SST_UNUSED)
 {
     check_board("{kind: charuco, squares: [6, 5], square_mm: 85, poses: 8}", 0.005, 0.06);

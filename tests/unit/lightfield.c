@@ -157,7 +157,7 @@ static void a_folder_gives_back_what_was_written(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* Where infinity and the principal point are; what was written before these were known loads as unknown. */
+/* Places of infinity and of the principal point; files from before these keys load as unknown. */
 static void geometry_comes_back(void **state SST_UNUSED)
 {
     static const double infinity[] = { 0, 0, -7.25, 3 };
@@ -196,12 +196,12 @@ static void maps_are_replaced_whole_or_not(void **state SST_UNUSED)
     assert_int_equal(sst_lightfield_save_maps(&lf, test_path("maps"), 2), 0);
     assert_int_equal(sst_lightfield_load(&back, test_path("maps"), SST_LOAD_ALL, 2), 0);
     assert_string_equal(back.files->history, "second");
-    assert_non_null(back.views[1].label.data); /* no labels in memory: those in the folder stay */
+    assert_non_null(back.views[1].label.data); /* no labels in memory: the ones in the folder stay */
     assert_null(back.views[0].disp.data);
     assert_int_equal(sst_map_u16_row(&back.views[2].disp, 0)[0], 4711);
     assert_non_null(back.views[4].confidence.data);
     sst_lightfield_fini(&back);
-    /* What cannot be written leaves the old state. */
+    /* A failed write leaves the old state. */
     sst_map_u16_row(&lf.views[2].disp, 0)[0] = 1;
     assert_int_equal(sst_map_u8_init(&lf.views[1].label, 4, 4), 0);
     assert_int_equal(sst_lightfield_save_maps(&lf, test_path("maps"), 2), -EINVAL);

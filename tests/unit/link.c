@@ -18,7 +18,7 @@ static void open_nodes(struct node *left, struct node *right)
     UNTIL(both_heard(left, right));
 }
 
-/* The end of a test: what arrived was what was sent. @param report  out, of the head; may be NULL */
+/* The end of a test: all that was sent has arrived. @param report  out, of the head; may be NULL */
 static void close_both(struct node *left, struct node *right, struct sst_capture_report *report)
 {
     close_node(left);
@@ -56,7 +56,7 @@ static void sets_of_two_nodes_become_one(void **state_ SST_UNUSED)
     assert_int_equal(report.sets.bucket[SST_BUCKET_SET], 123);
 }
 
-/* What was sent and not confirmed when a connection ends is told apart when it is back: the sums of both sides agree.
+/* Unconfirmed sets at the end of a connection are accounted for when it is back: the sums of both sides agree.
  */
 static void a_head_that_is_away_costs_a_gap_that_is_counted(void **state_ SST_UNUSED)
 {

@@ -152,7 +152,7 @@ static void sets_come_in_their_order(void **unused SST_UNUSED)
     expect(&two, false, 2);
     expect(&three, false, 2);
     expect_none(3);
-    /* What comes of them now is spare, and an answer to nobody. */
+    /* Later pieces of them are spare, and answered to nobody. */
     send_pieces(&one, 0, 9, 4);
     assert_int_equal(repair(&two, NULL, 1, 4), 0);
     expect_none(5);
@@ -234,7 +234,8 @@ static void what_does_not_come_in_time_is_missed(void **unused SST_UNUSED)
     free(four.pieces);
 }
 
-/* Of another connection, too far ahead, of another shape, twice: refused or spare; the set is what the node sent. */
+/* Of another connection, too far ahead, of another shape, twice: refused or spare; the set equals the one that the node
+ * sent. */
 static void pieces_that_do_not_fit_are_refused(void **unused SST_UNUSED)
 {
     struct message one = make(1, 20000), other = make(1, 20001), far = make(1 + LINK_INBOX_SETS, 700),
@@ -270,7 +271,7 @@ static void hostile_messages_do_no_harm(void **unused SST_UNUSED)
 
         for (int i = 0; i < m.shape.all; i++, now_ns += 1000) {
             const size_t bytes = next_random(SST_PIECE_HEAD + SST_PIECE_BYTES + 20);
-            uint8_t *noise = malloc(bytes ? bytes : 1); /* what is read behind its end is seen by the sanitizer */
+            uint8_t *noise = malloc(bytes ? bytes : 1); /* the sanitizer sees reads behind its end */
             struct sst_piece piece = { next_random(8) ? SESSION : 0, seq + LINK_INBOX_SETS + next_random(100),
                                        next_random(100000),          (int)next_random(100),
                                        (int)next_random(50),         NULL };
@@ -296,7 +297,7 @@ static void hostile_messages_do_no_harm(void **unused SST_UNUSED)
     assert_true(refused > 1000);
 }
 
-/* A set whose frames or times no node has. @return as wire_get_set() */
+/* A set with frames or times that no node has. @return as wire_get_set() */
 static int read_set(const struct wire_set *set, const struct wire_frame *frame, size_t bytes)
 {
     const size_t size = WIRE_SET_BYTES + WIRE_FRAME_BYTES + bytes;

@@ -12,7 +12,7 @@
 #define PERIOD  (100 * MS)
 #define SOURCES 4
 
-/* A host: what it counts of the edges 0, 1, 2 ... that come at PERIOD, and its clocks. */
+/* A host: its count of the edges 0, 1, 2 ... that come at PERIOD, and its clocks. */
 struct host {
     int64_t mono_ns, wall_ns; /* ahead of ours */
     double drift;             /* of its monotonic clock */
@@ -257,7 +257,7 @@ static void a_host_that_comes_back_goes_on_or_is_named_again(void **state SST_UN
     end();
 }
 
-/* Hosts that miss edges, bounce, restart, are cut off, and whose reports are late in any order and lost. */
+/* Hosts that miss edges, bounce, restart and are cut off, with reports that are late in any order or lost. */
 static void random_course(uint64_t seed)
 {
     uint64_t rng = seed;
@@ -315,7 +315,7 @@ static void no_set_is_mixed_whatever_happens(void **state SST_UNUSED)
         random_course(seed);
 }
 
-/* Numbers and times at the ends of what a message can hold, from hosts that join again and again. */
+/* Numbers and times at the ends of a message's range, from hosts that join again and again. */
 static void no_number_of_a_host_overflows(void **state SST_UNUSED)
 {
     static const int64_t ends[] = { 0, 1, INT64_MAX / 8, INT64_MAX / 8 - 1, 5000 * MS, INT64_MAX / 16 };

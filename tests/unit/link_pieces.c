@@ -94,7 +94,7 @@ static void parity_is_that_of_the_formula(void **unused SST_UNUSED)
     free(pieces);
 }
 
-/* As many pieces as parity has, of each block, are lost at random; what is left comes in any order, some twice. */
+/* As many pieces as parity has, of each block, are lost at random; the others come in any order, some twice. */
 static void what_suffices_restores(void **unused SST_UNUSED)
 {
     struct sst_pieces p = { 0 };
@@ -114,7 +114,7 @@ static void what_suffices_restores(void **unused SST_UNUSED)
             order[o] = swap;
         }
         assert_int_equal(sst_pieces_begin(&p, &s), 0);
-        memset(p.buffer, 0xee, p.room); /* what was there before is not used */
+        memset(p.buffer, 0xee, p.room); /* earlier contents are not used */
         for (int i = 0; i < s.all && !sst_pieces_complete(&p); i++) {
             came += sst_pieces_add(&p, order[i], pieces + (size_t)order[i] * s.piece);
             assert_false(sst_pieces_add(&p, order[i], pieces));
@@ -212,7 +212,7 @@ static void hostile_datagrams_are_refused_or_harmless(void **unused SST_UNUSED)
         sst_piece_put(head, &piece);
         for (unsigned i = next_random(4); i; i--)
             head[next_random(SST_PIECE_HEAD)] = (uint8_t)next_random(256);
-        bytes = malloc(size ? size : 1); /* what is read behind its end is seen by the sanitizer */
+        bytes = malloc(size ? size : 1); /* the sanitizer sees reads behind its end */
         assert_non_null(bytes);
         memset(bytes, 0xa5, size);
         memcpy(bytes, head, size < sizeof(head) ? size : sizeof(head));

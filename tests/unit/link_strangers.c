@@ -1,4 +1,4 @@
-/* capture/link: what others do at a head's port, and refusals; nodes of the array are served meanwhile. */
+/* Strangers at a head's port, and refusals; nodes of the array are served meanwhile. */
 #include <errno.h>
 #include <stdatomic.h>
 
@@ -231,7 +231,7 @@ static int nodes_served(struct link_credentials *credentials)
     return served;
 }
 
-/* --- what is logged --- */
+/* --- log ---------------------------------------------------------------------------------------------------------- */
 
 static FILE *said;
 static int shown;
@@ -290,7 +290,7 @@ static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
     for (int manner = SILENT; manner < MANNERS; manner++)
         if (served[manner] < 2 * (LINK_NODES - 1))
             fail_msg("manner %d: %d of %d were served", manner, served[manner], 3 * (LINK_NODES - 1));
-    if (lines > 120) /* one for each of 17 addresses, and what was left out; so in each minute */
+    if (lines > 120) /* one for each of 17 addresses, and the number left out; so in each minute */
         fail_msg("%d lines", lines);
     link_credentials_destroy(crowd.credentials);
     link_credentials_destroy(right);
@@ -298,7 +298,7 @@ static void strangers_keep_nobody_out(void **state_ SST_UNUSED)
 
 #if WITH_ISAL
 
-/* Handshakes for datagrams from strangers who pass the cookie: finished ones, and ones that stop in the middle. */
+/* Handshakes for datagrams from strangers that pass the cookie: finished ones, and ones that stop in the middle. */
 static void handshakes_of_strangers_keep_nobody_out(void **state_ SST_UNUSED)
 {
     struct link_credentials *stranger = credentials_of("stranger");

@@ -76,7 +76,7 @@ static int all_tiles(const struct bench *b)
     return b->s.changes.cols * b->s.changes.rows;
 }
 
-/* What some pixels of a cell show is the same as before, or has changed: in the first and last votes of the cell. */
+/* Some pixels of a cell are unchanged, or changed: in the first and last votes of the cell. */
 static void vote(struct bench *b, int at, int same, int changed)
 {
     struct picture_votes *v = b->memory.level[LEVEL] + at / COLS * b->memory.cols[LEVEL] + at % COLS * VOTES;
@@ -118,7 +118,7 @@ static void cells_begin_as_all_others(void **state)
     close_bench(&b);
 }
 
-/* A cell whose picture has changed, and those around it, are rendered as often as any until they stay again. */
+/* A changed cell and its neighbours are rendered as often as any until they stay again. */
 static void what_changes_wakes_its_neighbours(void **state)
 {
     const int at = 5 * COLS + 2;
@@ -184,7 +184,7 @@ static void exact_pictures_show_all(void **state)
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
 
-/* Time for which a pixel is remembered whose rays change all the time, and which is not seen. */
+/* Time for which an unseen pixel with always changing rays is remembered. */
 static int remembered_ms(struct bench *b, int at)
 {
     const struct sst_live *live = b->s.live;

@@ -118,7 +118,7 @@ static void threads_do_not_matter(void **state SST_UNUSED)
     sst_image_fini(&first);
 }
 
-/* --- what is kept from the last picture --------------------------------------------------------------------------- */
+/* --- parts kept from the last picture ----------------------------------------------------------------------------- */
 
 /* A view of a textured wall, of a box that moves before it, and of a lamp in a corner that is switched on and off. */
 static void draw_view(struct sst_lightfield *lf, struct sst_view *v, int t)
@@ -195,7 +195,7 @@ static double move_on(struct shown *s, int t)
     return (double)changed / (lf->rows * lf->cols * tiles);
 }
 
-/* Two pictures of one light field: one that keeps what did not change, one that computes everything. */
+/* Two pictures of one light field: one that keeps unchanged parts, one that computes everything. */
 struct both {
     struct sst_livepicture *kept, *exact;
     struct sst_renderer *other; /* of the exact one */
@@ -533,7 +533,7 @@ static void a_click_goes_through_what_the_cut_removes(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* What has gone is forgotten after two seconds; their number is bounded. */
+/* Vanished objects are forgotten after two seconds; their number is bounded. */
 static void objects_are_bounded(void **state SST_UNUSED)
 {
     struct picture_objects o;
@@ -618,7 +618,7 @@ static void the_cut_stays_when_the_walker_has_left(void **state SST_UNUSED)
         if (isnan(cut))
             cut = sst_live_cut(s.live);
         else
-            assert_true(sst_live_cut(s.live) >= cut); /* it never cuts off what does not stand in front */
+            assert_true(sst_live_cut(s.live) >= cut); /* it never cuts off surfaces that do not stand in front */
     }
     assert_false(isnan(cut));
     assert_true(sst_live_histogram(s.live, &min_px, &max_px, share));

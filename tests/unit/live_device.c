@@ -132,7 +132,7 @@ static void all_sets_have_the_cpus_picture(void **state SST_UNUSED)
     }
 }
 
-/* Only what changed is uploaded. */
+/* Only changed tiles are uploaded. */
 static void rows_that_changed_are_uploaded(void **state SST_UNUSED)
 {
     const struct sst_render_config cfg = settings(0); /* a larger table of labels would come first again */

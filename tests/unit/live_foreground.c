@@ -1,4 +1,4 @@
-/* pipeline/live/things: labels of what moves before a wall, by what a network says of a part of its cells. */
+/* Foreground: labels of moving objects before a wall, by the network's votes in a part of their cells. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,7 +11,7 @@
 #define WIDTH  (COLS * SST_SCENE_CELLS)
 #define HEIGHT (ROWS * SST_SCENE_CELLS)
 #define WALL   (4 * 64)  /* disparities, 1/64 px */
-#define NEAR   (12 * 64) /* of what moves */
+#define NEAR   (12 * 64) /* of moving objects */
 #define HOUSE  SST_LABEL_BUILDING
 #define SIDE   30
 
@@ -97,13 +97,13 @@ static void a_thing_takes_the_label_of_most_votes(void **state SST_UNUSED)
     assert_int_equal(right, SIDE * SIDE);
     assert_int_equal(wrong, 0);
     assert_true(b.c.mask[NEAR >> SST_SCENE_COLUMN_SHIFT] >> (SST_LABEL_PEDESTRIAN - 1) & 1);
-    /* It moves on: one vote in seven against a car's in three does not change what it was. */
+    /* It moves on: one vote in seven against a car's in three does not change its label. */
     draw(&b, 50, SIDE, 7);
     label(&b, true);
     count(&b, 50, SIDE, SST_LABEL_PEDESTRIAN, &right, &wrong);
     assert_int_equal(right, SIDE * SIDE);
     assert_int_equal(wrong, 0);
-    /* Nor does a set in which the network did not run; what is uncovered is the house, whatever it was called. */
+    /* Nor does a set in which the network did not run; uncovered cells are the house, whatever their label was. */
     draw(&b, 60, SIDE, 7);
     for (int x = 0; x < 60; x++)
         *label_at(&b, x, 30) = SST_LABEL_CAR;

@@ -1,4 +1,4 @@
-/* pipeline/live/frames: what is kept against what the cameras show, on pictures made here; compared with exact mode. */
+/* Live frames: kept tiles against the cameras' pictures, made here; compared with exact mode. */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>
@@ -32,7 +32,7 @@
 
 static uint64_t seed = 1;
 
-/* --- what the cameras see ----------------------------------------------------------------------------------------- */
+/* --- pictures of the cameras -------------------------------------------------------------------------------------- */
 
 struct seen {
     double light;    /* 0: 1 */
@@ -100,7 +100,7 @@ static struct sst_live_input *make_set(int n, const struct seen *s, uint32_t fou
         paint(&img, s, k);
         if (fourcc == V4L2_PIX_FMT_MJPEG) {
             assert_int_equal(sst_image_encode_jpeg(&img, 85, &data, &bytes), 0);
-        } else { /* any bytes are a picture; those of green are one that the tests know */
+        } else { /* any bytes are a picture; the bytes of green are one that the tests know */
             data = malloc(bytes);
             for (size_t i = 0; i < bytes; i++)
                 data[i] = sst_image_row(&img, 1, (int)(i / 2 / WIDTH))[i / 2 % WIDTH];
@@ -124,7 +124,7 @@ static void free_set(struct sst_live_input *in)
     free(in);
 }
 
-/* --- who keeps up ------------------------------------------------------------------------------------------------- */
+/* --- speed -------------------------------------------------------------------------------------------------------- */
 
 struct keeper {
     struct sst_live_config cfg;
@@ -358,7 +358,7 @@ static void motion_everywhere_hides_no_change(void **state)
     }
 }
 
-/* What moves is taken over in the set that shows it, and only tiles near it. */
+/* Moving objects are taken over in the set that shows them, and only tiles near them. */
 static void motion_is_followed(void **state)
 {
     struct keeper k, exact;
@@ -380,7 +380,7 @@ static void motion_is_followed(void **state)
             for (int t = 0; t < 2 * k.changes.cols; t++)
                 assert_false(k.changes.map[v][t] && t < k.changes.cols);
         }
-        /* Marked tiles are those of the new frames, to the byte. */
+        /* Marked tiles equal the new frames to the byte. */
         for (int v = 0; v < VIEWS; v++)
             for (int t = 0; t < k.changes.cols * k.changes.rows; t++)
                 assert_true(!k.changes.map[v][t] || tile_difference(&k, &exact, v, t) == 0);

@@ -160,7 +160,7 @@ static void somebody_walks_by(void **state)
     assert_true(o.watched > WATCHED);
 }
 
-/* Two pictures of the same differ by their noise: what is kept may differ by that and the budget. */
+/* Two pictures of the same differ by their noise: kept tiles may differ by it and the budget. */
 static double noise_worst;
 
 static void nothing_happens_before_real_cameras(void **state)

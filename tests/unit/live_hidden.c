@@ -98,8 +98,9 @@ static void wait_sets(struct watch *w, int sets)
 
 static struct sst_hedge_person person_at(double x, double stride)
 {
-    return (
-        struct sst_hedge_person){ .x = x, .foot = 112, .height = 60, .disp_px = 3.5, .stride = stride, .clothes = 12345 };
+    return (struct sst_hedge_person){
+        .x = x, .foot = 112, .height = 60, .disp_px = 3.5, .stride = stride, .clothes = 12345
+    };
 }
 
 /* @return sets until the report */
@@ -189,7 +190,7 @@ static void who_passes_is_one_thing(void **state)
     assert_true(most <= 2 && all <= 4);
 }
 
-/* Who comes and stands behind dense leaves is found before the views remember the colours, after any time. */
+/* A person who comes and stands behind dense leaves is found before the views remember the colours, after any time. */
 static void who_stands_behind_dense_leaves_is_found(void **state)
 {
     int found = 0;

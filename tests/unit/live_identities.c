@@ -106,7 +106,7 @@ static void a_passage_is_one_identity(void **state)
     assert_int_equal(b.seen, 1);
 }
 
-/* Two who walk in opposite directions behind the hedge, whatever their depths. */
+/* Two persons who walk in opposite directions behind the hedge, whatever their depths. */
 static void two_who_cross_stay_two(void **state)
 {
     (void)state;
@@ -148,7 +148,7 @@ static void who_overtakes_stays_another(void **state)
     assert_int_equal(b.seen, 2);
 }
 
-/* Of one who has just come the search behind leaves has not found the depth yet. */
+/* The search behind leaves has not found the depth of a newcomer yet. */
 static void what_turns_out_to_be_one_is(void **state)
 {
     struct bench b;
@@ -166,7 +166,7 @@ static void what_turns_out_to_be_one_is(void **state)
     assert_int_equal(b.track[0].id, 1);
 }
 
-/* Behind what hides it all it may be for six seconds; beyond the edge it has gone. */
+/* An object may be fully hidden for six seconds; beyond the edge it has gone. */
 static void what_vanishes_is_covered(void **state)
 {
     struct bench b;
@@ -184,7 +184,7 @@ static void what_vanishes_is_covered(void **state)
     }
     step(&b);
     assert_int_equal(b.tracks, 0);
-    for (int n = 0; n < 6; n++) { /* what the scene's tracks only expect there is none */
+    for (int n = 0; n < 6; n++) { /* a part that the scene's tracks only expect is none */
         add_open(&b, 2, 300, 300, 0, NEARBY);
         b.open[0].state = SST_LIVE_TRACK_COVERED;
         step(&b);
@@ -271,7 +271,8 @@ static void the_best_image_is_reported(void **state)
     assert_in_range(reported, 7, 12); /* one in each set, from the first second on */
 }
 
-/* What has been there for ten minutes is part of the scene, and no better image of anybody, however much it differs. */
+/* An object that has been there for ten minutes is part of the scene, and no better image of a person, however much it
+ * differs. */
 static void who_is_reported_does_not_end_as_another(void **state)
 {
     struct hidden_planes planes = { .count = 20, .step_px = 1 };

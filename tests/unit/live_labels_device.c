@@ -69,7 +69,7 @@ static void expect_labels(const struct field *a, const struct field *b)
     assert_true(other * 1000 <= VIEWS * WIDTH * HEIGHT);
 }
 
-/* What a scene with a device does, beside one on the CPU. */
+/* A scene with a device, beside one on the CPU. */
 struct seen {
     struct sst_network_device_report report;
     int lost, found;

@@ -62,7 +62,7 @@ void *malloc(size_t bytes)
 
 void *calloc(size_t count, size_t size)
 {
-    note(count * size); /* of what is counted nothing overflows */
+    note(count * size); /* no counted sum overflows */
     return __libc_calloc(count, size);
 }
 
@@ -108,7 +108,7 @@ static double resident_mb(void)
     return (double)pages * (double)sysconf(_SC_PAGESIZE) / 1e6;
 }
 
-/* --- what the cameras see ----------------------------------------------------------------------------------------- */
+/* --- pictures of the cameras -------------------------------------------------------------------------------------- */
 
 static uint8_t *jpeg[MOMENTS][VIEWS];
 static size_t bytes[MOMENTS][VIEWS];
@@ -297,7 +297,7 @@ static void kept_memory_grows_and_never_shrinks(void **state SST_UNUSED)
     assert_null(sst_mem_keep(&kept, SIZE_MAX, 2));
     if (COUNTED) /* a sanitizer ends there */
         assert_null(sst_mem_keep(&kept, SIZE_MAX / 4, 1));
-    assert_ptr_equal(kept.data, first); /* what there was stays */
+    assert_ptr_equal(kept.data, first); /* earlier maps stay */
     second = sst_mem_keep(&kept, 11, 8);
     assert_non_null(second);
     memset(second, 1, 88);

@@ -1,4 +1,4 @@
-/* What a click finds, on light fields made by hand: layers of noise, each with a disparity and holes, and maps that are
+/* Clicks on light fields made by hand: layers of noise, each with a disparity and holes, and maps that are
  * right or wrong about them. */
 #include <math.h>
 #include <stdlib.h>
@@ -270,7 +270,7 @@ static void where_no_rays_are_nothing_is_told(void **state SST_UNUSED)
     end_sweep(&s);
 }
 
-/* A frame's places outside what the camera saw count as little as a camera that is not there. */
+/* A frame's places outside the camera's picture count as little as an absent camera. */
 static void what_no_camera_saw_does_not_count(void **state SST_UNUSED)
 {
     double without;
@@ -305,7 +305,7 @@ static void a_label_is_of_the_rays_that_agree(void **state SST_UNUSED)
 
     sweep_of(&s, hedge, 2, 80, 60);
     assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 2);
-    /* All maps say hedge: nothing is known of what is behind. */
+    /* All maps say hedge: nothing is known of surfaces behind. */
     tell(&s.made, FRONT, 6);
     sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, 80, 60);
     assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 0);
@@ -330,7 +330,7 @@ static void a_label_is_of_the_rays_that_agree(void **state SST_UNUSED)
 /* --- clicks ---------------------------------------------------------------------------------------------------------
  */
 
-/* Share of clicks on what the hedge hides that find what is behind it. */
+/* Share of clicks on hidden surfaces that find the surface behind the hedge. */
 static double found_behind(struct made *m, double focus_px, int *labels)
 {
     int all = 0, right = 0;
@@ -369,7 +369,7 @@ static void what_is_seen_between_leaves_is_found(void **state SST_UNUSED)
     unmake(&m);
 }
 
-/* Where rays are not verified, the picture shows what the maps say, and so does a click. */
+/* Without verified rays the picture follows the maps, and so does a click. */
 static void maps_decide_where_the_picture_is_theirs(void **state SST_UNUSED)
 {
     struct sst_livepicture_pick pick;

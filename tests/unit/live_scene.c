@@ -165,7 +165,7 @@ static void maps_follow_what_moves(void **state SST_UNUSED)
     close_field(&f);
 }
 
-/* Tiles that changed in the set before, beside one that changes now, had maps of what has left that one. */
+/* Tiles that changed in the set before, beside one that changes now, had maps of an object that has left it. */
 static void what_moved_on_leaves_nothing_behind(void **state SST_UNUSED)
 {
     uint8_t before[TILES], now[TILES];
@@ -345,7 +345,7 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
         nanosleep(&(struct timespec){ .tv_nsec = small_level() >= 2 ? 200000000 : 20000000 }, NULL);
         update(&f);
     }
-    draw(&f, 41); /* what changes meanwhile keeps its own maps */
+    draw(&f, 41); /* tiles that change meanwhile keep their own maps */
     update(&f);
     assert_true(sst_livescene_settle(f.scene, &f.changes));
     assert_in_range(f.changes.changed, 1, 9 * TILES - 1);
@@ -376,7 +376,7 @@ static void closing_does_not_wait_for_the_background(void **state SST_UNUSED)
     sst_livescene_cancel(f.scene);
     close_field(&f);
     assert_quick(start_ns, INT64_C(500000000));
-    /* What stays behind is counted until it is gone: until then the process must not exit(). */
+    /* Objects left behind are counted until they are gone: until then the process must not exit(). */
     while (sst_livescene_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
         nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
     assert_int_equal(sst_livescene_left_behind(), 0);

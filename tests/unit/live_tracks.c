@@ -1,4 +1,4 @@
-/* pipeline/live/scene/tracks.c: identities of what moves, on pieces of a foreground made here. */
+/* Tracks: identities of moving objects, on pieces of a foreground made here. */
 #include <math.h>
 #include <string.h>
 
@@ -69,7 +69,7 @@ static void add_piece(struct bench *b, int x0, int y0, int x1, int y1, int label
     fill(b, at.x0, at.y0, at.x1, at.y1, NEAR);
 }
 
-/* A person whose middle is at x. */
+/* A person with its middle at x. */
 static void add_person(struct bench *b, double x, const float colour[2][3])
 {
     const int at = (int)lround(x);
@@ -130,7 +130,7 @@ static void a_pass_is_one_track(void **state)
     }
 }
 
-/* The place of what is not seen in a set is predicted, and is said to be; what is seen is where its piece is. */
+/* The place of an object that is not seen in a set is predicted, and flagged; a seen one is at its piece. */
 static void predictions_are_not_seen(void **state)
 {
     struct sst_live_track t[SST_LIVE_TRACKS];
@@ -273,7 +273,7 @@ static void who_meets_parts_as_before(void **state)
     assert_true(swapped == 0);
 }
 
-/* What stands becomes background, and has no piece until it goes on. */
+/* A standing object becomes background, and has no piece until it goes on. */
 static void what_stands_stays(void **state)
 {
     (void)state;
@@ -330,7 +330,7 @@ static void pieces_of_one_are_one(void **state)
     }
 }
 
-/* Of somebody behind a hedge two gaps show head and legs. @param leaf  disparity of what hides the rest */
+/* Two gaps in a hedge show head and legs of a person. @param leaf  disparity of the leaves that hide the rest */
 static void add_head_and_legs(struct bench *b, int at, int leaf)
 {
     fill(b, at - 14, 105, at + 14, 147, leaf);
@@ -355,7 +355,7 @@ static void pieces_behind_leaves_are_one(void **state)
     close_bench(&b);
 }
 
-/* What is as near as leaves are to each other hides nothing, nor do gaps that show the wall. */
+/* Surfaces as near as leaves are to each other hide nothing, nor do gaps that show the wall. */
 static void pieces_among_leaves_are_not(void **state)
 {
     for (int leaf = NEAR; leaf <= NEAR + 192; leaf += 96) {

@@ -1,4 +1,4 @@
-/* pipeline/live/frames/unchanged.h: pictures that show what was accepted last. */
+/* Unchanged frames: pictures equal to the last accepted one. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,7 +49,7 @@ static void noise_is_no_change(void **state SST_UNUSED)
 
     for (uint64_t i = 1; i <= 40; i++)
         sent += !same(s, 0, i, 0, 0);
-    assert_true(sent >= 1 && sent <= 4); /* the first, and what settles after it */
+    assert_true(sent >= 1 && sent <= 4); /* the first, and pictures that settle after it */
     assert_false(same(s, 1, 1, 0, 0));   /* each camera has its own */
     sst_unchanged_destroy(s);
 }

@@ -82,7 +82,7 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
         int64_t rendered_px;
 
         cfg.method = i == 2 ? SST_RENDER_REFOCUS : SST_RENDER_SST;
-        cfg.c2 = 1; /* label ranges follow all pixels, and a part would differ by what is not noticeable */
+        cfg.c2 = 1; /* label ranges follow all pixels, and a part would differ unnoticeably */
         cfg.aperture = i == 1 ? 1.5 : INFINITY;
         assert_int_equal(sst_livepicture_create(&p, s.live), 0);
         assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
@@ -384,7 +384,7 @@ static void without_occluders_it_is_what_fills_the_picture(void **state SST_UNUS
 
 /* --- picking ------------------------------------------------------------------------------------------------------ */
 
-/* Places of the reference view whose surrounding 5x5 pixels have one label. */
+/* Places of the reference view with one label in their surrounding 5x5 pixels. */
 static bool uniform(const struct sst_map_u8 *label, int x, int y)
 {
     for (int dy = -2; dy <= 2; dy++) {
@@ -396,7 +396,7 @@ static bool uniform(const struct sst_map_u8 *label, int x, int y)
     return true;
 }
 
-/* On leaves before the pedestrian: the leaf in front and the pedestrian (or what else is there, by the truth) behind.
+/* On leaves before the pedestrian: the leaf in front and the pedestrian (or another surface, by the truth) behind.
  */
 static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
 {
@@ -443,7 +443,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* --- what is there ------------------------------------------------------------------------------------------------ */
+/* --- surfaces of the scene ---------------------------------------------------------------------------------------- */
 
 static void labels_and_ranges_are_found(void **state SST_UNUSED)
 {
@@ -472,7 +472,7 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
         }
         assert_near((double)s.live->zone_label[i][SST_LABEL_TREE], (double)trees / ((x1 - x0) * (y1 - y0)), 0.02);
     }
-    /* The leaves are nearer than the limit; what is behind them counts. */
+    /* The leaves are nearer than the limit; surfaces behind them count. */
     zone.near_px = 15;
     assert_int_equal(sst_live_set_zones(s.live, &zone, 1), 0);
     take(&s, 2);
@@ -569,7 +569,7 @@ static void zones_tell_what_changed(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* A triangle, a mask that lies over a part of the picture, and what is no zone. */
+/* A triangle, a mask over a part of the picture, and invalid zones. */
 static void zones_are_polygons(void **state SST_UNUSED)
 {
     struct sst_live_zone zone[2] = { sst_live_rectangle(0, 0, 1, 1), sst_live_rectangle(0, 0, 0.2, 0.25) };

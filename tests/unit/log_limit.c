@@ -24,7 +24,7 @@ static int set_up(void **state SST_UNUSED)
     return said && shown >= 0 && dup2(fileno(said), STDERR_FILENO) >= 0 ? 0 : -1;
 }
 
-/* What was logged since set_up(). */
+/* Lines logged since set_up(). */
 static const char *log_text(void)
 {
     static char text[65536];
@@ -75,7 +75,7 @@ static void quiet_addresses_are_forgotten(void **state SST_UNUSED)
     assert_true(due("192.0.2.7", SECOND));
     assert_false(due("192.0.2.7", 2 * SECOND));
     assert_true(due("192.0.2.8", 2 * SECOND));
-    assert_false(due("192.0.2.7", 61 * SECOND)); /* what was left out is logged, and counts for a minute */
+    assert_false(due("192.0.2.7", 61 * SECOND)); /* the number left out is logged, and counts for a minute */
     sst_log_limit_work(&limit, 121 * SECOND);
     sst_log_limit_work(&limit, 181 * SECOND);
     assert_true(due("192.0.2.7", 182 * SECOND));

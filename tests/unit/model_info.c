@@ -147,7 +147,7 @@ static void faults_of_descriptions(void **state SST_UNUSED)
     assert_true(info.channels == 65 && info.classes.count == 64 && info.class_of[64] == 0);
 }
 
-/* The file beside the network wins over what is inside it, entry by entry. */
+/* The file beside the network wins over the network's own entries, one by one. */
 static void the_file_beside_wins(void **state SST_UNUSED)
 {
     struct sst_segmenter *seg;
@@ -370,7 +370,7 @@ static void listed_networks_must_be_themselves(void **state SST_UNUSED)
     remove(test_path(SST_MANIFEST_NAME));
 }
 
-/* What ships is what its manifest lists. */
+/* Shipped networks equal the list of the manifest. */
 static void the_manifest_that_ships_is_right(void **state SST_UNUSED)
 {
     struct sst_manifest m;

@@ -1,4 +1,4 @@
-/* What is wrong with pictures: JPEG by its steps, blur by its edges, noise, missing views. */
+/* Faults of pictures: JPEG by its steps, blur by its edges, noise, missing views. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

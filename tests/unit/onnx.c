@@ -119,7 +119,7 @@ static void ow_tensor(struct ow_buf *graph, const char *name, const int64_t *dim
 static void impossible_tensors_are_refused(void **state SST_UNUSED)
 {
     static const int64_t cases[][4] = {
-        { 2, 2, 1, 2 },                               /* twice what is stored */
+        { 2, 2, 1, 2 },                               /* twice the stored size */
         { 1, 2, 1, 1 },                               /* half of it */
         { -2, -2, 1, 1 },                             /* negative, though the product fits */
         { INT64_C(1) << 62, 4, 1, 1 },                /* the product overflows */
@@ -184,9 +184,9 @@ static void contradictory_graphs_are_refused(void **state SST_UNUSED)
         int want;
     } cases[] = {
         { "Relu", "z", "z", -EBADMSG },     /* a cycle of one */
-        { "Relu", "later", "z", -EBADMSG }, /* reads what is never made */
+        { "Relu", "later", "z", -EBADMSG }, /* reads a tensor that is never made */
         { "Relu", "c", "y", -EBADMSG },     /* makes y again */
-        { "Relu", "c", "w", -EBADMSG },     /* makes what is a constant */
+        { "Relu", "c", "w", -EBADMSG },     /* makes a tensor that is a constant */
         { "Relu", "c", "-", -EBADMSG },     /* makes nothing */
         { "Mystery", "c", "z", 0 },         /* unknown, but nobody reads it */
     };

@@ -1,4 +1,4 @@
-/* pipeline/image/png_pack.c: the bytes of a file are those of its map alone. */
+/* PNG packing: the bytes of a file depend on its map alone. */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>

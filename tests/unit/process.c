@@ -1,4 +1,4 @@
-/* The stages in memory: what is computed, what is kept, and that the short way to the labels gives the same ones. */
+/* The stages in memory: computed and kept maps, and the same labels by the short way. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -21,7 +21,7 @@
 static char model[] = "/tmp/sst-process-XXXXXX";
 static struct sst_lightfield views; /* images alone */
 
-/* Three classes, whose logits are the normalised R, G and B. */
+/* Three classes with the normalised R, G and B as logits. */
 static void write_model(void)
 {
     static const char *const entries[][2] = {
@@ -149,7 +149,7 @@ static void labels_without_extras_are_the_same(void **state SST_UNUSED)
         const uint8_t hcsm = sst_map_u8_row(&extras.map[SST_EXTRA_HCSM][1], y)[x];
 
         assert_true(hcsm == SST_LABEL_NONE || hcsm == sst_map_u8_row(&extras.map[SST_EXTRA_INITIAL][1], y)[x]);
-        assert_true(x >= 10 || hcsm == SST_LABEL_NONE); /* what the camera did not see */
+        assert_true(x >= 10 || hcsm == SST_LABEL_NONE); /* pixels outside the camera's picture */
     }
     sst_process_extras_fini(&extras);
     sst_lightfield_fini(&full);
@@ -199,7 +199,7 @@ static void a_cancelled_run_stops(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* Where every view has its own map, labels are carried if those maps find the surfaces in other views. */
+/* Where every view has its own map, labels are carried if the maps find the surfaces in other views. */
 static void labels_are_carried_by_good_maps_only(void **state SST_UNUSED)
 {
     struct sst_process_config cfg = config(2);
@@ -230,7 +230,7 @@ static void labels_are_carried_by_good_maps_only(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* Carried labels are mostly those of the network, and no pixel outside a view has one. */
+/* Carried labels mostly equal the network's, and no pixel outside a view has one. */
 static void labels_of_some_views_are_carried(void **state SST_UNUSED)
 {
     struct sst_process_config all = config(2), some = config(3), one = config(1);

@@ -35,7 +35,7 @@ static void reads_element_heads(void **state)
 #define SET_HEAD                                                                                                       \
     "{\"set\":1,\"t_ns\":5,\"wall_ns\":6,\"edge\":true,\"spread_ns\":0,\"from_edge_ns\":0,\"worst_cam\":-1,"
 
-/* Lines whose checksum is right and whose content is not, as another program could write them. */
+/* Lines with a right checksum and wrong content, as another program could write them. */
 static void lines_are_read_strictly(void **state)
 {
     static const struct {
@@ -211,7 +211,7 @@ static void rolls_over(void **state)
 }
 
 #if WITH_AVFORMAT
-/* What any program with libavformat sees of segment 0: the same bytes at the same milliseconds. */
+/* Segment 0 as any program with libavformat sees it: the same bytes at the same milliseconds. */
 static void others_read_it(void **state)
 {
     struct synthetic s = { .cameras = 4,
@@ -337,7 +337,7 @@ static void tells_damage(void **state)
     assert_set(r, 3, &s, 3);
     sst_recording_close(r);
 
-    /* Going on keeps what is good behind the damage. */
+    /* Going on keeps good frames behind the damage. */
     cfg.append = true;
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 4, 5)), 0);
     assert_int_equal(sst_recording_open(&r, dir), 0);
@@ -438,7 +438,7 @@ static void begins_later(void **state)
         assert_set(r, i, &s, (uint64_t)i + 16);
     sst_recording_close(r);
 
-    /* Killed after it was said that all of them go: what follows does not count as removed. */
+    /* Killed after the removal of all was noted: later sets do not count as removed. */
     assert_int_equal(sst_file_write(in(dir, "removed.json"),
                                     "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":99,"
                                     "\"sets\":22,\"t_ns\":0,\"wall_ns\":0}",
@@ -488,7 +488,7 @@ static void damage_the_note(int how, const char *good, size_t size)
     free(zeros);
 }
 
-/* What removed.json said is worked out from the files that are there. */
+/* The contents of removed.json are derived from the files that are there. */
 static void a_damaged_note_costs_nothing(void **state)
 {
     struct synthetic s = small();
@@ -527,7 +527,7 @@ static void a_damaged_note_costs_nothing(void **state)
             assert_int_equal(sst_file_write(in(dir, "removed.json"), good, size), 0);
         }
     }
-    /* What is missing in the middle stays damage. */
+    /* A gap in the middle stays damage. */
     assert_int_equal(unlink(in(dir, "segments/000003.mkv")), 0);
     damage_the_note(0, NULL, 0);
     assert_int_equal(sst_recording_open(&r, dir), 0);

@@ -1,4 +1,4 @@
-/* capture/recording: whatever was cut off or failed in between, what was taken is there and nothing else. */
+/* Recordings after cuts and failures: all accepted sets are there and nothing else. */
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
@@ -190,7 +190,7 @@ static int write_with_fault(struct synthetic *s, const char *at, int nth, int ma
     return count;
 }
 
-/* Every single write fails once, in each way: what was taken is there, what was refused is not, and it goes on. */
+/* Every single write fails once, in each way: accepted sets are there, refused ones are not, and it goes on. */
 static void a_write_fails(void **state)
 {
     static const int errors[] = { 0, EIO, ENOSPC, EROFS, EFBIG };

@@ -24,9 +24,9 @@ static struct sst_recorder_config config(const struct synthetic *s, const char *
     return cfg;
 }
 
-/* What happens to one host's recording of triggers 0 .. n-1. */
+/* Faults of one host's recording of triggers 0 .. n-1. */
 struct course {
-    int64_t mono_ns, wall_ns;   /* its clocks ahead of those of the other */
+    int64_t mono_ns, wall_ns;   /* its clocks ahead of the other host's */
     uint64_t first;             /* its count of trigger 0 */
     int misses;                 /* it does not count this trigger; -1: none */
     int lost_from, lost_before; /* sets that are not in the recording */

@@ -151,7 +151,7 @@ static void rotated_and_tilted(void **state SST_UNUSED)
 }
 
 /* 3x3, the middle camera 1 mm to the right. Least squares: it moves the mean by 1/9 and no step, so its residual is
- * 8/9, the others' -1/9: RMS sqrt((64 + 8) / 81 / 9). Then 3 mm in front instead: the plane's mean likewise. */
+ * 8/9, the others' -1/9: RMS sqrt((64 + 8) / 81 / 9). Then 3 mm in front instead: the plane's mean by the same sum. */
 static void one_camera_off(void **state SST_UNUSED)
 {
     struct sst_calib calib = perfect(3, 3);
@@ -484,7 +484,7 @@ static void map_is_within_its_bound(void **state SST_UNUSED)
     }
 }
 
-/* A lens that folds over within the rectified picture: what lies beyond the fold would be seen again, inside. With
+/* A lens that folds over within the rectified picture: places beyond the fold would be seen again, inside. With
  * k1 = -0.5 x = a (1 - a^2 / 2) turns back at a = sqrt(2 / 3) = 0.816, where x = 0.544; at a = 1.2 it is at 0.336. */
 static void fold_is_not_seen_twice(void **state SST_UNUSED)
 {
@@ -600,7 +600,7 @@ static void frames_in_parts_are_whole_frames(void **state)
     sst_calib_fini(&calib);
 }
 
-/* What a part of the view depends on is in its box: all else may change. */
+/* A part of the view depends on its box alone: all else may change. */
 static void boxes_hold_what_is_seen(void **state)
 {
     struct sst_calib calib = perfect(1, 2);

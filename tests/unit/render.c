@@ -62,7 +62,7 @@ static void histogram_range_by_hand(void **state SST_UNUSED)
 }
 
 /* Columns hold 16 bins. Peaks around columns 10 and 30, nothing between 12 and 28: the smoothed counts are 0 from 15 to
- * 25 (two columns of smoothing), whose middle is 20. */
+ * 25 (two columns of smoothing), with the middle 20. */
 static void histogram_objects_by_hand(void **state SST_UNUSED)
 {
     uint64_t count[1000] = { 0 };
@@ -487,7 +487,7 @@ static void one_view_is_that_view(void **state SST_UNUSED)
     free_views(&lf);
 }
 
-/* The table has room for a row a label; those that no label uses hold what was in memory before. */
+/* The table has room for a row a label; unused rows hold earlier contents of the memory. */
 static void unused_rows_cross_no_border(void **state SST_UNUSED)
 {
     const size_t bytes = (size_t)257 * SST_BLEND_COLUMNS * sizeof(float);

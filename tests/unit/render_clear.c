@@ -11,15 +11,15 @@
 #define WIDTH  64
 #define HEIGHT 48
 #define BACK   2.0 /* disparities of a textured wall ... */
-#define FRONT  9.0 /* ... and of what stands in front */
-#define RED    250 /* of what stands in front; the wall has less */
+#define FRONT  9.0 /* ... and of the object in front */
+#define RED    250 /* of the object in front; the wall has less */
 
 static int texture(int c, int x, int y)
 {
     return 60 + 20 * c + ((x * 7 + y * 13 + c * 5) & 63);
 }
 
-/* What stands in front, by its place in the reference view. */
+/* The object in front, by its place in the reference view. */
 typedef bool front_fn(int x, int y);
 
 static bool nothing(int x SST_UNUSED, int y SST_UNUSED)
@@ -181,7 +181,7 @@ static void viewpoints_move_the_wall(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* Holes are flagged, and filled with colours of the wall: never with those of what was removed. */
+/* Holes are flagged, and filled with colours of the wall, never of the removed object. */
 static void holes_are_filled_from_behind(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = config(5);

@@ -1,5 +1,5 @@
-/* A recording is played: its sets come at their time and speed, moments are jumped to, clients do not disturb each other.
- * That pictures are made of its sets as live shows tests/sim/live.c; here they are those of the cameras. */
+/* A recording is played: its sets come at their time and speed, moments are jumped to, clients do not disturb each
+ * other. That pictures are made of its sets as live shows tests/sim/live.c; here they are those of the cameras. */
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "tests/storage_bench.h"
@@ -28,7 +28,8 @@ static void be_still(struct player *p)
     for (int c = 0; c < 3; c++)
         for (int y = 0; y < 72; y++)
             for (int x = 0; x < 96; x++)
-                image.plane[c][(size_t)y * image.stride + x] = (uint8_t)(synthetic_hash((uint64_t)(y / 4 * 96 + x / 4)) % 256);
+                image.plane[c][(size_t)y * image.stride + x] =
+                    (uint8_t)(synthetic_hash((uint64_t)(y / 4 * 96 + x / 4)) % 256);
     assert_int_equal(sst_image_encode_jpeg(&image, 90, &p->jpeg, &b->sets.bytes), 0);
     sst_image_fini(&image);
     synthetic_init(&b->sets);
@@ -222,7 +223,7 @@ static int64_t picture_ns(struct sst_slot *slot)
     return wall_ns;
 }
 
-/* Who only looks changes no view of others, and leaves some to them. */
+/* A client without control changes no view of others, and leaves some to them. */
 static void check_views_of(struct live_engine *engine)
 {
     struct sst_api_answer out = { 0 };
@@ -247,7 +248,8 @@ static void check_views_of(struct live_engine *engine)
     json_decref(none);
 }
 
-/* The clock of what plays waits for the first picture, and each picture has the time of its set, also where nothing moves. */
+/* The clock of a playing recording waits for the first picture, and each picture has the time of its set, also where
+ * nothing moves. */
 static void the_clock_waits_for_pictures(void **state SST_UNUSED)
 {
     const int64_t end_ns = sst_clock_now_ns() + 120000 * MS;
@@ -327,7 +329,7 @@ static void clients_do_not_disturb_each_other(void **state SST_UNUSED)
     refused(&p, json_pack("{s:s}", "recording", p.name), -EBUSY, "another client plays");
     refused(&p, json_pack("{s:s, s:b}", "replay", "r0", "close", 1), -ENOENT, "has ended");
     assert_int_equal(replay_state(p.replay, &seen), 0);
-    assert_true(json_is_null(json_object_get(seen.body, "replay"))); /* who only asks cannot control it */
+    assert_true(json_is_null(json_object_get(seen.body, "replay"))); /* a client without control is refused */
     assert_true(json_is_true(json_object_get(seen.body, "open")));
     json_decref(seen.body);
 
@@ -337,7 +339,7 @@ static void clients_do_not_disturb_each_other(void **state SST_UNUSED)
     close_player(&p);
 }
 
-/* What was deleted or damaged meanwhile ends nothing but itself. */
+/* A recording deleted or damaged meanwhile ends nothing but itself. */
 static void a_deleted_recording_ends(void **state SST_UNUSED)
 {
     struct player p;

@@ -1,4 +1,4 @@
-/* Requests on a serial line to a drive that answers late: each reading is that of its own register. */
+/* Requests on a serial line to a drive that answers late: each reading is of its own register. */
 #define _GNU_SOURCE /* posix_openpt */
 #include <errno.h>
 #include <fcntl.h>
@@ -14,7 +14,7 @@
 
 #define RESPONSE_MS 100
 
-/** What a drive makes of function 8. */
+/** A drive's answer to function 8. */
 enum echo {
     ECHOES = 0,
     REFUSES = 1,
@@ -43,7 +43,7 @@ static void add_crc(uint8_t *frame, int n)
     frame[n + 1] = (uint8_t)(crc >> 8);
 }
 
-/* All requests have 8 bytes: function 3 reads one register, whose value is its address, 6 writes one, 8 is echoed. */
+/* All requests have 8 bytes: function 3 reads one register, with its address as value, 6 writes one, 8 is echoed. */
 static void *answer(void *arg)
 {
     struct drive *d = arg;
@@ -148,7 +148,7 @@ static void a_late_reply_confirms_no_other_write(void **state SST_UNUSED)
     atomic_store(&d.late_ms, 300);
     assert_int_equal(rig_bus_write(bus, 1, SST_RIG_HOLDING, 5, 1, &value), -ETIMEDOUT);
     assert_int_equal(rig_bus_restore(bus, 1000, &cancel), 0);
-    assert_int_equal(value_at(bus, 5), 5); /* the read-back is that of the register */
+    assert_int_equal(value_at(bus, 5), 5); /* the read-back is the register's */
     end(&d, bus);
 }
 

@@ -584,7 +584,7 @@ static void check_truth_between_views(struct sst_scene *s)
     view_fini(&ref);
 }
 
-/* Hidden, nothing in front of the focus is left; shown, the mask marks what is nearer. */
+/* Hidden, nothing in front of the focus is left; shown, the mask marks nearer surfaces. */
 static void check_occluder(struct sst_scene *s)
 {
     const double focus = sst_scene_occluder_at(s, 0)->focus_px;

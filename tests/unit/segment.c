@@ -19,13 +19,13 @@ struct entry {
     const char *key, *value;
 };
 
-/* Three classes, whose logits are the normalised R, G and B; one more class than channels with `channels` 4. */
+/* Three classes with the normalised R, G and B as logits; one more class than channels with `channels` 4. */
 /* The same with y = x + (the mean of windows of 64x48, brought back to 64x48): it runs at that size only. */
 static bool fixed_size;
 
 /* @param graph  taken */
-static int open_graph(struct sst_segmenter **seg, struct ow_buf *graph, int opset, const struct entry *entries, size_t n,
-                      int threads)
+static int open_graph(struct sst_segmenter **seg, struct ow_buf *graph, int opset, const struct entry *entries,
+                      size_t n, int threads)
 {
     char path[] = "/tmp/sst-segment-XXXXXX";
     struct ow_buf model = ow_model(graph, opset);
@@ -196,7 +196,7 @@ static void window_weights_sum_to_one_everywhere(void **state SST_UNUSED)
     }
 }
 
-/* The network sees single pixels: windows must give what one run gives, wherever their borders lie. */
+/* The network sees single pixels: windows must give the result of one run, wherever their borders lie. */
 static void windows_leave_no_seams(void **state SST_UNUSED)
 {
     static const int sizes[][2] = { { 300, 200 }, { 333, 77 }, { 3000, 40 }, { 40, 3000 }, { 64, 48 }, { 5, 5 } };
@@ -336,7 +336,7 @@ static void probabilities_are_taken_as_they_are(void **state SST_UNUSED)
     sst_segmenter_close(seg);
 }
 
-/* --- what ends a network --- */
+/* --- ends of networks --------------------------------------------------------------------------------------------- */
 
 /** Nodes behind the logits "c" (R, G, B): "OPERATOR ATTRIBUTE", ATTRIBUTE an axis, permutation, constant or "". */
 struct ending {
@@ -370,7 +370,8 @@ static int open_ending(struct sst_segmenter **seg, const struct ending *e, const
             ow_floats(&graph, "k", &k, 1, 0, 0, 0);
             ins = op[0] == 'M' ? with : from;
         } else if (!strcmp(op, "Transpose"))
-            ow_attr_ints(&attrs, "perm", 4, attribute[0] - '0', attribute[1] - '0', attribute[2] - '0', attribute[3] - '0');
+            ow_attr_ints(&attrs, "perm", 4, attribute[0] - '0', attribute[1] - '0', attribute[2] - '0',
+                         attribute[3] - '0');
         else if (!strcmp(op, "Cast"))
             ow_attr_int(&attrs, "to", 1);
         else if (*attribute)
@@ -448,7 +449,8 @@ static void ends_that_contradict_are_named(void **state SST_UNUSED)
         return;
     before = sst_log_hold_errors(said); /* OpenCV would take another axis */
     assert_int_equal(
-        open_ending(&seg, &(struct ending){ 13, { { "Transpose", "0231" }, { "Softmax", "" }, { "Transpose", "0312" } } },
+        open_ending(&seg,
+                    &(struct ending){ 13, { { "Transpose", "0231" }, { "Softmax", "" }, { "Transpose", "0312" } } },
                     NULL),
         -ENOTSUP);
     sst_log_hold_errors(before);

@@ -67,7 +67,7 @@ static void ring_keeps_the_newest(void **state)
     sst_ring_destroy(r);
 }
 
-/* What is being read stays as it is, however long, and the others go on. */
+/* A recording that is being read stays as it is, however long, and the others go on. */
 static void ring_survives_slow_readers(void **state)
 {
     const struct sst_kept *held[2], *k;
@@ -93,7 +93,7 @@ static void ring_survives_slow_readers(void **state)
     k = sst_ring_newest(r, 0, &dropped);
     assert_int_equal(k->number, 200);
     sst_ring_unref(r, k);
-    /* larger than everything, and larger than what is free between the two */
+    /* larger than everything, and larger than the free room between the two */
     assert_int_equal(put(r, 4, 60000, 201, -1), -ENOBUFS);
     sst_ring_unref(r, held[0]);
     sst_ring_unref(r, held[1]);
@@ -283,7 +283,7 @@ static int take(struct view_settings *s, const char *text, char error[512])
     return err;
 }
 
-/* A reload brings what the file changed, and leaves alone what somebody set meanwhile. */
+/* A reload brings changes of the file, and leaves settings made meanwhile alone. */
 static void settings_follow_the_configuration(void **state)
 {
     const struct sst_live_settings from = { .focus_px = NAN, .c1 = 0.25, .c2 = 0.5, .label_factor = 2, .threads = 1 };

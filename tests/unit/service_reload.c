@@ -1,4 +1,4 @@
-/* What a reload does with each key of the configuration, and what the service does when the wall clock is set. */
+/* Reload of each key of the configuration, and the service when the wall clock is set. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <math.h>
@@ -57,9 +57,10 @@ static int begin(void **state)
     if (!mkdtemp(folder))
         return -1;
     snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
-    /* Not in flow style: what a test adds comes to the same sections, in conf.d. */
+    /* Not in flow style: keys that a test adds come to the same sections, in conf.d. */
     snprintf(base_yaml, sizeof(base_yaml),
-             "control: { socket: %s/c.sock, group: \"\" }\nweb: { port: 0, token_file: %s/token, zones_file: %s/zones.yaml }\n"
+             "control: { socket: %s/c.sock, group: \"\" }\nweb: { port: 0, token_file: %s/token, zones_file: "
+             "%s/zones.yaml }\n"
              "storage: { dir: %s/store, min_free_gb: 0, ring_mb: 4, preroll_s: 0 }\n",
              folder, folder, folder, folder);
     write_config("");
@@ -101,7 +102,7 @@ static json_t *reload(bool dry_run)
 
 /* --- every key ---------------------------------------------------------------------------------------------------- */
 
-/* Keys whose other values must fit something else; the rest is made from the table. */
+/* Keys with other values that must fit something else; the rest is made from the table. */
 static const struct {
     const char *key, *yaml; /* %s: the folder */
 } special[] = {
@@ -204,7 +205,7 @@ static bool is_now(const struct sst_key *key, const struct sst_config *now, cons
     return !strcmp(a, b);
 }
 
-/* The parts go by their own copies of what they are told. */
+/* The parts use copies of their settings. */
 static void expect_in_parts(const struct sst_key *key, const char *dotted, const struct sst_config *wanted)
 {
     struct sst_config now;
@@ -285,7 +286,7 @@ static void what_is_wrong_changes_nothing(void **state)
 
 /* --- zones -------------------------------------------------------------------------------------------------------- */
 
-/* @return what the call returns; the answer's zones, or its error */
+/* @return result of the call; the answer's zones, or its error */
 static int draw(const char *text, struct sst_api_answer *answer)
 {
     json_t *request = json_loads(text, 0, NULL);
@@ -331,7 +332,7 @@ static char *zones_file(void)
     return sst_path_exists(path) && !sst_file_read(path, 10000, &data, &size) ? (char *)data : NULL;
 }
 
-/* Drawn, renamed, removed; whatever is wrong changes neither the file nor what is in effect. */
+/* Drawn, renamed, removed; a fault changes neither the file nor the zones in effect. */
 static void zones_are_drawn(void **state)
 {
     static const char *const wrong[][2] = {
@@ -340,14 +341,18 @@ static void zones_are_drawn(void **state)
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0]]}]}", "points of zone a must be" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]]}]}", "has a zone of two points" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"line\": true}]}", "more than two points" },
-        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"mask\": true}]}", "that is a mask" },
-        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"direction\": \"up\"}]}", "both, forward" },
-        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"direction\": \"forward\"}]}", "is no line" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"mask\": true}]}",
+          "that is a mask" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"direction\": \"up\"}]}",
+          "both, forward" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"direction\": \"forward\"}]}",
+          "is no line" },
         { "{\"zones\": [{\"name\": \"gate\", \"points\": [[0,0],[1,0]], \"line\": true}]}", "names the line gate" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[2,0]]}]}", "must be [x, y]" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[0.5,0],[1,0]]}]}", "that enclose an area" },
         { "{\"zones\": [{\"name\": \"a\\\"}, hooks: \", \"points\": [[0,0],[1,0],[1,1]]}]}", "must be a name" },
-        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"near_px\": 2, \"far_px\": 3}]}", "far_px is not" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"near_px\": 2, \"far_px\": 3}]}",
+          "far_px is not" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"maks\": true}]}", "did you mean" },
         { "{\"zones\": [{\"name\": \"b\", \"points\": [[0,0],[1,0],[1,1]]}]}", "unknown zone `gate`" },
     };
@@ -357,12 +362,15 @@ static void zones_are_drawn(void **state)
     (void)state;
     json_decref(reload(false));
     assert_null(zones_file());
-    assert_int_equal(draw("{\"zones\": [{\"name\": \"gate\", \"points\": [[0.1,0.2],[0.9,0.2],[0.5,0.875]], \"near_px\": 9.5, "
-                          "\"labels\": [\"Pedestrian\"]}, {\"name\": \"tree\", \"points\": [[0,0],[1,0],[1,0.5]], \"mask\": true}]}",
-                          &answer), 0);
+    assert_int_equal(
+        draw("{\"zones\": [{\"name\": \"gate\", \"points\": [[0.1,0.2],[0.9,0.2],[0.5,0.875]], \"near_px\": 9.5, "
+             "\"labels\": [\"Pedestrian\"]}, {\"name\": \"tree\", \"points\": [[0,0],[1,0],[1,0.5]], \"mask\": true}]}",
+             &answer),
+        0);
     expect_zones(&answer, 2, "gate");
     text = zones_file();
-    assert_non_null(strstr(text, "name: gate, points: \"0.1000,0.2000 0.9000,0.2000 0.5000,0.8750\", near_px: 9.5, labels: [Pedestrian]"));
+    assert_non_null(strstr(
+        text, "name: gate, points: \"0.1000,0.2000 0.9000,0.2000 0.5000,0.8750\", near_px: 9.5, labels: [Pedestrian]"));
     free(text);
     assert_true(service->config.zone[1].mask && isinf(service->config.zone[1].near_px));
     write_part("storage: { record_on: [ { zone: gate } ] }\n"); /* of the file that people write */
@@ -377,12 +385,16 @@ static void zones_are_drawn(void **state)
     }
     free(kept);
     expect_refused("{\"zones\": [], \"revision\": \"0\"}", -EBUSY, "another client");
-    write_part("storage: { record_on: [ { zone: drive, visit: true } ] }\nzones: [ { name: drive, points: \"0,0 1,0\", line: true } ]\n");
+    write_part("storage: { record_on: [ { zone: drive, visit: true } ] }\nzones: [ { name: drive, points: \"0,0 1,0\", "
+               "line: true } ]\n");
     assert_int_equal(draw("{\"zones\": [{\"name\": \"drive\", \"points\": [[0.25,0.5],[0.75,0.5]], \"line\": true, "
-                          "\"direction\": \"forward\"}]}", &answer), 0);
+                          "\"direction\": \"forward\"}]}",
+                          &answer),
+                     0);
     expect_zones(&answer, 1, "drive");
     text = zones_file();
-    assert_non_null(strstr(text, "name: drive, points: \"0.2500,0.5000 0.7500,0.5000\", line: true, direction: forward"));
+    assert_non_null(
+        strstr(text, "name: drive, points: \"0.2500,0.5000 0.7500,0.5000\", line: true, direction: forward"));
     free(text);
     assert_true(service->config.zone[0].line && service->config.zone[0].direction == SST_LINE_FORWARD);
     write_part("");

@@ -47,8 +47,8 @@ struct field {
         size_t count;
         double mean;
     } list[ITEMS];
-    SST_ATOMIC(int) * computed; /* [ITEMS], by all workers */
-    int fails;                  /* item that fails; -1: none */
+    SST_ATOMIC(int) * computed;     /* [ITEMS], by all workers */
+    int fails;                      /* item that fails; -1: none */
     int step, killed_in, killed_at; /* the process is killed in this step, counted from 1, at this index */
 };
 
@@ -58,7 +58,7 @@ static void kill_here(const struct field *f, int i)
         raise(SIGKILL);
 }
 
-/* The maps of an item depend on those of the last step. */
+/* The maps of an item depend on the maps of the last step. */
 static int compute(void *arg, int i, int worker SST_UNUSED)
 {
     struct field *f = arg;
@@ -300,7 +300,7 @@ static void damage_ends_a_worker(void **state SST_UNUSED)
     sst_log_hold_errors(said);
     open_share(&first, "damaged", 0, 1, 60000);
     assert_int_equal(run_steps(&first, 0, 0), 0);
-    for (size_t i = ARRAY_LEN(files); i-- > 0;) { /* those before are read first */
+    for (size_t i = ARRAY_LEN(files); i-- > 0;) { /* earlier ones are read first */
         struct stat st;
 
         snprintf(name, sizeof(name), "damaged/%s.maps", files[i]);
@@ -346,7 +346,7 @@ static void killed_workers_are_replaced(void **state SST_UNUSED)
     open_share(&last, "killed", 0, 1, 200);
     assert_int_equal(run_steps(&last, 0, 0), 0);
     expect_same(&one, &last);
-    assert_int_equal(computed[0], 0); /* what was done is not done again */
+    assert_int_equal(computed[0], 0); /* finished items are not done again */
     assert_int_equal(computed[STEPS * ROUNDS], 1);
     fini(&one);
     fini(&last);

@@ -143,7 +143,7 @@ static void an_ideal_array_has_the_scenes_views_and_disparity(void **state SST_U
     sst_sim_world_close(w);
 }
 
-/* --- what moves --------------------------------------------------------------------------------------------------- */
+/* --- motion ------------------------------------------------------------------------------------------------------- */
 
 static void build(struct sst_scene_world *w, const char *scene, double time_s)
 {

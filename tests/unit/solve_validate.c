@@ -1,4 +1,4 @@
-/* Faulty captures are refused with a message naming what, where and how much; never fitted silently. */
+/* Faulty captures are refused with a message that names fault, place and size; never fitted silently. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -231,7 +231,7 @@ static void corners_outside(void **state)
     truth_free(&t);
 }
 
-/* Lenses are in pixels: those of other pictures would be fitted around. */
+/* Lenses are in pixels: lenses of other pictures would be fitted around. */
 static void lenses_of_another_size(void **state)
 {
     const struct truth_config cfg = truth_small();

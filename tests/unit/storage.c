@@ -19,7 +19,7 @@ int fdatasync(int fd SST_UNUSED)
 
 int fsync(int fd SST_UNUSED)
 {
-    return 0; /* likewise: a call that records is answered within a second */
+    return 0; /* a call that records is answered within a second, too */
 }
 
 /* --- rules -------------------------------------------------------------------------------------------------------- */
@@ -38,7 +38,7 @@ static void a_trigger_ignores_a_single_set(void **state)
     assert_true(w.active);
     assert_int_equal(w.begin_ns, t);
     t += 300 * MS;
-    for (int i = 0; i < 50; i++) /* flicker, and what is between both limits */
+    for (int i = 0; i < 50; i++) /* flicker, and values between both limits */
         assert_false(event_trigger_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
     assert_true(w.active && w.last_ns == t - 100 * MS);
     for (int i = 0; i < 9; i++)
@@ -235,7 +235,7 @@ static void continuous_recording_holds_every_set(void **state)
     assert_int_equal(bench_recording(&b, 0, path), 1);
     assert_int_equal(bench_check(&b, path, &first), 60); /* readable while it is written */
 
-    /* Off by another configuration; what stopping finds in memory is still written. */
+    /* Off by another configuration; sets in memory at the stop are still written. */
     b.config->storage.mode = SST_RECORD_OFF;
     assert_int_equal(sst_storage_configure(b.storage, b.config), 0);
     bench_wait_inactive(&b);
@@ -478,7 +478,7 @@ static void reduced_recordings_skip_what_stands_still(void **state)
             usleep(1000);
         }
         bench_wait(&b, "recording", "sets", 2);
-        sst_ring_shut(b.ring); /* what has come is handled, then it ends */
+        sst_ring_shut(b.ring); /* sets that have come are handled, then it ends */
         assert_true(sst_storage_finish(b.storage, 60000));
         assert_int_equal(bench_recording(&b, (int)m, path), m + 1);
         n = indices(path, index, 40);
@@ -527,7 +527,7 @@ static void an_event_ends_without_live_pictures(void **state)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-/* The status of a trimmed recording describes what is left of it. */
+/* The status of a trimmed recording describes its remaining sets. */
 static void check_shortened(const char *path, uint64_t listed)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -627,7 +627,7 @@ static void the_quota_holds_while_sets_come(void **state)
     check_shortened(path, (uint64_t)sets);
 }
 
-/* Less room than the two pieces that always stay: FULL is reported, and it goes on with what was recorded removed. */
+/* Less room than the two pieces that always stay: FULL is reported, and it goes on after removing earlier sets. */
 static void a_quota_of_two_pieces_holds_nothing_up(void **state)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;

@@ -1,4 +1,4 @@
-/* Downloads, whole and in parts, what a kill left, and deletion. */
+/* Downloads, whole and in parts, left-overs of a kill, and deletion. */
 #include <fcntl.h>
 
 #include "daemon/storage/storage_internal.h"
@@ -21,7 +21,7 @@ int fdatasync(int fd SST_UNUSED)
 
 int fsync(int fd SST_UNUSED)
 {
-    return 0; /* likewise: a call that records is answered within a second */
+    return 0; /* a call that records is answered within a second, too */
 }
 
 /* --- archives ----------------------------------------------------------------------------------------------------- */
@@ -57,7 +57,7 @@ static void every_part_of_an_archive_is_that_part(void **state)
         assert_in_range(n, 1, 100);
         assert_memory_equal(part, whole + at, n);
     }
-    /* What is no longer as it was listed is an error; links are not followed. */
+    /* A file that is no longer as listed is an error; links are not followed. */
     assert_int_equal(truncate(in(dir, "b/c"), 300), 0);
     n = 0;
     for (int64_t at = 0; at < t.bytes && n >= 0; at += n)
@@ -128,7 +128,7 @@ static void a_trimmed_view_begins_where_the_rest_does(void **state)
     assert_int_equal(rest.format.wall_ns, 1763748305500000000);
     video_fini(&rest);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{}", 2), 0);
-    assert_int_equal(video_of_view(&rest, dir), 0); /* nothing else states what was removed */
+    assert_int_equal(video_of_view(&rest, dir), 0); /* no other file states the removed sets */
     assert_int_equal(rest.count, 10);
     video_fini(&rest);
     video_fini(&whole);
@@ -146,7 +146,8 @@ static struct store_entry scanned(void)
     return e;
 }
 
-/* Its storage.json is from when it began, or from before its beginning was removed; the limits go by what is there. */
+/* Its storage.json is from when it began, or from before its beginning was removed; the limits go by the files that are
+ * there. */
 static void what_a_kill_left_is_measured(void **state)
 {
     static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
@@ -189,7 +190,7 @@ static void what_a_kill_left_is_measured(void **state)
     assert_int_equal(rename(dir, in(top, "2026-11-21T12-00-00Z")), 0);
     assert_true(scanned().stage == SST_STORE_TORN && scanned().order == 1);
     assert_int_equal(rename(in(top, "2026-11-21T12-00-00Z"), dir), 0);
-    /* removed.json is damaged: rewritten from what is present. */
+    /* removed.json is damaged: rewritten from the files that are present. */
     assert_int_equal(store_write(dir, &e), 0);
     assert_int_equal(sst_file_write(in(dir, "sets.jsonl"), lines, sizeof(lines) - 1), 0);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{\"format\":", 10), 0);
@@ -199,7 +200,7 @@ static void what_a_kill_left_is_measured(void **state)
     assert_true(!now.assumed && now.before_segment == 2 && now.sets == 7 && now.t_ns == 7500000000);
 }
 
-/* What is left of a recording without its list cannot be used, but it counts, and goes like any other. */
+/* The rest of a recording without its list cannot be used, but it counts, and goes like any other. */
 static void a_recording_without_its_manifest_is_reported(void **state)
 {
     struct synthetic s = small();
@@ -389,7 +390,7 @@ static void a_video_needs_room(void **state)
     assert_int_equal(sst_storage_configure(b.storage, b.config), 0);
     assert_int_equal(bench_open(&b, name, &d), 0);
     bench_wait(&b, NULL, "used_bytes", used + d->bytes);
-    /* What is open stays so, whatever becomes of the recording. */
+    /* An open download stays so, whatever becomes of the recording. */
     assert_int_equal(sst_storage_delete(b.storage, sst_path_base(path)), 0);
     bench_wait_exactly(&b, NULL, "recordings", 0);
     assert_int_equal(bench_copy(d, 0, d->bytes, in(top, "got")), d->bytes);
@@ -452,7 +453,7 @@ static void the_view_is_recorded_with_what_was_before(void **state)
     bench_wait(&b, "ring", "pictures", 1);
     for (int i = 0; i < 40; i++)
         bench_put(&b, now_ns - (40 - i) * 100 * MS);
-    show(&b, slot, 2, now_ns - 5000 * MS, 2); /* what is seen when it begins, 4 s ago */
+    show(&b, slot, 2, now_ns - 5000 * MS, 2); /* the picture when it begins, 4 s ago */
     show(&b, slot, 3, now_ns - 500 * MS, 3);
     assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
     bench_put(&b, now_ns);
@@ -611,7 +612,7 @@ static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
         assert_in_range(shown->count, 1, VIEW_HISTORY_MAX);
     }
     jpeg = view_history_next(shown, 0);
-    assert_int_equal(jpeg->number, 9500); /* what was seen then */
+    assert_int_equal(jpeg->number, 9500); /* the picture of that time */
     sst_slot_jpeg_unref(jpeg);
     jpeg = view_history_at(shown, 9700 * MS);
     assert_int_equal(jpeg->number, 9700);

@@ -1,4 +1,4 @@
-/* daemon/storage on bad disks: full, hung, gone, shared, killed. What happens is a state that passes by itself. */
+/* daemon/storage on bad disks: full, hung, gone, shared, killed. Each fault is a state that passes by itself. */
 #define _GNU_SOURCE
 #include <sched.h>
 #include <signal.h>
@@ -148,7 +148,7 @@ static void a_full_disk_is_a_state(void **state)
         sets = bench_number(&b, "recording", "sets");
         feed(&b, 10);
         bench_wait(&b, "recording", "sets", sets + 5);
-        /* It ends while nothing can be written: what takes sets next is tried by itself. */
+        /* It ends while nothing can be written: the next recording is tried by itself. */
         write_errno = codes[i];
         feed_until(&b, SST_STORAGE_FULL);
         b.config->storage.mode = SST_RECORD_OFF;
@@ -250,7 +250,7 @@ static void a_hung_disk_holds_nobody_up(void **state)
     assert_int_equal(in_process("hung_disk"), 0);
 }
 
-/* What cannot begin is tried again and again, and reported once. */
+/* A recording that cannot begin is tried again and again, and reported once. */
 static void a_recording_that_cannot_begin_is_reported_once(void **state)
 {
     struct bench b;
@@ -273,7 +273,7 @@ static void a_recording_that_cannot_begin_is_reported_once(void **state)
     bench_fini(&b);
 }
 
-/* What takes longer than a caller waits is still to be had. */
+/* A snapshot that takes longer than a caller waits is still made. */
 static void a_download_waits_for_its_snapshot(void **state)
 {
     struct sst_download *d;
@@ -331,7 +331,7 @@ static void small_disk(void **state)
     fclose(f);
     free(zeros);
     feed_until(&b, SST_STORAGE_FULL);
-    assert_true(n >= 6 && size_of(in(dir, "others")) >= n << 20); /* what is not ours is not touched */
+    assert_true(n >= 6 && size_of(in(dir, "others")) >= n << 20); /* foreign files are not touched */
     unlink(in(dir, "others"));
     feed_until(&b, SST_STORAGE_OK);
     feed_until_recorded(&b);
@@ -395,7 +395,7 @@ static void a_folder_of_others_is_told(void **state)
     assert_int_equal(in_process("forbidden_folder"), 0);
 }
 
-/* What a killed service has said to be recorded is there, run after run, and the next one mends it. */
+/* Sets that a killed service reported as recorded are there, run after run, and the next one mends the recording. */
 struct shared {
     _Atomic int run;
     _Atomic int64_t acknowledged[KILLS];

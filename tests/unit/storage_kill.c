@@ -13,7 +13,7 @@
 #include "tests/storage_bench.h"
 
 #define MS     ((int64_t)1000000)
-#define BYTES  20000 /* of a frame, three of them a set */
+#define BYTES  20000 /* of a frame, three frames a set */
 #define QUOTA  2500000
 #define LARGE  60 /* sets of the recording that is trimmed: 3.6 MB in pieces of 5 */
 #define SMALL  10 /* of one that goes as a whole */
@@ -22,7 +22,7 @@
 #define QUOTA2 6000000
 #define RUN    100000 /* between the numbers of sets of two runs */
 
-/* --- steps: the calls that change what names lead to, or make it durable ------------------------------------------ */
+/* --- steps: the calls that change names, or make files durable ---------------------------------------------------- */
 
 static _Atomic int kill_at; /* the process ends before that many more of them; 0: not */
 static _Atomic int *steps;  /* that were made; NULL: not counted */
@@ -141,7 +141,7 @@ static int all(char path[][SST_PATH_MAX], int max, int *left)
     return n;
 }
 
-/* No set that is listed is damaged, and all that came after what was removed are listed. @return how many were recorded
+/* No set that is listed is damaged, and all after the removed ones are listed. @return how many were recorded
  */
 static int64_t check(struct bench *b, const char *path, uint64_t *first, int *sets)
 {

@@ -1,4 +1,4 @@
-/* Retention: what goes first, and what there is room for. */
+/* Retention: order of removal, and limits of the room. */
 #include "daemon/storage/storage_internal.h"
 #include "tests/storage_bench.h"
 
@@ -48,19 +48,19 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     add(&c, SST_STORE_EXPORT, 4, "", 150);
     add(&c, SST_STORE_RECORDING, 5, "motion in door", 210);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
-    /* More than half of the room was made by hand: then the oldest of that. */
+    /* More than half of the room was made by hand: then the oldest such entry. */
     c.entry[3].bytes = 250;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
     l.manual_bytes = 550; /* as configured */
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
     l.manual_bytes = 549;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
-    /* Half of the room is half of what others leave of a disk. */
+    /* Half of the room is half of the disk's free space and ours. */
     l = (struct store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
     room.free_bytes = 140;
     assert_int_equal(store_manual_bytes(&l, &room), 50);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
-    /* What is being read goes after what is not; if nothing else is left, it goes. */
+    /* Entries that are being read go after others; if nothing else is left, they go. */
     l = (struct store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .manual_bytes = 900 };
     c.entry[2].readers = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5);
@@ -74,7 +74,7 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     catalog_fini(&c);
 }
 
-/* Reduced recordings outlive full ones up to their part, and what was made by hand outlives both. */
+/* Reduced recordings outlive full ones up to their part, and entries made by hand outlive both. */
 static void reduced_recordings_outlive_full_ones(void **state)
 {
     struct catalog c = { 0 };
@@ -124,7 +124,7 @@ static void each_has_an_age_of_its_own(void **state)
     catalog_fini(&c);
 }
 
-/* Recorded before the clock was set: it goes when what was made next is too old, and not before. */
+/* Recorded before the clock was set: it goes when the next entry is too old, and not before. */
 static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
 {
     const struct store_limits l = { .max_age_ns = { 2 * DAY } };
@@ -132,7 +132,7 @@ static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
 
     (void)state;
     for (int earlier = 0; earlier < 2; earlier++) {
-        /* 1970; the day on which the system was made; long before what is older; in the future */
+        /* 1970; the day on which the system was made; long before an older entry; in the future */
         for (int wrong = 0; wrong < 4; wrong++) {
             const int64_t stamp = (int64_t[]){ 60000 * MS, T0 - 700 * DAY, T0 + 90 * DAY, T0 + 900 * DAY }[wrong];
             struct catalog c = { 0 };
@@ -156,7 +156,7 @@ static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
                 catalog_remove(&c, c.entry[0].name);
             }
             room.wall_ns = T0 + 104 * DAY;
-            if (wrong != 2) /* what gave it away has gone */
+            if (wrong != 2) /* the entry that gave it away has gone */
                 assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0);
             room.wall_ns++;
             for (uint64_t n = 100; n < 103; n++) {
@@ -258,7 +258,7 @@ static void snapshots_never_fill_the_room(void **state)
     catalog_fini(&found);
 }
 
-/* What visits take is no room for recordings and snapshots. */
+/* Room of visits is no room for recordings and snapshots. */
 static void what_others_take_counts(void **state)
 {
     char name[SST_STORE_NAME];

@@ -1,4 +1,4 @@
-/* drivers/trigger: ticks, steps of a pulse, clocks of edge stamps; trains of time marks; what open refuses. */
+/* drivers/trigger: ticks, steps of a pulse, clocks of edge stamps; trains of time marks; refusals of open. */
 #include <errno.h>
 #include <pthread.h>
 #include <stdio.h>

@@ -520,7 +520,7 @@ static void calls_are_waited_for_no_longer_than_agreed(void **state SST_UNUSED)
     for (int i = 0; i < 60000 && ended < 2; i++)
         usleep(1000);
     assert_int_equal(ended, 2);
-    usleep(100000); /* its thread frees what it has */
+    usleep(100000); /* its thread frees its memory */
 }
 
 static void resets_of_nothing_are_refused(void **state SST_UNUSED)

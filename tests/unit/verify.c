@@ -1,4 +1,4 @@
-/* Verified rays: a bush whose maps know nothing of what is behind it, maps that are good, foci where nothing is. */
+/* Verified rays: a bush with maps that know nothing behind it, good maps, foci without a surface. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +22,7 @@ struct field {
     struct sst_scene *scene;
     struct sst_lightfield lf;
     struct sst_image behind, plain, verified;
-    struct sst_map_u8 mask; /* what is hidden of what is in focus */
+    struct sst_map_u8 mask; /* hidden share of the surface in focus */
     double focus_px;
 };
 
@@ -279,7 +279,7 @@ static void missing_rays_have_no_say(void **state SST_UNUSED)
     cfg.verify = SST_VERIFY_ON;
     assert_int_equal(sst_render(r, &cfg, &f.verified, &valid), 0);
     sst_renderer_destroy(r);
-    /* Nothing is black here but what no view saw: its blackness does not get a vote. */
+    /* Nothing is black here but unseen pixels: their blackness does not get a vote. */
     for (int y = 8; y < HEIGHT - 8; y++) {
         for (int x = 0; x < WIDTH; x++)
             assert_true(sst_image_row(&f.verified, 0, y)[x] || sst_image_row(&f.verified, 1, y)[x]);
@@ -297,7 +297,7 @@ static void good_maps_decide_alone(void **state SST_UNUSED)
     print_message("pedestrian, true maps: %.2f dB, verified %.2f dB\n", sst_psnr(&f.plain, &f.behind, &f.mask),
                   sst_psnr(&f.verified, &f.behind, &f.mask));
     assert_true(sst_psnr(&f.verified, &f.behind, &f.mask) > sst_psnr(&f.plain, &f.behind, &f.mask) - 0.1);
-    /* Nothing is in front of the nearest surface: what is out of focus stays blurred. */
+    /* Nothing is in front of the nearest surface: surfaces out of focus stay blurred. */
     render_both(&f, f.lf.range_max_px);
     assert_same_image(&f.plain, &f.verified);
     close_field(&f);
@@ -353,7 +353,7 @@ static void matched_leaves_no_longer_hide_what_is_behind(void **state SST_UNUSED
     close_field(&f);
 }
 
-/* What one picture found out serves the next one; other views find out for themselves. */
+/* Findings of one picture serve the next one; other views find out for themselves. */
 static void pictures_of_one_renderer_are_those_of_many(void **state SST_UNUSED)
 {
     struct sst_render_config cfg;
@@ -431,7 +431,7 @@ static void confirmed_disparities_are_counted(void **state SST_UNUSED)
     for (int y = 0; y < 33; y++)
         memset(sst_map_u8_row(&v->confidence, y), y == 5 ? 0 : 1 + y, 40);
     assert_true(fabs(sst_lightfield_confirmed(&lf, 2) - 32.0 / 33) < 1e-12);
-    /* What the view did not see does not count. */
+    /* Pixels that the view did not see do not count. */
     assert_int_equal(sst_map_u8_init(&v->valid, 40, 33), 0);
     for (int y = 0; y < 33; y++)
         memset(sst_map_u8_row(&v->valid, y), y != 5 ? 255 : 0, 40);
@@ -445,7 +445,7 @@ static void confirmed_disparities_are_counted(void **state SST_UNUSED)
 #define FAR_PX  2
 
 /* 3x3 views of 64x48: columns 20 to 39 of the reference are near, the rest is far, all of random colours; the map of
- * the middle view extends what is near by six columns. */
+ * the middle view extends near surfaces by six columns. */
 static void make_rim(struct sst_lightfield *lf, unsigned noise)
 {
     uint64_t seed = 3;

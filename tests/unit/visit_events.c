@@ -167,7 +167,7 @@ static void who_is_behind_leaves_is_a_visit(void **state)
     json_decref(o);
 }
 
-/* Behind leaves now the head is seen, now the legs: the path is that of the foot, which walks evenly. */
+/* Behind leaves now the head is seen, now the legs: the path follows the foot, which walks evenly. */
 static void the_path_behind_leaves_is_even(void **state)
 {
     static const int hidden_below[] = { 0, 90, 40, 70, 0, 60, 100 };
@@ -199,7 +199,7 @@ static void the_path_behind_leaves_is_even(void **state)
     json_decref(o);
 }
 
-/* Depth alone: who comes nearer, who goes away, and who stands still behind leaves, where depth is known less well. */
+/* Depth alone: persons who come nearer, go away, and stand still behind leaves, where depth is known less well. */
 static void directions_in_depth(void **state)
 {
     static const struct {
@@ -271,7 +271,7 @@ static void lines_are_crossed_with_a_direction(void **state)
     json_decref(o);
 }
 
-/* Who stands on a line, whose foot is found a little to the left and to the right of it. */
+/* A person who stands on a line, with a foot that is found a little to the left and to the right of it. */
 static void who_stands_on_a_line_crosses_it_once(void **state)
 {
     (void)state;

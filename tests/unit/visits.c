@@ -1,4 +1,4 @@
-/* daemon/visits: what came and went, kept on disk, listed, and removed in time. */
+/* Visits: kept on disk, listed, and removed in time. */
 #include <errno.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -128,7 +128,7 @@ static void visits_are_kept_and_listed(void **state)
     assert_int_equal(sst_visits_read_picture(v, "2026-11-23/../x", SST_VISIT_SEEN, &data, &size), -EINVAL);
     sst_visits_close(v, 5000);
 
-    /* Another service finds them; what was there when the first was killed has no end. */
+    /* Another service finds them; visits that lasted when the first was killed have no end. */
     assert_int_equal(sst_visits_open(&v, dir, 30), 0);
     wait_for(v, 3);
     sst_visits_close(v, 5000);
@@ -266,7 +266,7 @@ static void old_ones_are_removed(void **state)
     sst_visits_close(v, 5000);
     assert_int_equal(sst_visits_open(&v, dir, 2), 0);
     assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 100, .label = "Car" }),
-                     1); /* not that of 3 days ago */
+                     1); /* not the visit of 3 days ago */
     assert_false(sst_path_exists(test_path("visits/2001-02-03")));
     assert_true(sst_path_exists(test_path("visits/notes")));
     sst_visits_close(v, 5000);
@@ -322,7 +322,7 @@ static void store_with_picture(struct sst_visits *v, char out[64], int64_t ago_s
     store(v, out, ago_s, id, false, "Car", "street");
 }
 
-/* A tenth of the room is that of visits: the oldest go, those that are kept for good do not. */
+/* A tenth of the room is for visits: the oldest go, the ones that are kept for good do not. */
 static void visits_stay_within_their_share(void **state)
 {
     char name[12][64], more[64];
@@ -342,7 +342,7 @@ static void visits_stay_within_their_share(void **state)
     assert_in_range(atomic_load(&taken), 40000, 45000);
     sst_visits_close(v, 60000);
 
-    /* What is there is counted at the next start. */
+    /* Existing visits are counted at the next start. */
     assert_int_equal(sst_visits_open(&v, test_path("share"), 30), 0);
     sst_visits_limit(v, 450000, note_bytes, NULL);
     for (int i = 8; i < 12; i++)
@@ -351,7 +351,7 @@ static void visits_stay_within_their_share(void **state)
         usleep(5000);
     assert_true(is_listed(v, name[1]) && is_listed(v, name[11]) && !is_listed(v, name[7]) && !is_listed(v, name[8]));
 
-    /* Those that are kept fill it: another one's picture goes again, and room is made by deleting one. */
+    /* Kept visits fill it: another one's picture goes again, and room is made by deleting one. */
     for (int i = 9; i < 12; i++)
         assert_int_equal(sst_visits_keep(v, name[i], true), 0);
     store_with_picture(v, more, 10, 20);
@@ -370,10 +370,10 @@ static void visits_stay_within_their_share(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(visits_stay_within_their_share),
-        cmocka_unit_test(visits_are_kept_and_listed),    cmocka_unit_test(a_killed_service_leaves_no_visitors),
-        cmocka_unit_test(old_ones_are_removed),          cmocka_unit_test(nothing_is_kept_without_days_or_room),
-        cmocka_unit_test(a_kept_visit_outlives_its_day), cmocka_unit_test(a_visit_is_deleted_for_good),
+        cmocka_unit_test(visits_stay_within_their_share),       cmocka_unit_test(visits_are_kept_and_listed),
+        cmocka_unit_test(a_killed_service_leaves_no_visitors),  cmocka_unit_test(old_ones_are_removed),
+        cmocka_unit_test(nothing_is_kept_without_days_or_room), cmocka_unit_test(a_kept_visit_outlives_its_day),
+        cmocka_unit_test(a_visit_is_deleted_for_good),
     };
 
     begin_ns = sst_clock_wall_ns();

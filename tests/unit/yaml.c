@@ -57,7 +57,7 @@ static void a_tree_has_places_and_typed_values(void **state SST_UNUSED)
     assert_int_equal(sst_yaml_get(root, "list")->last->line, 9);
     assert_true(sst_yaml_doubles(doc, sst_yaml_get(root, "all"), 0, 9, three, 3));
     assert_true(three[0] == 7 && three[2] == 7);
-    /* what is missing keeps its default and is no fault */
+    /* a missing key keeps its default and is no fault */
     assert_false(sst_yaml_int(doc, sst_yaml_get(root, "none"), 0, 1, &n));
     assert_int_equal(n, -12);
     assert_int_equal(finish(doc), 0);
@@ -105,7 +105,7 @@ static void faults_name_their_place(void **state SST_UNUSED)
     assert_contains(said, "2:4: m must be a whole number in 0..9, not 1.0"); /* the last of the two */
 }
 
-/* A section that is there twice is one fault: what the second holds is nobody's. */
+/* A section that is there twice is one fault: the contents of the second are ignored. */
 static void a_second_section_is_one_fault(void **state SST_UNUSED)
 {
     static const char *const bad[] = { "web: { port: 1 }\nweb: { port: 2 }\n",
@@ -153,7 +153,7 @@ static void wrong_keys_are_answered_with_the_right_ones(void **state SST_UNUSED)
     }
 }
 
-/* What ends the reading. */
+/* Faults that end the reading. */
 static void what_is_not_plain_yaml_is_refused(void **state SST_UNUSED)
 {
     static const struct {
