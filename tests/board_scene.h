@@ -20,7 +20,7 @@ struct board_scene {
     int width, height;
     double blur_px, motion_px[2]; /* sigma of a round blur; a straight path during the exposure */
     double noise;                 /* sigma, of 255 */
-    double black, white, around;  /* linear light 0..1 of ink, paper and what is behind */
+    double black, white, around;  /* linear light 0..1 of ink, paper and the background */
     double gamma;                 /* grey = 255 light^(1 / gamma) */
     double vignetting;            /* light lost in the corners */
     uint64_t seed;
@@ -159,7 +159,7 @@ static inline void scene_blur(float *data, float *other, int w, int h, double si
         float *to = data + (size_t)y * (size_t)w;
         const float *from = other + (size_t)y * (size_t)w;
 
-        for (int j = -reach; j <= reach; j++) { /* what lies beyond the sides is as at them */
+        for (int j = -reach; j <= reach; j++) { /* beyond the sides it is as at them */
             const float k = (float)exp(-j * j / (2 * sigma * sigma)) / sum;
             const int x0 = sst_min_int(sst_max_int(-j, 0), w), x1 = sst_max_int(sst_min_int(w - j, w), 0);
 

@@ -184,7 +184,7 @@ static inline void truth_point(const struct truth *t, int frame, int id, double 
                f->position_mm[i];
 }
 
-/* What a view sees of a frame, appended unless it is less than 6 points. */
+/* The detection of a view in a frame, appended unless it is less than 6 points. */
 static inline void truth_see(struct truth *t, int view, int frame)
 {
     const struct truth_config *c = &t->cfg;

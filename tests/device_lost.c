@@ -56,7 +56,7 @@ static long read_number(bool *gone)
     return number;
 }
 
-/* A copy of what is known of the device of an object. */
+/* A copy of the entry of an object's device. */
 static struct device find_device(const void *object)
 {
     struct device found = { 0 };
@@ -81,7 +81,7 @@ static VkResult lose(const struct device *d)
     return VK_ERROR_DEVICE_LOST;
 }
 
-/* --- what a device is asked ----------------------------------------------------------------------------------------
+/* --- calls of a device ----------------------------------------------------------------------------------------
  */
 
 static VKAPI_ATTR VkResult VKAPI_CALL queue_submit(VkQueue queue, uint32_t n, const VkSubmitInfo *submits,

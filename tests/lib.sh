@@ -14,7 +14,7 @@ failed=0
 
 fail() { echo "FAIL: $*"; failed=1; }
 
-# skip WHY: what follows cannot be tried here; what has failed before stays failed
+# skip WHY: the rest cannot be tried here; earlier failures stay
 skip() { echo "$*"; [ "$failed" -eq 0 ] || exit 1; exit 77; }
 
 # need PART: skips in a build without it, by its name in `sst version --json`

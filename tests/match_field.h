@@ -67,7 +67,7 @@ static inline bool match_config(struct sst_disparity_config *cfg, int i)
     assert_int_equal(sst_disparity_preset(cfg, i < 3 ? presets[i] : "balanced"), 0);
     cfg->disp_min_px = -1;
     cfg->disp_max_px = 9;
-    cfg->cost = SST_COST_CENSUS; /* what accurate does without enough views needs a network */
+    cfg->cost = SST_COST_CENSUS; /* accurate without enough views needs a network */
     cfg->threads = 2;
     switch (i) {
     case 0: /* the presets */

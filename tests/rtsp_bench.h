@@ -41,7 +41,7 @@
 
 #define STRANGER 12345 /* a user that nobody is */
 
-#define PATIENCE_MS 60000 /* with what comes sooner or later */
+#define PATIENCE_MS 60000 /* with packets that come sooner or later */
 
 static struct sst_slot *slot;
 static struct sst_counters counters;
@@ -49,7 +49,8 @@ static struct sst_http *service;
 static pid_t program; /* sst-rtsp; 0: does not run */
 static int port;      /* its */
 static char folder[64];
-static gid_t looks; /* group that may only look at the service; with it sst-rtsp runs as a user of its own; 0: as this */
+static gid_t
+    looks; /* group that may only look at the service; with it sst-rtsp runs as a user of its own; 0: as this */
 static pthread_t painter;
 static atomic_bool painting;
 
@@ -300,7 +301,7 @@ static int clients(void)
 /* --- other people's clients ----------------------------------------------------------------------------------------
  */
 
-/* ffmpeg on rtsp://localhost:port/path with these arguments after it; its output is what it decoded. */
+/* ffmpeg on rtsp://localhost:port/path with these arguments after it; its output is the decoded stream. */
 static FILE *watch(const char *login, const char *path, const char *transport, const char *rest)
 {
     char command[512];

@@ -1,4 +1,4 @@
-/* tests/small.h - what sanitized builds leave out, which are 3 (address) to 30 times (thread) as slow. make
+/* tests/small.h - tests that sanitized builds leave out, which are 3 (address) to 30 times (thread) as slow. make
  * sets SST_TEST_SMALL to 1 for the address and to 2 for the thread sanitizer; without it all is run. */
 #ifndef SST_TESTS_SMALL_H
 #define SST_TESTS_SMALL_H

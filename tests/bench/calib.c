@@ -118,7 +118,7 @@ static void carry(struct carried *c, double depth_mm)
     }
 }
 
-/* --- figures of them ---------------------------------------------------------------------------------------------- */
+/* --- figures ------------------------------------------------------------------------------------------------------ */
 
 struct values {
     double *v;
@@ -153,7 +153,7 @@ static json_t *spread_of(struct values *all)
     return out;
 }
 
-/* Across the line between the views, measured minus predicted: what the disparity along it leaves. */
+/* Across the line between the views, measured minus predicted: the rest beside the disparity along it. */
 static void cross_disparity(const struct carried *c, int a, int b, struct values *out)
 {
     const double bx = c->to.view[b].bx - c->to.view[a].bx, by = c->to.view[b].by - c->to.view[a].by;

@@ -20,7 +20,7 @@
 
 static const char *const sides[2] = { "left", "right" };
 
-/* Add what a picture shows. @return 0, or a negative errno; no board is no error */
+/* Add the detection of a picture. @return 0, or a negative errno; no board is no error */
 static int look(struct sst_detections *all, const char *path, int view, int frame)
 {
     const struct sst_detect_config cfg = { 0 };

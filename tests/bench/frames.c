@@ -1,4 +1,4 @@
-/* What the checks of every frame cost: marker walk, hash, and the other way to find frozen pictures, comparing with a
+/* Costs of the checks of every frame: marker walk, hash, and the other way to find frozen pictures, comparing with a
  * kept copy. usage: build/bench/frames [frame.jpg] */
 #include <linux/videodev2.h>
 #include <stdio.h>
@@ -91,7 +91,7 @@ int main(int argc, char **argv)
     for (int i = 0; i < FRAMES * ROUNDS; i++) {
         const size_t at = (size_t)(i % FRAMES) * bytes;
 
-        /* Frames that differ do so early; the copy is what costs. */
+        /* Frames that differ do so early; the copy has the costs. */
         sink += (uint64_t)memcmp(kept + at, frames + at, 1024);
         memcpy(kept + at, frames + at, bytes);
     }

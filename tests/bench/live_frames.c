@@ -1,4 +1,4 @@
-/* What keeping the views up to date costs, and how far off they are:
+/* Costs of keeping the views up to date, and their errors:
  *   make build/bench/live_frames && build/bench/live_frames [SETS [WORLD...]]
  * Prints the table of docs/measured/notes-live.md. Worlds are prepared when they are first used (a minute each). */
 #include <errno.h>

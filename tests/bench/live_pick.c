@@ -1,14 +1,14 @@
 /* Does a click find what the live picture shows there? Sets of a simulated world become live pictures, every few pixels
- * of them are picked, and what is found is compared with the truth:
+ * of them are picked, and the surfaces found are compared with the truth:
  *   make build/bench/live_pick && build/bench/live_pick SCENE [SETS [EVERY [THREADS [CACHE [still]]]]]
  * CACHE: folder for prepared worlds. still: the first set again and again, until the background has made its maps.
  * Prints, for a focus on what the scene's first occluder hides, for one that is 1 px off, and for one on the occluder,
  * of every EVERY-th set together, the share of picks within 1 px of the truth, and of these the share whose label is
  * right, for pixels that the surface named makes up most of when the picture is made by the true maps:
- *   hidden        all of what is in focus, hidden in the reference view, and seen by at least 4 others;
- *   seen through  of these, those that the picture shows as they are in truth;
- *   in focus      what is in focus and not hidden in the reference view;
- *   out of focus  what is elsewhere and not hidden;
+ *   hidden        surfaces in focus, hidden in the reference view, and seen by at least 4 others;
+ *   seen through  of these, the ones that the picture shows as they are in truth;
+ *   in focus      surfaces in focus and not hidden in the reference view;
+ *   out of focus  surfaces elsewhere and not hidden;
  *   front         the occluder in focus. */
 #include <errno.h>
 #include <math.h>
@@ -37,7 +37,7 @@
 #define CAPACITY  ((size_t)1 << 20)
 #define STEP      8   /* px between clicks */
 #define RIGHT_PX  1.0 /* a pick this near to the truth is right */
-#define IN_FOCUS  1.5 /* px: what is this near to the focus is in it */
+#define IN_FOCUS  1.5 /* px: a surface this near to the focus is in it */
 #define SEEN      4   /* views, at least */
 #define LIKE      30  /* levels of each colour: the picture is as the truth */
 #define SETTLE_NS INT64_C(900000000000)
@@ -54,7 +54,7 @@ struct count {
     int all, right, label;
 };
 
-/** What is true at one time. */
+/** The truth at one time. */
 struct truth {
     struct sst_lightfield lf;                /* the live pictures with true maps; images are borrowed */
     struct sst_map_f32 front[VIEWS], behind; /* disparities; behind: of the reference view without the occluder */
@@ -314,7 +314,7 @@ static void print(void)
            100 * b.report.confirmed);
 }
 
-/* The same set until the background has told what it found. */
+/* The same set until the background work has reported its result. */
 static int settle(void)
 {
     const int64_t end_ns = sst_clock_now_ns() + SETTLE_NS;

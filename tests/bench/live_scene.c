@@ -1,10 +1,10 @@
-/* What the live scene costs and how well it sees through, set by set, on a simulated world that moves:
+/* Costs of the live scene and errors of its pictures, set by set, on a simulated world that moves:
  *   make build/bench/live_scene && build/bench/live_scene SCENE [SETS [EVERY [THREADS [CACHE [FOLDER [quick]]]]]]
  * Prints CSV: each set's time, and of every EVERY-th set the see-through error in the pixels that the scene's first
  * occluder hides (dB of PSNR against the truth behind it): of the live maps, of `sst process --preset preview`,
  * balanced and accurate on the same pictures, of plain refocusing, and of the true maps. With FOLDER, if it is not
  * empty, the pictures stay there; quick: without the presets. Edges: PSNR of the differences of neighbouring pixels
- * there. SSIM: likewise there. CPU ms: of the maps (without opening networks) and the picture. */
+ * there. SSIM: there, too. CPU ms: of the maps (without opening networks) and the picture. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,7 +32,7 @@
 #define RATE_HZ  10
 #define MODEL    "models/pspnet-small.onnx"
 #define CAPACITY ((size_t)1 << 20)
-/* A block of 8x8 pixels whose mean moved by this much changed; noise moves it by half a level. */
+/* A block of 8x8 pixels with a mean that moved by this much changed; noise moves it by half a level. */
 #define BLOCK         8
 #define NEAR_FOCUS_PX 1.5
 #define SURE          0.95 /* as live.c has it */
@@ -158,7 +158,7 @@ static int make_lightfields(void)
         b.lf.views[view].present = b.exact.views[view].present = true;
         err = sst_image_init(&b.lf.views[view].image, WIDTH, HEIGHT);
         b.exact.views[view].image = b.lf.views[view].image;
-        /* What the presets would make. */
+        /* Maps of the presets. */
         err = err || b.presets ? err : sst_map_u16_init(&b.exact.views[view].disp, WIDTH, HEIGHT);
         err = err || b.presets ? err : sst_map_u8_init(&b.exact.views[view].label, WIDTH, HEIGHT);
         b.changes.map[view] = calloc(1, WIDTH / SST_LIVE_TILE * (HEIGHT / SST_LIVE_TILE));
@@ -186,7 +186,7 @@ static int segment_job(void *arg, int view, int worker)
     return sst_segment_hcsm(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
 }
 
-/* What sst process does. */
+/* Maps of sst process. */
 static int process(const char *preset, int64_t *cpu_ns)
 {
     struct sst_disparity_config match;
@@ -257,7 +257,7 @@ static void count_errors(double out[2], struct sst_scene *scene)
 struct truth {
     struct sst_scene *scene;
     struct sst_image behind;
-    struct sst_map_u8 mask; /* what the occluder hides of what is in focus */
+    struct sst_map_u8 mask; /* hidden part of the surface in focus */
     double focus_px;
 };
 

@@ -22,7 +22,7 @@
 /* One network, on the CPU or on the device. */
 struct runner {
     struct sst_network_device *device; /* NULL: the CPU */
-    bool chosen;                       /* what is used unless another variant is named */
+    bool chosen;                       /* used unless another variant is named */
     struct sst_network *net;
     float *out;
     int8_t *bytes; /* of a matching network, else NULL */
@@ -79,7 +79,8 @@ static int prepare(struct bench *b, const char *model)
 static int time_once(const struct bench *b, struct runner *r, double *ms)
 {
     const int64_t start = sst_clock_now_ns();
-    const int err = r->bytes ? sst_network_run_s8(r->net, &(struct sst_network_bytes){ b->in, b->width, b->height, FACTOR, r->bytes, NULL })
+    const int err = r->bytes ? sst_network_run_s8(r->net, &(struct sst_network_bytes){ b->in, b->width, b->height,
+                                                                                       FACTOR, r->bytes, NULL })
                              : sst_network_run(r->net, b->in, b->width, b->height, r->out);
 
     *ms = (double)(sst_clock_now_ns() - start) * 1e-6;

@@ -26,7 +26,7 @@
 #define SIDE    6
 #define VIEWS   (SIDE * SIDE)
 #define QUALITY 75
-#define AFTER_S 6.0  /* what comes this soon after a passage is of it */
+#define AFTER_S 6.0  /* a visit this soon after a passage is of it */
 #define RIGHT   0.15 /* of a distance */
 #define POINTS  64
 #define EMPTY   64 /* sets without anybody that are kept: the wind repeats */
@@ -52,7 +52,7 @@ struct bench {
     uint64_t last;                          /* event */
     int64_t sets;
     int right, split, wrong, alone, missed; /* passages */
-    int now, visits, near;                  /* passage, its visits, those at its distance */
+    int now, visits, near;                  /* passage, its visits, the ones at its distance */
 };
 
 static double cycle_s(const struct bench *b)
@@ -152,7 +152,7 @@ static void close_bench(struct bench *b)
     sst_hedge_destroy(b->hedge);
 }
 
-/* --- what came of it ------------------------------------------------------------------------------------------------
+/* --- results ------------------------------------------------------------------------------------------------
  */
 
 static double number_of(const json_t *data, const char *key)

@@ -1,4 +1,4 @@
-/* Measures what bounds every stage: peaks ROUNDS. Prints CSV, a line for each round and limit, of 2 threads together:
+/* Limits of every stage: peaks ROUNDS. Prints CSV, a line for each round and limit, of 2 threads together:
  * wide loads from memory and from the second level of cache (GB/s), 16-bit multiplications and byte minima of the
  * kernel level in use (1e9 lanes/s), multiply-adds of floats (1e9/s) and updates at scattered places (1e9/s). Memory is
  * counted by wall time, for the threads share it; the rest by CPU time, which other programs change less. */
@@ -14,7 +14,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #define THREADS      2
-#define MEMORY_BYTES ((size_t)640 << 20) /* what 36 views of 2000x1500 take */
+#define MEMORY_BYTES ((size_t)640 << 20) /* the bytes of 36 views of 2000x1500 */
 #define CACHE_BYTES  ((size_t)384 << 10) /* per thread: beyond the first level of cache, within the second */
 #define SCATTER      (1u << 20)          /* entries of 4 bytes, per thread */
 #define CHAINS       10                  /* independent operations in flight; with operands they fit 16 registers */

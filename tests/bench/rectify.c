@@ -1,4 +1,4 @@
-/* What rectifying costs and how true it is, beside OpenCV's remap: rectify PICTURE ROUNDS. Prints CSV, one line for
+/* Costs and errors of rectifying, beside OpenCV's remap: rectify PICTURE ROUNDS. Prints CSV, one line for
  * each round and filter: CPU time of resampling 2000x1500 pixels with a lens of 8 coefficients, one thread; the error
  * against the same filter in double at the exact place; and the PSNR of the picture moved by half a pixel and turned
  * there and back. */
@@ -15,7 +15,7 @@
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "tests/bench/remap.h"
 
-#define WIDTH  2000 /* of what is timed */
+#define WIDTH  2000 /* of the timed work */
 #define HEIGHT 1500
 #define MARGIN 8 /* px of a picture's border that are not judged */
 
@@ -85,7 +85,7 @@ struct timed {
     struct bench_remap *remap[ARRAY_LEN(filters)];
 };
 
-/* Places as OpenCV wants them: those outside the picture at -1. */
+/* Places as OpenCV wants them: outside the picture -1. */
 static void places_of(struct sst_map_f32 *x, struct sst_map_f32 *y, const struct sst_rectified *to,
                       const struct sst_calib *calib)
 {
@@ -216,8 +216,8 @@ static void errors_against_double(struct errors *errors, const struct sst_image 
         for (int x = 0; x < out.width; x++) {
             double at[2], e;
 
-            if (!sst_rectify_point(&to, &calib, 1, (const double[2]){ x, y }, at) || at[0] < MARGIN ||
-                at[1] < MARGIN || at[0] > raw->width - MARGIN || at[1] > raw->height - MARGIN)
+            if (!sst_rectify_point(&to, &calib, 1, (const double[2]){ x, y }, at) || at[0] < MARGIN || at[1] < MARGIN ||
+                at[0] > raw->width - MARGIN || at[1] > raw->height - MARGIN)
                 continue;
             e = sst_image_row(&out, 1, y)[x] - exact_sample(raw, filter, 1, at[0], at[1]);
             worst = fmax(worst, fabs(e));
@@ -275,7 +275,7 @@ static double moved_half(const struct sst_image *large, enum sst_filter filter, 
     reduce(&want, large, 1);
     calib = pair(from.width, from.height, 1000, false, 0);
     to = plan(&calib);
-    to.cx -= 0.5; /* what was at x is at x - 1/2 now */
+    to.cx -= 0.5; /* a point that was at x is at x - 1/2 now */
     to.cy -= 0.5;
     make(&got, &from, &to, &calib, filter, opencv);
     db = psnr(&got, &want, MARGIN);

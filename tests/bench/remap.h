@@ -16,7 +16,7 @@ struct bench_remap *bench_remap_create(const struct sst_image *img, const struct
                                        const struct sst_map_f32 *y, enum sst_filter filter);
 void bench_remap_destroy(struct bench_remap *r);
 
-/** Make the picture, on one thread; what lies outside is black. */
+/** Make the picture, on one thread; pixels from outside are black. */
 void bench_remap_run(struct bench_remap *r);
 
 /** Copy that picture. @param out  of the maps' size */

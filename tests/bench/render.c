@@ -36,7 +36,7 @@ static const char *const names[2] = { "refocus", "see-through" };
 static const struct {
     const char *name; /* of "%s": the method */
     int views;        /* 0: all; -1: OpenCV */
-    bool skip;        /* what hardly changes the picture */
+    bool skip;        /* views that hardly change the picture */
 } makers[] = { { "%s", 0, false },
                { "OpenCV %s", -1, false },
                { "%s, skips", 0, true },
@@ -116,7 +116,7 @@ static void reset_peak(void)
         sst_log_warning("render bench: the peak of memory cannot be reset here and includes the making of the scene");
 }
 
-/* The first picture with each method, which also makes what later ones share; its memory is measured. */
+/* The first picture with each method, which also prepares later ones; its memory is measured. */
 static int warm_up(struct bench *b, int method, const struct sst_render_config *cfg, double *mib)
 {
     int err;

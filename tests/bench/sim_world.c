@@ -43,7 +43,7 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
     return err;
 }
 
-/* Each frame at a pose of its own: what a rig costs. */
+/* Each frame at a pose of its own: the costs of a rig. */
 static int deliver_poses(struct sst_sim_world *w, int frames, uint8_t *out, size_t capacity)
 {
     int width, height, err = 0;

@@ -8,7 +8,7 @@ failed=0
 loaded=()
 cd "$tmp" || exit 1
 
-# What was started and loaded goes again, whatever happened.
+# Started programs and loaded modules go again, whatever happened.
 leave() {
   local rc=$? j m
   for j in $(jobs -p); do kill "$j" 2>/dev/null; done

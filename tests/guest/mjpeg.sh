@@ -47,7 +47,7 @@ if exact + padded < len(kept) - 3 or padded > 8 or exact < 50:
     sys.exit(1)
 P
 
-# The same through a recording: what was fed comes out of it.
+# The same through a recording: the frames fed come out of it.
 feed
 "$sst" capture array --grid 2x2 --format MJPEG --size 640x480 --trigger free-run --rate 8 -n 30 -o rec --json >rec.json \
   2>err || fail "capture: exit $?: $(cat err)"

@@ -22,7 +22,7 @@ mount -t tmpfs -o mode=755 local $new/usr/local
 mount --rbind /dev $new/dev
 mount -t sysfs sysfs $new/sys
 mkdir -p $new/etc/systemd/system
-# What a machine does when it boots is done, or is not asked for.
+# The machine has booted as far as the test needs it.
 for unit in systemd-{udevd,udev-trigger,hwdb-update,random-seed,binfmt,sysctl,update-utmp,update-utmp-runlevel,logind,timesyncd,networkd,pstore,boot-update,journal-flush,firstboot,machine-id-commit,remount-fs,ask-password-console,ask-password-wall}.service \
   {systemd-udevd-control,systemd-udevd-kernel,systemd-initctl}.socket \
   {dev-hugepages,dev-mqueue,sys-kernel-config,sys-kernel-debug,sys-kernel-tracing,sys-fs-fuse-connections}.mount \
@@ -70,7 +70,7 @@ is "its user" "$(box stat -c %U /proc/$main)" sst
 box journalctl -q --no-pager -u sstd SST_EVENT=start -o json >start.json || fail "no start in the journal"
 says start.json '"MESSAGE_ID"' '"SST_EVENT":"start"'
 
-# What it sees: asked as its user, in its namespace and its control group.
+# Its view of the devices: as its user, in its namespace and its control group.
 cgroup=/sys/fs/cgroup$(show ControlGroup)
 inside() {
   box sh -c "echo \$\$ >$cgroup/cgroup.procs && exec nsenter -t $main -m -- setpriv --reuid=sst --regid=sst \
@@ -84,7 +84,7 @@ inside ls /home/someone >/dev/null 2>&1 && fail "/home is seen"
 inside test -e /proc/1/cmdline && fail "processes of others are seen"
 box chmod 666 /dev/kmsg
 inside sh -c ': >/dev/kmsg' 2>/dev/null && fail "/dev/kmsg can be opened"
-# The recovery ladder's files: what udev gave to group video, and no more.
+# The recovery ladder's files: the ones that udev gave to group video, and no more.
 usb=/sys/devices/platform/vivid.0/uevent
 chgrp video $usb && chmod 664 $usb
 inside sh -c ": >$usb" || fail "a file of the group below /sys/devices cannot be written"

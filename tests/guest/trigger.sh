@@ -16,7 +16,7 @@ chip() { # NAME LABEL LINES...: a chip with these line names
   done
   echo 1 >"$c/live" || fail "chip $label does not come alive"
 }
-# The decoy takes the low number: who goes by numbers is wrong.
+# The decoy takes the low number: a program that goes by numbers is wrong.
 chip decoy decoy OTHER0 OTHER1
 chip array sst-trigger TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 LOOP0
 udevadm settle --timeout=20
@@ -56,7 +56,7 @@ cat low
 cut_wire
 is "rises of a line that is active low" "$pulses" 4
 
-# Who is in the way is named.
+# The owner of a busy line is named.
 gpioset --mode=signal sst-trigger 2=0 & holder=$!
 wait_for 10 sh -c "gpioinfo sst-trigger | grep -q gpioset" || fail "gpioset holds nothing"
 "$bin/trigger" 10 1 1000 sst-trigger "" TRIG1 TRIG2 >busy 2>&1 && fail "a busy line was taken"

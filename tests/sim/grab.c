@@ -10,7 +10,8 @@
 #include "tests/quick.h"
 #include "tests/test.h"
 
-/* A condition may need this on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
+/* A condition may need this on a busy machine under a sanitizer; times that must be short are measured, see measured().
+ */
 #define PATIENCE_MS 60000
 #define ATTEMPTS    5
 
@@ -202,7 +203,7 @@ struct kind {
     unsigned any_of, none_of;
 };
 
-/* Every camera has shown what is wrong with it. */
+/* Every camera has shown its fault. */
 static bool all_shown(const struct kind *kinds, int n)
 {
     for (int i = 0; i < n; i++) {
@@ -286,7 +287,7 @@ static void damage(void)
     }
 }
 
-/* Damaged frames are told by what is wrong with them, and cost no camera its stream. */
+/* Damaged frames are counted by their faults, and cost no camera its stream. */
 static void damage_is_told_by_kind(void **state SST_UNUSED)
 {
     measured(damage);
@@ -360,7 +361,7 @@ static void come_back(void)
     assert_int_equal(rig_fault("camera.%d.unplug=1", low), 0);
     assert_int_equal(rig_fault("camera.%d.unplug=1", high), 0);
     assert_true(rig_until(&rig, high, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
-    assert_int_equal(rig.held[0]->data[0], 0xff); /* what is lent out stays readable */
+    assert_int_equal(rig.held[0]->data[0], 0xff); /* borrowed frames stay readable */
     assert_true(rig_until(&rig, low, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig_run(&rig, 300), 0);
     assert_int_equal(rig_fault("camera.%d.unplug=0", high), 0); /* takes the lower number of the other */
@@ -387,7 +388,7 @@ static void a_camera_comes_back(void **state SST_UNUSED)
     measured(come_back);
 }
 
-/* What a camera refuses is told with its reason, does not climb to a reset, and is tried again. */
+/* A camera's refusal is logged with its reason, does not climb to a reset, and is tried again. */
 static void refusals_give_their_reason(void **state SST_UNUSED)
 {
     assert_int_equal(rig_config(&rig, 3), 0);
@@ -520,7 +521,7 @@ static void two_devices_of_one_serial_are_refused(void **state SST_UNUSED)
     assert_int_equal(rig_fault("camera.%d.swap=0", 3), 0);
 }
 
-/* Controls are set modes first and read back; what did not take is named. */
+/* Controls are set modes first and read back; a control that did not take its value is named. */
 static void controls_are_read_back(void **state SST_UNUSED)
 {
     char why[SST_WHY_MAX], note[SST_WHY_MAX];

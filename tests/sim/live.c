@@ -1,5 +1,5 @@
 /* From camera frames to see-through pictures: sets of simulated scenes, JPEG as cameras send it, go into the live
- * light field, and what viewers see is compared with the truth behind the occluders. */
+ * light field, and the viewers' pictures are compared with the truth behind the occluders. */
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
@@ -36,7 +36,7 @@ struct array {
     size_t bytes[VIEWS];
     struct sst_map_f32 front[VIEWS]; /* true disparities */
     struct sst_live_report report;
-    /* of the reference view: what is behind the occluders, and where it can be seen at all */
+    /* of the reference view: the scene behind the occluders, and where it can be seen at all */
     struct sst_image behind;
     struct sst_map_u8 hidden;
 };
@@ -70,7 +70,7 @@ static int seen(const struct array *a, int x, int y, double d)
     return n;
 }
 
-/* What the cameras see at this time of the scene's, and the truth. */
+/* Frames of the cameras at this time of the scene's, and the truth. */
 static void expose(struct array *a, const char *name, double time_s)
 {
     struct sst_map_f32 back = { 0 };
@@ -92,7 +92,7 @@ static void expose(struct array *a, const char *name, double time_s)
             const double focus = sst_scene_occluder_at(a->scene, 0)->focus_px;
             const double f = (double)sst_map_f32_row(&a->front[14], y)[x], b = (double)sst_map_f32_row(&back, y)[x];
 
-            /* In focus, and there to be seen: what is elsewhere is not meant to be sharp. */
+            /* In focus, and there to be seen: other surfaces are not meant to be sharp. */
             sst_map_u8_row(&a->hidden, y)[x] = f > b + 1 && fabs(b - focus) < 1 && seen(a, x, y, b) > 3;
         }
     }
@@ -141,7 +141,7 @@ static void close_array(struct array *a)
     }
 }
 
-/* One set of what is exposed; `missing` gives no frame. */
+/* One set of exposed frames; `missing` gives no frame. */
 static int feed(struct array *a, int missing)
 {
     a->in.set++;
@@ -212,7 +212,7 @@ static void a_pedestrian_vanishes(void **state SST_UNUSED)
         assert_true(a.report.zone[0].changed <= 0); /* the sky above */
         assert_sees_through(&a, 3, 1);
     }
-    /* The same frames again: what was kept is taken over and then nothing is done any more. */
+    /* The same frames again: kept tiles are taken over, and then nothing is computed any more. */
     for (int i = 0; i < 8; i++)
         assert_int_equal(feed(&a, -1), 0);
     see_through(&a, SST_RENDER_SST, 8.6, &anew);

@@ -1,5 +1,5 @@
-/* sst-mqtt between a fake service and a real broker: messages, commands, last will, reconnecting, brokers that refuse or
- * hang. Visits: mqtt_visits.c. */
+/* sst-mqtt between a fake service and a real broker: messages, commands, last will, reconnecting, brokers that refuse
+ * or hang. Visits: mqtt_visits.c. */
 #include "tests/mqtt_session.h"
 
 static void motion(bool active)
@@ -101,7 +101,7 @@ static void configure(void)
     sst_events_emit(api.events, SST_EVENT_INFO, "reload", NULL, "configuration applied");
 }
 
-/* What is announced is what the configuration has, after a reload and after a restart with another one. */
+/* Announcements follow the configuration, after a reload and after a restart with another one. */
 static void zones_come_and_go(void **state)
 {
     (void)state;
@@ -201,7 +201,7 @@ static void commands_reach_the_service(void **state)
     pthread_mutex_lock(&lock);
     assert_string_equal(service.record, "stop");
     assert_string_equal(service.focus, "null");
-    assert_int_equal(service.records, 2); /* those that make no sense did not reach it */
+    assert_int_equal(service.records, 2); /* senseless ones did not reach it */
     assert_int_equal(service.focuses, 2);
     pthread_mutex_unlock(&lock);
 }

@@ -1,4 +1,4 @@
-/* sst-mqtt and what happens between it and brokers: links that die unnoticed, limits of size, MQTT 3.1.1 alone, a
+/* sst-mqtt and faults between it and brokers: links that die unnoticed, limits of size, MQTT 3.1.1 alone, a
  * client id that is used twice. */
 #include <poll.h>
 #include <pthread.h>
@@ -117,7 +117,7 @@ static void close_net(void)
             close(net.fd[i / 2][i % 2]);
 }
 
-/* --- what is heard ------------------------------------------------------------------------------------------------ */
+/* --- messages ----------------------------------------------------------------------------------------------------- */
 
 static void expect_logged(const char *words)
 {
@@ -207,7 +207,7 @@ static void large_pictures_are_left_out(void **state)
     }
 }
 
-/* MQTT 3.1.1 names no limit: what ends the connection twice is left out. */
+/* MQTT 3.1.1 names no limit: a message that ends the connection twice is left out. */
 static void brokers_of_mqtt_3_1_1(void **state)
 {
     char more[64];

@@ -4,18 +4,22 @@
 static void visit(const char *name, bool active, const char *label, const char *zones)
 {
     sst_events_emit(api.events, SST_EVENT_INFO, "visit",
-                    json_pack("{s:s, s:s, s:b, s:s, s:o}", "visit", name, "page", "http://h:8090/#visit=x", "active", active,
-                              "label", label, "zones", json_loads(zones, 0, NULL)),
+                    json_pack("{s:s, s:s, s:b, s:s, s:o}", "visit", name, "page", "http://h:8090/#visit=x", "active",
+                              active, "label", label, "zones", json_loads(zones, 0, NULL)),
                     "somebody is there");
 }
 
-/* Who is in a zone, of which label; the last visit with its picture and address; triggers. */
+/* Visits in a zone by label; the last visit with its picture and address; triggers. */
 static void visits_reach_home_assistant(void **state)
 {
-    static const char *const ids[] = { "binary_sensor/sst/visited_gate",       "sensor/sst/visit_gate",
-                                       "binary_sensor/sst/label_Pedestrian_gate", "sensor/sst/last_visit",
-                                       "image/sst/picture_gate",               "image/sst/visit_picture",
-                                       "device_automation/sst/began_gate",     "device_automation/sst/ended_anywhere_" };
+    static const char *const ids[] = { "binary_sensor/sst/visited_gate",
+                                       "sensor/sst/visit_gate",
+                                       "binary_sensor/sst/label_Pedestrian_gate",
+                                       "sensor/sst/last_visit",
+                                       "image/sst/picture_gate",
+                                       "image/sst/visit_picture",
+                                       "device_automation/sst/began_gate",
+                                       "device_automation/sst/ended_anywhere_" };
     char line[2048], words[128];
     json_t *o;
 
@@ -48,13 +52,13 @@ static void visits_reach_home_assistant(void **state)
     expect_heard("sst/zone/gate/visited ON", NULL);
     expect_heard("sst/zone/gate/label/Pedestrian ON", NULL);
     expect_heard("sst/zone/gate/visit {", NULL);
-    expect_heard("sst/zone/gate/picture PICTURE of a-1 0", NULL); /* what was seen through */
+    expect_heard("sst/zone/gate/picture PICTURE of a-1 0", NULL); /* the occluder */
     expect_heard("sst/visit/picture PICTURE of a-1 0", NULL);
     visit("b-2", true, "Car", "[\"gate\"]");
     expect_heard("sst/zone/gate/label/Car ON", NULL);
     visit("a-1", false, "Pedestrian", "[\"gate\"]");
     expect_heard("sst/visit/trigger gone", NULL);
-    expect_count("sst/zone/gate/label/Pedestrian OFF", 2); /* at first, and when it has gone */
+    expect_count("sst/zone/gate/label/Pedestrian OFF", 2);         /* at first, and when it has gone */
     assert_int_equal(heard("sst/zone/gate/visited OFF", NULL), 1); /* the car is there */
     visit("b-2", false, "Car", "[\"gate\"]");
     expect_count("sst/zone/gate/visited OFF", 2);
@@ -71,7 +75,7 @@ static void visits_reach_home_assistant(void **state)
     assert_int_equal(heard("sst/visit {\"visit\":\"../etc\"", NULL), 0);
 }
 
-/* Somebody behind leaves, whose label is not known. */
+/* A person behind leaves, with an unknown label. */
 static void who_is_hidden_is_said_to_be(void **state)
 {
     char line[2048];
@@ -102,7 +106,7 @@ static void who_is_hidden_is_said_to_be(void **state)
     json_decref(o);
 }
 
-/* A line has no motion and nobody in it; what crosses it is a message, a trigger and a picture. */
+/* A line has no motion and nobody in it; a crossing is a message, a trigger and a picture. */
 static void lines_are_crossed(void **state)
 {
     char line[2048];
@@ -124,8 +128,8 @@ static void lines_are_crossed(void **state)
     visit("f-6", true, "Pedestrian", "[]");
     expect_heard("sst/visit {\"visit\":\"f-6\"", NULL);
     sst_events_emit(api.events, SST_EVENT_INFO, "line",
-                    json_pack("{s:s, s:s, s:s, s:s, s:b}", "zone", "drive", "direction", "forward", "visit", "f-6", "label",
-                              "Pedestrian", "hidden", 1),
+                    json_pack("{s:s, s:s, s:s, s:s, s:b}", "zone", "drive", "direction", "forward", "visit", "f-6",
+                              "label", "Pedestrian", "hidden", 1),
                     "Pedestrian crossed drive forward");
     expect_heard("sst/event/line {", NULL);
     expect_heard("sst/zone/drive/crossed {\"zone\":\"drive\",\"direction\":\"forward\"", NULL);

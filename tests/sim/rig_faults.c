@@ -135,7 +135,7 @@ static void the_wire(void)
     mended("silence", "once", timeouts);
     mended("silence", "1/40", timeouts);
     mended("late_ms", "10:always", requests);
-    mended("late_ms", "250:once", timeouts); /* its reply must not be taken for that of the next request */
+    mended("late_ms", "250:once", timeouts); /* its reply must not be taken for the next request's */
     mended("drop_bytes", "1/40", cut_short);
     mended("exception", "5", exceptions);
     mended("exception", "6:1/7", exceptions);
@@ -150,7 +150,7 @@ static void the_wire(void)
 static void the_wire_over_tcp(void **state SST_UNUSED)
 {
     the_wire();
-    mended("wrong_unit", "once", requests); /* the transaction number says whose reply it is */
+    mended("wrong_unit", "once", requests); /* the transaction number names the request of a reply */
     mended("disconnect", "1/50", lost);
 }
 
@@ -213,7 +213,7 @@ static void a_busy_drive_is_given_up(void **state SST_UNUSED)
     sst_rig_close(rig);
 }
 
-/* What never ends is reported in time, and the folder goes on when it does. */
+/* A motion that never ends is reported in time, and the folder goes on when it ends. */
 static void a_dead_bus_ends_the_capture(void **state SST_UNUSED)
 {
     struct sst_scan_report report;
@@ -313,7 +313,7 @@ static void a_push_during_the_exposure_throws_the_frame_away(void **state SST_UN
     struct sst_scan_report report;
 
     assert_int_equal(capture_with("power_loss", "x", &report), 0);
-    assert_int_equal(report.moved, 1); /* the view during whose exposure the power went */
+    assert_int_equal(report.moved, 1); /* the view at the exposure of which the power went */
     expect_all_views();
 }
 

@@ -1,6 +1,6 @@
 /*
  * sst capture rig, killed with SIGKILL at random moments and started again, on simulated drives and cameras: a line of
- * the manifest never lies, and in the end every view is what its line says, by the strip in its picture. Argument: how
+ * the manifest never lies, and in the end every view fits its line, by the strip in its picture. Argument: how
  * many kills; more than 10 take a whole grid of 36 views. Runs itself in sst-sim.
  */
 #include <errno.h>
@@ -102,7 +102,7 @@ static int end_of(pid_t pid, int64_t until_ns)
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* --- what is on disk ---------------------------------------------------------------------------------------------- */
+/* --- files on disk ------------------------------------------------------------------------------------------------ */
 
 static void check_hash(const char *file, const char *sha256)
 {

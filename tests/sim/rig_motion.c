@@ -138,7 +138,7 @@ static void wait_ends_only_when_all_stands(void **state SST_UNUSED)
     end(&b);
 }
 
-/* A drive whose counts run the other way round, half a um each. */
+/* A drive with counts that run the other way round, half a um each. */
 static void counts_are_scaled_and_signed(void **state SST_UNUSED)
 {
     struct bench b;

@@ -4,7 +4,7 @@
 
 #if WITH_RTSP
 
-/* --- who reads what there is -----------------------------------------------------------------------------------------
+/* --- readers and streams -----------------------------------------------------------------------------------------
  */
 
 static void h264_is_read(void **state)
@@ -144,7 +144,7 @@ static void passwords(void **state)
     assert_int_equal(ask_once("DESCRIBE", "/main", ""), 401);
     assert_non_null(strstr(answer, "WWW-Authenticate: Digest"));
     assert_non_null(strstr(answer, "WWW-Authenticate: Basic"));
-    assert_int_equal(ask_once("DESCRIBE", "/other", ""), 401); /* nor is it told what there is */
+    assert_int_equal(ask_once("DESCRIBE", "/other", ""), 401); /* nor does it get the list of streams */
     assert_int_equal(ask_once("SETUP", "/main/stream=0", ""), 401);
     assert_int_equal(ask_once("DESCRIBE", "/main", "Authorization: Basic bnZyOnNlc2FtZSBzZWVk\r\n"), 200);
     assert_int_equal(ask_once("DESCRIBE", "/other", "Authorization: Basic bnZyOnNlc2FtZSBzZWVk\r\n"), 404);
@@ -156,7 +156,7 @@ static void passwords(void **state)
     fd = connect_server();
     for (; status == 401; asked++)
         status = ask(fd, "DESCRIBE", "/main", "Authorization: Basic bnZyOnNlc2FtZQ==\r\n");
-    assert_int_equal(status, 0); /* who only guesses is hung up on */
+    assert_int_equal(status, 0); /* a client that guesses is hung up on */
     assert_in_range(asked, 5, 8);
     close(fd);
     for (int t = 0; t < PATIENCE_MS && !reported_refusals; t += 20)
@@ -243,7 +243,7 @@ static const char *digest(const char *nonce)
     return header;
 }
 
-/* As many as that at once, each on a connection of its own. @return those that were refused, not hung up on */
+/* As many as that at once, each on a connection of its own. @return number that were refused, not hung up on */
 static int guess_at_once(const char *header)
 {
     int fd[GUESSES], status, refused = 0;
@@ -352,7 +352,7 @@ static void stands(int fd)
 {
     size_t bytes = FLOWING;
 
-    for (int t = 0; t < PATIENCE_MS && bytes >= FLOWING / 8; t += 300) { /* what was on its way, first */
+    for (int t = 0; t < PATIENCE_MS && bytes >= FLOWING / 8; t += 300) { /* packets on their way, first */
         sleep_ms(300);
         bytes = drain(fd);
     }
@@ -405,7 +405,7 @@ static void pauses_end(void **state)
     }
 }
 
-/* As the unit runs it: what it needs is to look, and to report. */
+/* As the unit runs it: it needs to look, and to report. */
 static void a_user_of_its_own(void **state)
 {
     const struct group *video = getgrnam("video");
@@ -458,7 +458,7 @@ static void garbage_and_floods(void **state)
         (void)!send(fd[0], noise + i * 1000, 1000, MSG_NOSIGNAL);
         close(fd[0]);
     }
-    /* A request whose headers never end. */
+    /* A request with headers that never end. */
     fd[0] = connect_server();
     start_ns = sst_clock_now_ns();
     (void)!send(fd[0], "DESCRIBE rtsp://127.0.0.1/main RTSP/1.0\r\n", 41, MSG_NOSIGNAL);
@@ -468,14 +468,14 @@ static void garbage_and_floods(void **state)
     start_ns = sst_clock_now_ns();
     for (int i = 0; i < 60; i++)
         fd[i] = connect_server();
-    for (int t = 0; t < PATIENCE_MS && hung_up < 20; t += 20) { /* those beyond the limit, at once */
+    for (int t = 0; t < PATIENCE_MS && hung_up < 20; t += 20) { /* connections beyond the limit, at once */
         sleep_ms(20);
         hung_up = 0;
         for (int i = 0; i < 60; i++)
             hung_up += poll(&(struct pollfd){ .fd = fd[i], .events = POLLIN }, 1, 0) > 0;
     }
     assert_true(hung_up >= 20);
-    assert_true(hung_up <= 40 || sst_clock_now_ns() - start_ns > 4000000000); /* who asks nothing goes after 5 s */
+    assert_true(hung_up <= 40 || sst_clock_now_ns() - start_ns > 4000000000); /* a silent connection ends after 5 s */
     for (int i = 0; i < 60; i++)
         close(fd[i]);
     for (int t = 0, answered = 0; t < PATIENCE_MS && answered < 10; t += 50) { /* they go one after the other */
@@ -604,7 +604,7 @@ static void a_port_in_use_is_retried(void **state)
     close_server();
 }
 
-/* Another port, none, and a codec that is the same: only what has changed ends connections. */
+/* Another port, none, and a codec that is the same: only changes end connections. */
 static void a_reload_is_followed(void **state)
 {
     const int first = free_port();

@@ -1,4 +1,4 @@
-/* drivers/still on a simulated camera: who is there, settings that are read back, files, and each fault by its name. */
+/* Still cameras, simulated: detection, settings that are read back, files, and each fault by its name. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -52,7 +52,7 @@ static struct sst_still *open_camera(const struct sst_still_config *cfg)
     return s;
 }
 
-/** Open without success. @return the error, whose text is in `said` */
+/** Open without success. @return the error; its text is in `said` */
 static int refused(const struct sst_still_config *cfg)
 {
     struct sst_still *s;
@@ -65,7 +65,7 @@ static int refused(const struct sst_still_config *cfg)
     return err;
 }
 
-/** Capture with a fault. @return the error; what was said is in `said` */
+/** Capture with a fault. @return the error; its text is in `said` */
 static int with_fault(struct sst_still *s, const char *fault)
 {
     struct sst_still_shot shot;
@@ -178,7 +178,7 @@ static void faults_are_named_and_survived(void **state SST_UNUSED)
     assert_int_equal(with_fault(s, "still.battery=4"), -ENOMEDIUM);
     assert_contains(said, "is low: 4 %");
     assert_int_equal(session_fault("still.battery=0"), 0);
-    usleep(2100000); /* libgphoto2 keeps what it read for two seconds */
+    usleep(2100000); /* libgphoto2 keeps read values for two seconds */
     assert_int_equal(with_fault(s, "still.card_full=1"), -ENOMEDIUM);
     assert_contains(said, "card of still camera SST0001 is full");
     assert_int_equal(with_fault(s, "still.card_full=0"), 0);
@@ -218,7 +218,7 @@ static int exposed(void)
     return atoi(text);
 }
 
-/** Capture until it succeeds: announcements that are late fail. The file has to be that of the last release. */
+/** Capture until it succeeds: announcements that are late fail. The file has to be of the last release. */
 static void captures_the_last_exposure(struct sst_still *s)
 {
     struct sst_still_shot shot;
@@ -250,7 +250,7 @@ static void files_of_other_releases_are_no_views(void **state SST_UNUSED)
     cfg.format = "1";
     cfg.card_ms = 1500;
     cfg.quiet_ms = QUIET_MS;
-    press();             /* announced to nobody: it is on the card */
+    press(); /* announced to nobody: it is on the card */
     assert_int_equal(session_fault("still.late_event=1000"), 0);
     press(); /* announced when the camera is open, perhaps after a release */
     s = open_camera(&cfg);

@@ -13,7 +13,7 @@
 #include "tests/sim_session.h"
 #include "tests/test.h"
 
-#define PATIENCE_MS 60000 /* for what comes on any machine, sooner or later */
+#define PATIENCE_MS 60000 /* for events that come on any machine, sooner or later */
 
 static void set_fault(const char *fault)
 {
@@ -55,7 +55,7 @@ static bool wait_idle(const struct sst_trigger *t, int timeout_ms)
     return sst_trigger_idle(t);
 }
 
-/* 20/s: 20 edges, each stamped by the chip between the reads around the ioctl. @return those within 1 ms of their tick
+/* 20/s: 20 edges, each stamped by the chip between the reads around the ioctl. @return number within 1 ms of their tick
  */
 static int train_of_a_second(struct sst_trigger *t, struct edges *edges)
 {
@@ -133,7 +133,7 @@ static void offsets_and_names_alone_will_do(void **state SST_UNUSED)
     sst_trigger_close(t);
 }
 
-/* What open says when it refuses. */
+/* Messages of refusals. */
 static int refusal(const struct sst_trigger_config *cfg, char text[SST_LOG_MAX])
 {
     struct sst_trigger *t = NULL;
@@ -166,7 +166,7 @@ static void what_is_not_there_is_named(void **state SST_UNUSED)
     strcpy(cfg.line[1], "0"); /* the offset of TRIG0 */
     assert_int_equal(refusal(&cfg, text), -ENODEV);
     assert_non_null(strstr(text, "line \"0\" of chip /dev/gpiochip1 \"sst-trigger\" is given twice"));
-    strcpy(cfg.line[1], "6"); /* that of LOOP0 */
+    strcpy(cfg.line[1], "6"); /* the offset of LOOP0 */
     assert_int_equal(refusal(&cfg, text), -ENODEV);
     assert_non_null(strstr(text, "line \"LOOP0\""));
     cfg = config(2, "LOOP0");
@@ -302,7 +302,7 @@ static void vanished_chip_is_found_again(void **state SST_UNUSED)
     sst_trigger_close(t);
 }
 
-/* Looking without taking: what doctor asks. */
+/* Looking without taking, for sst doctor. */
 static void check_holds_nothing(void **state SST_UNUSED)
 {
     struct sst_trigger_config cfg = config(6, "LOOP0");
@@ -318,7 +318,7 @@ static void check_holds_nothing(void **state SST_UNUSED)
     assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -ENODEV);
 }
 
-/* Another host fires: here another trigger of this program, whose pulses come in on LOOP0. */
+/* Another host fires: here another trigger of this program, with pulses that come in on LOOP0. */
 static void edges_of_others_are_counted(void **state SST_UNUSED)
 {
     const struct sst_trigger_config fires = config(1, "");

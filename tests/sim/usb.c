@@ -12,7 +12,7 @@
 #include "tests/sim_session.h"
 #include "tests/test.h"
 
-#define PATIENCE 1200 /* looks, 50 ms apart, for what comes on any machine, sooner or later */
+#define PATIENCE 1200 /* looks, 50 ms apart, for events that come on any machine, sooner or later */
 
 static void set_fault(const char *fault)
 {

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sst board: boards to print, in true scale, and what it refuses.
+# sst board: boards to print, in true scale, and refusals.
 . "$(dirname "$0")/../lib.sh"
 
 "$sst" board chessboard:10x7:25mm -o chess.svg >out || fail "chess.svg"

@@ -179,7 +179,7 @@ ok convert calib.yaml -o camchain.yaml --lossy
 grep -q "^sst: warning: Kalibr has 4 coefficients" err || fail "no warning: $(cat err)"
 check opencv multical mrcal kalibr
 
-# And back: what is written and what OpenCV writes.
+# And back: written files against OpenCV's.
 forms="calib.yaml cv calibration.json own-yml own-xml own-json"
 for form in $forms; do
   ok show "$form" --json

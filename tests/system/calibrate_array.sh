@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A mis-mounted array, calibrated from pictures of a board that it took itself, then used on a scene: the disparity of
-# the rectified light field against exact truth, as good as with the true parameters; and what is refused on the way.
+# the rectified light field against exact truth, as good as with the true parameters; and refusals on the way.
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 sim=$build/sst-sim
@@ -99,7 +99,7 @@ capture knocked.yaml 2 knocked.rec
 timeout 600 "$sst" calibrate --check knocked.lf >check.out 2>err && fail "a knocked camera passes: $(cat check.out)"
 cat check.out err | grep -qE '01_01|row 1, col 1|SIM0004' || fail "the knocked camera is not named: $(cat check.out err)"
 
-# A recording that was cut off: what is left is enough, and the rest is told in one line; so is a grid that is not its.
+# A recording that was cut off: the remaining sets suffice, and one line reports the rest; so is a grid that is not its.
 cp -r boards.rec cut.rec
 segment=$(find cut.rec/segments -type f | head -n 1)
 truncate -s $(($(stat -c %s "$segment") / 2)) "$segment"

@@ -77,7 +77,7 @@ grep -q "the board's poses repeat: calibrated from the [0-9]* that differ, cover
 a, b = (json.load(open(f)) for f in ("out.live", "again.json"))
 assert abs(a["array"]["focal_px"] / b["array"]["focal_px"] - 1) < 0.01' || fail "the recording gives another focal length"
 
-# Ctrl-C ends it early: what was accepted until then is enough.
+# Ctrl-C ends it early: the frames accepted until then are enough.
 cat >interrupted <<S
 "$sst" calibrate --live --config array.yaml --board charuco:9x7:25mm:0.7 --no-cross --rate 5 -o cut.yaml &
 until grep -qE '^([89]|[0-9]{2}) of [0-9]+ sets accepted' err; do sleep 0.1; done

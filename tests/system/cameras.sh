@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sst cameras and sst identify on simulated cameras: who is there, where it belongs, who is missing, and the pictures.
+# sst cameras and sst identify on simulated cameras: present ones with their places, missing ones, and the pictures.
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "$sim is not built: no simulated cameras"
@@ -42,7 +42,7 @@ grep -q 'row 0 col 2: no camera with serial SIM9999' err || fail "missing camera
 [ -s pictures/identify.png ] && [ "$(find pictures -name '*_SIM0003.png' | wc -l)" -eq 1 ] || fail "pictures: $(ls pictures)"
 grep -q 'row: 0, col: 0, serial: "SIM0003"' bind.yaml || fail "bindings: $(cat bind.yaml)"
 
-# All of them, and what it proposes is a configuration.
+# All of them, and the proposal is a configuration.
 "$sst" identify -o all --write all.yaml --json >all.json || fail "identify of all"
 python3 - <<'PY' || fail "pictures of all"
 import json, os

@@ -68,7 +68,7 @@ what="triggered"
 whole --truth truth -- "$sst" capture array --config array.yaml -n 20 -o rec --json || fail "$what: $(cat err)"
 expect 'a["sets"] == 20 and a["complete"] == 20 and bucket["set"] == 180 and a["trigger"]["stamped"] >= 19'
 grep -q 'row 1, col 1' err || fail "skew: the late camera is not named: $(cat err)"
-# The skew that is told is that of the true exposures, to the microsecond of V4L2's stamps.
+# The printed skew equals the true exposures' to the microsecond of V4L2's stamps.
 /usr/bin/python3 - <<'P' || fail "skew differs from the truth"
 import json, sys
 true = {}
@@ -150,7 +150,7 @@ again 'a["sets"] > 5 and a["complete"] == a["sets"]' -- sh -c "'$sst' capture ar
 expect 'a["sets"] > 5 and a["complete"] == a["sets"]'
 "$sst" recording --verify cut >/dev/null 2>err || fail "$what: $(cat err)"
 
-# What cameras and drivers do that none should: each named by its cause, and the other cameras whole.
+# Faults of cameras and drivers: each named by its cause, and the other cameras whole.
 four='scene: cat
 grid: [2, 2]
 size: [320, 240]'

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sst demo: a service on one simulated array, calibrated; what the user edited in its folder stays.
+# sst demo: a service on one simulated array, calibrated; the user's edits in its folder stay.
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 build=$root/${SST_BUILD:-build}
@@ -8,7 +8,7 @@ demo=
 trap 'kill $demo 2>/dev/null && ended $demo "the demo"; rm -rf "$tmp"' EXIT
 port=$(/usr/bin/python3 -c 'import socket; s = socket.create_server(("127.0.0.1", 0)); print(s.getsockname()[1])')
 
-# begin ARGS: until the demo shows a picture; what it printed is in ./out
+# begin ARGS: until the demo shows a picture; its output is in ./out
 begin() {
   : >out
   "$sst" demo -o site --scene cat "$@" >out 2>err &

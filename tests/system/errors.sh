@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What a command must refuse: the right exit code, one sentence that says what is wrong, nothing left or lost.
+# Refusals of commands: the right exit code, one sentence that names the fault, no file left or lost.
 set -u
 . "$(dirname "$0")/../lib.sh"
 

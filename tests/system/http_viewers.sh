@@ -24,7 +24,7 @@ measure() {
   echo "$cost; pictures of each: $(paste -sd ' ' got)"
 }
 
-# judged: what is wrong, in a sentence
+# judged: the fault, in a sentence
 judged() {
   local percent=${cost#cpu }
   percent=${percent%%.*}

@@ -112,7 +112,7 @@ want 3 "chess/views/00_00.png has changed" calibrate --check chess
 "$sst" render chess --method refocus --focus 1 --no-verify -o altered-out.png || fail "--no-verify"
 cp altered.png chess/views/00_00.png
 
-# --- what is refused ---
+# --- refusals ---
 src=src
 fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }
 first="$src/Original Camera_00_00_400.000000_400.000000_30_36.jpg"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Man pages and completion say what the programs know, are in order, and complete what a user begins to type.
+# Man pages and completion fit the programs, are in order, and complete the words that a user begins to type.
 . "$(dirname "$0")/../lib.sh"
 [ "$("$sst" --describe | wc -l)" -gt 20 ] || fail "--describe: $("$sst" --describe | head -c 300)"
 "$root/scripts/man.py" --build "${SST_BUILD:-build}" --check || fail "stale"
@@ -19,7 +19,7 @@ if [ -x "$sstd" ]; then
   cmp -s in_page in_help || fail "sstd(8) and sstd --help differ: $(diff in_page in_help)"
 fi
 
-# completes WANTED WORDS...: the last word is what was begun
+# completes WANTED WORDS...: the last word is incomplete
 completes() {
   local wanted=$1
   shift

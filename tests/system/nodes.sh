@@ -47,7 +47,7 @@ grep -q '^  node  *left connected, 2 cameras, clock ' text || fail "status of th
 SST_SOCKET=$tmp/left.sock timeout 60 "$sst" status >text
 grep -q '^  head  *127.0.0.2.* connected; of [0-9]* frames 0 dropped' text || fail "status of a node: $(cat text)"
 
-# Who has no certificate of the array gets nowhere.
+# A host without a certificate of the array is refused.
 echo | timeout 5 openssl s_client -connect "127.0.0.1:$port" >/dev/null 2>&1
 grep -q 'hosts: the connection of 127.0.0.1 ended before it was accepted' head.log || fail "no certificate: $(tail -n 3 head.log)"
 
@@ -105,7 +105,7 @@ grep -q '^sst_node_up{node="left"} 1' head.metrics && grep -q '^sst_node_frames{
   fail "metrics: $(grep sst_node head.metrics | head -n 5)"
 grep -q '^sst_link_frames{bucket="sent"} [1-9]' left.metrics || fail "metrics: $(grep sst_link left.metrics)"
 
-# What was recorded: on each host alone, and joined, every set is of one trigger.
+# Recordings: on each host alone, and joined, every set is of one trigger.
 for n in left right; do kill -TERM "${pid[$n]}"; ended "${pid[$n]}" $n; done
 kill -TERM "${pid[head]}"
 ended "${pid[head]}" "the head"

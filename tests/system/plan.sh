@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sst topology, sst plan and what sst doctor says of USB, on a tree of devices that umockdev shows them.
+# sst topology, sst plan and the findings of sst doctor about USB, on a tree of devices by umockdev.
 set -u
 . "$(dirname "$0")/../lib.sh"
 command -v umockdev-run >/dev/null || skip "umockdev is not installed"

@@ -77,7 +77,7 @@ assert r["render"]["psnr_occluded"] > r["refocus"]["psnr_occluded"], r["render"]
 PY
 done
 
-# --- what came with the light field is kept; what is computed is computed again ---
+# --- maps that came with the light field are kept; computed ones are computed again ---
 cp -r balanced again
 ok process again --preset preview --json
 python3 -c 'import json, sys

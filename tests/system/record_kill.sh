@@ -36,7 +36,7 @@ for ((i = 0; i < kills; i++)); do
 done
 [ "$written" -gt 0 ] || fail "nothing was written; the machine is too slow for this test"
 
-# Without a writer in between: info agrees, and other programs read what the killed one left.
+# Without a writer in between: info agrees, and other programs read the files of the killed one.
 sets=$("$sst" recording rec --verify --json 2>err | python3 -c 'import json, sys; o = json.load(sys.stdin); print(o["sets"], o["damaged"])')
 [ "$sets" = "$written 0" ] || fail "sst recording says $sets, not $written 0"
 if command -v ffprobe >/dev/null; then

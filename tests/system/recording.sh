@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `sst recording` and `sst import recording`, what other programs see of the files, and a disk that is full or read-only.
+# `sst recording` and `sst import recording`, the files in other programs, and a disk that is full or read-only.
 set -u
 . "$(dirname "$0")/../lib.sh"
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # `sst rectify` and `sst import --calib`: a simulated array that is mounted badly, its true calibration, disparities
-# against the truth of the scene, and what does not fit.
+# against the truth of the scene, and refusals.
 set -u
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
@@ -50,7 +50,7 @@ ok rectify raw --calib calib.yaml -o json --json --focal 560 --size 300x200 --pl
 json "o['width'] == 300 and o['focal_px'] == 560 and o['plane_mm'] == 8000 and o['filter'] == 'lanczos'"
 json "0 < o['lattice_rms_mm'] <= o['lattice_max_mm'] < 10 and 0.5 < o['filled']['worst'] <= o['filled']['mean'] <= 1"
 
-# --- what is stored, baked and exported ---
+# --- stored, baked and exported views ---
 grep -q '"version": 2' lf/lightfield.json || fail "not version 2"
 ok rectify lf --bake -o baked
 grep -q '"version": 1' baked/lightfield.json && [ ! -e baked/calibration.yaml ] || fail "a baked light field has a calibration"
@@ -78,7 +78,7 @@ diff -r raw/views lf/views || fail "process changed the frames"
 "$sst" render lf --method refocus --focus 10 -o a.png --threads 1 && "$sst" render lf --method refocus --focus 10 -o b.png --threads 3 &&
   cmp -s a.png b.png || fail "threads change a rendering"
 
-# --- what is refused ---
+# --- refusals ---
 want 2 "-o OUT is missing" rectify raw --calib calib.yaml
 want 2 "none of bilinear" rectify raw --calib calib.yaml --filter best -o bad
 want 2 "no calibration; add --calib" rectify raw -o bad

@@ -64,7 +64,7 @@ else
   want 5 "libavformat" sweep lf --from 6 --to 12 --steps 4 -o bad.mp4
 fi
 
-# --- clear: all in focus, without what stands in front ---
+# --- clear: all in focus, without the object in front ---
 "$sst" render lf --method clear --valid seen.png -o clear.png --json >clear.json || fail "clear"
 grep -q '"cut_px": [0-9]' clear.json && grep -q '"filled_percent"' clear.json || fail "clear --json: $(cat clear.json)"
 cut=$(sed -n 's/.*"cut_px": \([0-9.]*\).*/\1/p' clear.json)

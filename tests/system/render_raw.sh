@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `sst render --sampling`: which way is taken, that both give nearly the same, and what is refused.
+# `sst render --sampling`: choice of the way, nearly the same pictures by both, and refusals.
 set -u
 . "$(dirname "$0")/../lib.sh"
 ok() { timeout 600 "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }

@@ -15,7 +15,7 @@ pair() {
 }
 # place NAME: it becomes the pair of the service
 place() { cp "$1.key" k && cp "$1.pem" c && mv k tls.key && mv c tls.pem; }
-# given: whose certificate a new connection gets
+# given: owner of the certificate that a new connection gets
 given() { timeout 60 openssl s_client -connect "127.0.0.1:$port" </dev/null 2>/dev/null | openssl x509 -noout -subject; }
 # until_given NAME SECONDS
 until_given() {
@@ -48,7 +48,7 @@ command curl -skN -m 600 -H "Authorization: Bearer $(cat token)" -H 'Accept: app
   "https://127.0.0.1:$port/api/v1/events/stream?after=0" >stream &
 stream=$!
 
-# What is old or without forward secrecy is refused; HSTS.
+# Old protocols and ones without forward secrecy are refused; HSTS.
 handshake() { timeout 60 openssl s_client -connect "127.0.0.1:$port" "$@" </dev/null 2>/dev/null | grep -q 'Cipher is [A-Z]'; }
 for how in -tls1_2 -tls1_3 '-tls1_2 -cipher ECDHE-ECDSA-AES128-GCM-SHA256'; do handshake $how || fail "TLS: no connection with $how"; done
 for how in '-tls1 -cipher ALL:@SECLEVEL=0' '-tls1_1 -cipher ALL:@SECLEVEL=0' '-tls1_2 -cipher ECDHE-ECDSA-AES256-SHA384' \

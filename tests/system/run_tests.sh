@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# scripts/run_tests.sh: what counts as a failure, and how it is told.
+# scripts/run_tests.sh: failures and their report.
 . "$(dirname "$0")/../lib.sh"
 make_test() { printf '#!/bin/bash\n%s\n' "$2" >"$1" && chmod +x "$1"; }
 make_test good 'exit 0'

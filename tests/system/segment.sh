@@ -112,7 +112,7 @@ cp mixed/00_01.png mixed/00_00.png
 "$sst" import folder mixed --grid 1x2 -o alike --range-min 2 --range-max 12 2>err >/dev/null || fail "import of one orientation: $(cat err)"
 [ "$(grep -c "EXIF orientation" err)" -eq 1 ] && grep -q "all pictures have the EXIF orientation 2" err || fail "one orientation: $(cat err)"
 
-# --- what cannot be ---
+# --- refusals ---
 want 2 "twice" segment $a lf/truth/00_00.png -o many
 want 2 "scale" segment $a -o one.png --scale big
 want 2 "scale" segment $a -o one.png --scale 17

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The service on simulated devices: it comes up, survives what happens to it, says so, and ends in time.
+# The service on simulated devices: it comes up, survives faults, reports them, and ends in time.
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 . "$root/tests/service_lib.sh"
@@ -53,7 +53,7 @@ until_is 5 capture.frames.unexplained 'v == 0'
 takes_alarm() { [ $((0x$(awk '/^SigBlk/ { print $2 }' "$1/status") >> 13 & 1)) -eq 0 ]; }
 takes_alarm "/proc/$daemon/task/$daemon" && fail "the main thread would be given the alarm"
 takes_alarm "$(dirname "$(grep -lx sst-signals /proc/"$daemon"/task/*/comm)")" || fail "nobody takes the alarm"
-# What is well may be busy for a moment, and says so.
+# A healthy service may be busy for a moment, and reports it.
 awaits "curl -sf -m 10 --unix-socket c.sock http://x/healthz >/dev/null" || fail "healthz"
 awaits "'$sst' snapshot -o now.jpg 2>err" || fail "snapshot: $(cat err)"
 [ "$(head -c 2 now.jpg | od -An -tx1)" = " ff d8" ] || fail "snapshot is no JPEG"
@@ -91,9 +91,9 @@ timeout 300 curl -s -m 300 --unix-socket c.sock http://x/stream >/dev/null & vie
 until_is 20 live.idle 'v > 10'
 kill $viewer
 
-# A view of one's own: other focus, what is under a point, and what is refused.
+# A view of one's own: other focus, the surface under a point, and refusals.
 ask() { curl -s --unix-socket c.sock -H 'Content-Type: application/json' "http://x$1" ${2:+-d "$2"}; }
-# field NAME: what GET /api/v1/views says about the view $id; shown_percent: all shares together
+# field NAME: member of the view $id in GET /api/v1/views; shown_percent: all shares together
 field() {
   curl -s --unix-socket c.sock http://x/api/v1/views >views
   /usr/bin/python3 -c 'import json, sys
@@ -101,7 +101,7 @@ v = [v for v in json.load(open("views"))["views"] if v["id"] == sys.argv[1]][0]
 v["shown_percent"] = round(sum(v[k + "_percent"] or 0 for k in ("seen", "remembered", "filled")), 3)
 print(v[sys.argv[2]])' "$id" "$1"
 }
-# picks ID: what is under a point of a view; a service that is busy with a set is asked again
+# picks ID: surface under a point of a view; a service that is busy with a set is asked again
 picks() { awaits "curl -s -m 10 --unix-socket c.sock 'http://x/api/v1/views/$1/pick?x=80&y=64' >picked; grep -q disparity_px picked" >/dev/null; }
 id=$(ask /api/v1/views '{"focus_px": 5}' | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["id"])')
 awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$id' >own.jpg" || fail "/snapshot/$id"
@@ -123,7 +123,7 @@ ask "/api/v1/views/$id" '{"focus_label": "Dragon"}' | grep -q 'knows no class' |
 /usr/bin/python3 "$root/tests/openapi.py" "$SST_SOCKET" >out || fail "answers and openapi.json differ: $(cat out)"
 until_is 10 storage.recording.active 'not v'
 
-# Reload: what is wrong is refused and the old one stays; what is right applies.
+# Reload: a faulty configuration is refused and the old one stays; a right one applies.
 cp sstd.yaml good.yaml
 cp wrong.yaml sstd.yaml
 want 3 zones reload
@@ -140,7 +140,7 @@ ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep
 grep -v '^zones' live.yaml >sstd.yaml
 "$sst" reload >out || fail "reload without zones: $(cat out)"
 until_is 30 live.demand 'v == "none"'
-# What nobody uses is not computed: no picture, and maps at most each 5 s of the service's own time, however many sets come.
+# Unused work is not done: no picture, and maps at most each 5 s of the service's own time, however many sets come.
 curl -s --unix-socket c.sock http://x/api/v1/status >idle0
 until_is 60 live.watched "v >= $(value live.watched) + 30"
 curl -s --unix-socket c.sock http://x/api/v1/status >idle1
@@ -201,7 +201,7 @@ rc=$?
 [ $rc -ne 0 ] && grep -q 'error.*c.sock\|error.*store' other.log || fail "a second service: exit $rc, $(cat other.log)"
 until_is 2 state 'v == "capturing"'
 
-# kill -9 while recording: what was acknowledged is there, and it captures again in time.
+# kill -9 while recording: acknowledged sets are there, and it captures again in time.
 "$sst" record start >/dev/null || fail "record start"
 until_is 10 storage.recording.sets 'v > 5'
 kill -9 "$daemon"
@@ -243,7 +243,7 @@ for video in "$taken.mkv" "$taken.r0c5.mkv"; do
   cmp whole.mkv part.mkv || fail "$video: its parts are another file"
   [ "$(head -c 4 whole.mkv | od -An -tx1 | tr -d ' ')" = 1a45dfa3 ] || fail "$video is no Matroska"
 done
-# What takes the disk long is answered before it is done.
+# Work that takes the disk long is answered before it is done.
 "$sst" record delete "$taken" >/dev/null && awaits "[ ! -e 'store/recordings/$taken' ]" || fail "delete $taken"
 awaits "! '$sst' record list | grep -q '$taken'" || fail "$taken is still listed"
 
@@ -267,7 +267,7 @@ until_is 5 capture.rate_hz '3 < v < 6.5'
 kill -TERM "$daemon"
 gone "$daemon" 2000
 
-# Nobody reads its log any more, and what logs hangs: it ends all the same.
+# Nobody reads its log any more, and the logging thread hangs: it ends all the same.
 mkfifo log.pipe
 exec 9<>log.pipe
 rm pid

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sst as a client of the service: what people see, exit codes, and a service that is away, hangs or answers nonsense.
+# sst as a client of the service: its output, exit codes, and a service that is away, hangs or answers nonsense.
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 export SST_SOCKET=$tmp/s
@@ -26,7 +26,7 @@ echo failed >s.mode
 "$sst" status >out 2>err; [ $? -eq 3 ] || fail "status of a failed service: exit $?"
 shows 'failed: no camera'
 rm s.mode
-: >out # what an earlier command wrote must not count
+: >out # the output of an earlier command must not count
 "$sst" status --watch --json >out 2>err & watch=$!
 for _ in $(seq 600); do [ "$(wc -l <out)" -ge 2 ] && break; sleep 0.1; done
 kill $watch && [ "$(wc -l <out)" -ge 2 ] || fail "--watch: $(wc -l <out) lines, $(cat err)"
@@ -41,7 +41,7 @@ see cameras --all
 see cameras --json
 /usr/bin/python3 -c 'import json; assert len(json.load(open("out"))["cameras"]) == 36' || fail "cameras --json"
 
-# All pages of what is kept, and what comes.
+# All pages of stored events, and new ones.
 see events
 [ "$(wc -l <out)" -eq 30 ] || fail "events: $(wc -l <out) of 30"
 see events --after 25 --type camera-lost --json

@@ -145,7 +145,7 @@ ask("record", "start", "--duration", "1")
 wait(10, "the end of a recording", lambda: "on demand" in ask("record", "list") and "now" not in ask("record", "list"))
 ask("record", "stop", code=3)
 
-# Reload: by the signal, with its two notices, and by the client, which tells what is refused.
+# Reload: by the signal, with its two notices, and by the client, which prints refusals.
 yaml = open("sstd.yaml").read()
 open("sstd.yaml", "w").write(yaml + "live: { focus_px: 5 }\n")
 if "live.focus_px" not in ask("reload", "--dry-run"):

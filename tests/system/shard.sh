@@ -79,7 +79,7 @@ mkdir captures
 cp -r alone/b1 alone/b2 captures
 rm -rf captures/*/disparity captures/*/confidence
 echo secret >secret
-ln -s "$PWD/secret" captures/b1/notes.txt # what is no file itself is not copied, and nothing waits for it
+ln -s "$PWD/secret" captures/b1/notes.txt # entries that are no files are not copied, and nothing waits for them
 ln -s . captures/b1/again
 mkfifo captures/b1/pipe
 "$sst" batch captures -o results --preset preview --no-labels --steps 2 >line 2>err || fail "batch: $(cat err)"

@@ -59,7 +59,7 @@ same() {
   [ "${got% *}" -ge "$kills" ] || fail "$name: only ${got% *} killed in ${got#* } steps"
   diff -rq -x .process "$name" "$name-whole" || fail "$name: views that were shared differ"
   [ ! -e "$name/.process-views" ] || fail "$name: what workers exchanged is left"
-  # Two at once, and what they report.
+  # Two at once, and their reports.
   for i in 1 2; do
     "$sst" process "$name-two" --threads $i "$@" --json --shard $i/2 --split-views >"$name.$i" 2>"err$i" &
     pid[$i]=$!

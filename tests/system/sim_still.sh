@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A simulated still camera under gphoto2, and sst capture rig with it: who is there, settings, files; then a grid of 36
+# A simulated still camera under gphoto2, and sst capture rig with it: detection, settings, files; then a grid of 36
 # poses with a dozen random faults and a kill -9, each fault named, resumed, and every file as the camera holds it.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}

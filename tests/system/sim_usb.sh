@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The simulated USB tree under lsusb, libusb, libudev, udevadm and the shell: who is there, comes and goes, and fits.
+# The simulated USB tree under lsusb, libusb, libudev, udevadm and the shell: present devices, plugs, and bandwidth.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/scene/world/worlds/small.yaml"
@@ -9,7 +9,7 @@ for p in lsusb v4l2-ctl; do
 done
 fault() { echo "$build/sst-sim fault $*"; }
 
-# --- who is there: 2 buses, 2 hubs with 2 halves each, 4 cameras; descriptors are whole
+# --- present devices: 2 buses, 2 hubs with 2 halves each, 4 cameras; descriptors are whole
 $sim --usb tight -- sh -c 'lsusb; lsusb -t; lsusb -v -d 1209:0001 2>&1' >out 2>&1 || fail "lsusb: $(head -c 400 out)"
 [ "$(grep -c '^Bus .* ID' out)" = 14 ] || fail "lsusb: $(grep -c '^Bus .* ID' out) devices" # -v prints the cameras again
 [ "$(grep -c 'Class=Video, Driver=uvcvideo, 480M' out)" = 8 ] || fail "lsusb -t: $(grep Class out)"
@@ -40,7 +40,7 @@ stream='v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=6000 --stream-to=/d
 $sim --usb tight -- sh -c "$stream" >out 2>&1; grep -q 'No space left on device' out || fail "tight: $(cat out)"
 $sim --usb wide -- sh -c "$stream" >out 2>&1; grep -q 'No space left' out && fail "wide: $(cat out)"
 
-# --- by the shell: authorised, bound, enabled; what is wrong is refused
+# --- by the shell: authorised, bound, enabled; wrong values are refused
 cat >shell.sh <<'END'
 there() { [ -e /dev/video0 ] && echo "$1 there" || echo "$1 gone"; }
 d=/sys/bus/usb/devices/1-1.1.1 p=$(readlink -f /sys/bus/usb/devices/1-1.1.1/port)

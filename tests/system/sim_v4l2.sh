@@ -166,7 +166,7 @@ echo 'bad: x' >bad.yaml
 [ $? -eq 3 ] && grep -q 'bad.yaml:1:1' err || fail "a world that is wrong: $(cat err)"
 (unset SST_SIM_DIR; "$build/sst-sim" fault --list) >list 2>err && grep -q '^camera.N.unplug ' list && grep -q '^still\.' list &&
   grep -q '^rig.NAME=WHEN' list || fail "faults without a session: $(cat list err)"
-# What is loaded into other programs is hardened like the programs.
+# The library that is loaded into other programs is hardened like the programs.
 if command -v readelf >/dev/null; then
   readelf -Wd "$build/libsst-sim-preload.so" | grep -q 'BIND_NOW' && readelf -Ws "$build/libsst-sim-preload.so" | grep -q '__stack_chk_fail' ||
     fail "the preloaded library is not hardened"

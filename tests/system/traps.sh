@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The chain in a sanitized build whose floating-point exceptions end it: invalid operations, divisions by zero, overflow.
+# The chain in a sanitized build that ends at floating-point exceptions: invalid operations, divisions by zero, overflow.
 set -u
 . "$(dirname "$0")/../lib.sh"
 checked=$root/build-address-undefined/sst

@@ -22,7 +22,7 @@ unit=dest/usr/lib/systemd/system/sstd.service
 grep -q '^ExecStart=/usr/sbin/sstd$' $unit && grep -q '^ExecReload=/usr/bin/sst reload$' $unit || fail "paths: $(grep Exec $unit)"
 grep -rlE '@[A-Z]+@' dest/usr/lib/systemd dest/usr/share/man && fail "a place was not filled in"
 
-# An upgrade keeps what was edited.
+# An upgrade keeps edited files.
 echo '# mine' >>dest/etc/sst/sstd.yaml
 run install-built
 grep -q '# mine' dest/etc/sst/sstd.yaml || fail "the configuration was overwritten"
@@ -37,7 +37,7 @@ if command -v systemd-analyze >/dev/null; then
   # Where the programs are, so that the unit can be judged as it is.
   make -s -C "$root" BUILD="$build" PREFIX="$tmp/here" SYSCONFDIR="$tmp/here/etc" install-built >out 2>&1 || fail "install: $(cat out)"
   units=here/lib/systemd/system
-  # Man pages are not looked up: those of this tree are not installed.
+  # Man pages are not looked up: this tree's are not installed.
   systemd-analyze verify --man=no $units/sst*.service $units/sstd.socket >out 2>&1 || fail "verify: $(cat out)"
   # Only of ours: other units of the machine have faults of their own.
   grep -E '(^|/)sst[d-]' out && fail "verify: $(grep sst out)"
@@ -60,7 +60,7 @@ if command -v systemd-sysusers >/dev/null; then
   for name in rtsp mqtt; do
     unit=$root/systemd/sst-$name.service.in
     grep -q "^sst-$name:" image/etc/passwd && grep -qx "User=sst-$name" "$unit" || fail "no user sst-$name of its own"
-    # Groups of a unit are what it may do.
+    # Groups of a unit are its rights.
     [ "$(sed -n 's/^SupplementaryGroups=//p' "$unit")" = "$([ $name = rtsp ] && echo sst-view || echo sst)" ] ||
       fail "$name: $(grep Groups "$unit")"
   done

@@ -28,7 +28,7 @@
 #define LARGE         64               /* pictures that the drift check can use, drift_internal.h */
 #define SAMPLES       48               /* pixels of a picture that are compared with the exact ones */
 
-/* What was done, all chains together. */
+/* Work of all chains together. */
 static struct {
     uint64_t processed, corrected, refused, pictures, pixels;
     double most; /* largest distance of a picture from the exact one, levels */

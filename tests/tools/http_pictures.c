@@ -1,5 +1,5 @@
 /* A server that shows made-up pictures: http_pictures FOLDER VIEWERS SECONDS HZ BYTES; tells its port, waits for
- * its viewers, and tells at its end what it cost: "cpu PERCENT, PICTURES pictures, SKIPPED skipped". */
+ * its viewers, and prints its costs at its end: "cpu PERCENT, PICTURES pictures, SKIPPED skipped". */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* Feeds sets of a recording or of a simulated world to the live picture and says what they cost.
+/* Sets of a recording or of a simulated world, fed to the live picture; prints their costs.
  *
  *   live_bench SOURCE [name=value ...]
  *

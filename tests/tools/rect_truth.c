@@ -111,7 +111,7 @@ static int find_disparity(struct work *w)
     return err;
 }
 
-/* Make what another camera does not see unknown in `visible`. */
+/* Make surfaces that another camera does not see unknown in `visible`. */
 static int hide(struct work *w, int view)
 {
     const double *eye = sim_stage_camera(w->stage, view)->position_mm;

@@ -20,7 +20,7 @@
 #include <libudev.h>
 #endif
 
-#define PATIENCE_MS 60000 /* for what a simulator that stands still for a while does later */
+#define PATIENCE_MS 60000 /* for a simulator that stands still for a while */
 
 #define CHECK(what)                                                                                                    \
     do {                                                                                                               \
@@ -99,7 +99,7 @@ static int gpio(const char *path, uint32_t out_offset, uint32_t in_offset)
     CHECK(pthread_join(thread, NULL) == 0);
     CHECK(close(out) == 0);
     CHECK(poll(&p, 1, PATIENCE_MS) == 1); /* released: the pin falls */
-    /* What a program lets go it can take again at once. */
+    /* A program can take a released interface again at once. */
     for (int i = 0; i < 2000; i++) {
         out = request(chip, out_offset, GPIO_V2_LINE_FLAG_OUTPUT);
         CHECK(out >= 0 && close(out) == 0);
