@@ -44,6 +44,16 @@ judge() {
   rm -rf bad*
 }
 
+# comparisons ARGS...: dispatches in the comparisons that the dummy device passes as a command opens it; its faults count from them on
+comparisons() {
+  local lost=0 opened=8192 at # a loss at these dispatches fails the opening, and does not
+  while [ $((opened - lost)) -gt 1 ]; do
+    at=$(((lost + opened) / 2))
+    if "$sst" "$@" --device dummy:lost=$at >/dev/null 2>&1; then opened=$at; else lost=$at; fi
+  done
+  echo $lost
+}
+
 # want CODE WORDS ARGS...: exit code, one line of error with these words, no output
 want() {
   local code=$1 words=$2

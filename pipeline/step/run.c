@@ -531,13 +531,11 @@ int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job
 {
     bool *done = user ? calloc((size_t)items + 1, sizeof(*done)) : NULL;
     struct sst_run r = { .user = user, .step = step, .job = job, .report = user ? &user->report : NULL, .done = done };
-    struct rest rest = { &r, user && o->share && step->heavy ? o : NULL };
+    struct rest rest = { &r, user && o->share ? o : NULL };
     int err = user && !done ? -ENOMEM : 0;
 
     if (!err && user && !o->share)
         err = run_on_device(&r, 0, items, o);
-    else if (!err && user && !step->heavy) /* views are the processes' */
-        user->report.stages_on_cpu |= step->stages;
     err = err ? err : make_host(&r, items);
     if (!err)
         err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);

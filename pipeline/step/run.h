@@ -35,7 +35,6 @@ struct sst_step {
     bool (*same)(const void *device, const void *host, int view);
     unsigned changes; /* bits by enum sst_step_plane: planes of the view that the step changes */
     int levels;       /* by which pictures and maps of 8 bits may differ from those of the CPU; 0: the same bytes */
-    bool heavy;       /* processes that share the views each use a device for theirs, not the CPU */
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
      * @param seed  from 1 on @return NULL: no memory */
     void *(*sample)(uint32_t seed);
@@ -56,7 +55,7 @@ struct sst_step {
 SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
 
 struct sst_run_options {
-    struct sst_share *share;         /* with other processes; only steps that are `heavy` then use devices; or NULL */
+    struct sst_share *share;         /* with other processes, each with the device that it has; or NULL */
     int threads, block;              /* block: as of sst_share_blocks() */
     const SST_ATOMIC(bool) * cancel; /* or NULL */
 };

@@ -445,7 +445,6 @@ const struct sst_step disparity_surfaces_step = { .name = "surfaces",
                                                   .device = test_on_device,
                                                   .writes = tested_maps,
                                                   .changes = 1U << SST_PLANE_MAP,
-                                                  .heavy = true,
                                                   .sample = surfaces_sample,
                                                   .sample_free = visible_sample_free };
 

@@ -354,7 +354,6 @@ const struct sst_step disparity_sweep_step = { .name = "sweep",
                                                .cpu = sweep_job,
                                                .device = sweep_on_device,
                                                .writes = swept_points,
-                                               .heavy = true,
                                                .sample = sweep_sample,
                                                .sample_free = visible_sample_free };
 
