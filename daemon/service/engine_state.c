@@ -41,7 +41,7 @@ void engine_follow_device(struct live_engine *v)
 
     pthread_mutex_lock(&v->lock);
     turned = now.failing != v->state.device.failing;
-    labels_turned = labels.failing != v->state.label_device.failing;
+    labels_turned = labels.step.failing != v->state.label_device.step.failing;
     v->state.on_device = on_device;
     v->state.device = now;
     v->state.labels_on_device = labels_on_device;
@@ -50,7 +50,7 @@ void engine_follow_device(struct live_engine *v)
     if (turned)
         emit_device(v, "pictures", "rendered", now.name, now.failing ? now.failure : NULL);
     if (labels_turned)
-        emit_device(v, "labels", "computed", labels.name, labels.failing ? labels.failure : NULL);
+        emit_device(v, "labels", "computed", labels.step.name, labels.step.failing ? labels.step.failure : NULL);
 }
 
 void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets)

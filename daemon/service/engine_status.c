@@ -82,13 +82,14 @@ const struct sst_field engine_live_fields[] = {
         ROW("reason", NAME, device_reason, "Cause of the last failure, or of the last work on the CPU"),
         ROW(NULL, BOOL, labels_up, "The network runs on a device; else on the CPU", "live_device_labels_up"),
         GROUP_IF("labels", engine.labels_on_device, "The network on a device; null: on the CPU, or there is none",
-                 ROW("failing", BOOL, engine.label_device.failing, "It failed at its last run, or cannot be opened"),
+                 ROW("failing", BOOL, engine.label_device.step.failing,
+                     "It failed at its last run, or cannot be opened"),
                  ROW("runs", INTEGER, engine.label_device.runs, "Runs of the network on the device",
                      "live_device_label_runs_total"),
                  ROW("on_cpu", INTEGER, engine.label_device.on_cpu, "Runs of it on the CPU instead of the device",
                      "live_device_label_runs_on_cpu_total"),
-                 ROW("failures", INTEGER, engine.label_device.failures, "Times that the device failed at the network",
-                     "live_device_label_failures_total"),
+                 ROW("failures", INTEGER, engine.label_device.step.failures,
+                     "Times that the device failed at the network", "live_device_label_failures_total"),
                  ROW("reason", NAME, labels_reason, "Cause of the last failure, or of the last run on the CPU")),
         ROW("stages_on_cpu", LIST, on_cpu, "Steps that the CPU does now, beside the device", .item = SST_FIELD_NAME,
             .stride = sizeof(char *), .count_at = offsetof(struct live_now, on_cpu_count))),
@@ -153,10 +154,10 @@ static void gather_device(struct live_now *now)
     bool labels, pictures;
 
     now->device_up = v->on_device && !d->failing;
-    now->labels_up = v->labels_on_device && !n->failing;
+    now->labels_up = v->labels_on_device && !n->step.failing;
     now->device_reason =
         d->failing ? d->failure : either(d->why, either(d->why_verified, d->why_filled));
-    now->labels_reason = n->failing ? n->failure : n->why;
+    now->labels_reason = n->step.failing ? n->step.failure : n->step.why;
     /* A device that has run nothing has no form for this network. */
     labels = now->labels_up && (n->runs || !n->on_cpu);
     pictures = now->device_up && (d->pictures || !d->on_cpu);

@@ -159,10 +159,10 @@ static void print_variant(struct bench *b, struct runner *device, int rounds)
     printf("  {\"conv8\": \"%s\", \"chosen\": %s, \"device_ms\": %.3f", conv8_of(device, &r),
            device->chosen ? "true" : "false", median(device->ms, rounds));
     printf(", \"upload_ms\": %.3f, \"download_ms\": %.3f, \"on_cpu\": %lld, \"memory_bytes\": %lld",
-           (double)r.upload_ns * 1e-6 / (double)r.runs, (double)r.download_ns * 1e-6 / (double)r.runs,
+           (double)r.step.upload_ns * 1e-6 / (double)r.runs, (double)r.step.download_ns * 1e-6 / (double)r.runs,
            (long long)r.on_cpu, (long long)r.memory_bytes);
     printf(", \"dispatches\": %.0f, \"differ\": %.3g, \"most\": %.3g, \"largest\": %.3g}",
-           (double)r.dispatches / (double)r.runs, (double)differ / (double)b->results, most, largest);
+           (double)r.step.dispatches / (double)r.runs, (double)differ / (double)b->results, most, largest);
 }
 
 static void print(struct bench *b, const char *model, const char *precision, int rounds)

@@ -380,7 +380,7 @@ static void test_longest(void **state SST_UNUSED)
     assert_int_equal(r.runs, 1);
     r = run_long(2048);
     assert_int_equal(r.runs, 0);
-    assert_contains(r.why, "more than 32768 numbers");
+    assert_contains(r.step.why, "more than 32768 numbers");
 }
 
 int main(void)

@@ -86,7 +86,7 @@ static struct seen follow(const char *device, bool skip_labels, int sets)
     open_labelled(&gpu, device, skip_labels);
     assert_false(sst_livescene_device(cpu.scene, &seen.report));
     assert_true(sst_livescene_device(gpu.scene, &seen.report));
-    failing = seen.report.failing;
+    failing = seen.report.step.failing;
     for (int set = 0; set < sets; set++) {
         const int64_t here = step(&cpu, set), there = step(&gpu, set);
 
@@ -95,9 +95,9 @@ static struct seen follow(const char *device, bool skip_labels, int sets)
         assert_true(sst_livescene_device(gpu.scene, &seen.report));
         runs += there;
         assert_int_equal(seen.report.runs + seen.report.on_cpu, runs);
-        seen.lost += seen.report.failing && !failing;
-        seen.found += !seen.report.failing && failing;
-        failing = seen.report.failing;
+        seen.lost += seen.report.step.failing && !failing;
+        seen.found += !seen.report.step.failing && failing;
+        failing = seen.report.step.failing;
     }
     assert_true(skip_labels ? runs >= sets / 4 : runs > sets);
     close_field(&cpu);
@@ -110,10 +110,10 @@ static void labels_are_the_cpus(void **state SST_UNUSED)
     for (int all = 0; all < 2; all++) {
         const struct seen seen = follow("dummy", !all, all ? 4 : SETS);
 
-        assert_string_equal(seen.report.name, "dummy");
+        assert_string_equal(seen.report.step.name, "dummy");
         assert_int_equal(seen.report.on_cpu, 0);
-        assert_int_equal(seen.report.failures, 0);
-        assert_false(seen.report.failing);
+        assert_int_equal(seen.report.step.failures, 0);
+        assert_false(seen.report.step.failing);
     }
 }
 
@@ -151,7 +151,7 @@ static void count_dispatches(long *opening, long *run)
     }
     sst_log_hold_errors(NULL);
     *opening = most;
-    *run = (long)follow("dummy", true, 1).report.dispatches;
+    *run = (long)follow("dummy", true, 1).report.step.dispatches;
 }
 
 /* Lost again and again: every set has its labels, those of the CPU. */
@@ -168,17 +168,17 @@ static void a_device_that_fails_costs_no_labels(void **state SST_UNUSED)
     assert_int_equal(seen.lost, 1);
     assert_int_equal(seen.found, 0);
     assert_int_equal(seen.report.runs, 0);
-    assert_true(seen.report.failures >= 2);
-    assert_contains(seen.report.failure, "the device is lost");
+    assert_true(seen.report.step.failures >= 2);
+    assert_contains(seen.report.step.failure, "the device is lost");
     /* After some runs. */
     for (long k = 4; k < 12; k += 4) {
         snprintf(name, sizeof(name), "dummy:timeout=%ld", opening + k * run);
         seen = follow(name, true, 2 * SETS);
         print_message("%s: %d runs, %d on the CPU, %d failures, lost %d, found %d times\n", name, (int)seen.report.runs,
-                      (int)seen.report.on_cpu, (int)seen.report.failures, seen.lost, seen.found);
-        assert_true(seen.report.failures >= 1 && seen.report.runs >= 1);
-        assert_int_equal(seen.report.failures, seen.lost);
-        assert_contains(seen.report.failure, "does not answer");
+                      (int)seen.report.on_cpu, (int)seen.report.step.failures, seen.lost, seen.found);
+        assert_true(seen.report.step.failures >= 1 && seen.report.runs >= 1);
+        assert_int_equal(seen.report.step.failures, seen.lost);
+        assert_contains(seen.report.step.failure, "does not answer");
     }
 }
 
@@ -193,10 +193,10 @@ static void without_a_device_labels_are_the_cpus(void **state SST_UNUSED)
         const struct seen seen = follow(names[i], true, SETS);
 
         assert_int_equal(seen.report.runs, 0);
-        assert_true(seen.report.on_cpu > 0 && *seen.report.why);
-        assert_true(seen.report.failing && *seen.report.failure);
-        assert_true(i == 2 ? seen.report.failures == 1 : seen.report.failures >= 2);
-        assert_string_equal(seen.report.name, names[i]);
+        assert_true(seen.report.on_cpu > 0 && *seen.report.step.why);
+        assert_true(seen.report.step.failing && *seen.report.step.failure);
+        assert_true(i == 2 ? seen.report.step.failures == 1 : seen.report.step.failures >= 2);
+        assert_string_equal(seen.report.step.name, names[i]);
     }
     for (size_t i = 0; i < ARRAY_LEN(none); i++) {
         open_labelled(&f, none[i], true);
@@ -215,8 +215,8 @@ static void memory_is_bounded(void **state SST_UNUSED)
     seen = follow("dummy", true, 5);
     label_bytes = 0;
     assert_int_equal(seen.report.runs, 0);
-    assert_int_equal(seen.report.failures, 0);
-    assert_contains(seen.report.why, "does not fit");
+    assert_int_equal(seen.report.step.failures, 0);
+    assert_contains(seen.report.step.why, "does not fit");
 }
 
 int main(void)

@@ -64,7 +64,7 @@ static void a_pyramid_equals_the_cpu(void **state SST_UNUSED)
     assert_int_equal(report_of(d).plans, 2);
     sst_network_device_clear_report(d);
     assert_int_equal(report_of(d).runs, 0);
-    assert_string_equal(report_of(d).name, "dummy");
+    assert_string_equal(report_of(d).step.name, "dummy");
     assert_int_equal(report_of(d).plans, 2);
     sst_network_device_close(d);
 }
@@ -122,7 +122,7 @@ static void float_features_are_the_cpus(void **state SST_UNUSED)
     expect_image(&got, &want, 0);
     assert_int_equal(report_of(d).runs, 0);
     assert_int_equal(report_of(d).on_cpu, 1);
-    assert_contains(report_of(d).why, "in floats");
+    assert_contains(report_of(d).step.why, "in floats");
     free(model.p), free(in.d), free(got.d), free(want.d);
     sst_network_device_close(d);
 }
@@ -247,11 +247,11 @@ static void other_layers_end_on_the_cpu(void **state SST_UNUSED)
 
         expect_image(&got, &want, 0);
         assert_int_equal(report_of(d).on_cpu, (int)i + 1);
-        assert_contains(report_of(d).why, why[i]);
+        assert_contains(report_of(d).step.why, why[i]);
         free(models[i].p), free(in.d), free(got.d), free(want.d);
     }
     assert_int_equal(report_of(d).runs, 0);
-    assert_int_equal(report_of(d).failures, 0);
+    assert_int_equal(report_of(d).step.failures, 0);
     assert_int_equal(report_of(d).plans, 0);
     sst_network_device_close(d);
 }
@@ -280,8 +280,8 @@ static void memory_is_bounded(void **state SST_UNUSED)
     }
     assert_int_equal(report_of(d).runs, 3);
     assert_int_equal(report_of(d).on_cpu, 1);
-    assert_int_equal(report_of(d).failures, 0);
-    assert_contains(report_of(d).why, "100 x 80 pixels does not fit");
+    assert_int_equal(report_of(d).step.failures, 0);
+    assert_contains(report_of(d).step.why, "100 x 80 pixels does not fit");
     sst_network_close(net);
     sst_network_device_close(d);
 }
@@ -385,7 +385,7 @@ static struct sst_network_device_report run_often(const char *name, int runs)
 static void faults_end_on_the_cpu(void **state SST_UNUSED)
 {
     static const char *const faults[][2] = { { "lost", "lost" }, { "timeout", "answer" } };
-    const long run = (long)run_often("dummy", 1).dispatches;
+    const long run = (long)run_often("dummy", 1).step.dispatches;
     struct sst_network_device_report r;
     char text[SST_LOG_MAX], name[40];
     long first = self_tests(opens); /* the dispatch after those of the opening and of one run */
@@ -399,13 +399,13 @@ static void faults_end_on_the_cpu(void **state SST_UNUSED)
         r = run_often(name, 9); /* each device runs once, and fails in its second run */
         assert_int_equal(r.runs, 5);
         assert_int_equal(r.on_cpu, 4);
-        assert_int_equal(r.failures, 4);
-        assert_contains(r.why, faults[i][1]);
+        assert_int_equal(r.step.failures, 4);
+        assert_contains(r.step.why, faults[i][1]);
         snprintf(name, sizeof(name), "dummy:%s=%ld", faults[i][0], first - run / 2);
         r = run_often(name, 9); /* it fails in its first run: fails, fails, skipped, fails, 3 skipped, fails, skipped */
         assert_int_equal(r.runs, 0);
         assert_int_equal(r.on_cpu, 9);
-        assert_int_equal(r.failures, 4);
+        assert_int_equal(r.step.failures, 4);
     }
     sst_log_hold_errors(NULL);
 }

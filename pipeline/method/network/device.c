@@ -294,21 +294,11 @@ void sst_network_device_close(struct sst_network_device *d)
 
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
 {
-    const struct sst_step_report *r = &d->user.report;
     size_t weights = 0, activations = 0;
 
     sst_runner_lock(d->shared);
     *out = d->report;
-    snprintf(out->name, sizeof(out->name), "%s", r->name);
-    snprintf(out->driver, sizeof(out->driver), "%s", r->driver);
-    snprintf(out->failure, sizeof(out->failure), "%s", r->failure);
-    snprintf(out->why, sizeof(out->why), "%s", r->why);
-    out->failing = r->failing;
-    out->failures = r->failures;
-    out->dispatches = r->dispatches;
-    out->total_ns = r->total_ns;
-    out->upload_ns = r->upload_ns;
-    out->download_ns = r->download_ns;
+    out->step = d->user.report;
     for (int i = 0; i < d->entries; i++) {
         out->plans += d->entry[i].plan != NULL;
         weights += d->entry[i].weights;

@@ -40,20 +40,15 @@ SST_MUST_CHECK int sst_network_device_open_live(struct sst_network_device **out,
 /** After all networks that use it. NULL is fine. */
 void sst_network_device_close(struct sst_network_device *d);
 
-/** What a device has done. */
+/** Work of networks on a device. */
 struct sst_network_device_report {
-    char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
-    bool failing;                     /* it failed at its last run, or could not be opened, and is tried again later */
-    char failure[SST_LOG_MAX];        /* the last one's reason; "": none */
-    int64_t runs;                     /* of networks, there */
-    int64_t fed, kept;                /* of them: whose input was made there; whose result was not copied to the host */
-    int64_t on_cpu;                   /* others */
-    int64_t failures;                 /* times that the device failed */
-    char why[128];                    /* the last of on_cpu */
-    int plans;                        /* networks times sizes that lie there now */
-    char conv8[32];                   /* shader of convolutions on 8 bits in the last plan; "": none yet */
-    int64_t dispatches, memory_bytes; /* the latter of the plans */
-    int64_t total_ns, upload_ns, download_ns; /* of runs; uploads include waiting for nothing but the copy */
+    struct sst_step_report step; /* the name as asked for, if it was never opened; times are of runs */
+    int64_t runs;                /* of networks, there */
+    int64_t fed, kept;           /* of them: whose input was made there; whose result was not copied to the host */
+    int64_t on_cpu;              /* others; the last one's reason: step.why */
+    int plans;                   /* networks times sizes that lie there now */
+    char conv8[32];              /* shader of convolutions on 8 bits in the last plan; "": none yet */
+    int64_t memory_bytes;        /* of the plans */
 };
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out);
 
