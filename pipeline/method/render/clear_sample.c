@@ -32,19 +32,26 @@ static uint32_t next(uint32_t *state)
     return *state >> 8;
 }
 
-/* Slopes with noise: places in frames may differ by 1/256 px from those of the CPU. */
+/* Slopes with noise, for places in frames may differ by 1/256 px from those of the CPU; below them rays that agree. */
 static void fill_image(struct sst_image *image, uint32_t *state)
 {
     for (int i = 0; i < 3 * HEIGHT; i++) {
         for (int x = 0; x < WIDTH; x++) {
-            const int wave = (x + i / 3) % 16;
+            const int wave = (x + i / 3) % 16, slope = (wave < 8 ? wave : 16 - wave) * 24;
 
-            sst_image_row(image, i % 3, i / 3)[x] = (uint8_t)((wave < 8 ? wave : 16 - wave) * 24 + (int)(next(state) % 32));
+            sst_image_row(image, i % 3, i / 3)[x] =
+                (uint8_t)(i < 2 * HEIGHT ? slope + (int)(next(state) % 32) : 90 + (int)(next(state) % 6));
         }
     }
 }
 
-/* @param first  stored disparity of -3 1/8 px */
+/* Stored disparity of -3 1/8 px. */
+static int first_q6(const struct sst_lightfield *lf)
+{
+    return (int)lrint((-3.125 - lf->disp_min_px) * SST_DISP_SCALE);
+}
+
+/* @param first  first_q6() */
 static void fill_maps(struct sst_view *v, struct sst_map_u8 *mask, uint32_t first, uint32_t *state)
 {
     for (int y = 0; y < HEIGHT; y++) {
@@ -79,7 +86,7 @@ static int fill_view(struct sample *s, int k, bool framed, uint32_t *state)
     if (err)
         return err;
     fill_image(&v->image, state);
-    fill_maps(v, &s->masks[k], (uint32_t)lrint((-3.125 - s->lf.disp_min_px) * SST_DISP_SCALE), state);
+    fill_maps(v, &s->masks[k], (uint32_t)first_q6(&s->lf), state);
     if (v->original.plane[0])
         fill_image(&v->original, state);
     return 0;
@@ -143,6 +150,7 @@ static int make_picture(struct sample *s, int i)
     err = err ? err : sst_map_u16_init(&s->surface[i], WIDTH, HEIGHT);
     err = err ? err : clear_init(c, s->renderer, cfg);
     c->as_others = i == 0;
+    c->bins = i == 3 ? first_q6(&s->lf) + 720 : c->bins;
     c->device = &s->device;
     c->band_rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
     c->to = (struct clear_target){ &s->image[i], &s->weight[i], i > 1 ? &s->surface[i] : NULL, &s->support[i] };
@@ -172,7 +180,7 @@ void *clear_sample_frames(uint32_t seed)
     return make_sample(seed, true);
 }
 
-/* All weights, and a hole that coarse levels fill. */
+/* All weights, and a hole that coarse levels fill; few weights, so that the coarsest one lacks some. */
 void *clear_sample_holes(uint32_t seed)
 {
     struct sample *s = make_sample(seed, false);
@@ -182,7 +190,7 @@ void *clear_sample_holes(uint32_t seed)
         fill_image(&s->image[i], &state);
         for (int k = 0; k < WIDTH * HEIGHT; k++)
             sst_map_u8_row(&s->weight[i], k / WIDTH)[k % WIDTH] =
-                (uint8_t)(k % WIDTH < 24 + i ? 0 : k % 3 ? next(&state) & 0xFF : 255);
+                (uint8_t)(k % WIDTH < 24 + 9 * i || (i == 3 && k % 97) ? 0 : k % 3 ? next(&state) & 0xFF : 255);
     }
     return s;
 }
