@@ -14,8 +14,8 @@ enum sst_gpu_conversion {
     /* From a plane to the input of a step: */
     SST_GPU_TO_HYPOTHESES =
         0,                /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
-    SST_GPU_TO_LUMA = 1,     /* pixels of subpixel.h */
-    SST_GPU_TO_STEPS = 2,    /* disparities of subpixel.h */
+    SST_GPU_TO_LUMA = 1,  /* pixels of subpixel.h */
+    SST_GPU_TO_STEPS = 2, /* disparities of subpixel.h */
     /* From the result of a step to a map: */
     SST_GPU_FROM_MATCH = 3,  /* disparities and confidences of match.h; none where colours do not count */
     SST_GPU_FROM_CHOICE = 4, /* of hypotheses.h */

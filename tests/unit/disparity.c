@@ -226,7 +226,7 @@ static void updated_descriptors(void **state SST_UNUSED)
         const int *p = parts[i];
 
         random_image(&img, &seed, 2 * p[0], 2 * p[1], sst_min_int(2 * p[2], 221), sst_min_int(2 * p[3], 105));
-        assert_int_equal(sst_descriptor_update(&kept, &img, p[0], p[1], p[2], p[3]), 0);
+        assert_int_equal(sst_descriptor_update(&kept, &img, (struct sst_rect){ p[0], p[1], p[2], p[3] }), 0);
         assert_int_equal(sst_descriptor_init(&fresh, &img, 2, SST_COST_CENSUS, NULL), 0);
         assert_int_equal(sst_descriptor_add_phases(&fresh, phases), 0);
         for (int y = 0; y < 53; y++) {
@@ -676,10 +676,9 @@ static int filled_at_3(const struct known *near, int near_n, const struct known 
                        scratch = map16(LONG, 1, NULL);
     struct sst_map_u8 status = map8(LONG, 1, own, 0), near_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH),
                       far_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH);
-    const struct sst_checked_views from = { { { &near_d, &near_s, near_b, 0 }, { &far_d, &far_s, 2 * near_b, 0 } },
-                                            2,
-                                            1,
-                                            0 };
+    const struct sst_checked_views from = {
+        { { &near_d, &near_s, near_b, 0 }, { &far_d, &far_s, 2 * near_b, 0 } }, 2, 1, 0
+    };
     int got;
 
     for (int i = 0; i < near_n; i++) {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/pair.h"
 #include "simulators/scene/noise.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -89,7 +89,7 @@ static void add_path(uint32_t *sum, const struct sst_tiles *all, const struct ss
         uint8_t edge = 0;
 
         if (in)
-            sst_colour_step_row(&edge, img, y, x, yb, xb, 1);
+            sst_colour_step_row(&edge, img, (struct sst_pixel){ x, y }, (struct sst_pixel){ xb, yb }, 1);
         step(l + (size_t)(y * WIDTH + x) * STEPS, t, all->cost + cell(t, x, y),
              in ? l + (size_t)(yb * WIDTH + xb) * STEPS : NULL, in ? tile_at(all, xb, yb) : NULL, p->p1[edge],
              p->p2[edge]);
@@ -275,7 +275,9 @@ static void edges_follow_the_colours(void **state SST_UNUSED)
     }
     sst_map_u16_row(&in, 3)[3] = SST_DISP_NONE;
     for (int y = 0; y < 97; y += 20)
-        assert_int_equal(sst_disparity_guided_median(&out, &in, &img, y, y + 20 < 97 ? y + 20 : 97, &scratch), 0);
+        assert_int_equal(
+            sst_disparity_guided_median(&out, &in, &img, (struct sst_rows){ y, y + 20 < 97 ? y + 20 : 97 }, &scratch),
+            0);
     for (int i = 0; i < 101 * 97; i++) {
         const int x = i % 101, y = i / 101, d = sst_map_u16_row(&out, y)[x];
         const int want = square_at(x, y) == 640 ? 640 : 64 + x / 4;
@@ -312,8 +314,8 @@ static void holes_follow_the_colours(void **state SST_UNUSED)
         sst_map_u16_row(&disp, y)[x] = (uint16_t)(level ? 77 : hole ? 500 : square_at(x, y));
         sst_map_u8_row(&status, y)[x] = hole || level ? SST_DISPARITY_OCCLUSION : SST_DISPARITY_CORRECT;
     }
-    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, 0, 50, &scratch), 0);
-    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, 50, 97, &scratch), 0);
+    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, (struct sst_rows){ 0, 50 }, &scratch), 0);
+    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, (struct sst_rows){ 50, 97 }, &scratch), 0);
     for (int i = 0; i < 101 * 97; i++) {
         const int x = i % 101, y = i / 101, d = sst_map_u16_row(&disp, y)[x];
         const bool hole = x >= 34 && x < 40 && y >= 30 && y < 50;

@@ -104,7 +104,7 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
         return err;
     if (d->luma.data) {
         while (!err && changed_part(s, view, &r))
-            err = sst_descriptor_update(d, &v->image, r.x0, r.y0, r.x1, r.y1);
+            err = sst_descriptor_update(d, &v->image, (struct sst_rect){ r.x0, r.y0, r.x1, r.y1 });
         return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
     }
     err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);

@@ -81,7 +81,8 @@ static void carry_view(const struct arrivals *to, const struct carry *c, const s
         const uint8_t *status = c->status ? sst_map_u8_row(&c->status[source], l.y) : NULL;
 
         for (int x = 0; x < width; x++)
-            to->rank[x] = (uint8_t)(confidence[x] >> 1 | (status && status[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0));
+            to->rank[x] =
+                (uint8_t)(confidence[x] >> 1 | (status && status[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0));
         sst_kernels_get()->land_row(to->arrived, to->farthest, &l, sst_map_u16_row(from->disp, l.y), to->rank,
                                     (size_t)width);
     }

@@ -6,9 +6,9 @@
 
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
-#define BLOCK      64 /* pixels of a row that are projected together */
-#define CELLS      64 /* a row or column of cells at most */
-#define ARRIVED    1  /* added to a disparity that is projected onto a pixel; 0: none is */
+#define BLOCK      64         /* pixels of a row that are projected together */
+#define CELLS      64         /* a row or column of cells at most */
+#define ARRIVED    1          /* added to a disparity that is projected onto a pixel; 0: none is */
 #define BARRED     UINT16_MAX /* in its place where no pixel is left: no disparity is larger */
 
 /* A neighbour, and where a pixel of the view under check lies in it. */

@@ -8,45 +8,47 @@
 #define CENSUS_NARROW 64
 #define CENSUS_MARGIN 8 /* columns repeated on each side; the census window reaches 4 */
 
-/* Columns x0 .. x1-1 of row y of the luma sampled at (x, y) + (px, py) / 4, with CENSUS_MARGIN columns repeated beside
- * the view. */
-static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, int x0, int x1, int y, int px, int py)
+/* Columns of a part, in row y of the luma sampled at (x, y) + (phase % 4, phase / 4) / 4, with CENSUS_MARGIN columns
+ * repeated beside the view. */
+static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, struct sst_rect part, int y, int phase)
 {
-    const int w = luma->width, h = luma->height;
+    const int w = luma->width, h = luma->height, px = phase % 4, py = phase / 4;
     const uint8_t *a = sst_map_u8_row(luma, sst_clamp_int(y, 0, h - 1));
     const uint8_t *b = sst_map_u8_row(luma, sst_clamp_int(y + 1, 0, h - 1));
     uint8_t *o = out + CENSUS_MARGIN;
 
-    for (int x = x0; x < sst_min_int(x1, w - 1); x++)
+    for (int x = part.x0; x < sst_min_int(part.x1, w - 1); x++)
         o[x] =
             (uint8_t)(((4 - py) * ((4 - px) * a[x] + px * a[x + 1]) + py * ((4 - px) * b[x] + px * b[x + 1]) + 8) >> 4);
-    if (x1 == w) {
+    if (part.x1 == w) {
         o[w - 1] = (uint8_t)(((4 - py) * a[w - 1] + py * b[w - 1] + 2) >> 2);
         memset(o + w, o[w - 1], CENSUS_MARGIN);
     }
-    if (!x0)
+    if (!part.x0)
         memset(out, o[0], CENSUS_MARGIN);
 }
 
-/* Columns x0 .. x1-1 of rows y0 .. y1-1 of the census of one phase. */
-static int census_part(struct sst_descriptor *desc, int phase, int x0, int y0, int x1, int y1)
+/* A part of the census of one phase. */
+static int census_part(struct sst_descriptor *desc, int phase, struct sst_rect part)
 {
     const size_t w = (size_t)desc->width, padded = sst_mem_stride(w + 2 * CENSUS_MARGIN, 1);
-    const int left = sst_max_int(x0 - CENSUS_MARGIN, 0), right = sst_min_int(x1 + CENSUS_MARGIN, desc->width);
+    const struct sst_rect read = { sst_max_int(part.x0 - CENSUS_MARGIN, 0), 0,
+                                   sst_min_int(part.x1 + CENSUS_MARGIN, desc->width), desc->height };
     const struct sst_kernels *k = sst_kernels_get();
     uint8_t *ring = sst_mem_keep(&desc->rows, 7, padded);
 
     if (!ring)
         return -ENOMEM;
-    for (int y = y0, next = y0 - 3; y < y1; y++) {
+    for (int y = part.y0, next = part.y0 - 3; y < part.y1; y++) {
         const uint8_t *rows[7];
 
         /* Row j of the image, borders repeated, is in ring slot (j + 7) % 7. */
         for (; next <= y + 3; next++)
-            phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, left, right, next, phase % 4, phase / 4);
+            phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, read, next, phase);
         for (int j = 0; j < 7; j++)
-            rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN + x0;
-        k->census_row(desc->census[phase] + (size_t)y * desc->census_stride + x0, rows, (size_t)(x1 - x0));
+            rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN + part.x0;
+        k->census_row(desc->census[phase] + (size_t)y * desc->census_stride + part.x0, rows,
+                      (size_t)(part.x1 - part.x0));
     }
     return 0;
 }
@@ -55,22 +57,26 @@ static int make_census(struct sst_descriptor *desc, int phase)
 {
     desc->census_stride = sst_mem_stride((size_t)desc->width, sizeof(uint64_t)) / sizeof(uint64_t);
     desc->census[phase] = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
-    return desc->census[phase] ? census_part(desc, phase, 0, 0, desc->width, desc->height) : -ENOMEM;
+    return desc->census[phase] ? census_part(desc, phase, (struct sst_rect){ 0, 0, desc->width, desc->height })
+                               : -ENOMEM;
 }
 
-int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int x0, int y0, int x1, int y1)
+int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, struct sst_rect part)
 {
     /* The window reaches 4 columns and 3 rows, a phase between two pixels one more to the left and up. Narrow parts are
      * widened: the kernel is slow for less than CENSUS_NARROW columns. */
-    const int end = sst_min_int(x1 + 4, desc->width), left = sst_max_int(sst_min_int(x0 - 5, end - CENSUS_NARROW), 0);
-    const int right = sst_min_int(sst_max_int(end, left + CENSUS_NARROW), desc->width);
+    const int end = sst_min_int(part.x1 + 4, desc->width);
+    const int left = sst_max_int(sst_min_int(part.x0 - 5, end - CENSUS_NARROW), 0);
+    const struct sst_rect around = { left, sst_max_int(part.y0 - 4, 0),
+                                     sst_min_int(sst_max_int(end, left + CENSUS_NARROW), desc->width),
+                                     sst_min_int(part.y1 + 3, desc->height) };
     int err = 0;
 
-    sst_image_halve_part(&desc->image, img, (struct sst_rect){ x0, y0, x1, y1 });
-    sst_luma_part(&desc->luma, &desc->image, (struct sst_rect){ x0, y0, x1, y1 });
+    sst_image_halve_part(&desc->image, img, part);
+    sst_luma_part(&desc->luma, &desc->image, part);
     for (int p = 0; !err && p < SST_PHASES; p++) {
         if (desc->census[p])
-            err = census_part(desc, p, left, sst_max_int(y0 - 4, 0), right, sst_min_int(y1 + 3, desc->height));
+            err = census_part(desc, p, around);
     }
     return err;
 }

@@ -10,6 +10,7 @@
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/pair.h"
 
 /* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
 #define SHARED_BYTES ((size_t)3 << 29)

@@ -63,8 +63,8 @@ void run_drop_phases(struct disparity_run *run);
 SST_MUST_CHECK int run_gather_neighbours(struct disparity_run *run, int view, int first, int last,
                                          struct sst_neighbour *neighbours);
 
-/** Views that a view is checked against and filled from: one and two steps away on all sides, the nearer ones first; or,
- * where others are carried, the matched views around it. */
+/** Views that a view is checked against and filled from: one and two steps away on all sides, the nearer ones first;
+ * or, where others are carried, the matched views around it. */
 void run_checked_views(const struct disparity_run *run, int view, struct sst_checked_views *out);
 
 /** The answer at a coarser level for one view; disp is NULL without one. */

@@ -11,13 +11,13 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/pair.h"
 #include "pipeline/method/network/network.h"
 
-#define BAND        48 /* rows of a band */
-#define MOST_NETS   2
-#define SPECK       121 /* pixels, the largest support region: smaller surfaces are false more often than not */
-#define AGREE_Q6    48  /* both images confirm each other within it: 3/4 px */
+#define BAND      48 /* rows of a band */
+#define MOST_NETS 2
+#define SPECK     121 /* pixels, the largest support region: smaller surfaces are false more often than not */
+#define AGREE_Q6  48  /* both images confirm each other within it: 3/4 px */
 
 /* What a worker needs for the tile or band in hand. */
 struct worker {
@@ -204,8 +204,10 @@ static int winner_job(void *arg, int index, int worker)
 static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
 {
     /* At half size the filtered right map confirms fewer of the true disparities. */
-    return sst_disparity_smooth_rows(&p->disp[which], &p->raw[which], &p->desc[which].luma, y0, y1,
-                                     !which || p->rows == 1, which ? 0 : p->cfg->bilateral_tau, &w->rows, &w->lines);
+    const struct sst_smoothing in = { &p->raw[which], &p->desc[which].luma, !which || p->rows == 1,
+                                      which ? 0 : p->cfg->bilateral_tau };
+
+    return sst_disparity_smooth_rows(&p->disp[which], &in, (struct sst_rows){ y0, y1 }, &w->rows, &w->lines);
 }
 
 /* Mark the pixels of row y of the left map that the right map does not confirm within one pixel. */
@@ -331,20 +333,26 @@ static int lay_out_tiles(struct pair *p)
     return err;
 }
 
+/* Rows of a job. */
+static struct sst_rows band_of(const struct pair *p, int index)
+{
+    return (struct sst_rows){ index * BAND, sst_min_int((index + 1) * BAND, p->shape.height) };
+}
+
 static int alike_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
 
-    return sst_disparity_fill_alike(&p->disp[0], &p->status, &p->desc[0].image, index * BAND,
-                                    sst_min_int((index + 1) * BAND, p->shape.height), &p->worker[worker].rows);
+    return sst_disparity_fill_alike(&p->disp[0], &p->status, &p->desc[0].image, band_of(p, index),
+                                    &p->worker[worker].rows);
 }
 
 static int median_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
 
-    return sst_disparity_guided_median(&p->raw[0], &p->disp[0], &p->desc[0].image, index * BAND,
-                                       sst_min_int((index + 1) * BAND, p->shape.height), &p->worker[worker].rows);
+    return sst_disparity_guided_median(&p->raw[0], &p->disp[0], &p->desc[0].image, band_of(p, index),
+                                       &p->worker[worker].rows);
 }
 
 /* Edges and holes by the image's colours. */

@@ -6,7 +6,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/pair.h"
 
 #define JOINED_Q6 64 /* neighbours of one surface differ by a pixel at most */
 #define BAND      32 /* rows that one thread labels or extends at a time */
@@ -233,22 +233,23 @@ static double plane_slope(const struct sums *s)
     return error <= PLANE_ERROR_Q6 * PLANE_ERROR_Q6 && fabs(across) <= PLANE_SLOPE_Q6 ? across : 0;
 }
 
-/* Columns x0 - dir, x0 - 2 dir ... to the border continue the plane beside x0, the first confirmed one. */
-static void extend(struct sst_map_u16 *disp, const struct sst_map_u8 *status, int x0, int y, int dir, int range)
-{
-    const struct sums s = sum_points(disp, status, x0, y, dir);
-    const double slope = plane_slope(&s);
-    uint16_t *d = sst_map_u16_row(disp, y);
-
-    for (int i = 1, x = x0 - dir; x >= 0 && x < disp->width; i++, x -= dir)
-        d[x] = (uint16_t)sst_clamp_int(d[x0] - (int)lrint(slope * i), 0, 64 * range);
-}
-
 struct margins {
     struct sst_map_u16 *disp;
     struct sst_map_u8 *status;
     int left, right, range; /* the widest margins to both sides, px */
 };
+
+/* Columns x0 - dir, x0 - 2 dir ... to the border continue the plane beside x0, the first confirmed one. */
+static void extend(const struct margins *m, int x0, int y, int dir)
+{
+    struct sst_map_u16 *disp = m->disp;
+    const struct sums s = sum_points(disp, m->status, x0, y, dir);
+    const double slope = plane_slope(&s);
+    uint16_t *d = sst_map_u16_row(disp, y);
+
+    for (int i = 1, x = x0 - dir; x >= 0 && x < disp->width; i++, x -= dir)
+        d[x] = (uint16_t)sst_clamp_int(d[x0] - (int)lrint(slope * i), 0, 64 * m->range);
+}
 
 /* Confirmed columns of a row. @param first, last  out; beyond the widest margin where there is none */
 static void confirmed_columns(const struct margins *m, int y, int *first, int *last)
@@ -275,9 +276,9 @@ static int extend_job(void *arg, int index, int worker)
 
         confirmed_columns(m, y, &first, &last);
         if (first > 0 && first <= m->left)
-            extend(m->disp, m->status, first, y, 1, m->range);
+            extend(m, first, y, 1);
         if (last < w - 1 && last >= w - 1 - m->right)
-            extend(m->disp, m->status, last, y, -1, m->range);
+            extend(m, last, y, -1);
     }
     return 0;
 }

@@ -7,7 +7,7 @@
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/pair.h"
 
 #define BIN_Q6    32 /* disparities are ranked in steps of half a pixel */
 #define BINS      (65536 / BIN_Q6)
@@ -173,9 +173,9 @@ static void pad_row(void *to, const void *from, int width, size_t size)
 }
 
 int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u16 *in, const struct sst_image *img,
-                                int y0, int y1, struct sst_mem_kept *scratch)
+                                struct sst_rows part, struct sst_mem_kept *scratch)
 {
-    const size_t padded = padded_width(in->width), rows = (size_t)(y1 - y0) + 2 * SST_MEDIAN_REACH;
+    const size_t padded = padded_width(in->width), rows = (size_t)(part.y1 - part.y0) + 2 * SST_MEDIAN_REACH;
     const size_t pixels = rows * padded;
     struct votes *v = sst_mem_keep(scratch, sizeof(*v) + pixels * (sizeof(uint16_t) + 3), 1);
     uint16_t *disp = v ? (uint16_t *)(void *)(v + 1) : NULL;
@@ -185,17 +185,17 @@ int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u1
         return -ENOMEM;
     memset(v, 0, sizeof(*v));
     for (size_t i = 0; i < rows; i++) {
-        const int y = sst_clamp_int(y0 - SST_MEDIAN_REACH + (int)i, 0, in->height - 1);
+        const int y = sst_clamp_int(part.y0 - SST_MEDIAN_REACH + (int)i, 0, in->height - 1);
 
         pad_row(disp + i * padded, sst_map_u16_row(in, y), in->width, sizeof(*disp));
         for (int c = 0; c < 3; c++)
             pad_row(colour + ((size_t)c * rows + i) * padded, sst_image_row(img, c, y), in->width, 1);
     }
-    for (int y = y0; y < y1; y++) {
+    for (int y = part.y0; y < part.y1; y++) {
         struct window at;
 
         for (size_t j = 0; j < SST_MEDIAN_SIDE; j++) {
-            const size_t i = (size_t)(y - y0) + j;
+            const size_t i = (size_t)(y - part.y0) + j;
 
             at.disp[j] = disp + i * padded + SST_MEDIAN_REACH;
             for (size_t c = 0; c < 3; c++)
@@ -208,15 +208,27 @@ int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u1
 
 /* --- holes -------------------------------------------------------------------------------------------------------- */
 
+/* Shares of pixels by their distance along both axes: 64 exp(-distance / 10 px). */
+static const uint8_t hole_share[2 * HOLE + 1] = {
+    64, 58, 52, 47, 43, 39, 35, 32, 29, 26, 24, 21, 19, 17, 16, 14, 13, 12, 11, 10, 9, 8, 7, 6, 6,
+    5,  5,  4,  4,  4,  3,  3,  3,  2,  2,  2,  2,  2,  1,  1,  1,  1,  1,  1,  1,  1, 1, 1, 1,
+};
+
+struct holes {
+    const struct sst_map_u16 *disp;
+    const struct sst_map_u8 *status;
+    const struct sst_image *img;
+};
+
 /* Confirmed disparities around (x, y) that are not nearer than the pixel's own, by colour and distance. */
-static void hole_votes(struct votes *v, const struct sst_map_u16 *disp, const struct sst_map_u8 *status,
-                       const struct sst_image *img, int x, int y, const uint8_t *share)
+static void hole_votes(struct votes *v, const struct holes *h, int x, int y)
 {
+    const struct sst_map_u16 *disp = h->disp;
     const int most = sst_map_u16_row(disp, y)[x] + SST_MEDIAN_STEP_Q6;
     int own[3];
 
     for (int c = 0; c < 3; c++)
-        own[c] = sst_image_row(img, c, y)[x];
+        own[c] = sst_image_row(h->img, c, y)[x];
     votes_clear(v);
     for (int j = -HOLE; j <= HOLE; j += HOLE_STEP) {
         const int from = sst_max_int(x - HOLE, (x - HOLE) & (HOLE_STEP - 1)),
@@ -227,25 +239,19 @@ static void hole_votes(struct votes *v, const struct sst_map_u16 *disp, const st
         if (y + j < 0 || y + j >= disp->height)
             continue;
         d = sst_map_u16_row(disp, y + j);
-        ok = sst_map_u8_row(status, y + j);
+        ok = sst_map_u8_row(h->status, y + j);
         for (int c = 0; c < 3; c++)
-            row[c] = sst_image_row(img, c, y + j);
+            row[c] = sst_image_row(h->img, c, y + j);
         for (int i = from; i <= end; i += HOLE_STEP) {
             int contrast;
 
             if (ok[i] != SST_DISPARITY_CORRECT || d[i] > most)
                 continue;
             contrast = abs(row[0][i] - own[0]) + abs(row[1][i] - own[1]) + abs(row[2][i] - own[2]);
-            votes_add(v, d[i], share[abs(i - x) + abs(j)] * sst_median_alike(contrast));
+            votes_add(v, d[i], hole_share[abs(i - x) + abs(j)] * sst_median_alike(contrast));
         }
     }
 }
-
-/* Shares of pixels by their distance along both axes: 64 exp(-distance / 10 px). */
-static const uint8_t hole_share[2 * HOLE + 1] = {
-    64, 58, 52, 47, 43, 39, 35, 32, 29, 26, 24, 21, 19, 17, 16, 14, 13, 12, 11, 10, 9, 8, 7, 6, 6,
-    5,  5,  4,  4,  4,  3,  3,  3,  2,  2,  2,  2,  2,  1,  1,  1,  1,  1,  1,  1,  1, 1, 1, 1,
-};
 
 /* Nearest confirmed disparity from x on in direction dir; -1: none. */
 static int confirmed(const uint16_t *d, const uint8_t *ok, int x, int dir, int width)
@@ -256,14 +262,15 @@ static int confirmed(const uint16_t *d, const uint8_t *ok, int x, int dir, int w
 }
 
 int sst_disparity_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_image *img,
-                             int y0, int y1, struct sst_mem_kept *scratch)
+                             struct sst_rows rows, struct sst_mem_kept *scratch)
 {
+    const struct holes holes = { disp_q6, status, img };
     struct votes *v = sst_mem_keep(scratch, sizeof(*v), 1);
 
     if (!v)
         return -ENOMEM;
     memset(v, 0, sizeof(*v));
-    for (int y = y0; y < y1; y++) {
+    for (int y = rows.y0; y < rows.y1; y++) {
         const uint8_t *ok = sst_map_u8_row(status, y);
         uint16_t *d = sst_map_u16_row(disp_q6, y);
         bool level = false;
@@ -279,7 +286,7 @@ int sst_disparity_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u
             }
             if (level)
                 continue;
-            hole_votes(v, disp_q6, status, img, x, y, hole_share);
+            hole_votes(v, &holes, x, y);
             if (v->count >= LEAST && v->total)
                 d[x] = (uint16_t)(votes_median(v) * BIN_Q6 + BIN_Q6 / 2);
         }

@@ -6,8 +6,8 @@
 #include "pipeline/method/disparity/disparity_internal.h"
 
 #define GRID    3
-#define NOTHING 5 /* view that is absent */
-#define PARTLY  1 /* view of which a part must not be matched */
+#define NOTHING 5  /* view that is absent */
+#define PARTLY  1  /* view of which a part must not be matched */
 #define EDGE    25 /* column of the maps at which FAR ends and NEAR begins, 1/64 px */
 #define FAR     200
 #define NEAR    460

@@ -15,6 +15,9 @@ static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outsi
 /* Rows of L of one sweep: three directions (from above left, above, above right), each with this and the last row, and
  * SST_SGM_ROWS along rows. */
 struct paths {
+    const struct sst_volume *v;
+    const struct sst_image *img;
+    int top; /* row of the image that the volume begins with */
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;
     struct sst_disparity_sgm_penalties by_step;
@@ -37,24 +40,25 @@ static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx
 
     memset(out, 0, (size_t)img->width);
     if (y + dy >= 0 && y + dy < img->height && x1 > x0)
-        sst_colour_step_row(out + x0, img, y, x0, y + dy, x0 + dx, x1 - x0);
+        sst_colour_step_row(out + x0, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0 + dx, y + dy }, x1 - x0);
 }
 
-/* Paths along rows y0 .. y0 + rows - 1. @param top  row of the image that the volume begins with */
-static void sweep_along(struct sst_volume *v, const struct sst_image *img, int top, int y0, int rows, int dir,
-                        struct paths *p)
+/* Paths along rows y0 .. y0 + rows - 1. */
+static void sweep_along(const struct paths *p, int y0, int rows, int dir)
 {
+    const struct sst_volume *v = p->v;
     const size_t n = (size_t)v->width, row_cells = v->width_padded * v->steps_padded, at = (size_t)y0 * row_cells;
 
     for (int r = 0; r < rows; r++)
-        penalty_row(p->penalty + (size_t)r * n, img, top + y0 + r, -dir, 0);
+        penalty_row(p->penalty + (size_t)r * n, p->img, p->top + y0 + r, -dir, 0);
     sst_kernels_get()->sgm_along_rows(p->line, v->sum + at, v->cost + at, row_cells, p->penalty, n, p->by_step.p1,
                                       p->by_step.p2, dir, dir > 0, (size_t)rows, n, v->steps_padded);
 }
 
 /* All paths that come from above (dir 1, rows top down) or below (dir -1, rows bottom up), and one along the row. */
-static void sweep(struct sst_volume *v, const struct sst_image *img, int slants, int dir, struct paths *p)
+static void sweep(struct paths *p, int slants, int dir)
 {
+    const struct sst_volume *v = p->v;
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
     const size_t line = sst_sgm_line(v);
@@ -70,12 +74,12 @@ static void sweep(struct sst_volume *v, const struct sst_image *img, int slants,
         const uint8_t *cost = v->cost + (size_t)y * row_cells;
 
         if (i % SST_SGM_ROWS == 0)
-            sweep_along(v, img, 0, dir > 0 ? y : y - rows + 1, rows, dir, p);
+            sweep_along(p, dir > 0 ? y : y - rows + 1, rows, dir);
         for (int s = 0; s < slants; s++) {
             const int dx = slants == 1 ? 0 : s - 1;
             uint16_t *swap = p->last[s];
 
-            penalty_row(p->penalty, img, y, dx, -dir);
+            penalty_row(p->penalty, p->img, y, dx, -dir);
             k->sgm_across_row(p->now[s], p->last[s], sum, cost, p->penalty, p->by_step.p1, p->by_step.p2, dx, 0, n, nd);
             p->last[s] = p->now[s];
             p->now[s] = swap;
@@ -87,7 +91,7 @@ int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const s
 {
     const size_t line = sst_sgm_line(v);
     const int slants = cfg->paths == 8 ? 3 : 1;
-    struct paths p;
+    struct paths p = { .v = v, .img = img };
     const size_t lines = (size_t)(2 * slants + SST_SGM_ROWS) * line;
     uint16_t *rows = sst_mem_keep(&v->lines, lines + (size_t)v->width * SST_SGM_ROWS, sizeof(uint16_t));
 
@@ -100,8 +104,8 @@ int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const s
     }
     p.line = rows + (size_t)(2 * slants) * line;
     sst_disparity_sgm_penalties_init(&p.by_step, cfg);
-    sweep(v, img, slants, 1, &p);
-    sweep(v, img, slants, -1, &p);
+    sweep(&p, slants, 1);
+    sweep(&p, slants, -1);
     return 0;
 }
 
@@ -110,7 +114,7 @@ int sst_disparity_sgm_along(struct sst_volume *v, const struct sst_image *img, i
 {
     const size_t line = sst_sgm_line(v), n = (size_t)v->width;
     uint16_t *rows = sst_mem_keep(&v->lines, 2 * SST_SGM_ROWS * line + n * SST_SGM_ROWS, sizeof(uint16_t));
-    struct paths p = { .by_step = *penalties };
+    struct paths p = { .v = v, .img = img, .top = top, .by_step = *penalties };
 
     if (!rows)
         return -ENOMEM;
@@ -121,15 +125,16 @@ int sst_disparity_sgm_along(struct sst_volume *v, const struct sst_image *img, i
 
         for (int dir = 1; dir >= -1; dir -= 2) {
             p.line = rows + (dir > 0 ? 0 : SST_SGM_ROWS * line);
-            sweep_along(v, img, top, y, some, dir, &p);
+            sweep_along(&p, y, some, dir);
         }
     }
     return 0;
 }
 
-int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img, int x0, int n,
+int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img, struct sst_rect columns,
                            const struct sst_disparity_sgm_penalties *penalties, struct sst_mem_kept *scratch)
 {
+    const int x0 = columns.x0, n = columns.x1 - columns.x0;
     const size_t nd = v->steps_padded, row_cells = v->width_padded * nd;
     const size_t line = ((size_t)n + 2) * (nd + 2 * SST_SGM_PAD);
     uint16_t *now = sst_mem_keep(scratch, 2 * line + (size_t)n, sizeof(*now)), *last;
@@ -147,7 +152,7 @@ int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *i
             uint16_t *swap = last;
 
             if (i)
-                sst_colour_step_row(penalty, img, y, x0, y - dir, x0, n);
+                sst_colour_step_row(penalty, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0, y - dir }, n);
             else
                 memset(penalty, 0, (size_t)n);
             sst_kernels_get()->sgm_across_row(now, last, v->sum + at, v->cost + at, penalty, penalties->p1,

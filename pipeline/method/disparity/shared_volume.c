@@ -107,11 +107,12 @@ static int columns_of(const struct shared *s)
 static int down_job(void *arg, int band, int worker)
 {
     const struct shared *s = arg;
-    const int x0 = band * columns_of(s), n = sst_min_int(columns_of(s), s->whole->width - x0), err = cancelled(s);
+    const int x0 = band * columns_of(s), x1 = sst_min_int(x0 + columns_of(s), s->whole->width), err = cancelled(s);
 
-    return err || n <= 0
+    return err || x1 <= x0
                ? err
-               : sst_disparity_sgm_down(s->whole, &s->in->ref->image, x0, n, &s->penalties, &s->part[worker].lines);
+               : sst_disparity_sgm_down(s->whole, &s->in->ref->image, (struct sst_rect){ x0, 0, x1, s->whole->height },
+                                        &s->penalties, &s->part[worker].lines);
 }
 
 static int winner_job(void *arg, int band, int worker)
@@ -127,10 +128,10 @@ static int winner_job(void *arg, int band, int worker)
 static int filter_job(void *arg, int band, int worker)
 {
     const struct shared *s = arg;
-    const int y0 = band * FILTER_BAND, y1 = sst_min_int(y0 + FILTER_BAND, s->raw->height);
+    const struct sst_rows rows = { band * FILTER_BAND, sst_min_int((band + 1) * FILTER_BAND, s->raw->height) };
+    const struct sst_smoothing in = { s->raw, &s->in->ref->luma, true, s->in->cfg->bilateral_tau };
 
-    return sst_disparity_smooth_rows(s->in->disp, s->raw, &s->in->ref->luma, y0, y1, true, s->in->cfg->bilateral_tau,
-                                     &s->rows[worker], &s->part[worker].lines);
+    return sst_disparity_smooth_rows(s->in->disp, &in, rows, &s->rows[worker], &s->part[worker].lines);
 }
 
 static int filter(struct shared *s)

@@ -109,23 +109,24 @@ int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *lu
     return 0;
 }
 
-int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_map_u16 *raw, const struct sst_map_u8 *luma,
-                              int y0, int y1, bool median, int tau, struct sst_mem_kept *rows,
-                              struct sst_mem_kept *lines)
+int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_smoothing *in, struct sst_rows rows,
+                              struct sst_mem_kept *copy, struct sst_mem_kept *lines)
 {
-    const int top = sst_max_int(y0 - FILTER_HALO, 0), end = sst_min_int(y1 + FILTER_HALO, raw->height);
-    const struct sst_map_u8 part = sst_map_u8_rows(luma, top, end - top);
+    const struct sst_map_u16 *raw = in->raw;
+    const int top = sst_max_int(rows.y0 - FILTER_HALO, 0), end = sst_min_int(rows.y1 + FILTER_HALO, raw->height);
+    const struct sst_map_u8 part = sst_map_u8_rows(in->luma, top, end - top);
     struct sst_map_u16 own = { .width = raw->width, .height = end - top, .stride = raw->stride };
     int err;
 
-    own.data = sst_mem_keep(rows, (size_t)own.height, own.stride);
+    own.data = sst_mem_keep(copy, (size_t)own.height, own.stride);
     if (!own.data)
         return -ENOMEM;
     memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
-    err = median ? sst_disparity_median5(&own, lines) : 0;
-    err = err ? err : sst_disparity_bilateral(&own, &part, tau);
+    err = in->median ? sst_disparity_median5(&own, lines) : 0;
+    err = err ? err : sst_disparity_bilateral(&own, &part, in->tau);
     if (!err)
-        memcpy(sst_map_u16_row(out, y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
+        memcpy(sst_map_u16_row(out, rows.y0), sst_map_u16_row(&own, rows.y0 - top),
+               (size_t)(rows.y1 - rows.y0) * own.stride);
     return err;
 }
 

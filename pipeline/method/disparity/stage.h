@@ -66,11 +66,11 @@ void sst_descriptor_drop_phases(struct sst_descriptor *desc);
  *
  * @param desc  of scale 2 and census alone
  * @param img   the view, of unchanged size
- * @param x0, y0, x1, y1  columns and rows of the descriptor, x1 and y1 excluded, that contain all changes
+ * @param part  pixels of the descriptor that contain all changes
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int x0, int y0,
-                                         int x1, int y1);
+SST_MUST_CHECK int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img,
+                                         struct sst_rect part);
 
 #define SST_FEATURE_TILE 4
 
@@ -188,8 +188,12 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
 bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref,
                           const struct sst_neighbour *neighbours, int count, uint8_t *cost, size_t row);
 
-/** Largest difference of a colour channel between pixels of two rows, n of them. */
-void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n);
+struct sst_pixel {
+    int x, y;
+};
+
+/** Largest difference of a colour channel between n pixels from `a` on along a row and those from `b` on. */
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n);
 
 /** Arms of the cross-based support regions (Zhang et al. 2009), in colour: each [height][width], and the region's pixel
  *  count. */
@@ -231,7 +235,7 @@ void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, con
 
 /**
  * The parts of the optimisation along 4 paths, in this order: the paths along all rows of a volume, the first sums;
- * then those down and up its columns x0 .. x0 + n - 1, added. Several threads may compute bands of rows, then columns,
+ * then those down and up some of its columns, added. Several threads may compute bands of rows, then columns,
  * at once.
  *
  * @param top      row of the image that the volume begins with
@@ -240,8 +244,8 @@ void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, con
  */
 SST_MUST_CHECK int sst_disparity_sgm_along(struct sst_volume *v, const struct sst_image *img, int top,
                                            const struct sst_disparity_sgm_penalties *penalties);
-SST_MUST_CHECK int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img, int x0, int n,
-                                          const struct sst_disparity_sgm_penalties *penalties,
+SST_MUST_CHECK int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *img,
+                                          struct sst_rect columns, const struct sst_disparity_sgm_penalties *penalties,
                                           struct sst_mem_kept *scratch);
 
 /* Pixels of a tile: with the longest support regions around them, 64x48. */
@@ -395,45 +399,31 @@ SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem
  */
 SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
+/** Rows y0 .. y1-1. */
+struct sst_rows {
+    int y0, y1;
+};
+
+struct sst_smoothing {
+    const struct sst_map_u16 *raw;
+    const struct sst_map_u8 *luma;
+    bool median; /* false: the bilateral filter alone */
+    int tau;     /* 0: the median alone */
+};
+
 /**
- * Both filters of rows y0 .. y1-1, on their own; the rows around them are read.
+ * Both filters of some rows, on their own; the rows around them are read.
  *
- * @param out     rows y0 .. y1-1 are written; not `raw`
- * @param median  false: the bilateral filter alone
- * @param tau     0: the median alone
- * @param rows, lines  scratch
+ * @param out          these rows are written; not `raw`
+ * @param copy, lines  scratch
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_map_u16 *raw,
-                                             const struct sst_map_u8 *luma, int y0, int y1, bool median, int tau,
-                                             struct sst_mem_kept *rows, struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_disparity_smooth_rows(struct sst_map_u16 *out, const struct sst_smoothing *in,
+                                             struct sst_rows rows, struct sst_mem_kept *copy,
+                                             struct sst_mem_kept *lines);
 
 /** Its weight g at a distance, 4096 at none. */
 int sst_disparity_bilateral_weight(int dx, int dy);
-
-/**
- * Rows y0 .. y1-1 of a filled map with edges where the image has them: a pixel whose disparity has less than half of
- * the weight around it (11x11, see sst_median_votes_row_fn) gets the weighted median, if that differs by more than a
- * pixel.
- * @param out      rows y0 .. y1-1 are written; not `in`
- * @param in       1/64 px; SST_DISP_NONE stays
- * @param img      of the same size
- * @return 0, -ENOMEM
- */
-SST_MUST_CHECK int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u16 *in,
-                                               const struct sst_image *img, int y0, int y1,
-                                               struct sst_mem_kept *scratch);
-
-/**
- * Holes between surfaces of different depth, in rows y0 .. y1-1 of a map that was filled row by row: a hidden pixel
- * gets the weighted median of the confirmed disparities around it that are not nearer than what it was filled with.
- * Only unconfirmed pixels are written and only confirmed ones read, so parts of a map may be filled at once.
- * @param disp_q6  filled, 1/64 px; SST_DISP_NONE stays
- * @param status   enum sst_disparity_check, of before the filling
- * @return 0, -ENOMEM
- */
-SST_MUST_CHECK int sst_disparity_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status,
-                                            const struct sst_image *img, int y0, int y1, struct sst_mem_kept *scratch);
 
 /** Fuse two maps of a view by confidence: agreement within 1 px averages, else the more confident one wins, ties to the
  * first.
@@ -468,30 +458,6 @@ int sst_disparity_divisor(int range);
 
 /** Quarter pixels that shifts are rounded to (see struct sst_volume). */
 int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height);
-
-/**
- * sst_disparity_stereo() for a dense result by one cost volume; the configuration has been checked.
- * @param out  out, initialised here
- */
-SST_MUST_CHECK int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left,
-                                      const struct sst_image *right, const struct sst_disparity_config *cfg);
-
-/**
- * Confirmed pixels of surfaces smaller than `least` pixels become occlusions. Neighbours (4) are of one surface if
- * their disparities differ by a pixel at most.
- * @return 0, -ENOMEM
- */
-SST_MUST_CHECK int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least,
-                                             int threads);
-
-/**
- * The margins of a pair's left map, which the right image does not show, continue the plane of the confirmed pixels
- * beside them (constant where those are no plane), and count as confirmed.
- * @param range  disparities disp_min .. disp_min + range, px: what bounds a margin's width
- * @return 0, or what sst_parallel_for() returns
- */
-SST_MUST_CHECK int sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min,
-                                                int range, int threads);
 
 /** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows that of the
  *  next row. A map without any known pixel stays. */

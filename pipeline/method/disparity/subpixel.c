@@ -376,9 +376,7 @@ static void derive_luma(struct sst_run *r, void *job, int k, struct sst_gpu_rang
 {
     const struct sst_visible_views *in = ((const struct pass *)job)->in;
     const struct sst_map_u16 *disp = in->view[k].disp;
-    const struct sst_gpu_convert push = { .width = disp->width,
-                                          .height = disp->height,
-                                          .conversion = SST_GPU_TO_LUMA };
+    const struct sst_gpu_convert push = { .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_LUMA };
     const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
     const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
 
@@ -398,9 +396,10 @@ static struct sst_gpu_range load_lumas(struct sst_run *r, const struct pass *p, 
     for (int i = 0; i < f->views; i++) {
         const struct sst_subpixel_view *v = &f->view[i];
 
-        view[i] = (struct sst_gpu_subpixel_view){
-            v->x, v->y, v->dx, v->dy, v->bx, v->by, v->gain, v->offset, sst_run_first(r, SST_PLANE_DERIVED, index[1 + i])
-        };
+        view[i] =
+            (struct sst_gpu_subpixel_view){ v->x,    v->y,      v->dx,
+                                            v->dy,   v->bx,     v->by,
+                                            v->gain, v->offset, sst_run_first(r, SST_PLANE_DERIVED, index[1 + i]) };
     }
     *views = sst_run_upload(r, 0, view, (size_t)sst_max_int(f->views, 1) * sizeof(*view));
     return lumas;
@@ -426,8 +425,8 @@ static void refine_on_device(struct sst_run *r, void *job, int k)
     const struct sst_gpu_range disp[2] = { sst_run_scratch(r, FIRST, n * sizeof(uint32_t)),
                                            sst_run_scratch(r, NEXT, n * sizeof(uint32_t)) };
     struct sst_gpu_subpixel_fit push = {
-        width, height, sst_min_int(f.views, FIRST_VIEWS), sst_run_first(r, SST_PLANE_DERIVED, k), f.tolerance,
-        f.inverse_limit
+        width,       height,         sst_min_int(f.views, FIRST_VIEWS), sst_run_first(r, SST_PLANE_DERIVED, k),
+        f.tolerance, f.inverse_limit
     };
     const uint32_t *words;
 
@@ -496,7 +495,8 @@ static void *refine_sample(uint32_t seed)
         disparity_sample_free(s);
         return NULL;
     }
-    *p = (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
+    *p =
+        (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
     if (!pass_init(p))
         return p;
     refine_sample_free(p);

@@ -11,40 +11,46 @@
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
 #define BAND 48 /* rows of a job */
 
-void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n)
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n)
 {
     memset(out, 0, (size_t)n);
     for (int c = 0; c < 3; c++) {
-        const uint8_t *p = sst_image_row(img, c, y0) + x0, *q = sst_image_row(img, c, y1) + x1;
+        const uint8_t *p = sst_image_row(img, c, a.y) + a.x, *q = sst_image_row(img, c, b.y) + b.x;
 
         for (int i = 0; i < n; i++) {
-            const uint8_t a = p[i], b = q[i], step = (uint8_t)(a > b ? a - b : b - a);
+            const uint8_t v = p[i], w = q[i], step = (uint8_t)(v > w ? v - w : w - v);
 
             out[i] = step > out[i] ? step : out[i];
         }
     }
 }
 
+/* Arms, or pixels, of all rows. */
+struct all_rows {
+    struct sst_support *s;
+    const struct sst_image *img;
+    int arm, tau;
+};
+
 /*
  * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau
  * or more. One step at a time over the whole row, so that compilers vectorise it.
- *
- * @param scratch  2 * width bytes
  */
-static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *img, int y, int dx, int dy, int arm,
-                    int tau)
+static void arm_row(uint8_t *length, const struct all_rows *a, int y, int dx, int dy)
 {
-    const int w = img->width;
-    uint8_t *alive = scratch, *step_size = scratch + w;
+    const int w = a->img->width, tau = a->tau;
+    uint8_t *alive = (uint8_t *)sst_map_u16_row(&a->s->count, y); /* unused until the counts are computed */
+    uint8_t *step_size = alive + w;
 
     memset(length, 0, (size_t)w);
     memset(alive, 1, (size_t)w);
-    for (int step = 1; step <= arm; step++) {
+    for (int step = 1; step <= a->arm; step++) {
         const int j = y + step * dy, x0 = sst_max_int(0, -step * dx), x1 = sst_min_int(w, w - step * dx);
 
-        if (j < 0 || j >= img->height || x1 <= x0)
+        if (j < 0 || j >= a->img->height || x1 <= x0)
             return;
-        sst_colour_step_row(step_size, img, y, x0, j, x0 + step * dx, x1 - x0);
+        sst_colour_step_row(step_size, a->img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0 + step * dx, j },
+                            x1 - x0);
         for (int x = x0; x < x1; x++) {
             alive[x] = (uint8_t)(step_size[x - x0] < tau ? alive[x] : 0);
             length[x] = (uint8_t)(length[x] + alive[x]);
@@ -76,25 +82,16 @@ static void count_row(struct sst_support *s, int y)
                    sst_map_u8_row(&s->left, j), sst_map_u8_row(&s->right, j), w);
 }
 
-/* Arms, or pixels, of all rows. */
-struct all_rows {
-    struct sst_support *s;
-    const struct sst_image *img;
-    int arm, tau;
-};
-
 static int arms_job(void *arg, int band, int worker SST_UNUSED)
 {
     const struct all_rows *a = arg;
     struct sst_support *s = a->s;
 
     for (int y = band * BAND; y < sst_min_int((band + 1) * BAND, a->img->height); y++) {
-        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&s->count, y); /* unused until the counts are computed */
-
-        arm_row(sst_map_u8_row(&s->left, y), scratch, a->img, y, -1, 0, a->arm, a->tau);
-        arm_row(sst_map_u8_row(&s->right, y), scratch, a->img, y, 1, 0, a->arm, a->tau);
-        arm_row(sst_map_u8_row(&s->up, y), scratch, a->img, y, 0, -1, a->arm, a->tau);
-        arm_row(sst_map_u8_row(&s->down, y), scratch, a->img, y, 0, 1, a->arm, a->tau);
+        arm_row(sst_map_u8_row(&s->left, y), a, y, -1, 0);
+        arm_row(sst_map_u8_row(&s->right, y), a, y, 1, 0);
+        arm_row(sst_map_u8_row(&s->up, y), a, y, 0, -1);
+        arm_row(sst_map_u8_row(&s->down, y), a, y, 0, 1);
     }
     return 0;
 }

@@ -257,8 +257,8 @@ static struct sst_gpu_range gather_points(const struct work *w)
     sst_run_fill(w->r, weights, 0, words, 0);
     sst_run_fail(w->r, shift ? 0 : -ENOMEM);
     for (int i = 0; shift && i < p->sweeps.count; i++)
-        sst_sweep_shifts(shift + (size_t)i * levels, plan, own->bx - p->sweeps.sweep[i].bx, own->by - p->sweeps.sweep[i].by,
-                         p->in->disp_min_px);
+        sst_sweep_shifts(shift + (size_t)i * levels, plan, own->bx - p->sweeps.sweep[i].bx,
+                         own->by - p->sweeps.sweep[i].by, p->in->disp_min_px);
     if (shift && p->points)
         sst_run_dispatch(w->r, SST_GPU_SWEEP_GATHER, &push,
                          (const uint32_t[]){ SST_GPU_HYPOTHESIS_ACROSS, (push.points + across - 1) / across, 1 },
@@ -286,8 +286,7 @@ static struct sst_gpu_range pick_peaks(const struct work *w)
                                               .gathered = plan->gathered,
                                               .mapped = plan->mapped };
     const struct sst_gpu_range weights = gather_points(w);
-    const struct sst_gpu_range peaks =
-        words_of(w, PEAKS, (size_t)plan->cols * (size_t)plan->rows * SST_GPU_CELL_PEAKS);
+    const struct sst_gpu_range peaks = words_of(w, PEAKS, (size_t)plan->cols * (size_t)plan->rows * SST_GPU_CELL_PEAKS);
 
     sst_run_dispatch(w->r, SST_GPU_SWEEP_PEAKS, &push,
                      (const uint32_t[]){ (uint32_t)plan->cols, (uint32_t)plan->rows, 1 },

@@ -11,13 +11,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STRIDE      4 /* pixels between samples, in units */
+#define STRIDE      4  /* pixels between samples, in units */
 #define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
-#define WEIGHT_MOST 100  /* ... and by how much it counts at most */
-#define CELL        16   /* units: candidates are found per cell, ... */
-#define AROUND      2    /* ... from the points of this many cells around */
-#define GATHERED    6000 /* weight that makes a candidate */
-#define MAPPED      8    /* sparse pixels of a map that do not make a surface, each counted twice */
+#define WEIGHT_MOST 100       /* ... and by how much it counts at most */
+#define CELL        16        /* units: candidates are found per cell, ... */
+#define AROUND      2         /* ... from the points of this many cells around */
+#define GATHERED    6000      /* weight that makes a candidate */
+#define MAPPED      8         /* sparse pixels of a map that do not make a surface, each counted twice */
 #define SHIFT_MOST  (1 << 24) /* px */
 
 /* Lengths grow with the picture, and with it what it shows: a unit is 1 px up to 1500 px of width and height together,
@@ -303,8 +303,8 @@ static int take_points(struct sst_sweep *out, const uint32_t *words, int columns
         const int x = i % columns * stride + stride / 2, y = i / columns * stride + stride / 2;
 
         if (words[i])
-            out->point[out->count++] = (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)words[i],
-                                                                 (uint16_t)(words[i] >> 16) };
+            out->point[out->count++] =
+                (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)words[i], (uint16_t)(words[i] >> 16) };
     }
     return out->point ? 0 : -ENOMEM;
 }
@@ -325,10 +325,10 @@ static void sweep_on_device(struct sst_run *r, void *job, int i)
     visible_load(&t, r, p, p->swept[i], VIEWS);
     push = (struct sst_gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
                                    plan->apart, plan->distinct, plan->weight_most };
-    sst_run_dispatch(r, SST_GPU_SWEEP_POINTS, &push, (const uint32_t[]){ (uint32_t)columns, (uint32_t)rows, 1 },
-                     (const struct sst_gpu_range[]){ t.views, t.pixels,
-                                                     sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found },
-                     SST_GPU_SWEEP_POINTS_BUFFERS);
+    sst_run_dispatch(
+        r, SST_GPU_SWEEP_POINTS, &push, (const uint32_t[]){ (uint32_t)columns, (uint32_t)rows, 1 },
+        (const struct sst_gpu_range[]){ t.views, t.pixels, sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found },
+        SST_GPU_SWEEP_POINTS_BUFFERS);
     words = sst_run_fetch(r, found, n);
     if (words)
         sst_run_fail(r, take_points(&p->sweeps.sweep[i], words, columns, rows, plan->stride));

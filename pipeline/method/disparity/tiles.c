@@ -186,19 +186,27 @@ static int steps_between(const struct sst_tiles *all, const struct sst_tile *to,
     return (to->first - from->first) * all->divisor;
 }
 
-/* Paths along rows y .. y + rows - 1 through a row of tiles. @param penalty  [rows][width] @param lines  two times
- * SST_SGM_ROWS rows of paths, of `line` elements each */
-static void paths_through(struct sst_tiles *all, const struct sst_tile *tile, const uint8_t *penalty, int width,
-                          const struct sst_disparity_sgm_penalties *p, int y, int rows, int dir, uint16_t *lines,
-                          size_t line)
+/* Rows y .. y + rows - 1 of a row of tiles. */
+struct rows_of_tiles {
+    const struct sst_tile *tile; /* [columns] */
+    int y, rows, width;
+    const uint8_t *penalty; /* [rows][width] */
+    uint16_t *lines;        /* two times SST_SGM_ROWS rows of paths, of `line` elements each */
+    size_t line;
+};
+
+/* Paths along rows through a row of tiles. */
+static void paths_through(struct sst_tiles *all, const struct rows_of_tiles *in,
+                          const struct sst_disparity_sgm_penalties *p, int dir)
 {
     const struct sst_tile *last = NULL;
+    const int rows = in->rows;
 
     for (int i = 0; i < all->columns; i++) {
-        const struct sst_tile *t = &tile[dir > 0 ? i : all->columns - 1 - i];
-        const size_t entry = entry_of(t), n = (size_t)t->width, at = sst_tile_cells(t, y);
-        uint16_t *own = lines + (size_t)(i % 2) * SST_SGM_ROWS * line;
-        const uint16_t *from = lines + (size_t)((i + 1) % 2) * SST_SGM_ROWS * line;
+        const struct sst_tile *t = &in->tile[dir > 0 ? i : all->columns - 1 - i];
+        const size_t entry = entry_of(t), n = (size_t)t->width, at = sst_tile_cells(t, in->y);
+        uint16_t *own = in->lines + (size_t)(i % 2) * SST_SGM_ROWS * in->line;
+        const uint16_t *from = in->lines + (size_t)((i + 1) % 2) * SST_SGM_ROWS * in->line;
 
         for (size_t r = 0; r < (size_t)rows; r++) {
             uint16_t *before = own + (r * (n + 2) + (dir > 0 ? 0 : n + 1)) * entry;
@@ -212,8 +220,9 @@ static void paths_through(struct sst_tiles *all, const struct sst_tile *tile, co
             else
                 memset(before, 0, entry * sizeof(*before));
         }
-        sst_kernels_get()->sgm_along_rows(own, all->sum + at, all->cost + at, n * t->steps_padded, penalty + t->x0,
-                                          (size_t)width, p->p1, p->p2, dir, dir > 0, (size_t)rows, n, t->steps_padded);
+        sst_kernels_get()->sgm_along_rows(own, all->sum + at, all->cost + at, n * t->steps_padded, in->penalty + t->x0,
+                                          (size_t)in->width, p->p1, p->p2, dir, dir > 0, (size_t)rows, n,
+                                          t->steps_padded);
         last = t;
     }
 }
@@ -242,9 +251,10 @@ int sst_tiles_paths_along(struct sst_tiles *all, const struct sst_image *img,
                 uint8_t *to = penalty + (size_t)r * (size_t)w;
 
                 to[dir > 0 ? 0 : w - 1] = 0;
-                sst_colour_step_row(to + (dir > 0), img, y + r, dir > 0, y + r, dir < 0, w - 1);
+                sst_colour_step_row(to + (dir > 0), img, (struct sst_pixel){ dir > 0, y + r },
+                                    (struct sst_pixel){ dir < 0, y + r }, w - 1);
             }
-            paths_through(all, first, penalty, w, p, y, rows, dir, lines, line);
+            paths_through(all, &(struct rows_of_tiles){ first, y, rows, w, penalty, lines, line }, p, dir);
         }
     }
     return 0;
@@ -285,7 +295,8 @@ int sst_tiles_paths_down(struct sst_tiles *all, const struct sst_image *img,
                 const size_t at = sst_tile_cells(t, y);
 
                 if (y - dir >= 0 && y - dir < img->height)
-                    sst_colour_step_row(penalty, img, y, t->x0, y - dir, t->x0, t->width);
+                    sst_colour_step_row(penalty, img, (struct sst_pixel){ t->x0, y },
+                                        (struct sst_pixel){ t->x0, y - dir }, t->width);
                 else
                     memset(penalty, 0, (size_t)t->width);
                 sst_kernels_get()->sgm_across_row(now, before, all->sum + at, all->cost + at, penalty, p->p1, p->p2, 0,

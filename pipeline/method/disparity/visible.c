@@ -21,13 +21,13 @@
 #define SIMILAR_MOST   40
 #define SIMILAR_GAIN   3   /* ... as many more for a level of it */
 #define NOISE          4.5 /* ... beyond this, which texture feigns */
-#define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
-#define STEP_LEAST     8  /* 1/64 px */
-#define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
-#define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
+#define LEVELS_RANGE   24  /* the range's share that makes a step: surfaces that are nearer to each other are one */
+#define STEP_LEAST     8   /* 1/64 px */
+#define STEP_MOST      96  /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
+#define P1             30  /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
 #define P2             300
-#define EDGE_STEP      16  /* levels at which P2 is halved */
-#define SWEPT          4   /* one in this many views looks for surfaces that no map has */
+#define EDGE_STEP      16 /* levels at which P2 is halved */
+#define SWEPT          4  /* one in this many views looks for surfaces that no map has */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 
@@ -202,10 +202,9 @@ void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range t
 {
     const struct sst_visible_views *in = ((const struct visible_pass *)pass)->in;
     const struct sst_map_u16 *disp = in->view[k].disp;
-    const struct sst_gpu_convert push = { .width = disp->width,
-                                          .height = disp->height,
-                                          .conversion = SST_GPU_TO_HYPOTHESES,
-                                          .value = most_of(in) };
+    const struct sst_gpu_convert push = {
+        .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_HYPOTHESES, .value = most_of(in)
+    };
     const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
     const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
 
@@ -288,8 +287,8 @@ int visible_pass_init(struct visible_pass *p)
     p->sweeps.sweep = calloc(count, sizeof(*p->sweeps.sweep));
     p->swept = calloc(count, sizeof(*p->swept));
     p->code = sst_mem_alloc_raw(65536, 1);
-    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->tested || !p->sweeps.sweep || !p->swept ||
-        !p->code)
+    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->tested || !p->sweeps.sweep ||
+        !p->swept || !p->code)
         return -ENOMEM;
     set_codes(p);
     set_plan(p);
@@ -354,6 +353,15 @@ static int set_agreed(struct sst_map_u8 *agreed, const struct sst_map_u16 *size)
     return err;
 }
 
+/* A surface in which large windows hold no step. */
+static void flatten(struct sst_map_u16 *disp)
+{
+    for (int y = 0; y < disp->height; y++) {
+        for (int x = disp->width / 2; x < disp->width; x++)
+            sst_map_u16_row(disp, y)[x] = 460;
+    }
+}
+
 struct visible_pass *visible_sample(uint32_t seed)
 {
     const bool repair = seed % 2;
@@ -368,10 +376,14 @@ struct visible_pass *visible_sample(uint32_t seed)
     s->in.repair = s->in.skip_hypotheses = repair;
     s->in.report = repair ? &s->report : NULL;
     *p = (struct visible_pass){ .in = &s->in, .threads = 1, .sample = s };
-    for (int k = 0; !err && repair && k < s->in.count; k++)
-        err = s->view[k].image ? set_agreed(&s->agreed[k], &s->disp[k]) : 0;
+    for (int k = 0; !err && k < s->in.count; k++) {
+        if (!repair)
+            flatten(&s->disp[k]);
+        else if (s->view[k].image)
+            err = set_agreed(&s->agreed[k], &s->disp[k]);
+    }
     err = err ? err : visible_pass_init(p);
-    p->sweeps.plan.gathered = 600; /* candidates of few points */
+    p->sweeps.plan.gathered = 2000; /* candidates of few points */
     if (!err)
         return p;
     visible_sample_free(p);

@@ -1,5 +1,5 @@
-/* pipeline/method/disparity/visible_pass.h - the second pass over the views of a light field, of which the sweep (sweep.c) and
- * the tests of hypotheses (surfaces.c) are steps. */
+/* pipeline/method/disparity/visible_pass.h - the second pass over the views of a light field, of which the sweep
+ * (sweep.c) and the tests of hypotheses (surfaces.c) are steps. */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
 
@@ -46,11 +46,11 @@ struct visible_pass {
     struct sst_hypothesis_penalty penalty;
     struct visible_scratch *scratch; /* [threads + 1]: the last one for views on a device */
     struct sst_sweeps sweeps;
-    int *swept; /* [sweeps.count] these views */
+    int *swept;                        /* [sweeps.count] these views */
     struct sst_gpu_sweep_point *point; /* [points] of all sweeps */
     size_t points;
     struct visible_counted *counted, all; /* [in->count] of a round; of all rounds and views */
-    enum visible_tested { VISIBLE_UNTESTED = 0, VISIBLE_ON_DEVICE = 1, VISIBLE_ON_CPU = 2 } *tested; /* [in->count] */
+    enum visible_tested { VISIBLE_UNTESTED = 0, VISIBLE_ON_DEVICE = 1, VISIBLE_ON_CPU = 2 } * tested; /* [in->count] */
     struct disparity_sample *sample; /* that these are of; or NULL */
 };
 
