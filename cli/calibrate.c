@@ -420,8 +420,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (not_for_check(&o))
             return cli_usage_error(cmd, "--check needs a light field alone: it combines with --picture, --no-verify, "
                                         "--json and --threads only");
-        return cli_run_calibrate_check(cmd, o.source, o.json, o.no_verify ? SST_LOAD_UNVERIFIED : 0, o.threads,
-                                       o.picture);
+        return cli_run_calibrate_check(
+            cmd, &(struct cli_check){ o.source, o.no_verify ? SST_LOAD_UNVERIFIED : 0, o.threads, o.picture, o.json });
     }
     r = check_options(cmd, &o);
     return r == CLI_GO_ON ? calibrate(&o) : r;

@@ -124,13 +124,12 @@ static int write_picture(const struct sst_drift *c, const char *path)
     return err;
 }
 
-int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
-                            const char *picture)
+int cli_run_calibrate_check(const struct cli_command *cmd, const struct cli_check *args)
 {
-    const struct sst_drift_config cfg = { .threads = threads };
+    const struct sst_drift_config cfg = { .threads = args->threads };
     struct sst_lightfield lf;
     struct sst_drift check;
-    int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES | what, sst_thread_count(threads));
+    int code, err = sst_lightfield_load(&lf, args->dir, SST_LOAD_IMAGES | args->load, sst_thread_count(args->threads));
 
     if (err)
         return cli_exit_code(err);
@@ -138,15 +137,15 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
     sst_lightfield_fini(&lf);
     if (err)
         return cli_exit_code(err);
-    code = cli_exit_code(picture ? write_picture(&check, picture) : 0);
-    if (code == CLI_OK && json)
+    code = cli_exit_code(args->picture ? write_picture(&check, args->picture) : 0);
+    if (code == CLI_OK && args->json)
         code = cli_print_json(check_json(&check));
     else if (code == CLI_OK)
         print_tables(&check);
-    if (code == CLI_OK && check.verdict == SST_DRIFT_OK && !json)
+    if (code == CLI_OK && check.verdict == SST_DRIFT_OK && !args->json)
         puts(check.sentence);
     if (code == CLI_OK && check.verdict != SST_DRIFT_OK) {
-        sst_log_error("%s: %s: %s", cmd->name, dir, check.sentence);
+        sst_log_error("%s: %s: %s", cmd->name, args->dir, check.sentence);
         code = CLI_INPUT;
     }
     sst_drift_fini(&check);

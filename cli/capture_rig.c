@@ -359,7 +359,7 @@ static int capture(const struct options *o, const struct sst_array_config *array
         err = open_camera(&on, o, array, report.there > 0);
     }
     if (!err) {
-        err = sst_scan_run(rig, rig_cfg, &on.camera, store, cfg, &report);
+        err = sst_scan_run(&(struct sst_scan){ rig, rig_cfg, &on.camera, store, cfg }, &report);
         cli_progress_end();
         print_report(cfg, &report, camera_report(&on), sst_scan_store_count(store), o->json);
     }

@@ -60,9 +60,9 @@ struct cli_option {
     char letter;      /* short form, or 0 */
     enum cli_type type;
     void *value;
-    const char *meta; /* name of the value in help, NULL for flags */
-    const char *help; /* one line */
-    double min, max;  /* of numbers; both 0 (left out): no limit */
+    const char *meta;  /* name of the value in help, NULL for flags */
+    const char *help;  /* one line */
+    double min, max;   /* of numbers; both 0 (left out): no limit */
     const char *words; /* of text: the values, between blanks, for the completion; NULL: any */
 };
 
@@ -83,8 +83,8 @@ struct cli_command {
 /**
  * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
  * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line
- * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help, words}]}, from which the man page
- * and the shell completion are generated.
+ * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help, words}]}, from which the
+ * man page and the shell completion are generated.
  *
  * @param positional  out, n_min..n_max arguments, the rest NULL
  * @return CLI_GO_ON, CLI_OK (help was printed) or CLI_USAGE (the error was printed)
@@ -137,17 +137,21 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
 
 /* --- calibrate_check: `sst calibrate --check`: is a light field's calibration still true? --- */
 
+struct cli_check {
+    const char *dir;
+    unsigned load;       /* SST_LOAD_UNVERIFIED, or 0 */
+    int threads;         /* 0: all processors */
+    const char *picture; /* PNG of the grid to write, or NULL */
+    bool json;
+};
+
 /**
  * Check a light-field folder and print the verdict and its tables, or one JSON object.
  *
- * @param what     SST_LOAD_UNVERIFIED, or 0
- * @param threads  0: all processors
- * @param picture  PNG of the grid to write, or NULL
  * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
  *         error), or the error of reading and writing
  */
-int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
-                            const char *picture);
+int cli_run_calibrate_check(const struct cli_command *cmd, const struct cli_check *args);
 
 /* --- calibrate_live: `sst calibrate --live`. --- */
 

@@ -35,7 +35,7 @@ static void print_help(const char *name, const char *what)
            name, what);
 }
 
-static int parse_options(struct sst_publisher *p, const char *what, int argc, char **argv, int *level)
+static int parse_options(struct sst_publisher *p, int argc, char **argv, int *level)
 {
     static const struct option options[] = {
         { "config", required_argument, NULL, 'c' }, { "socket", required_argument, NULL, 's' },
@@ -59,7 +59,7 @@ static int parse_options(struct sst_publisher *p, const char *what, int argc, ch
             printf("sst-%s %s\n", p->name, SST_VERSION);
             return EXIT_SUCCESS;
         case 'h':
-            print_help(p->name, what);
+            print_help(p->name, p->what);
             return EXIT_SUCCESS;
         default:
             return EXIT_USAGE;
@@ -71,15 +71,13 @@ static int parse_options(struct sst_publisher *p, const char *what, int argc, ch
     return EXIT_USAGE;
 }
 
-int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, const char *name, const char *what,
-                        int argc, char **argv)
+int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, int argc, char **argv)
 {
     char program[32];
     int level = SST_LOG_WARNING, done;
 
-    *p = (struct sst_publisher){ .name = name };
-    snprintf(program, sizeof(program), "sst-%s", name);
-    done = parse_options(p, what, argc, argv, &level);
+    snprintf(program, sizeof(program), "sst-%s", p->name);
+    done = parse_options(p, argc, argv, &level);
     if (done != SST_PUBLISHER_GO_ON)
         return done;
     sst_log_set_level((enum sst_log_level)(level > SST_LOG_DEBUG ? SST_LOG_DEBUG : level));

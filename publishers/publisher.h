@@ -15,6 +15,7 @@
 /** A program that publishes pictures and events of the service, as a client of its API. */
 struct sst_publisher {
     const char *name;                  /* "rtsp": in messages and reports; the program is sst-NAME */
+    const char *what;                  /* one sentence for --help */
     const char *config_path;           /* NULL: the default */
     char socket[SST_CONFIG_TEXT_MAX];  /* of the service */
     struct sst_client_service service; /* the same, for sst_client_open() */
@@ -25,11 +26,10 @@ struct sst_publisher {
 /**
  * Parse the command line, set up log and signals, and read the configuration.
  *
- * @param what  one sentence for --help @param config  out, as read
+ * @param p  name and what are set, all else is zero @param config  out, as read
  * @return SST_PUBLISHER_GO_ON, or the exit status of the program
  */
-int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, const char *name, const char *what,
-                        int argc, char **argv);
+int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, int argc, char **argv);
 
 /** Start a thread, SST_PUBLISHER_THREADS at most. @return 0 or -errno; logged */
 SST_MUST_CHECK int sst_publisher_start(struct sst_publisher *p, void *(*run)(void *), void *arg);

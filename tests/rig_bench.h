@@ -174,7 +174,7 @@ static inline int bench_capture(struct bench *b, struct sst_scan_report *report)
         return err;
     err = sst_rig_open(&rig, &b->rig_cfg);
     if (!err) {
-        err = sst_scan_run(rig, &b->rig_cfg, &b->camera, store, &b->cfg, report);
+        err = sst_scan_run(&(struct sst_scan){ rig, &b->rig_cfg, &b->camera, store, &b->cfg }, report);
         sst_rig_close(rig);
     }
     sst_scan_store_close(store);

@@ -52,24 +52,30 @@ struct flight {
     size_t bytes;
 };
 
-static void send_flight(struct flight *f, int fd, const struct sockaddr_storage *to, socklen_t to_bytes)
+/* Socket, and the address of the other end; `at` NULL: it is connected. */
+struct end {
+    int fd;
+    const struct sockaddr_storage *at;
+    socklen_t at_bytes;
+};
+
+static void send_flight(struct flight *f, struct end to)
 {
-    if (f->bytes &&
-        sendto(fd, f->data, f->bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to, to_bytes) < 0) {
+    if (f->bytes && sendto(to.fd, f->data, f->bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to.at,
+                           to.at_bytes) < 0) {
         /* it is lost, as others are: the handshake is repeated */
     }
     f->bytes = 0;
 }
 
-static ssize_t push_flight(struct flight *f, int fd, const struct sockaddr_storage *to, socklen_t to_bytes,
-                           const void *data, size_t bytes)
+static ssize_t push_flight(struct flight *f, struct end to, const void *data, size_t bytes)
 {
     if (bytes > MTU) {
         errno = EMSGSIZE;
         return -1;
     }
     if (f->bytes + bytes > MTU)
-        send_flight(f, fd, to, to_bytes);
+        send_flight(f, to);
     memcpy(f->data + f->bytes, data, bytes);
     f->bytes += bytes;
     return (ssize_t)bytes;
@@ -91,7 +97,7 @@ static ssize_t push_client(gnutls_transport_ptr_t arg, const void *data, size_t 
     ssize_t n;
 
     if (!d->ready)
-        return push_flight(&d->flight, d->fd, NULL, 0, data, bytes);
+        return push_flight(&d->flight, (struct end){ .fd = d->fd }, data, bytes);
     n = send(d->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
     /* A datagram that the network does not accept now, for want of a route or of room, is lost. */
     return n < 0 && errno != EAGAIN ? (ssize_t)bytes : n;
@@ -146,7 +152,7 @@ int link_dtls_work(struct link_dtls *d, char why[256])
     if (d->ready)
         return listen_to(d, why);
     r = gnutls_handshake(d->session);
-    send_flight(&d->flight, d->fd, NULL, 0);
+    send_flight(&d->flight, (struct end){ .fd = d->fd });
     if (r < 0)
         return link_session_judge(r, why);
     r = link_session_verify(d->session, d->peer, why);
@@ -238,12 +244,12 @@ static ssize_t push(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
 {
     struct peer *p = arg;
 
-    return push_flight(&p->flight, p->server->fd, &p->at, p->at_bytes, data, bytes);
+    return push_flight(&p->flight, (struct end){ p->server->fd, &p->at, p->at_bytes }, data, bytes);
 }
 
 static void flush(struct peer *p)
 {
-    send_flight(&p->flight, p->server->fd, &p->at, p->at_bytes);
+    send_flight(&p->flight, (struct end){ p->server->fd, &p->at, p->at_bytes });
 }
 
 static ssize_t pull(gnutls_transport_ptr_t arg, void *data, size_t bytes)

@@ -21,7 +21,7 @@
 #define HELLO_NS    INT64_C(5000000000) /* from the connection to the node's name */
 #define GREET_NS    INT64_C(250000000)  /* ... to the first message, when others want its place */
 #define SILENCE_NS  INT64_C(2000000000)
-#define HOLD_MS     20 /* sets that are incomplete, or without a decided name, are polled again */
+#define HOLD_MS     20                 /* sets that are incomplete, or without a decided name, are polled again */
 #define WAIT_NS     INT64_C(600000000) /* for a set to become complete, at least, where sets: wait_ms does not say it */
 
 struct link_connection {
@@ -64,7 +64,7 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
         snprintf(s->peer.reason, sizeof(s->peer.reason), "%.250s", why);
         head_forget_locked(h, source);
         for (int i = 0; i < s->cameras; i++)
-            head_camera_locked(h, source, i, SST_GRAB_ABSENT, text, NULL);
+            head_camera_locked(h, source, i, (struct head_camera){ SST_GRAB_ABSENT, text, NULL });
         sst_numbering_leave(h->numbering, source);
         pthread_mutex_unlock(&h->lock);
         if (h->event)
@@ -153,7 +153,7 @@ static void show_cameras_locked(struct sst_link_head *h, int source, const json_
         copy_text(device.serial, sizeof(device.serial), json_array_get(c, 2));
         copy_text(device.port, sizeof(device.port), json_array_get(c, 3));
         copy_text(device.name, sizeof(device.name), json_array_get(c, 4));
-        head_camera_locked(h, source, i, SST_GRAB_ABSENT, "", &device);
+        head_camera_locked(h, source, i, (struct head_camera){ SST_GRAB_ABSENT, "", &device });
     }
 }
 
@@ -319,8 +319,10 @@ static int take_state(struct sst_link_head *h, struct link_connection *c, const 
         const char *why = json_string_value(json_array_get(one, 1));
         const int value = (int)json_integer_value(json_array_get(one, 0));
 
-        head_camera_locked(h, c->source, i, (enum sst_grab_state)sst_clamp_int(value, SST_GRAB_ABSENT, SST_GRAB_READY),
-                           why ? why : "", NULL);
+        head_camera_locked(
+            h, c->source, i,
+            (struct head_camera){ (enum sst_grab_state)sst_clamp_int(value, SST_GRAB_ABSENT, SST_GRAB_READY),
+                                  why ? why : "", NULL });
     }
     json_decref(h->source[c->source].peer.reported);
     h->source[c->source].peer.reported = state;
@@ -407,15 +409,13 @@ static int take_set(struct sst_link_head *h, struct link_connection *c, const st
     struct wire_frame frame[SST_CAMERAS_MAX];
     struct contents contents;
     struct head_set *set;
-    struct wire_set from;
-    const uint8_t *pictures;
-    int err = wire_get_set(in->data, in->bytes, c->cameras, link_frame_most(h->array.width, h->array.height), &from,
-                           frame, &pictures);
+    struct wire_set from = { .cameras = c->cameras };
+    int err = wire_get_set(in->data, in->bytes, link_frame_most(h->array.width, h->array.height), &from, frame);
 
     if (!err && from.seq != in->seq)
         err = -EBADMSG;
     if (!err)
-        err = study(c, in->seq, frame, pictures, &contents);
+        err = study(c, in->seq, frame, from.data, &contents);
     if (err)
         return err;
     set = head_set_acquire(h, c->source, contents.frames, contents.missed, contents.bytes);

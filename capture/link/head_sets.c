@@ -189,20 +189,19 @@ void head_forget_locked(struct sst_link_head *h, int source)
     }
 }
 
-void head_camera_locked(struct sst_link_head *h, int source, int cam, enum sst_grab_state state, const char *why,
-                        const struct sst_grab_device *device)
+void head_camera_locked(struct sst_link_head *h, int source, int cam, struct head_camera now)
 {
     struct head_slot *slot = &h->slot[h->source[source].slot[cam]];
     const uint64_t one = 1;
 
     if (slot->source != source)
         return; /* another host has it now */
-    if (device)
-        slot->device = *device;
-    if (slot->state == state && !strcmp(slot->why, why))
+    if (now.device)
+        slot->device = *now.device;
+    if (slot->state == now.state && !strcmp(slot->why, now.why))
         return;
-    slot->state = state;
-    strncpy(slot->why, why, sizeof(slot->why) - 1);
+    slot->state = now.state;
+    strncpy(slot->why, now.why, sizeof(slot->why) - 1);
     slot->changed = true;
     if (write(h->ready_fd, &one, sizeof(one)) < 0) {
         /* full: it is already readable */

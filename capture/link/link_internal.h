@@ -77,6 +77,7 @@ struct wire_set {
     int64_t t_ns, wall_ns;
     bool edge;
     int cameras;
+    const uint8_t *data; /* of the frames of a set that was read; borrowed */
 };
 
 struct wire_frame {
@@ -92,10 +93,11 @@ void wire_put_u64(uint8_t *out, uint64_t value);
 uint64_t wire_get_u64(const uint8_t *in);
 
 /** Check a message of type SET: sums and differences of its times and numbers do not overflow.
- *  @param frame_most  bytes of the longest frame, link_frame_most() @param frame  out, [cameras]
+ *  @param frame_most  bytes of the longest frame, link_frame_most() @param set  in: cameras; out: all
+ *  @param frame  out, [cameras]
  *  @return 0, -EBADMSG (it is no such message) */
-SST_MUST_CHECK int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most, struct wire_set *set,
-                                struct wire_frame *frame, const uint8_t **data);
+SST_MUST_CHECK int wire_get_set(const uint8_t *in, size_t bytes, size_t frame_most, struct wire_set *set,
+                                struct wire_frame *frame);
 
 /* --- connections: TLS 1.3 and DTLS 1.2 with certificates on both sides, never blocking. --- */
 
@@ -461,9 +463,14 @@ bool head_settle(struct sst_link_head *h, int64_t now_ns);
 /** All that waits of a source can no longer be named. */
 void head_forget_locked(struct sst_link_head *h, int source);
 void head_sets_free(struct sst_link_head *h);
+struct head_camera {
+    enum sst_grab_state state;
+    const char *why;
+    const struct sst_grab_device *device; /* NULL: as before */
+};
+
 /** Set the state of a source's camera, by its number in the source. */
-void head_camera_locked(struct sst_link_head *h, int source, int cam, enum sst_grab_state state, const char *why,
-                        const struct sst_grab_device *device);
+void head_camera_locked(struct sst_link_head *h, int source, int cam, struct head_camera now);
 
 /** For link_dtls_listen(): of nodes that are connected, to the set that it is a piece of. */
 bool head_knows(void *head, const char *name);

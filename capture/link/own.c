@@ -69,7 +69,7 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
         sst_capture_camera(l->capture, cam, &counters, &device);
     pthread_mutex_unlock(&l->lock);
     pthread_mutex_lock(&l->head->lock);
-    head_camera_locked(l->head, LINK_OWN, cam, state, why ? why : "", device);
+    head_camera_locked(l->head, LINK_OWN, cam, (struct head_camera){ state, why ? why : "", device });
     pthread_mutex_unlock(&l->head->lock);
 }
 
@@ -104,8 +104,9 @@ static void capture_once(struct link_local *l)
     sst_numbering_leave(l->head->numbering, LINK_OWN);
     head_forget_locked(l->head, LINK_OWN);
     for (int i = 0; i < l->array.bound; i++)
-        head_camera_locked(l->head, LINK_OWN, i, SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again",
-                           NULL);
+        head_camera_locked(
+            l->head, LINK_OWN, i,
+            (struct head_camera){ SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again", NULL });
     pthread_mutex_unlock(&l->head->lock);
 }
 

@@ -68,9 +68,9 @@ static int get_frame(const uint8_t *in, size_t most, struct wire_frame *f)
     return f->from_set_ns < -WIRE_AWAY_MAX_NS || f->from_set_ns > WIRE_AWAY_MAX_NS ? -EBADMSG : 0;
 }
 
-int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most, struct wire_set *set,
-                 struct wire_frame *frame, const uint8_t **data)
+int wire_get_set(const uint8_t *in, size_t bytes, size_t frame_most, struct wire_set *set, struct wire_frame *frame)
 {
+    const int cameras = set->cameras;
     const size_t head = WIRE_SET_BYTES + (size_t)cameras * WIRE_FRAME_BYTES;
     size_t total = head;
 
@@ -81,7 +81,8 @@ int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most
                               .t_ns = (int64_t)wire_get_u64(in + 16),
                               .wall_ns = (int64_t)wire_get_u64(in + 24),
                               .edge = get_u32(in + 32) != 0,
-                              .cameras = cameras };
+                              .cameras = cameras,
+                              .data = in + head };
     for (int i = 0; i < cameras; i++) {
         if (get_frame(in + WIRE_SET_BYTES + (size_t)i * WIRE_FRAME_BYTES, frame_most, &frame[i]))
             return -EBADMSG;
@@ -90,7 +91,6 @@ int wire_get_set(const uint8_t *in, size_t bytes, int cameras, size_t frame_most
     if (total != bytes || set->count > WIRE_COUNT_MAX || set->t_ns < 0 || set->t_ns > WIRE_T_MAX_NS ||
         set->wall_ns < 0 || set->wall_ns > WIRE_WALL_MAX_NS)
         return -EBADMSG;
-    *data = in + head;
     return 0;
 }
 

@@ -55,13 +55,13 @@ static int write_head(AVFormatContext *format, const struct sst_mkv_config *cfg,
 
 /* Each frame has an entry in the index. A cluster begins at least with the first frame of each second, so that players
  * can read a second at a time. */
-static int write_frames(AVFormatContext *format, AVPacket *packet, const struct sst_mkv_frame *frame, size_t count,
-                        sst_mkv_read_fn *read, void *arg)
+static int write_frames(AVFormatContext *format, AVPacket *packet, const struct sst_mkv_frames *frames)
 {
+    const struct sst_mkv_frame *frame = frames->frame;
     int64_t cluster_ms = 0;
     int err = 0;
 
-    for (size_t i = 0; !err && i < count; i++) {
+    for (size_t i = 0; !err && i < frames->count; i++) {
         const int64_t ms = ms_of(frame, i);
 
         if (ms - cluster_ms >= CLUSTER_MS) {
@@ -72,10 +72,10 @@ static int write_frames(AVFormatContext *format, AVPacket *packet, const struct 
             err = av_new_packet(packet, (int)frame[i].bytes);
         if (err < 0)
             break;
-        err = read(arg, i, packet->data);
+        err = frames->read(frames->arg, i, packet->data);
         packet->flags = AV_PKT_FLAG_KEY;
         packet->pts = packet->dts = ms;
-        packet->duration = mean_ms(frame, count);
+        packet->duration = mean_ms(frame, frames->count);
         if (!err)
             err = av_write_frame(format, packet);
         av_packet_unref(packet);
@@ -85,8 +85,7 @@ static int write_frames(AVFormatContext *format, AVPacket *packet, const struct 
     return err;
 }
 
-int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv_frame *frame, size_t count,
-                  sst_mkv_read_fn *read, void *arg)
+int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv_frames *frames)
 {
     AVFormatContext *format = NULL;
     AVPacket *packet = av_packet_alloc();
@@ -97,11 +96,11 @@ int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv
     if (err >= 0)
         err = avio_open(&format->pb, path, AVIO_FLAG_WRITE);
     if (err >= 0)
-        err = write_head(format, cfg, count);
+        err = write_head(format, cfg, frames->count);
     if (err >= 0) {
         int last;
 
-        err = write_frames(format, packet, frame, count, read, arg);
+        err = write_frames(format, packet, frames);
         last = av_write_trailer(format); /* frees the memory of the head, also after an error */
         err = err < 0 ? err : last;
     }
@@ -119,8 +118,7 @@ int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv
 #else
 
 int sst_mkv_write(int fd SST_UNUSED, const struct sst_mkv_config *cfg SST_UNUSED,
-                  const struct sst_mkv_frame *frame SST_UNUSED, size_t count SST_UNUSED,
-                  sst_mkv_read_fn *read SST_UNUSED, void *arg SST_UNUSED)
+                  const struct sst_mkv_frames *frames SST_UNUSED)
 {
     return -ENOTSUP;
 }

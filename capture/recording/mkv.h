@@ -22,16 +22,22 @@ struct sst_mkv_config {
 /** Reads the bytes of frame i into data [frame[i].bytes]. @return 0, or a negative errno that ends the writing */
 typedef int sst_mkv_read_fn(void *arg, size_t i, uint8_t *data);
 
+/** Frames of a file, count > 0. */
+struct sst_mkv_frames {
+    const struct sst_mkv_frame *frame;
+    size_t count;
+    sst_mkv_read_fn *read;
+    void *arg;
+};
+
 /**
  * Write the file: header with duration and seek index, then the frames, a new cluster each second. The
  * same arguments give the same bytes.
  *
- * @param fd     an empty file that can be reopened through /proc/self/fd; stays the caller's
- * @param frame  [count], count > 0
+ * @param fd  an empty file that can be reopened through /proc/self/fd; stays the caller's
  * @return 0, the error of read, -ENOTSUP (built without libavformat), -ENOMEM, -EINVAL (libavformat refuses the track)
  *         or -errno of writing; not logged.
  */
-SST_MUST_CHECK int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv_frame *frame,
-                                 size_t count, sst_mkv_read_fn *read, void *arg);
+SST_MUST_CHECK int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv_frames *frames);
 
 #endif

@@ -247,8 +247,7 @@ int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording
     return 0;
 }
 
-int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *segment, int64_t *wall_ns,
-                           struct sst_recording_frame *frame)
+int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, struct sst_recording_one *out)
 {
     struct sst_recording_set *set;
     char *text;
@@ -256,16 +255,16 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
 
     if (err)
         return err;
-    *segment = r->line[i].segment;
-    err = manifest_parse_frame(text, cam, wall_ns, frame);
+    out->segment = r->line[i].segment;
+    err = manifest_parse_frame(text, cam, &out->wall_ns, &out->frame);
     free(text);
     if (!err)
         return 0;
     set = malloc(sizeof(*set));
     err = set ? sst_recording_set(r, i, set) : -ENOMEM;
     if (!err) {
-        *wall_ns = set->wall_ns;
-        *frame = set->frame[cam];
+        out->wall_ns = set->wall_ns;
+        out->frame = set->frame[cam];
     }
     free(set);
     return err;

@@ -78,17 +78,25 @@ int sst_recording_unlisted(const struct sst_recording *recording, int64_t *bytes
 /** Read set i from the manifest. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
 
+/** One camera's frame of a set. */
+struct sst_recording_one {
+    int segment;                      /* of the set */
+    int64_t wall_ns;                  /* of the set */
+    struct sst_recording_frame frame; /* without its arrival_ns */
+};
+
 /**
  * Read one camera's frame of set i from the manifest; faster than sst_recording_set() for one camera in many sets.
- * @param segment, wall_ns  out, of the set; frame: out, without its arrival_ns
  * @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged.
  */
-SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam, int *segment,
-                                          int64_t *wall_ns, struct sst_recording_frame *frame);
+SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam,
+                                          struct sst_recording_one *out);
 
-/** The set nearest to a moment, by the wall clock, which may have been stepped. @param within_ns  farther ones do not count
+/** The set nearest to a moment, by the wall clock, which may have been stepped. @param within_ns  farther ones do not
+ * count
  *  @param i  out @return 0, -ENOENT, -ENOMEM. Not logged. */
-SST_MUST_CHECK int sst_recording_near(const struct sst_recording *recording, int64_t wall_ns, int64_t within_ns, int *i);
+SST_MUST_CHECK int sst_recording_near(const struct sst_recording *recording, int64_t wall_ns, int64_t within_ns,
+                                      int *i);
 
 /** The line of set i, unchanged, without its newline. *text to free with free(). @return as
  *  sst_recording_near() */
@@ -105,8 +113,8 @@ SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, co
                                        int cam, uint8_t **data);
 
 /**
- * The same as a whole picture: of a frame of which only parts were recorded (SST_FRAME_PARTS), joined with the frame that
- * they belong to.
+ * The same as a whole picture: of a frame of which only parts were recorded (SST_FRAME_PARTS), joined with the frame
+ * that they belong to.
  *
  * @param bytes  out, of it
  * @return as sst_recording_frame(), -ENODATA also if that frame is not there any more. Not logged.

@@ -178,12 +178,15 @@ static int capture_all(struct job *j)
     return err;
 }
 
-int sst_scan_run(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, const struct sst_scan_camera *camera,
-                 struct sst_scan_store *store, const struct sst_scan_config *cfg, struct sst_scan_report *report)
+int sst_scan_run(const struct sst_scan *scan, struct sst_scan_report *report)
 {
-    struct job j = { .rig = rig, .rig_cfg = rig_cfg, .camera = camera, .store = store, .cfg = cfg, .report = report };
+    struct sst_scan_store *store = scan->store;
+    const struct sst_scan_config *cfg = scan->cfg;
+    struct job j = {
+        .rig = scan->rig, .rig_cfg = scan->rig_cfg, .camera = scan->camera, .store = store, .cfg = cfg, .report = report
+    };
     const int views = cfg->rows * cfg->cols;
-    int err = sst_scan_store_check_camera(store, camera);
+    int err = sst_scan_store_check_camera(store, scan->camera);
 
     *report = (struct sst_scan_report){ .there = sst_scan_store_count(store) };
     if (err)
@@ -191,10 +194,10 @@ int sst_scan_run(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, cons
     err = capture_all(&j);
     if (!err)
         err = sst_scan_store_finish(store);
-    sst_rig_counters(rig, &report->rig);
+    sst_rig_counters(scan->rig, &report->rig);
     if (!err)
         return 0;
-    (void)sst_rig_stop(rig);
+    (void)sst_rig_stop(scan->rig);
     if (err == -ECANCELED) {
         sst_log_warning("%s: stopped with %d of %d views; run the same command to resume", cfg->dir,
                         sst_scan_store_count(store), views);

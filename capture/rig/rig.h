@@ -137,6 +137,15 @@ struct sst_scan_report {
     struct sst_rig_counters rig;
 };
 
+/** A scan: rig, camera and folder. */
+struct sst_scan {
+    struct sst_rig *rig;
+    const struct sst_rig_config *rig_cfg;
+    const struct sst_scan_camera *camera;
+    struct sst_scan_store *store;
+    const struct sst_scan_config *cfg;
+};
+
 /**
  * Capture every missing view: move, wait for standstill, expose, verify the standstill, store.
  *
@@ -144,8 +153,6 @@ struct sst_scan_report {
  * after cfg->attempts the capture ends with the motion stopped, and the next call resumes it.
  * @return 0 (complete: the folder is a light field), -EINTR (cancelled), or the last fault; logged.
  */
-SST_MUST_CHECK int sst_scan_run(struct sst_rig *rig, const struct sst_rig_config *rig_cfg,
-                                const struct sst_scan_camera *camera, struct sst_scan_store *store,
-                                const struct sst_scan_config *cfg, struct sst_scan_report *report);
+SST_MUST_CHECK int sst_scan_run(const struct sst_scan *scan, struct sst_scan_report *report);
 
 #endif

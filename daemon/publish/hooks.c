@@ -111,7 +111,7 @@ static void start(struct sst_hooks *h, struct run *r)
     for (int i = 0; i < SST_HOOK_ARGS && r->hook.argv[i][0]; i++)
         argv[i] = r->hook.argv[i];
     if (env)
-        err = spawn_program(&r->pid, argv[0], argv, env, (const int[]){ -1, 2, 2 }, 3);
+        err = spawn_program(&r->pid, argv, env, (const int[]){ -1, 2, 2 }, 3);
     hook_env_free(env);
     free(r->event);
     r->event = NULL;

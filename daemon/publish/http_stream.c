@@ -100,30 +100,29 @@ static bool next_picture(struct stream *s)
     return true;
 }
 
-/* Copy as much as fits of a part at `start` of head, picture, tail. */
-static size_t copy_part(size_t at, size_t start, const void *part, size_t bytes, char *buf, size_t room)
-{
-    size_t n;
-
-    if (at < start || at >= start + bytes)
-        return 0;
-    n = start + bytes - at;
-    n = n < room ? n : room;
-    memcpy(buf, (const char *)part + (at - start), n);
-    return n;
-}
-
 static ssize_t stream_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size_t max)
 {
     struct stream *s = arg;
-    size_t n = 0, end;
+    size_t n = 0, end = 0;
 
     if (!s->jpeg && !next_picture(s))
         return MHD_CONTENT_READER_END_OF_STREAM;
-    end = s->head_bytes + s->jpeg->bytes + sizeof(tail) - 1;
-    n += copy_part(s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
-    n += copy_part(s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
-    n += copy_part(s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
+    const struct {
+        const void *data;
+        size_t bytes;
+    } part[] = { { s->head, s->head_bytes }, { s->jpeg->data, s->jpeg->bytes }, { tail, sizeof(tail) - 1 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(part); i++) {
+        const size_t from = s->at + n - end;
+
+        if (s->at + n >= end && from < part[i].bytes) { /* as much as fits */
+            const size_t left = part[i].bytes - from, take = left < max - n ? left : max - n;
+
+            memcpy(buf + n, (const char *)part[i].data + from, take);
+            n += take;
+        }
+        end += part[i].bytes;
+    }
     s->at += n;
     if (s->at == end) {
         sst_slot_jpeg_unref(s->jpeg);

@@ -103,14 +103,14 @@ bool http_number(const char *text, uint64_t max, uint64_t *out);
 #define HTTP_SESSIONS_ROLE    64 /* of one role: then the one of it that was not used for longest ends, ... */
 #define HTTP_SESSIONS_ADDRESS 32 /* ... of one address and role: then one of these */
 #define HTTP_SESSIONS_MAX     (2 * HTTP_SESSIONS_ROLE)
-#define HTTP_SESSION_S    INT64_C(2592000) /* 30 days after the login */
-#define HTTP_SECRET       64 /* hex digits of a cookie's secret: random, 256 bits */
-#define HTTP_SESSION_NAME 12 /* its first digits name it; too few to guess the rest */
+#define HTTP_SESSION_S        INT64_C(2592000) /* 30 days after the login */
+#define HTTP_SECRET           64               /* hex digits of a cookie's secret: random, 256 bits */
+#define HTTP_SESSION_NAME     12               /* its first digits name it; too few to guess the rest */
 
 struct http_session {
     char secret[HTTP_SECRET + 1]; /* "": none */
     enum sst_role role;
-    uint64_t tag; /* of the token that it was opened with: another token ends it */
+    uint64_t tag;              /* of the token that it was opened with: another token ends it */
     int64_t since_ns, seen_ns; /* wall */
     char address[64], agent[160];
 };
@@ -257,7 +257,8 @@ struct sst_http {
 };
 
 #define HTTP_COOKIE 32
-/** Name of the cookie that holds the secret of a session. Cookies are shared by all ports of a host, so the port is in it. */
+/** Name of the cookie that holds the secret of a session. Cookies are shared by all ports of a host, so the port is in
+ * it. */
 void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE]);
 
 /** One request, on its connection's thread. */
@@ -269,19 +270,19 @@ struct http_request {
     const struct sst_route *route;
     int index; /* of the route */
     int fd;
-    bool local;  /* over the UNIX socket */
-    bool replay; /* below /replay: about the recording that is played */
-    void *live;  /* argument of the verbs about pictures, while the request is handled */
-    bool head;  /* method HEAD: the answer is sent without its body */
+    bool local;   /* over the UNIX socket */
+    bool replay;  /* below /replay: about the recording that is played */
+    void *live;   /* argument of the verbs about pictures, while the request is handled */
+    bool head;    /* method HEAD: the answer is sent without its body */
     bool hang_up; /* the connection ends after the answer */
     enum sst_role role;
-    char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
-    char who[96];                 /* the client, for messages */
+    char name[HTTP_NAME_MAX + 1];        /* {a part} of the path */
+    char who[96];                        /* the client, for messages */
     char session[HTTP_SESSION_NAME + 1]; /* session of its cookie; "": none */
-    char allow[24];               /* answer 405: methods */
-    int retry_s;                  /* answer 429: seconds until a retry */
-    int silence_s;                /* the answer ends when the client has read nothing for that long */
-    char *data;                   /* body, with a NUL after it */
+    char allow[24];                      /* answer 405: methods */
+    int retry_s;                         /* answer 429: seconds until a retry */
+    int silence_s;                       /* the answer ends when the client has read nothing for that long */
+    char *data;                          /* body, with a NUL after it */
     size_t size, capacity;
     bool too_large;
     json_t *body; /* of POST with JSON: an object */
@@ -345,8 +346,8 @@ int http_do_logout(struct http_request *q);
 /** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);
 
-/** Begin the silence of a client now: the library counts the time that a callback or handler waits, too, and would close
- *  the connection before it sends the answer. */
+/** Begin the silence of a client now: the library counts the time that a callback or handler waits, too, and would
+ * close the connection before it sends the answer. */
 void http_awake(struct MHD_Connection *connection, int silence_s);
 
 /** Has the peer of a connection gone? */
@@ -363,15 +364,14 @@ extern const struct web_file web_files[]; /* up to one without a name */
 /* --- spawn: programs that the service starts. --- */
 
 /**
- * Start a program as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with signals as
- * usual.
+ * Start the program argv[0] as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with
+ * signals as usual.
  *
  * @param fd   [fds]; descriptors to become 0, 1 ...; none may be below its new number, except 2, standard error; -1:
  *             /dev/null to read. All others are closed
  * @param env  environ, or another one
  * @return 0, or a negative errno, also if the program itself cannot be run. Thread: any
  */
-SST_MUST_CHECK int spawn_program(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd,
-                                 int fds);
+SST_MUST_CHECK int spawn_program(pid_t *pid, char *const argv[], char *const env[], const int *fd, int fds);
 
 #endif

@@ -30,7 +30,7 @@ static int set_attributes(posix_spawnattr_t *attr)
                : posix_spawnattr_setflags(attr, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
 }
 
-int spawn_program(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd, int fds)
+int spawn_program(pid_t *pid, char *const argv[], char *const env[], const int *fd, int fds)
 {
     posix_spawn_file_actions_t files;
     posix_spawnattr_t attr;
@@ -42,7 +42,7 @@ int spawn_program(pid_t *pid, const char *program, char *const argv[], char *con
     if (!err) {
         err = set_descriptors(&files, fd, fds);
         err = err ? err : set_attributes(&attr);
-        err = err ? err : posix_spawn(pid, program, &files, &attr, argv, env);
+        err = err ? err : posix_spawn(pid, argv[0], &files, &attr, argv, env);
         posix_spawnattr_destroy(&attr);
     }
     posix_spawn_file_actions_destroy(&files);

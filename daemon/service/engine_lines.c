@@ -36,13 +36,13 @@ static double right_of(const struct live_engine *v, const struct line *l, const 
     return (l->dx * y - l->dy * x) / l->length;
 }
 
-/* @return 1: the visitor has crossed forward; -1: backward; 0: neither */
+/* @param way  from, to @return 1: the visitor has crossed forward; -1: backward; 0: neither */
 static int cross(const struct live_engine *v, const struct sst_zone *z, struct visit_line *s,
-                 const struct visit_point *from, const struct visit_point *to, double clear_px)
+                 const struct visit_point *const way[2], double clear_px)
 {
     const struct line l = line_of(v, z);
     double at0, at1;
-    const double was_px = right_of(v, &l, from, &at0), is_px = right_of(v, &l, to, &at1);
+    const double was_px = right_of(v, &l, way[0], &at0), is_px = right_of(v, &l, way[1], &at1);
     const int before = s->side;
 
     if ((was_px > 0) != (is_px > 0)) {
@@ -76,7 +76,8 @@ int engine_lines_follow(struct live_engine *v, struct visit *a, const struct vis
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < v->live_config.zones && i < v->config.zones; i++) {
         const struct sst_zone *z = &v->config.zone[i];
-        const int way = z->line ? cross(v, z, &a->line[i], from, &a->last, clear_px) : 0;
+        const int way =
+            z->line ? cross(v, z, &a->line[i], (const struct visit_point *[2]){ from, &a->last }, clear_px) : 0;
 
         if (!way || !is_wanted(z, label, &a->last, way))
             continue;

@@ -251,12 +251,12 @@ static int new_job(struct sst_storage *s, enum store_kind kind, struct store_job
 static int submit(struct sst_storage *s, struct store_job *job, char *name)
 {
     const int64_t until_ns = sst_clock_now_ns() + SST_STORE_ANSWER_MS * INT64_C(1000000);
-    const enum store_kind kind = job->entry.kind;
     int err = -EEXIST;
     bool done;
 
+    job->entry.from_ns = job->wall_ns;
     for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++)
-        err = store_reserve(s, kind, job->wall_ns, attempt, "", &job->entry);
+        err = store_reserve(s, attempt, &job->entry);
     if (err) {
         free_job(s, job);
         return err == -EEXIST ? -EBUSY : err;
@@ -348,7 +348,8 @@ static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
     }
 }
 
-/* The recording of this name, or the nearest to the moment; a full one before a reduced one. @return its distance from it; INT64_MAX: none */
+/* The recording of this name, or the nearest to the moment; a full one before a reduced one. @return its distance from
+ * it; INT64_MAX: none */
 static int64_t find_recording(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
 {
     int64_t best = INT64_MAX;

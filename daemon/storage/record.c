@@ -197,7 +197,9 @@ static int make_folder(struct active *a, int64_t wall_ns, const char *why)
     int err = -EEXIST;
 
     for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++) {
-        err = store_reserve(s, SST_STORE_RECORDING, wall_ns, attempt, why, &a->entry);
+        a->entry = (struct store_entry){ .kind = SST_STORE_RECORDING, .from_ns = wall_ns };
+        snprintf(a->entry.why, sizeof(a->entry.why), "%s", why);
+        err = store_reserve(s, attempt, &a->entry);
         if (err)
             continue;
         err = sst_path_join(a->dir, s->folder[SST_STORE_RECORDING], a->entry.name);
@@ -475,8 +477,8 @@ static bool must_wait(struct sst_storage *s, const struct sst_frameset *set)
     bool wait;
 
     pthread_mutex_lock(&s->lock);
-    wait =
-        l->quota_bytes && s->used_bytes + cost(set) > l->quota_bytes && s->used_bytes > l->quota_bytes - l->margin_bytes;
+    wait = l->quota_bytes && s->used_bytes + cost(set) > l->quota_bytes &&
+           s->used_bytes > l->quota_bytes - l->margin_bytes;
     s->waiting_bytes = wait ? cost(set) : 0;
     if (wait || (l->quota_bytes && s->used_bytes > l->quota_bytes - l->margin_bytes))
         pthread_cond_broadcast(&s->wake);

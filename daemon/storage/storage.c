@@ -142,8 +142,8 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
         for (int k = 0; k < s->event_triggers.count; k++) {
             const struct event_trigger *from = &s->event_triggers.list[k];
 
-            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && to->visit == from->visit && (from->active || from->reported) &&
-                !to->active && !to->reported)
+            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && to->visit == from->visit &&
+                (from->active || from->reported) && !to->active && !to->reported)
                 event_trigger_continue(to, from);
         }
     }
@@ -159,7 +159,10 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
 void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
     snprintf(out, SST_STORE_WHY, "%s%.63s%s%.31s", w->visit ? w->label[0] ? "visit of " : "visit" : "",
-             w->label[0] ? w->label : w->visit ? "" : "motion", w->zone[0] ? " in " : "", w->zone);
+             w->label[0] ? w->label
+             : w->visit  ? ""
+                         : "motion",
+             w->zone[0] ? " in " : "", w->zone);
 }
 
 static double value_of(const struct event_trigger *w, const struct sst_seen *seen)
@@ -333,20 +336,21 @@ int64_t store_used_locked(const struct sst_storage *s)
     return used;
 }
 
-int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, int attempt, const char *why,
-                  struct store_entry *out)
+int store_reserve(struct sst_storage *s, int attempt, struct store_entry *entry)
 {
-    struct store_entry made = { .kind = kind, .stage = SST_STORE_ACTIVE, .from_ns = wall_ns, .to_ns = wall_ns };
+    struct store_entry made = {
+        .kind = entry->kind, .stage = SST_STORE_ACTIVE, .from_ns = entry->from_ns, .to_ns = entry->from_ns
+    };
     int err;
 
-    store_name(made.name, kind, wall_ns, attempt);
-    snprintf(made.why, sizeof(made.why), "%s", why);
+    store_name(made.name, made.kind, made.from_ns, attempt);
+    memcpy(made.why, entry->why, sizeof(made.why));
     pthread_mutex_lock(&s->lock);
     made.order = s->catalog.order + 1;
     err = catalog_find(&s->catalog, made.name) ? -EEXIST : catalog_add(&s->catalog, &made);
     pthread_mutex_unlock(&s->lock);
     if (!err)
-        *out = made;
+        *entry = made;
     return err;
 }
 

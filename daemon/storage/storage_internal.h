@@ -297,10 +297,11 @@ void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy);
 /** The result of a call that needs the disk: 0, or why it is refused now: -ENOSPC, -EROFS, -EBUSY, -EIO. */
 int store_refusal_locked(const struct sst_storage *s);
 
-/** Add an ACTIVE entry with a new name to the catalog. @param attempt  from 1 @return 0, -EEXIST
+/** Add an ACTIVE entry with a new name to the catalog. @param attempt  from 1 @param entry  in: kind, from_ns, why;
+ * out: all
+ *  @return 0, -EEXIST
  * (another attempt may do), -ENOMEM */
-SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, int attempt,
-                                 const char *why, struct store_entry *out);
+SST_MUST_CHECK int store_reserve(struct sst_storage *s, int attempt, struct store_entry *entry);
 /** Remove an entry from disk and catalog because of the limits. sst-retention only. @return 0 or -errno: it stays, as
  *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);

@@ -62,24 +62,26 @@ static int64_t size_of(const char *dir, int file)
 
 static int add_sets(struct video *v, const struct sst_recording *r, int cam)
 {
-    int64_t wall_ns, segment_bytes = -1;
-    struct sst_recording_frame f;
-    int segment, last = -1, err = 0;
+    int64_t segment_bytes = -1;
+    int last = -1, err = 0;
 
     for (int i = 0; !err && i < sst_recording_sets(r); i++) {
-        err = sst_recording_frame_of(r, i, cam, &segment, &wall_ns, &f);
+        struct sst_recording_one one;
+        const struct sst_recording_frame *f = &one.frame;
+
+        err = sst_recording_frame_of(r, i, cam, &one);
         if (err == -EBADMSG) { /* a damaged line: one set less */
             err = 0;
             continue;
         }
-        if (err || !f.present || !f.bytes || segment < 0 || f.faults & SST_FRAME_PARTS) /* parts are no pictures */
+        if (err || !f->present || !f->bytes || one.segment < 0 || f->faults & SST_FRAME_PARTS) /* no pictures */
             continue;
-        if (segment != last)
-            segment_bytes = size_of(v->dir, segment); /* frames of one that is missing are left out */
-        last = segment;
-        if (f.offset < 0 || f.bytes > INT32_MAX || (int64_t)f.bytes > segment_bytes - f.offset)
+        if (one.segment != last)
+            segment_bytes = size_of(v->dir, one.segment); /* frames of one that is missing are left out */
+        last = one.segment;
+        if (f->offset < 0 || f->bytes > INT32_MAX || (int64_t)f->bytes > segment_bytes - f->offset)
             continue;
-        err = add_frame(v, (struct sst_mkv_frame){ f.t_ns, f.offset, (uint32_t)f.bytes, segment }, wall_ns);
+        err = add_frame(v, (struct sst_mkv_frame){ f->t_ns, f->offset, (uint32_t)f->bytes, one.segment }, one.wall_ns);
     }
     return err;
 }
@@ -265,7 +267,7 @@ int video_write(struct video *v, int fd, video_ended_fn *ended, void *arg)
 
     v->format.title = v->title;
     v->format.track = v->track;
-    err = sst_mkv_write(fd, &v->format, v->frame, v->count, read_frame, &s);
+    err = sst_mkv_write(fd, &v->format, &(struct sst_mkv_frames){ v->frame, v->count, read_frame, &s });
     if (s.fd >= 0)
         close(s.fd);
     return err;

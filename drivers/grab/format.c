@@ -31,10 +31,10 @@ static bool size_at(int fd, uint32_t fourcc, uint32_t index, struct v4l2_frmsize
     return index < SIZES_MAX && !node_ioctl(fd, VIDIOC_ENUM_FRAMESIZES, s);
 }
 
-static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t index, struct v4l2_frmivalenum *v)
+static bool interval_at(int fd, const struct sst_grab_config *cfg, uint32_t index, struct v4l2_frmivalenum *v)
 {
     *v = (struct v4l2_frmivalenum){
-        .index = index, .pixel_format = fourcc, .width = (uint32_t)width, .height = (uint32_t)height
+        .index = index, .pixel_format = cfg->fourcc, .width = (uint32_t)cfg->width, .height = (uint32_t)cfg->height
     };
     return index < RATES_MAX && !node_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, v);
 }
@@ -103,7 +103,7 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
     struct v4l2_frmivalenum v;
     double best = 0;
 
-    for (uint32_t i = 0; interval_at(fd, cfg->fourcc, cfg->width, cfg->height, i, &v); i++) {
+    for (uint32_t i = 0; interval_at(fd, cfg, i, &v); i++) {
         const bool discrete = v.type == V4L2_FRMIVAL_TYPE_DISCRETE;
         const double rate =
             discrete ? hz(v.discrete) : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
@@ -148,10 +148,11 @@ bool field_fits(uint32_t field)
 
 static int refuse_field(const struct sst_grab_config *cfg, uint32_t field, char *why, size_t size)
 {
-    sst_text_add(why, size,
-                 "at %dx%d its pictures are made of fields (%s), and only whole (progressive) pictures can be used; set "
-                 "cameras: width and height, or another input or mode of the device",
-                 cfg->width, cfg->height, field_name(field));
+    sst_text_add(
+        why, size,
+        "at %dx%d its pictures are made of fields (%s), and only whole (progressive) pictures can be used; set "
+        "cameras: width and height, or another input or mode of the device",
+        cfg->width, cfg->height, field_name(field));
     return -EINVAL;
 }
 
@@ -217,8 +218,10 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct pictur
     if (!field_fits(got->field) && (int)got->width == cfg->width && (int)got->height == cfg->height)
         return refuse_field(cfg, got->field, why, size);
     if (got->planes != 1) {
-        sst_text_add(why, size, "its %s pictures come in %u planes of memory, and only those in one can be used; set "
-                                "cameras: format", want, got->planes);
+        sst_text_add(why, size,
+                     "its %s pictures come in %u planes of memory, and only those in one can be used; set "
+                     "cameras: format",
+                     want, got->planes);
         return -EINVAL;
     }
     nearest_size(fd, got->fourcc, cfg, best, sizes, sizeof(sizes));
@@ -285,7 +288,8 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
         return err;
     got = err ? before : hz(c->timeperframe);
     if (err && !before) { /* its rate is unknown: it may be the right one */
-        sst_text_add(why, size, "its driver does not set the rate (%s), %.4g Hz is ignored", strerror(-err), cfg->rate_hz);
+        sst_text_add(why, size, "its driver does not set the rate (%s), %.4g Hz is ignored", strerror(-err),
+                     cfg->rate_hz);
         return 0;
     }
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)

@@ -197,8 +197,7 @@ void stamp_begin(struct stamp_clock *clock, int64_t start_ns);
 enum stamp_fault stamp_judge(struct stamp_clock *clock, int64_t stamp_ns, int64_t arrival_ns);
 
 /** "its time stamps are 190.0 s ahead". @param wall_ns  CLOCK_REALTIME at the arrival */
-void stamp_describe(char *out, size_t size, enum stamp_fault fault, int64_t stamp_ns, int64_t arrival_ns,
-                    int64_t wall_ns);
+void stamp_describe(char *out, size_t size, enum stamp_fault fault, const struct sst_frame *f, int64_t wall_ns);
 
 /* --- stream ---
  * one open camera: negotiated, with buffers mapped and lent out as frames. */

@@ -34,12 +34,17 @@ static int nth_of(const struct grab_node *nodes, int i)
     return nth;
 }
 
-/* @param nth  0: any */
-static int find(const struct grab_node *nodes, int count, int from, const char *serial, const char *port, int nth)
+/* A node; NULL, 0: any. */
+struct wanted {
+    const char *serial, *port;
+    int nth;
+};
+
+static int find(const struct grab_node *nodes, int count, int from, struct wanted w)
 {
     for (int i = from; i < count; i++) {
-        if (nodes[i].capture && (!serial || !strcmp(nodes[i].device.serial, serial)) &&
-            (!port || !strcmp(nodes[i].device.port, port)) && (!nth || nth_of(nodes, i) == nth))
+        if (nodes[i].capture && (!w.serial || !strcmp(nodes[i].device.serial, w.serial)) &&
+            (!w.port || !strcmp(nodes[i].device.port, w.port)) && (!w.nth || nth_of(nodes, i) == w.nth))
             return i;
     }
     return -ENODEV;
@@ -52,14 +57,14 @@ static const char *serial_of(const struct grab_node *node)
 
 int grab_match(const struct sst_grab_binding *b, const struct grab_node *nodes, int count, char *why)
 {
-    const int at_port = *b->port ? find(nodes, count, 0, NULL, b->port, b->node) : -ENODEV;
+    const int at_port = *b->port ? find(nodes, count, 0, (struct wanted){ NULL, b->port, b->node }) : -ENODEV;
     int first;
 
     *why = 0;
     if (!*b->serial)
         return at_port;
-    first = find(nodes, count, 0, b->serial, NULL, b->node);
-    for (int i = first; i >= 0; i = find(nodes, count, i + 1, b->serial, NULL, b->node)) {
+    first = find(nodes, count, 0, (struct wanted){ b->serial, NULL, b->node });
+    for (int i = first; i >= 0; i = find(nodes, count, i + 1, (struct wanted){ b->serial, NULL, b->node })) {
         if (!strcmp(nodes[i].device.port, nodes[first].device.port))
             continue;
         snprintf(why, SST_WHY_MAX, "serial %s is claimed by two devices, at port %s and at port %s; bind both by port",

@@ -87,7 +87,7 @@ static void judge_stamp(struct sst_grab *g, struct grab_camera *cam, struct sst_
     char text[SST_WHY_MAX], what[96];
 
     if (cam->clock.foreign && !foreign) {
-        stamp_describe(what, sizeof(what), fault, f->t_ns, f->arrival_ns, sst_clock_wall_ns());
+        stamp_describe(what, sizeof(what), fault, f, sst_clock_wall_ns());
         snprintf(text, sizeof(text),
                  "%s: driver %s uses another clock than it reports; the time of arrival is used instead", what,
                  cam->device.driver);

@@ -4,10 +4,10 @@
 #include "base/clock.h"
 #include "drivers/grab/grab_internal.h"
 
-#define AHEAD_NS     SST_MS          /* granularity of clocks: a stamp is not later than the arrival */
-#define SLACK_NS     (500 * SST_MS)  /* exposure, read-out and transfer take this and three frame periods at most */
-#define PROOF_NS     (2000 * SST_MS) /* stamps that contradict the verdict for so long ... */
-#define PROOF_FRAMES 3               /* ... and on so many frames in a row reverse it */
+#define AHEAD_NS     SST_MS           /* granularity of clocks: a stamp is not later than the arrival */
+#define SLACK_NS     (500 * SST_MS)   /* exposure, read-out and transfer take this and three frame periods at most */
+#define PROOF_NS     (2000 * SST_MS)  /* stamps that contradict the verdict for so long ... */
+#define PROOF_FRAMES 3                /* ... and on so many frames in a row reverse it */
 #define TRIAL_NS     (10000 * SST_MS) /* a foreign clock must be right for so long, twice as long each time ... */
 #define TRIAL_MAX_NS (3600000 * SST_MS)
 #define WALL_NS      (5000 * SST_MS) /* this near to the wall clock stamps are of it */
@@ -63,12 +63,11 @@ enum stamp_fault stamp_judge(struct stamp_clock *c, int64_t stamp_ns, int64_t ar
     return fault;
 }
 
-void stamp_describe(char *out, size_t size, enum stamp_fault fault, int64_t stamp_ns, int64_t arrival_ns,
-                    int64_t wall_ns)
+void stamp_describe(char *out, size_t size, enum stamp_fault fault, const struct sst_frame *f, int64_t wall_ns)
 {
-    const double diff_s = ((double)stamp_ns - (double)arrival_ns) * 1e-9, off_s = diff_s < 0 ? -diff_s : diff_s;
+    const double diff_s = ((double)f->t_ns - (double)f->arrival_ns) * 1e-9, off_s = diff_s < 0 ? -diff_s : diff_s;
 
-    if (llabs(stamp_ns - wall_ns) < WALL_NS)
+    if (llabs(f->t_ns - wall_ns) < WALL_NS)
         snprintf(out, size, "its time stamps are of the wall clock");
     else if (fault == STAMP_REPEATED)
         snprintf(out, size, "its time stamps do not advance");

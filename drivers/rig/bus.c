@@ -279,52 +279,52 @@ static int begin(struct rig_bus *b, int unit)
     return modbus_set_slave(b->ctx, unit) ? -EINVAL : 0;
 }
 
-int rig_bus_read(struct rig_bus *b, int unit, enum rig_table table, int address, int count, uint16_t *out)
+int rig_bus_read(struct rig_bus *b, struct rig_place at, uint16_t *out)
 {
     /* Large enough for any reply. */
     uint16_t words[MODBUS_MAX_READ_REGISTERS + 3] = { 0 };
     uint8_t bits[MODBUS_MAX_READ_BITS] = { 0 };
-    int n = -1, err = begin(b, unit);
+    int n = -1, err = begin(b, at.unit);
 
     if (err)
         return err;
-    switch (table) {
+    switch (at.table) {
     case SST_RIG_HOLDING:
-        n = modbus_read_registers(b->ctx, address, count, words);
+        n = modbus_read_registers(b->ctx, at.address, at.count, words);
         break;
     case SST_RIG_INPUT:
-        n = modbus_read_input_registers(b->ctx, address, count, words);
+        n = modbus_read_input_registers(b->ctx, at.address, at.count, words);
         break;
     case SST_RIG_COIL:
-        n = modbus_read_bits(b->ctx, address, count, bits);
+        n = modbus_read_bits(b->ctx, at.address, at.count, bits);
         break;
     case SST_RIG_DISCRETE:
-        n = modbus_read_input_bits(b->ctx, address, count, bits);
+        n = modbus_read_input_bits(b->ctx, at.address, at.count, bits);
         break;
     }
     err = errno;
     b->last_ns = sst_clock_now_ns();
-    if (n != count)
+    if (n != at.count)
         return request_errno(b, n < 0 ? err : EMBBADDATA);
-    for (int i = 0; i < count; i++)
-        out[i] = table == SST_RIG_COIL || table == SST_RIG_DISCRETE ? bits[i] : words[i];
+    for (int i = 0; i < at.count; i++)
+        out[i] = at.table == SST_RIG_COIL || at.table == SST_RIG_DISCRETE ? bits[i] : words[i];
     return 0;
 }
 
-int rig_bus_write(struct rig_bus *b, int unit, enum rig_table table, int address, int count, const uint16_t *values)
+int rig_bus_write(struct rig_bus *b, struct rig_place at, const uint16_t *values)
 {
-    int n, err = begin(b, unit);
+    int n, err = begin(b, at.unit);
 
     if (err)
         return err;
-    if (table == SST_RIG_COIL)
-        n = modbus_write_bit(b->ctx, address, values[0]);
+    if (at.table == SST_RIG_COIL)
+        n = modbus_write_bit(b->ctx, at.address, values[0]);
     else
-        n = count == 1 ? modbus_write_register(b->ctx, address, values[0])
-                       : modbus_write_registers(b->ctx, address, count, values);
+        n = at.count == 1 ? modbus_write_register(b->ctx, at.address, values[0])
+                          : modbus_write_registers(b->ctx, at.address, at.count, values);
     err = errno;
     b->last_ns = sst_clock_now_ns();
-    return n == count ? 0 : request_errno(b, n < 0 ? err : EMBBADDATA);
+    return n == at.count ? 0 : request_errno(b, n < 0 ? err : EMBBADDATA);
 }
 
 const char *rig_bus_why(const struct rig_bus *b)
@@ -459,14 +459,12 @@ void rig_bus_close(struct rig_bus *b SST_UNUSED)
 {
 }
 
-int rig_bus_read(struct rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum rig_table table SST_UNUSED,
-                 int address SST_UNUSED, int count SST_UNUSED, uint16_t *out SST_UNUSED)
+int rig_bus_read(struct rig_bus *b SST_UNUSED, struct rig_place at SST_UNUSED, uint16_t *out SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-int rig_bus_write(struct rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum rig_table table SST_UNUSED,
-                  int address SST_UNUSED, int count SST_UNUSED, const uint16_t *values SST_UNUSED)
+int rig_bus_write(struct rig_bus *b SST_UNUSED, struct rig_place at SST_UNUSED, const uint16_t *values SST_UNUSED)
 {
     return -ENOSYS;
 }

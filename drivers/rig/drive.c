@@ -68,15 +68,23 @@ static int give_up(struct sst_rig *rig, int a, const char *doing, const char *re
     return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
 }
 
-/* Tries of one request. */
+/* Tries of one request, "reading" or "writing" a register. */
 struct tries {
+    const char *doing, *reg;
     int left, pause_ms;
     int64_t busy_end_ns; /* 0: the drive was not busy yet */
 };
 
-static struct tries tries_of(const struct sst_rig *rig)
+static struct tries tries_of(const struct sst_rig *rig, const char *doing, const struct rig_register *reg)
 {
-    return (struct tries){ .left = rig->hurry ? 0 : rig->cfg.retries, .pause_ms = BUSY_MS };
+    return (struct tries){
+        .doing = doing, .reg = reg->name, .left = rig->hurry ? 0 : rig->cfg.retries, .pause_ms = BUSY_MS
+    };
+}
+
+static struct rig_place place_of(const struct sst_rig *rig, int a, const struct rig_register *reg)
+{
+    return (struct rig_place){ rig->cfg.unit[a], reg->table, reg->address, registers_of(reg) };
 }
 
 static int64_t patience_end_ns(const struct sst_rig *rig)
@@ -85,7 +93,7 @@ static int64_t patience_end_ns(const struct sst_rig *rig)
 }
 
 /* Prepare the retry of a request. @return 0: retry; else the error to give up with */
-static int before_retry(struct sst_rig *rig, int a, struct tries *t, int err, const char *doing, const char *reg)
+static int before_retry(struct sst_rig *rig, int a, struct tries *t, int err)
 {
     int again = 0;
 
@@ -100,7 +108,7 @@ static int before_retry(struct sst_rig *rig, int a, struct tries *t, int err, co
         t->pause_ms = sst_min_int(2 * t->pause_ms, BUSY_MAX_MS);
         return atomic_load(&rig->cancel) ? -ECANCELED : 0;
     }
-    log_fault(rig, a, doing, reg);
+    log_fault(rig, a, t->doing, t->reg);
     if (err != -EHOSTDOWN)
         again = rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, &rig->cancel);
     return again ? again : t->left-- > 0 ? 0 : err;
@@ -109,16 +117,16 @@ static int before_retry(struct sst_rig *rig, int a, struct tries *t, int err, co
 /* As read_words(), without a message of its end. */
 static int try_read(struct sst_rig *rig, int a, const struct rig_register *reg, uint16_t out[2])
 {
-    struct tries t = tries_of(rig);
+    struct tries t = tries_of(rig, "reading", reg);
     int err, again;
 
     do {
-        err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
+        err = rig_bus_read(rig->bus, place_of(rig, a, reg), out);
         if (!err)
             return 0;
         if (err == -EINPROGRESS) /* it takes a while: ask again */
             err = -EAGAIN;
-        again = before_retry(rig, a, &t, err, "reading", reg->name);
+        again = before_retry(rig, a, &t, err);
     } while (!again);
     return again == -ECANCELED || atomic_load(&rig->cancel) ? -ECANCELED : err;
 }
@@ -270,16 +278,16 @@ static int wait_effect(struct sst_rig *rig, int a, const struct rig_step *step, 
 static int write_words(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
 {
     const struct rig_register *reg = &rig->profile.reg[step->reg];
-    struct tries t = tries_of(rig);
+    struct tries t = tries_of(rig, "writing", reg);
     int err, again, there = 0;
 
     do {
-        err = rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
+        err = rig_bus_write(rig->bus, place_of(rig, a, reg), words);
         if (!err)
             return 0;
         if (err == -EINPROGRESS)
             return wait_effect(rig, a, step, words);
-        again = before_retry(rig, a, &t, err, "writing", reg->name);
+        again = before_retry(rig, a, &t, err);
         if (err == -EAGAIN) /* not carried out */
             continue;
         if (!again || again == err)

@@ -131,19 +131,23 @@ SST_MUST_CHECK int rig_bus_open(struct rig_bus **out, const char *bus, int respo
                                 struct sst_rig_counters *count);
 void rig_bus_close(struct rig_bus *bus);
 
+/** Registers or bits of a unit: 1 or 2 registers, or 1 bit (values 0 and 1). */
+struct rig_place {
+    int unit;
+    enum rig_table table;
+    int address, count;
+};
+
 /**
  * One request, tried once. Not logged: rig_bus_why() describes the failure.
  *
- * @param count  1 or 2 registers, or 1 bit (values 0 and 1)
  * @return 0; no valid reply: -ETIMEDOUT, -EBADMSG (garbled, other unit), -ENOTCONN (line lost): call
  *         rig_bus_restore() before the next request; answered by an exception: -EAGAIN (busy: not carried out),
  *         -EINPROGRESS (accepted, takes longer), -EHOSTDOWN (a gateway got no reply of the drive), -EPROTO (unknown
  *         function, register or value), -EREMOTEIO (all others).
  */
-SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
-                                uint16_t *out);
-SST_MUST_CHECK int rig_bus_write(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
-                                 const uint16_t *values);
+SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, struct rig_place at, uint16_t *out);
+SST_MUST_CHECK int rig_bus_write(struct rig_bus *bus, struct rig_place at, const uint16_t *values);
 
 /** Cause of the last failed request, one clause. */
 const char *rig_bus_why(const struct rig_bus *bus);

@@ -133,10 +133,11 @@ static void add_trigger(struct announcement *a, const char *zone, const char *id
         return;
     o = json_pack("{s:s, s:s, s:s, s:s, s:o}", "automation_type", "trigger", "type", type, "subtype",
                   *zone ? zone : "anywhere", "payload", payload, "device", device(a));
-    json_object_set_new(o, "topic", *zone ? json_sprintf("%s/zone/%s/trigger", a->config->mqtt.topic, zone)
-                                          : json_sprintf("%s/visit/trigger", a->config->mqtt.topic));
-    snprintf(topic, sizeof(topic), "%s/device_automation/%s/%s_%s/config", a->config->mqtt.discovery, a->node,
-             id, *zone ? zone : "anywhere_"); /* no zone's name: one may be `anywhere` */
+    json_object_set_new(o, "topic",
+                        *zone ? json_sprintf("%s/zone/%s/trigger", a->config->mqtt.topic, zone)
+                              : json_sprintf("%s/visit/trigger", a->config->mqtt.topic));
+    snprintf(topic, sizeof(topic), "%s/device_automation/%s/%s_%s/config", a->config->mqtt.discovery, a->node, id,
+             *zone ? zone : "anywhere_"); /* no zone's name: one may be `anywhere` */
     m->topic = strdup(topic);
     m->payload = json_dumps(o, JSON_COMPACT);
     a->failed = a->failed || !m->topic || !m->payload;
@@ -144,15 +145,14 @@ static void add_trigger(struct announcement *a, const char *zone, const char *id
     json_decref(o);
 }
 
-/* One entity of a zone. @param topic  with the zone's name for %s */
-static void add_of_zone(struct announcement *a, const char *zone, const char *id, const char *words, const char *topic,
-                        struct entity e)
+/* One entity of a zone; id, name and topic get the zone's name. */
+static void add_of_zone(struct announcement *a, const char *zone, struct entity e)
 {
     char name[96], shown[96], path[96];
 
-    snprintf(name, sizeof(name), "%s_%.31s", id, zone);
-    snprintf(shown, sizeof(shown), "%s %.31s", words, zone);
-    snprintf(path, sizeof(path), "zone/%.31s/%s", zone, topic);
+    snprintf(name, sizeof(name), "%s_%.31s", e.id, zone);
+    snprintf(shown, sizeof(shown), "%s %.31s", e.name, zone);
+    snprintf(path, sizeof(path), "zone/%.31s/%s", zone, e.topic);
     e.id = name;
     e.name = shown;
     e.topic = path;
@@ -161,10 +161,18 @@ static void add_of_zone(struct announcement *a, const char *zone, const char *id
 
 static void add_line(struct announcement *a, const struct sst_zone *z)
 {
-    add_of_zone(a, z->name, "crossed", "Last across", "crossed",
-                (struct entity){ .component = "sensor", .value = LABEL_TEMPLATE, .icon = "mdi:boom-gate", .attributes = true });
+    add_of_zone(a, z->name,
+                (struct entity){ .id = "crossed",
+                                 .name = "Last across",
+                                 .topic = "crossed",
+                                 .component = "sensor",
+                                 .value = LABEL_TEMPLATE,
+                                 .icon = "mdi:boom-gate",
+                                 .attributes = true });
     if (a->config->mqtt.picture_s > 0)
-        add_of_zone(a, z->name, "picture", "Last across", "picture", (struct entity){ .component = "image" });
+        add_of_zone(
+            a, z->name,
+            (struct entity){ .id = "picture", .name = "Last across", .topic = "picture", .component = "image" });
     if (z->direction != SST_LINE_BACKWARD)
         add_trigger(a, z->name, "forward", "crossed_forward", "forward");
     if (z->direction != SST_LINE_FORWARD)
@@ -182,20 +190,37 @@ static void add_zones(struct announcement *a)
             add_line(a, z);
         if (z->mask || z->line)
             continue;
-        add_of_zone(a, z->name, "zone", "Motion", "motion", (struct entity){ .component = "binary_sensor", .class_ = "motion" });
-        add_of_zone(a, z->name, "visited", "Visit", "visited",
-                    (struct entity){ .component = "binary_sensor", .class_ = "occupancy" });
-        add_of_zone(a, z->name, "visit", "Last visit", "visit",
-                    (struct entity){ .component = "sensor", .value = LABEL_TEMPLATE, .icon = "mdi:walk", .attributes = true });
+        add_of_zone(
+            a, z->name,
+            (struct entity){
+                .id = "zone", .name = "Motion", .topic = "motion", .component = "binary_sensor", .class_ = "motion" });
+        add_of_zone(a, z->name,
+                    (struct entity){ .id = "visited",
+                                     .name = "Visit",
+                                     .topic = "visited",
+                                     .component = "binary_sensor",
+                                     .class_ = "occupancy" });
+        add_of_zone(a, z->name,
+                    (struct entity){ .id = "visit",
+                                     .name = "Last visit",
+                                     .topic = "visit",
+                                     .component = "sensor",
+                                     .value = LABEL_TEMPLATE,
+                                     .icon = "mdi:walk",
+                                     .attributes = true });
         if (a->config->mqtt.picture_s > 0)
-            add_of_zone(a, z->name, "picture", "Last visit", "picture", (struct entity){ .component = "image" });
+            add_of_zone(
+                a, z->name,
+                (struct entity){ .id = "picture", .name = "Last visit", .topic = "picture", .component = "image" });
         for (int k = 0; k < n; k++) {
             char id[48], topic[48];
 
             snprintf(id, sizeof(id), "label_%.31s", labels[k]);
             snprintf(topic, sizeof(topic), "label/%.31s", labels[k]);
-            add_of_zone(a, z->name, id, labels[k], topic,
-                        (struct entity){ .component = "binary_sensor", .class_ = "occupancy" });
+            add_of_zone(
+                a, z->name,
+                (struct entity){
+                    .id = id, .name = labels[k], .topic = topic, .component = "binary_sensor", .class_ = "occupancy" });
         }
         add_trigger(a, z->name, "began", "visit_began", "came");
         add_trigger(a, z->name, "ended", "visit_ended", "gone");

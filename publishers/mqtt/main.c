@@ -239,8 +239,9 @@ int main(int argc, char **argv)
         return EXIT_FAILURE;
     sigaction(SIGTERM, &act, NULL); /* first: the service may end at once */
     sigaction(SIGINT, &act, NULL);
-    done = sst_publisher_begin(&m->publisher, m->config, "mqtt",
-                               "Publishes state, events and pictures of sstd at an MQTT broker.", argc, argv);
+    m->publisher = (struct sst_publisher){ .name = "mqtt",
+                                           .what = "Publishes state, events and pictures of sstd at an MQTT broker." };
+    done = sst_publisher_begin(&m->publisher, m->config, argc, argv);
     if (done != SST_PUBLISHER_GO_ON)
         return done;
     mqtt_init(m);

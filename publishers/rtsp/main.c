@@ -206,11 +206,13 @@ static void end(void)
 
 int main(int argc, char **argv)
 {
-    const int done = sst_publisher_begin(&state.publisher, &state.config, "rtsp",
-                                         "Serves the pictures of sstd to video recorders as RTSP streams.", argc, argv);
     sigset_t signals;
-    int sig;
+    int sig, done;
 
+    state.publisher =
+        (struct sst_publisher){ .name = "rtsp",
+                                .what = "Serves the pictures of sstd to video recorders as RTSP streams." };
+    done = sst_publisher_begin(&state.publisher, &state.config, argc, argv);
     if (done != SST_PUBLISHER_GO_ON)
         return done;
     state.argv = argv;

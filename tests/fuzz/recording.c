@@ -131,15 +131,15 @@ static void write_files(int which, const uint8_t *data, size_t size)
 static void read_all(const struct sst_recording *r)
 {
     const int n = sst_recording_sets(r);
-    int64_t unlisted, wall_ns;
+    int64_t unlisted;
 
     (void)sst_recording_torn_bytes(r);
     (void)sst_recording_unlisted(r, &unlisted);
     for (int i = 0; i < n && i < 50; i++) {
         static struct sst_recording_set set;
-        struct sst_recording_frame frame;
+        struct sst_recording_one one;
         char *line;
-        int cam, segment;
+        int cam;
 
         if (sst_recording_check(r, i, &cam) && (cam < -1 || cam >= SST_CAMERAS_MAX))
             abort();
@@ -153,7 +153,7 @@ static void read_all(const struct sst_recording *r)
 
             if (!sst_recording_picture(r, &set, cam, &data, &size))
                 free(data);
-            if (sst_recording_frame_of(r, i, cam, &segment, &wall_ns, &frame))
+            if (sst_recording_frame_of(r, i, cam, &one))
                 continue;
         }
     }

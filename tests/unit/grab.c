@@ -313,15 +313,20 @@ static void clocks_are_described(void **state SST_UNUSED)
 {
     char out[96];
 
-    stamp_describe(out, sizeof(out), STAMP_AHEAD, 190 * SECOND, 0, 1790000000 * SECOND);
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, &(struct sst_frame){ .t_ns = 190 * SECOND, .arrival_ns = 0 },
+                   1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are 190.0 s ahead");
-    stamp_describe(out, sizeof(out), STAMP_AHEAD, SECOND / 50, 0, 1790000000 * SECOND);
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, &(struct sst_frame){ .t_ns = SECOND / 50, .arrival_ns = 0 },
+                   1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are 0.020 s ahead");
-    stamp_describe(out, sizeof(out), STAMP_BEHIND, -2 * SECOND, 0, 1790000000 * SECOND);
+    stamp_describe(out, sizeof(out), STAMP_BEHIND, &(struct sst_frame){ .t_ns = -2 * SECOND, .arrival_ns = 0 },
+                   1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are 2.0 s behind");
-    stamp_describe(out, sizeof(out), STAMP_REPEATED, -2 * SECOND, 0, 1790000000 * SECOND);
+    stamp_describe(out, sizeof(out), STAMP_REPEATED, &(struct sst_frame){ .t_ns = -2 * SECOND, .arrival_ns = 0 },
+                   1790000000 * SECOND);
     assert_string_equal(out, "its time stamps do not advance");
-    stamp_describe(out, sizeof(out), STAMP_AHEAD, 1790000001 * SECOND, 0, 1790000000 * SECOND);
+    stamp_describe(out, sizeof(out), STAMP_AHEAD, &(struct sst_frame){ .t_ns = 1790000001 * SECOND, .arrival_ns = 0 },
+                   1790000000 * SECOND);
     assert_string_equal(out, "its time stamps are of the wall clock");
 }
 

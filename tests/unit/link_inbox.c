@@ -303,14 +303,13 @@ static int read_set(const struct wire_set *set, const struct wire_frame *frame, 
     const size_t size = WIRE_SET_BYTES + WIRE_FRAME_BYTES + bytes;
     uint8_t *message = calloc(size, 1);
     struct wire_frame got;
-    struct wire_set out;
-    const uint8_t *data;
+    struct wire_set out = { .cameras = 1 };
     int err;
 
     assert_non_null(message);
     wire_put_set(message, set);
     wire_put_frame(message + WIRE_SET_BYTES, frame);
-    err = wire_get_set(message, size, 1, link_frame_most(32, 16), &out, &got, &data);
+    err = wire_get_set(message, size, link_frame_most(32, 16), &out, &got);
     free(message);
     return err;
 }

@@ -110,7 +110,7 @@ static unsigned value_at(struct rig_bus *bus, int address)
     int err = -1;
 
     for (int i = 0; err && i < 100; i++) {
-        err = rig_bus_read(bus, 1, SST_RIG_HOLDING, address, 1, &value);
+        err = rig_bus_read(bus, (struct rig_place){ 1, SST_RIG_HOLDING, address, 1 }, &value);
         if (err)
             assert_int_equal(rig_bus_restore(bus, 1000, &cancel), 0);
     }
@@ -146,7 +146,7 @@ static void a_late_reply_confirms_no_other_write(void **state SST_UNUSED)
     const uint16_t value = 7;
 
     atomic_store(&d.late_ms, 300);
-    assert_int_equal(rig_bus_write(bus, 1, SST_RIG_HOLDING, 5, 1, &value), -ETIMEDOUT);
+    assert_int_equal(rig_bus_write(bus, (struct rig_place){ 1, SST_RIG_HOLDING, 5, 1 }, &value), -ETIMEDOUT);
     assert_int_equal(rig_bus_restore(bus, 1000, &cancel), 0);
     assert_int_equal(value_at(bus, 5), 5); /* the read-back is the register's */
     end(&d, bus);

@@ -358,12 +358,14 @@ static void a_failed_write_is_an_error(void **state)
         frame[i] = (struct sst_mkv_frame){ .t_ns = (int64_t)i * 100 * MS, .bytes = 100000 };
     fd = open("/dev/full", O_RDWR);
     assert_true(fd >= 0);
-    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), -ENOSPC);
+    assert_int_equal(sst_mkv_write(fd, &cfg, &(struct sst_mkv_frames){ frame, ARRAY_LEN(frame), read_zeros, &bad }),
+                     -ENOSPC);
     close(fd);
     fd = open(in(top, "out.mkv"), O_RDWR | O_CREAT, 0600);
-    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), 0);
+    assert_int_equal(sst_mkv_write(fd, &cfg, &(struct sst_mkv_frames){ frame, ARRAY_LEN(frame), read_zeros, &bad }), 0);
     bad = 40;
-    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), -EIO);
+    assert_int_equal(sst_mkv_write(fd, &cfg, &(struct sst_mkv_frames){ frame, ARRAY_LEN(frame), read_zeros, &bad }),
+                     -EIO);
     close(fd);
 }
 #endif
