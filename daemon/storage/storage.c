@@ -17,40 +17,6 @@
 #define GB          1e9
 #define MOVED_SHARE 0.005 /* of the picture: reduced recordings keep a set */
 
-/* --- threads ------------------------------------------------------------------------------------------------------ */
-
-void store_wait_locked(struct sst_storage *s, int ms)
-{
-    (void)sst_cond_wait_until(&s->wake, &s->lock, sst_clock_now_ns() + (int64_t)ms * 1000000);
-}
-
-/* After the deadline waits a little longer, once: on a machine that stood still the time passed without running the
- * thread that is to answer. */
-bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
-{
-    const int64_t now_ns = sst_clock_now_ns();
-
-    if (now_ns >= until_ns)
-        return sst_cond_wait_until(&s->answered, &s->lock, now_ns + SST_STORE_GRACE_NS);
-    (void)sst_cond_wait_until(&s->answered, &s->lock, until_ns);
-    return true;
-}
-
-void store_thread_ends(struct sst_storage *s)
-{
-    pthread_mutex_lock(&s->lock);
-    s->threads--;
-    pthread_cond_broadcast(&s->answered);
-    pthread_mutex_unlock(&s->lock);
-}
-
-void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy)
-{
-    pthread_mutex_lock(&s->lock);
-    *since_ns = busy ? sst_clock_now_ns() : 0;
-    pthread_mutex_unlock(&s->lock);
-}
-
 /* --- settings ----------------------------------------------------------------------------------------------------- */
 
 static int64_t bytes_of(double gb)
@@ -108,18 +74,6 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
     memcpy(s->tracks, tracks, (size_t)array->bound * sizeof(*tracks));
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
-}
-
-struct sst_recorder_track *store_tracks(struct sst_storage *s)
-{
-    struct sst_recorder_track *copy = malloc(SST_CAMERAS_MAX * sizeof(*copy));
-
-    if (copy) {
-        pthread_mutex_lock(&s->lock);
-        memcpy(copy, s->tracks, SST_CAMERAS_MAX * sizeof(*copy));
-        pthread_mutex_unlock(&s->lock);
-    }
-    return copy;
 }
 
 int sst_storage_configure(struct sst_storage *s, const struct sst_config *config)
@@ -262,17 +216,6 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 
 /* --- on demand ---------------------------------------------------------------------------------------------------- */
 
-int store_refusal_locked(const struct sst_storage *s)
-{
-    const int err = s->folder_err ? s->folder_err : s->write_err;
-
-    if (!s->blocked && !s->write_err)
-        return 0;
-    if (!err)
-        return s->limit == SST_TROUBLE_LIMIT ? -ENOSPC : -EIO;
-    return err == -ENOSPC || err == -EROFS || err == -EBUSY ? err : -EIO;
-}
-
 int sst_storage_record(struct sst_storage *s, double seconds, char *name)
 {
     const int64_t now_ns = sst_clock_now_ns(), until_ns = now_ns + SST_STORE_ANSWER_MS * INT64_C(1000000);
@@ -322,35 +265,6 @@ int sst_storage_stop(struct sst_storage *s)
         err = 0;
     }
     pthread_mutex_unlock(&s->lock);
-    return err;
-}
-
-/* --- the catalog -------------------------------------------------------------------------------------------------- */
-
-int64_t store_used_locked(const struct sst_storage *s)
-{
-    int64_t used = s->aside_bytes + video_files_bytes_locked(s);
-
-    for (int i = 0; i < s->catalog.count; i++)
-        used += s->catalog.entry[i].bytes;
-    return used;
-}
-
-int store_reserve(struct sst_storage *s, int attempt, struct store_entry *entry)
-{
-    struct store_entry made = {
-        .kind = entry->kind, .stage = SST_STORE_ACTIVE, .from_ns = entry->from_ns, .to_ns = entry->from_ns
-    };
-    int err;
-
-    store_name(made.name, made.kind, made.from_ns, attempt);
-    memcpy(made.why, entry->why, sizeof(made.why));
-    pthread_mutex_lock(&s->lock);
-    made.order = s->catalog.order + 1;
-    err = catalog_find(&s->catalog, made.name) ? -EEXIST : catalog_add(&s->catalog, &made);
-    pthread_mutex_unlock(&s->lock);
-    if (!err)
-        *entry = made;
     return err;
 }
 

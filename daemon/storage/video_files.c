@@ -29,15 +29,6 @@ void video_files_fini(struct sst_storage *s)
         clear(&s->video[i]);
 }
 
-int64_t video_files_bytes_locked(const struct sst_storage *s)
-{
-    int64_t bytes = 0;
-
-    for (int i = 0; i < SST_DOWNLOADS_MAX; i++)
-        bytes += s->video[i].bytes;
-    return bytes;
-}
-
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
 static bool is_of(const struct video_file *f, const struct store_entry *e, int row, int col)
