@@ -75,12 +75,12 @@ static int serve(struct http_listener *listener, int fd, bool tls)
     /* The first option, so that errors of the others reach our log. */
     listener->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, http_on_request, listener, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_URI_LOG_CALLBACK, http_on_uri, NULL, MHD_OPTION_NOTIFY_CONNECTION,
-        http_on_connection, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
-        clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, listener->local ? 0 : (clients + 3) / 4 * 3,
-        MHD_OPTION_CONNECTION_TIMEOUT, idle_s, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
-        MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
-        MHD_OPTION_END);
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_URI_LOG_CALLBACK,
+        http_on_uri, NULL, MHD_OPTION_NOTIFY_CONNECTION, http_on_connection, listener, MHD_OPTION_UNESCAPE_CALLBACK,
+        unescape, NULL, MHD_OPTION_CONNECTION_LIMIT, clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
+        listener->local ? 0 : (clients + 3) / 4 * 3, MHD_OPTION_CONNECTION_TIMEOUT, idle_s,
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES, MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES,
+        MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure, MHD_OPTION_END);
     http_tls_end(&listener->http->pairs, pair);
     if (listener->daemon)
         return 0;
@@ -255,11 +255,6 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
 int sst_http_port(const struct sst_http *http)
 {
     return atomic_load(&http->port);
-}
-
-void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
-{
-    snprintf(out, HTTP_COOKIE, "sst_%d", sst_http_port(http));
 }
 
 void sst_http_stop(struct sst_http *http)

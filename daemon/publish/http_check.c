@@ -1,66 +1,11 @@
 /* Permission of a request: everything is refused unless the table of routes allows it. */
 #include "daemon/publish/publish_internal.h"
 
-#include <arpa/inet.h>
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/clock.h"
-
-const char *http_query(struct http_request *q, const char *name)
-{
-    return MHD_lookup_connection_value(q->connection, MHD_GET_ARGUMENT_KIND, name);
-}
-
-const char *http_header(struct http_request *q, const char *name)
-{
-    return MHD_lookup_connection_value(q->connection, MHD_HEADER_KIND, name);
-}
-
-static const struct sockaddr *address_of(struct http_request *q)
-{
-    const union MHD_ConnectionInfo *info = MHD_get_connection_info(q->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-
-    return info ? info->client_addr : NULL;
-}
-
-static void name_address(const struct sockaddr *address, char *out, size_t size)
-{
-    char text[INET6_ADDRSTRLEN] = "unknown";
-
-    if (address && address->sa_family == AF_INET)
-        inet_ntop(AF_INET, &((const struct sockaddr_in *)address)->sin_addr, text, sizeof(text));
-    else if (address && address->sa_family == AF_INET6)
-        inet_ntop(AF_INET6, &((const struct sockaddr_in6 *)address)->sin6_addr, text, sizeof(text));
-    snprintf(out, size, "%s", text);
-}
-
-void http_name_peer(struct http_request *q)
-{
-    name_address(address_of(q), q->who, sizeof(q->who));
-}
-
-int http_wrong_token(struct http_request *q, int *retry_s)
-{
-    const struct sst_api *api = q->http->cfg.api;
-    const struct sockaddr *address = address_of(q);
-    uint8_t network[16];
-    bool first = false;
-
-    *retry_s = 0;
-    if (address && !q->local) {
-        sst_brake_network(address, network);
-        *retry_s = sst_brake_wrong(&q->http->auth.brake, network, sst_clock_now_ns(), &first);
-    }
-    q->retry_s = *retry_s;
-    if (first)
-        sst_events_emit(api->events, SST_EVENT_WARNING, "client",
-                        json_pack("{s:s, s:s}", "reason", "wrong tokens", "address", q->who),
-                        "%s sent %d wrong tokens within a minute: further wrong ones are answered 429 for %d s", q->who,
-                        SST_BRAKE_WRONG + 1, *retry_s);
-    return *retry_s ? MHD_HTTP_TOO_MANY_REQUESTS : MHD_HTTP_UNAUTHORIZED;
-}
 
 /* Is a name under which a client of TCP reaches us one of ours? Others belong to a foreign page with a name that leads
  * here. */
@@ -79,13 +24,8 @@ static bool host_is_ours(struct http_request *q, const char *host)
     /* Listening on all addresses: the one that this connection came to. */
     if (getsockname(q->fd, (struct sockaddr *)&at, &size))
         return false;
-    name_address((const struct sockaddr *)&at, own, sizeof(own));
+    http_name_address((const struct sockaddr *)&at, own, sizeof(own));
     return !strcmp(name, own) || (!strncmp(own, "::ffff:", 7) && !strcmp(name, own + 7));
-}
-
-bool http_is_picture(const struct sst_route *route)
-{
-    return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
 }
 
 bool http_is_live(const struct sst_route *route)
@@ -156,10 +96,11 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
     return http_reply_error(q, status,
-                            gave_token ? "that is not the token, or the session has ended; the token is in the file that "
-                                         "web.token_file names"
-                                       : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from the file "
-                                         "that web.token_file names");
+                            gave_token
+                                ? "that is not the token, or the session has ended; the token is in the file that "
+                                  "web.token_file names"
+                                : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from the file "
+                                  "that web.token_file names");
 }
 
 /* Authenticate and authorize. @return -1: allowed; else answered */
@@ -203,7 +144,8 @@ struct form {
 static const char *const single[] = { "Host",          "Content-Length", "Transfer-Encoding",
                                       "Authorization", "Content-Type",   "Origin" };
 
-static enum MHD_Result look_at_header(void *arg, enum MHD_ValueKind kind SST_UNUSED, const char *name, const char *value)
+static enum MHD_Result look_at_header(void *arg, enum MHD_ValueKind kind SST_UNUSED, const char *name,
+                                      const char *value)
 {
     struct form *f = arg;
 
@@ -236,8 +178,8 @@ static const char *ambiguity(struct http_request *q, const char *method, const c
         return "a Content-Length that is no number";
     /* Versions 0.9 leave the line where it was read, and end its words at a NUL that it has. */
     if (!strncmp(MHD_get_version(), "0.9.", 4) && uri_at > method_at && uri_at - method_at <= HTTP_HEADER_MAX &&
-        (uri_at != method_at + strlen(method) + 1 ||
-         (version_at > uri_at && version_at - uri_at <= HTTP_HEADER_MAX && version_at != uri_at + q->link->uri_bytes + 1)))
+        (uri_at != method_at + strlen(method) + 1 || (version_at > uri_at && version_at - uri_at <= HTTP_HEADER_MAX &&
+                                                      version_at != uri_at + q->link->uri_bytes + 1)))
         return "a first line that is more than method, path and version";
     return NULL;
 }

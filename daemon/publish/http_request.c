@@ -7,28 +7,8 @@
 
 #include "base/clock.h"
 
-#define DISCARD_MAX (1 << 20)     /* of a body too large that is read before hanging up, so that the answer arrives */
-#define FLOOD_NS    60000000000LL /* between reports of too many connections */
+#define DISCARD_MAX (1 << 20) /* of a body too large that is read before hanging up, so that the answer arrives */
 #define SECOND_NS   1000000000LL
-
-bool http_crowded(struct http_request *q)
-{
-    struct sst_http *http = q->http;
-    const int64_t now_ns = sst_clock_now_ns();
-    bool report;
-
-    if (atomic_load(&q->listener->clients) <= http->cfg.clients)
-        return false;
-    pthread_mutex_lock(&http->lock);
-    report = !http->flood_ns || now_ns - http->flood_ns > FLOOD_NS;
-    http->flood_ns = report ? now_ns : http->flood_ns;
-    pthread_mutex_unlock(&http->lock);
-    if (report)
-        sst_events_emit(http->cfg.api->events, SST_EVENT_WARNING, "client", json_pack("{s:s}", "reason", "flood"),
-                        "more than %d connections at a time: some were refused; web.clients is the limit",
-                        http->cfg.clients);
-    return true;
-}
 
 /* A client that waits for a picture or an event sends and gets nothing for long: the kernel finds out whether it is
  * still there. */

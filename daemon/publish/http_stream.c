@@ -2,12 +2,10 @@
  *
  * A stream runs on the thread of its connection: it waits for the JPEG slot and writes the shared picture to the socket
  * in pieces. A slow client holds one picture and delays no other; the pictures that it misses are counted. */
-#define _GNU_SOURCE /* POLLRDHUP */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>
 #include <netinet/tcp.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -271,11 +269,4 @@ int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const ch
              (long long)(wall_ns % 1000000000 / 1000));
     http_set(response, "X-Sst-Set", "%llu", (unsigned long long)set);
     return http_reply(q, MHD_HTTP_OK, response);
-}
-
-bool http_peer_gone(int fd)
-{
-    struct pollfd p = { .fd = fd, .events = POLLRDHUP };
-
-    return poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR | POLLNVAL));
 }

@@ -299,6 +299,8 @@ int http_check(struct http_request *q, const char *path, const char *method, con
 /** True for pictures: their token may also be in the query or a password, which allow reading only. */
 bool http_is_picture(const struct sst_route *route);
 
+/** Text of an address, "unknown" without one. */
+void http_name_address(const struct sockaddr *address, char *out, size_t size);
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
 
