@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 
-CHANGED, SLACK, TREE = 4.0, 4, 6.5
+CHANGED, SLACK, TREE = 4.0, 4, 6.0
 WORDS = re.compile(r"\b(?:what|who|whose|whom|those|likewise|that of|of that|of them)\b(?![^.]*\?)", re.I)
 C_LIKE = (".c", ".h", ".cc", ".comp", ".glsl", ".js")
 HASHES = (".py", ".sh")

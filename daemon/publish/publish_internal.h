@@ -158,7 +158,7 @@ void http_auth_fini(struct http_auth *a);
 /** @return SST_ROLE_ANYONE for a wrong token */
 enum sst_role http_auth_token(const struct http_auth *a, const char *token);
 
-/** Role of the peer of a UNIX socket. @param who  out [96], its name for messages */
+/** Role of the peer of a UNIX socket. @param who  out [96], name of the peer for messages */
 enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who);
 
 /* --- certificate and key (http_tls.c) ----------------------------------------------------------------------------- */

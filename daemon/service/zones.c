@@ -38,7 +38,7 @@ static json_t *zone_json(const struct sst_zone *z)
                      z->line, "direction", directions[z->direction]);
 }
 
-/* Differs for other zones: two people who draw do not overwrite each other's. */
+/* Differs for other zones: two clients that draw do not overwrite each other's. */
 static void revision_of(char out[REVISION_MAX], const struct sst_config *c)
 {
     char *text = sst_zones_text(c->zone, c->zones);

@@ -3,7 +3,7 @@
 const TIMEOUT_MS = 10000;
 const STATUS_MS = 4000; // after a longer wait a user would mistake an old picture for a current one
 
-/** Where requests about pictures go: "" for those of now, "/replay" for those of the recording that is played. */
+/** Prefix of requests about pictures: "" for live ones, "/replay" for the recording that is played. */
 export const source = { base: "" };
 
 export class ApiError extends Error {

@@ -39,7 +39,7 @@ let cutBefore = null; // {px: of the live picture}, while a visit is played with
 
 const app = {
   mode: "clear", // or "sst": see-through
-  /** What the wheel, two fingers, plus and minus move. */
+  /** Value moved by the wheel, two fingers, plus and minus. */
   depth: () => (app.mode === "clear" ? app.clear : app.focus),
   /** True while the service has only just found the range of disparities or the cut. */
   settling: () => status?.live?.ready === true && status.live.settling === true,
@@ -125,7 +125,7 @@ const events = new Events((event) => {
 const LEAD_MS = 1500;   // before the moment that is on the card
 const MARGIN_PX = 0.5; // of the cut before a visitor
 const MARGIN = 1.05;
-const MARGIN_HIDDEN = 1.15; // what all views together see is placed less exactly
+const MARGIN_HIDDEN = 1.15; // objects that all views together see are placed less exactly
 
 /** A moment before the picture on the card was taken, when the visitor was fully in view: the point of its way that is nearest to that. */
 function momentOf({ from, path, box: [x0, , x1, y1] }) {
@@ -134,14 +134,14 @@ function momentOf({ from, path, box: [x0, , x1, y1] }) {
   return new Date(Math.max(Date.parse(from) + 1000 * seconds - LEAD_MS, Date.parse(from))).toISOString();
 }
 
-/** Who came is not removed with what stands in front: the cut is just before its nearest point, until the picture is live again. */
+/** A visitor is not removed with the objects in front: the cut is just before its nearest point, until the picture is live again. */
 function keepVisitor({ nearest_px: px, hidden }) {
   if (app.mode !== "clear" || !finite(px)) return;
   cutBefore ??= { px: app.clear.cut_px };
   app.clear.set((hidden ? MARGIN_HIDDEN : MARGIN) * px + MARGIN_PX);
 }
 
-// --- what was picked and moves ---
+// --- picked objects that move ---
 
 let followed = null; // {track, name, px: its last disparity}; null: nothing
 
@@ -356,7 +356,7 @@ async function ask(round) {
   app.stage.explain(explanation());
 }
 
-/** What only the service knows: the disparity of a label that the focus follows, and of what the clear picture consists. */
+/** Values that only the service knows: the disparity of a label that the focus follows, and the parts of the clear picture. */
 async function showView() {
   const clear = app.mode === "clear";
   const follows = !clear && app.view.settings.follow && app.labels.chosen;

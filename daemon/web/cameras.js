@@ -49,7 +49,7 @@ export class Cameras {
           canvas.getContext("2d").drawImage(bitmap, 0, 0);
         }
         bitmap.close();
-      } catch { /* the cell's state says what is wrong */ }
+      } catch { /* the cell's state names the fault */ }
     }
   }
 
@@ -215,7 +215,7 @@ export class Cameras {
   }
 }
 
-/** Fills a <dl>, changing only what differs. */
+/** Fills a <dl>, changing only different entries. */
 export function facts(list, rows) {
   if (list.children.length !== rows.length)
     list.replaceChildren(...rows.map(([name]) => el("div", {}, el("dt", {}, name), el("dd", {}))));

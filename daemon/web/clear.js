@@ -5,7 +5,7 @@ import { $, complain, finite, number, setText, toast } from "/web/ui.js";
 export const NOTHING_PX = 9999; // nearer than anything: a cut that removes nothing
 const HEIGHT = 32; // of the histogram's drawing, which is stretched over the slider
 
-/** Shown beside the clear picture: what the reference camera sees, pixel by pixel. */
+/** Shown beside the clear picture: the reference camera's picture, pixel by pixel. */
 export const CAMERA = { method: "clear", cut_px: NOTHING_PX, remove_label: "", outline: false, tint: false };
 
 export class Clear {
@@ -47,7 +47,7 @@ export class Clear {
     this.show();
   }
 
-  /** Updates from the status; after the focus, whose range it shares. */
+  /** Updates from the status; after the focus, as it shares its range. */
   update(live) {
     this.auto_px = finite(live?.cut_px) ? live.cut_px : NaN;
     const { min_px, max_px, share } = live?.histogram ?? {};
@@ -119,7 +119,7 @@ export class Clear {
     $("histogram-path").setAttribute("d", `M${at(min_px)} ${HEIGHT}L${points.join("L")}L${at(max_px)} ${HEIGHT}Z`);
   }
 
-  /** [figure, the rest]: what the cut is. */
+  /** [figure, the rest]: text of the cut. */
   words() {
     const px = this.now_px();
     if (!this.focus.known()) return ["–", " the depths are not known yet"];

@@ -28,7 +28,7 @@ export class Events {
     for (const name of ["since", "label", "zone"]) $(`events-${name}`).addEventListener("change", () => this.show());
   }
 
-  /** What the filters choose. */
+  /** Events that the filters choose. */
   wants(event) {
     const { label, zone, zones = [] } = event.data ?? {};
     const [since, what, where] = ["since", "label", "zone"].map((name) => $(`events-${name}`).value);

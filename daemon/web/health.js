@@ -28,7 +28,7 @@ function saved(skip, digits, unit) {
   return `${number(skip.skipped_percent)} %, ${error}`;
 }
 
-/** What the live picture's device does, and what the processor. */
+/** Work of the live picture's device, and of the processor. */
 function deviceFacts(device) {
   if (!device) return [["Computed on", "the processor"]];
   const { labels } = device;

@@ -1,4 +1,4 @@
-// What is laid over the picture: labels or depth, with opacity, or a camera as it is.
+// Overlays of the picture: labels or depth, with opacity, or a camera as it is.
 
 import { getBlob, source } from "/web/api.js";
 import { CAMERA } from "/web/clear.js";
@@ -23,7 +23,7 @@ export class Overlays {
     fade();
   }
 
-  /** The camera whose axes are those of the picture. */
+  /** The camera that has the picture's axes. */
   setGrid(rows, cols) {
     this.reference = `r${(rows - 1) >> 1}c${(cols - 1) >> 1}`;
   }

@@ -6,7 +6,7 @@ import { $, complain, finite, icon, session, setText, stopwatch, toast } from "/
 
 const POLL_MS = 500; // and a sign of life: the service closes a recording that no page asks about
 const WAIT_MS = 200; // while a picture is awaited
-const EARLY_MS = 10; // times of the state have fewer digits than those of pictures
+const EARLY_MS = 10; // times of the state have fewer digits than times of pictures
 const LATE_MS = 1000; // of playing, between two states
 const KEPT = "sst-replay";
 
@@ -20,7 +20,7 @@ export class Replay {
     this.onChange = onChange;
     this.onState = onState;
     this.drawn = drawn;
-    this.id = null; // of the service's replay; null: the picture is that of now
+    this.id = null; // of the service's replay; null: the picture is live
     this.state = null;
     this.turn = 0; // of requests
     this.pending = 0;
@@ -197,7 +197,7 @@ export class Replay {
     if (state.computing || !finite(this.first)) this.first = ms(state.time);
     if (other) {
       source.base = "/replay";
-      this.onChange(true); // what is drawn from now on is of the recording
+      this.onChange(true); // pictures drawn from now on are of the recording
     }
     this.settle();
     this.show();

@@ -1,4 +1,4 @@
-// Who is logged in, from where, since when; logging out, and ending the sessions of others.
+// Sessions: addresses and times; logging out, and ending other sessions.
 
 import { get, post } from "/web/api.js";
 import { $, complain, el, localTime, onUse, setText } from "/web/ui.js";

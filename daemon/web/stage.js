@@ -13,7 +13,7 @@ const WHEEL_ZOOM = 0.0025; // octaves per px of wheel
 const KEY_ZOOM = 1.5;
 const CARD_MS = 12000;
 const RING_MS = 1200;
-const SAME_PX = 1.5; // of what stood in front before
+const SAME_PX = 1.5; // of the object in front before
 const OLD_MS = 2500;
 const APART_MS = 1500; // of a recording: pictures that are not of one moment are not compared
 
@@ -39,7 +39,7 @@ export class Stage {
     this.pointers = new Map();
     this.picks = 0;
     this.placed = new Map(); // marks: where they are in the picture
-    this.draws = null; // what taps and drags are meant for while a zone is drawn
+    this.draws = null; // tool of taps and drags while a zone is drawn
     this.zoom = new Zoom(this.frame, () => this.zoomed());
     this.overlays = new Overlays(app);
     this.listen();
@@ -145,7 +145,7 @@ export class Stage {
     event.preventDefault();
   }
 
-  /** Asks about a point of the picture, which a ring marks meanwhile: removes what is there, or focuses on it. */
+  /** Asks about a point of the picture, which a ring marks meanwhile: removes the object there, or focuses on it. */
   async tapAt(x, y, byKey = false) {
     if (this.draws?.tap([x, y])) return;
     const mine = ++this.picks;
@@ -181,7 +181,7 @@ export class Stage {
     if (byKey) $("pick").querySelector("button")?.focus();
   }
 
-  /** What stands in front may have gone since the card was shown: the point is asked about again. */
+  /** The object in front may have gone since the card was shown: the point is asked about again. */
   async focusInFront(x, y, before) {
     const { focus, view } = this.app;
     this.closePick();
@@ -201,7 +201,7 @@ export class Stage {
     }
   }
 
-  /** Marks what the focus follows, at its place now; null: it has gone. */
+  /** Marks the object that the focus follows, at its place now; null: it has gone. */
   showFollowed(track) {
     const ring = $("ring");
     if (!track) {
@@ -277,7 +277,7 @@ export class Stage {
     return focus.metres_px > 0 && px > 0 ? `${focus.metres(px)} away · ${number(px, 1)} px` : `${number(px, 1)} px`;
   }
 
-  /** The ring of what is followed stays. */
+  /** The ring of the followed object stays. */
   closeCard() {
     const held = $("pick").contains(document.activeElement);
     $("pick").hidden = true;
@@ -323,7 +323,7 @@ export class Stage {
     $("compare").addEventListener("click", () => (this.plain ? this.stopCompare() : this.startCompare()));
   }
 
-  /** The right half is what is right of the divider, whatever part of the picture is shown. */
+  /** The right half lies right of the divider, whatever part of the picture is shown. */
   clip() {
     const percent = Number($("divider").getAttribute("aria-valuenow"));
     const [x] = this.zoom.toPicture([percent / 100, 0]);
@@ -374,7 +374,7 @@ export class Stage {
     this.overlays.sourceChanged();
   }
 
-  /** Another mode: what is compared changes with it. */
+  /** Another mode: the compared picture changes with it. */
   setMode(mode) {
     if (this.mode === mode) return;
     this.mode = mode;

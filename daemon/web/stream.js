@@ -28,7 +28,7 @@ async function takeSlot() {
     + "one of them, and this one starts by itself.");
 }
 
-/** Splits a multipart body whose parts have a Content-Length. */
+/** Splits a multipart body of parts with a Content-Length. */
 class Parts {
   constructor() {
     this.data = new Uint8Array(1 << 18);
@@ -161,7 +161,7 @@ export class Stream {
     if (!this.decoding) this.decode();
   }
 
-  /** Decodes one picture at a time; of those that arrive meanwhile the newest is kept. */
+  /** Decodes one picture at a time; the newest that arrives meanwhile is kept. */
   async decode() {
     this.decoding = true;
     while (this.waiting) {

@@ -1,4 +1,4 @@
-// A day as a strip below the picture: what was recorded, who came, what is being played. A click plays that moment.
+// A day as a strip below the picture: recordings, visits, and the moment that is played. A click plays another moment.
 
 import { get } from "/web/api.js";
 import { $, complain, el, finite, setText, toast } from "/web/ui.js";
@@ -194,7 +194,7 @@ export class Timeline {
     this.draw();
   }
 
-  /** What lies in a gap is looked for a moment later, where a visit's recording may begin. */
+  /** A click in a gap looks a moment later, where a visit's recording may begin. */
   async play(at) {
     const recorded = this.recordings.find(({ from, to }) => at >= from - LEAD_MS && at <= to);
     try {

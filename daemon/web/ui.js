@@ -82,7 +82,7 @@ export function onUse(button, action) {
   });
 }
 
-/** Words to choose from, those that were seen so far. */
+/** Words to choose from, seen so far. */
 export function offer(select, words) {
   const there = new Set([...select.options].map((option) => option.value));
   for (const word of new Set(words)) if (!there.has(word)) select.append(el("option", { value: word }, word));

@@ -10,7 +10,7 @@ const PICK_AGAIN_MS = 200;
 export class View {
   /**
    * @param canvas    shows it
-   * @param settings  what differs from the service's defaults; see docs/integrate/api.md
+   * @param settings  differences from the service's defaults; see docs/integrate/api.md
    * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown,
    *                  until "made" (its settings, defaults included)
    */
@@ -140,7 +140,7 @@ export class View {
     this.sending = false;
   }
 
-  /** What the picture shows at a point. */
+  /** Surface of the picture at a point. */
   pick(x, y) {
     return this.retry((address) => get(`${address}/pick?x=${Math.floor(x)}&y=${Math.floor(y)}`));
   }
@@ -150,7 +150,7 @@ export class View {
     return this.retry((address) => post(`${address}/remove`, { x: Math.floor(x), y: Math.floor(y) }));
   }
 
-  /** What moves. */
+  /** Moving objects. */
   async tracks() {
     return (await get(`${source.base}/api/v1/tracks`)).tracks;
   }

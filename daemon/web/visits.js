@@ -1,4 +1,4 @@
-// What came into view and has gone: a card with a picture each, the newest first; one opens large, with its way.
+// Visits: a card with a picture each, the newest first; one opens large, with its way.
 
 import { get, post } from "/web/api.js";
 import { $, complain, duration, el, icon, localTime, number, offer, onUse, setText, storage, toast } from "/web/ui.js";
@@ -51,7 +51,7 @@ export class Visits {
     $("hint-visits").hidden = true;
   }
 
-  /** What the filters of the panel choose. */
+  /** Visits that the filters of the panel choose. */
   wants({ label, zones }) {
     return (!$("visits-label").value || label === $("visits-label").value) && (!$("visits-zone").value || zones.includes($("visits-zone").value));
   }

@@ -146,7 +146,7 @@ export class Zones {
     $("zone-name").focus({ preventScroll: true });
   }
 
-  /** Those of the network, what moves by itself first, and those that the zone has already. */
+  /** Labels of the network, moving objects first, and labels that the zone has already. */
   labels() {
     const all = this.app.labels.all.map((entry) => entry.name);
     return [...new Set([...MOVING.filter((name) => all.includes(name)), ...all, ...this.edited.labels])];
@@ -413,7 +413,7 @@ export class Zones {
     return node;
   }
 
-  /** Puts marks over the picture, and takes those of before away. */
+  /** Puts marks over the picture, and removes earlier ones. */
   reuse(nodes) {
     for (const node of this.marks) this.app.stage.unplace(node);
     this.marks = nodes;
