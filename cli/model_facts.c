@@ -213,11 +213,12 @@ static void add_info(json_t *o, const struct sst_model_info *info)
 
 static int shape_of(json_t *o, struct sst_network *net, int width, int height)
 {
-    int c, w, h, err = sst_network_out_shape(net, width, height, &c, &w, &h);
+    struct sst_shape out;
+    const int err = sst_network_out_shape(net, width, height, &out);
 
     if (!err)
         json_object_update_new(o, json_pack("{s:s, s:[i, i], s:[i, i, i]}", "runner", sst_network_runner(net),
-                                            "runs_at", width, height, "gives", c, w, h));
+                                            "runs_at", width, height, "gives", out.c, out.w, out.h));
     return err;
 }
 

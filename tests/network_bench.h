@@ -76,11 +76,12 @@ static SST_UNUSED int open_model(struct sst_network **net, struct ow_buf *model,
 
 static SST_UNUSED struct image run_net(struct sst_network *net, const struct image *in)
 {
-    struct image out = { 0 };
+    struct sst_shape shape;
+    struct image out;
 
     assert_int_equal(sst_network_in_channels(net), in->c);
-    assert_int_equal(sst_network_out_shape(net, in->w, in->h, &out.c, &out.w, &out.h), 0);
-    out = new_image(out.c, out.h, out.w);
+    assert_int_equal(sst_network_out_shape(net, in->w, in->h, &shape), 0);
+    out = new_image(shape.c, shape.h, shape.w);
     assert_int_equal(sst_network_run(net, in->d, in->w, in->h, out.d), 0);
     return out;
 }

@@ -2,6 +2,11 @@
 
 #include "pipeline/kernels/kernels.h"
 
+struct landed {
+    int i; /* pixel of the block */
+    unsigned landed;
+};
+
 static void bilinear(float colour[3], const struct sst_clear_view *v, float x, float y)
 {
     const int x0 = (int)x, y0 = (int)y;
@@ -18,11 +23,13 @@ static void bilinear(float colour[3], const struct sst_clear_view *v, float x, f
     }
 }
 
-/* Weight of the ray of pixel (x, y), the i-th of the block. */
-static float take(float colour[3], const struct sst_clear_rays *rays, const struct sst_clear_view *v, unsigned landed,
-                  int x, int y, int i)
+/* Weight of the ray of pixel (xy[0], xy[1]), the i-th of the block. */
+static float take(float colour[3], const struct sst_clear_rays *rays, const struct sst_clear_view *v, const float xy[2],
+                  const struct landed *l)
 {
-    const float at_x = (float)x - rays->px[i] * v->bx, at_y = (float)y - rays->px[i] * v->by;
+    const int i = l->i;
+    const unsigned landed = l->landed;
+    const float at_x = xy[0] - rays->px[i] * v->bx, at_y = xy[1] - rays->px[i] * v->by;
 
     if (landed / 2 < rays->first[i] || landed / 2 > rays->last[i] || rays->wanted[i] <= 0 || !(at_x >= 0) ||
         !(at_y >= 0) || at_x > (float)(v->width - 1) || at_y > (float)(v->height - 1))
@@ -39,7 +46,8 @@ int sst_clear_take_ref(struct sst_clear_rays *rays, const struct sst_clear_view 
 
     for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
         float colour[3] = { 0, 0, 0 };
-        const float w = take(colour, rays, v, landed[i], x + i, y, i);
+        const float w =
+            take(colour, rays, v, (const float[]){ (float)(x + i), (float)y }, &(struct landed){ i, landed[i] });
 
         rays->weight[slot][i] = w;
         for (int c = 0; c < 3; c++)

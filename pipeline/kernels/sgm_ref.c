@@ -5,24 +5,32 @@ static unsigned min2(unsigned a, unsigned b)
     return a < b ? a : b;
 }
 
+struct penalties {
+    unsigned p1, p2;
+};
+
 /* One pixel's L from its predecessor's. */
-static void step(uint16_t *cur, const uint16_t *prev, uint16_t *sum, const uint8_t *cost, unsigned p1, unsigned p2,
-                 int first, size_t nd)
+static void step(uint16_t *cur, const uint16_t *prev, const uint8_t *cost, struct penalties p, size_t nd)
 {
     const unsigned prev_min = prev[-2];
     unsigned cur_min = SST_SGM_FAR;
 
     for (size_t d = 0; d < nd; d++) {
-        const unsigned near = min2(prev[(ptrdiff_t)d - 1], prev[d + 1]) + p1;
-        const unsigned best = min2(min2(prev[d], near), prev_min + p2);
+        const unsigned near = min2(prev[(ptrdiff_t)d - 1], prev[d + 1]) + p.p1;
+        const unsigned best = min2(min2(prev[d], near), prev_min + p.p2);
         const unsigned l = cost[d] + best - prev_min;
 
         cur[d] = (uint16_t)l;
-        sum[d] = (uint16_t)(first ? l : sum[d] + l);
         cur_min = min2(cur_min, l);
     }
     cur[-1] = cur[nd] = SST_SGM_FAR;
     cur[-2] = (uint16_t)cur_min;
+}
+
+static void add(uint16_t *sum, const uint16_t *cur, int first, size_t nd)
+{
+    for (size_t d = 0; d < nd; d++)
+        sum[d] = (uint16_t)(first ? cur[d] : sum[d] + cur[d]);
 }
 
 void sst_sgm_across_row_ref(uint16_t *cur, const uint16_t *prev, uint16_t *sum, const uint8_t *cost,
@@ -31,9 +39,13 @@ void sst_sgm_across_row_ref(uint16_t *cur, const uint16_t *prev, uint16_t *sum, 
 {
     const size_t entry = nd + 2 * SST_SGM_PAD;
 
-    for (size_t x = 0; x < n; x++)
-        step(cur + (x + 1) * entry + SST_SGM_PAD, prev + (size_t)((ptrdiff_t)x + 1 + dx) * entry + SST_SGM_PAD,
-             sum + x * nd, cost + x * nd, p1[penalty[x]], p2[penalty[x]], first, nd);
+    for (size_t x = 0; x < n; x++) {
+        uint16_t *at = cur + (x + 1) * entry + SST_SGM_PAD;
+
+        step(at, prev + (size_t)((ptrdiff_t)x + 1 + dx) * entry + SST_SGM_PAD, cost + x * nd,
+             (struct penalties){ p1[penalty[x]], p2[penalty[x]] }, nd);
+        add(sum + x * nd, at, first, nd);
+    }
 }
 
 void sst_sgm_along_rows_ref(uint16_t *line, uint16_t *sum, const uint8_t *cost, size_t stride, const uint8_t *penalty,
@@ -46,9 +58,11 @@ void sst_sgm_along_rows_ref(uint16_t *line, uint16_t *sum, const uint8_t *cost, 
          r++, line += (n + 2) * entry, sum += stride, cost += stride, penalty += penalty_stride) {
         for (size_t i = 0; i < n; i++) {
             const size_t x = dir > 0 ? i : n - 1 - i;
+            uint16_t *at = line + (x + 1) * entry + SST_SGM_PAD;
 
-            step(line + (x + 1) * entry + SST_SGM_PAD, line + (size_t)((ptrdiff_t)x + 1 - dir) * entry + SST_SGM_PAD,
-                 sum + x * nd, cost + x * nd, p1[penalty[x]], p2[penalty[x]], first, nd);
+            step(at, line + (size_t)((ptrdiff_t)x + 1 - dir) * entry + SST_SGM_PAD, cost + x * nd,
+                 (struct penalties){ p1[penalty[x]], p2[penalty[x]] }, nd);
+            add(sum + x * nd, at, first, nd);
         }
     }
 }

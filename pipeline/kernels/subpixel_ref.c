@@ -18,8 +18,9 @@ static float sample(const uint32_t *at, ptrdiff_t stride, float fx, float fy)
     return top + fy * (bottom - top);
 }
 
-static void fit_pixel(float *weight, float *product, int d, const struct sst_subpixel_fit *f, int x, int y)
+static void fit_pixel(float *weight, float *product, int d, const struct sst_subpixel_fit *f, const int xy[2])
 {
+    const int x = xy[0], y = xy[1];
     const uint32_t *own = f->own.pixels + y * f->own.stride + x;
     const float gx = (level(own[1]) - level(own[-1])) * 0.5f;
     const float gy = (level(own[f->own.stride]) - level(own[-f->own.stride])) * 0.5f;
@@ -51,7 +52,7 @@ void sst_subpixel_fit_row_ref(float *weight, float *product, const int32_t *disp
     for (size_t x = 0; x < n; x++) {
         weight[x] = product[x] = 0;
         if (disp[x] < SST_SUBPIXEL_NONE)
-            fit_pixel(&weight[x], &product[x], disp[x], fit, (int)x, y);
+            fit_pixel(&weight[x], &product[x], disp[x], fit, (const int[]){ (int)x, y });
     }
 }
 

@@ -61,14 +61,15 @@ static int open_runner(struct runner *r, const struct bench *b, const char *mode
 static int prepare(struct bench *b, const char *model)
 {
     struct sst_network *net;
-    int channels, width, height, err = sst_network_open(&net, model, SST_PRECISION_AUTO, 1);
+    struct sst_shape out = { 0, 0, 0 };
+    int err = sst_network_open(&net, model, SST_PRECISION_AUTO, 1);
     size_t n;
 
     if (err)
         return err;
-    err = sst_network_out_shape(net, b->width, b->height, &channels, &width, &height);
+    err = sst_network_out_shape(net, b->width, b->height, &out);
     n = (size_t)sst_network_in_channels(net) * (size_t)b->width * (size_t)b->height;
-    b->results = (size_t)channels * (size_t)width * (size_t)height;
+    b->results = (size_t)out.c * (size_t)out.w * (size_t)out.h;
     b->in = sst_mem_alloc_raw(n, sizeof(*b->in));
     for (size_t i = 0; b->in && i < n; i++)
         b->in[i] = (float)(i * 2654435761u % 65536) / 16384 - 2;

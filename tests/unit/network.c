@@ -321,7 +321,8 @@ static void bytes_equal_hand_worked_numbers(void **state SST_UNUSED)
         ow_value(&graph, 12, "y", 2);
         model = ow_model(&graph, 13);
         assert_int_equal(open_model(&net, &model, 1), 0);
-        assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in.d, 3, 1, with_norm ? 127 : 2, out, NULL }), 0);
+        assert_int_equal(
+            sst_network_run_s8(net, &(struct sst_network_bytes){ in.d, 3, 1, with_norm ? 127 : 2, out, NULL }), 0);
         assert_memory_equal(out, want[!with_norm], sizeof(out));
         sst_network_close(net);
         free(a.p);
@@ -334,7 +335,7 @@ static void impossible_sizes_are_refused(void **state SST_UNUSED)
     float *w = random_floats(3 * 75);
     struct ow_buf graph = { 0 }, model;
     struct sst_network *net;
-    int a = -1, b = -1, d = -1;
+    struct sst_shape out = { -1, -1, -1 };
 
     ow_floats(&graph, "w", w, 3, 3, 5, 5);
     ow_conv(&graph, &c, "x w", "y");
@@ -343,12 +344,12 @@ static void impossible_sizes_are_refused(void **state SST_UNUSED)
     model = ow_model(&graph, 11);
     assert_int_equal(open_model(&net, &model, 1), 0);
     sst_log_set_level(SST_LOG_ERROR);
-    assert_int_equal(sst_network_out_shape(net, 4, 100, &a, &b, &d), -EINVAL);
-    assert_int_equal(sst_network_out_shape(net, 0, 5, &a, &b, &d), -EINVAL);
-    assert_int_equal(sst_network_out_shape(net, 1 << 20, 1 << 20, &a, &b, &d), -EINVAL);
-    assert_true(a == -1 && b == -1 && d == -1);
-    assert_int_equal(sst_network_out_shape(net, 5, 6, &a, &b, &d), 0);
-    assert_true(a == 3 && b == 1 && d == 2);
+    assert_int_equal(sst_network_out_shape(net, 4, 100, &out), -EINVAL);
+    assert_int_equal(sst_network_out_shape(net, 0, 5, &out), -EINVAL);
+    assert_int_equal(sst_network_out_shape(net, 1 << 20, 1 << 20, &out), -EINVAL);
+    assert_true(out.c == -1 && out.w == -1 && out.h == -1);
+    assert_int_equal(sst_network_out_shape(net, 5, 6, &out), 0);
+    assert_true(out.c == 3 && out.w == 1 && out.h == 2);
     sst_network_close(net);
     free(w);
 }

@@ -123,7 +123,8 @@ static int find_radius(const struct sst_network *net, int *radius)
 
 int sst_descriptor_check_network(struct sst_network *net, const char *name, int width, int height)
 {
-    int channels, out_w, out_h, radius, err;
+    struct sst_shape out;
+    int radius, err;
 
     if (sst_network_in_channels(net) != 1) {
         sst_log_error(
@@ -139,12 +140,12 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
         return err;
     }
     height = sst_disparity_feature_bands(height, radius).height;
-    err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
-    if (err || (channels == SST_FEATURE_CHANNELS && out_w == width && out_h == height))
+    err = sst_network_out_shape(net, width, height, &out);
+    if (err || (out.c == SST_FEATURE_CHANNELS && out.w == width && out.h == height))
         return err;
     sst_log_error("%s is not a matching network: it outputs %d channels of %dx%d for a view of %dx%d, not %d of the "
                   "same size; choose another --mccnn-model",
-                  name, channels, out_w, out_h, width, height, SST_FEATURE_CHANNELS);
+                  name, out.c, out.w, out.h, width, height, SST_FEATURE_CHANNELS);
     return -EBADMSG;
 }
 
@@ -224,8 +225,8 @@ static int make_band(struct bands *b, int i, bool *kept)
         k->level = b->level;
         k->kept = false;
     }
-    err = sst_network_run_s8(b->net, &(struct sst_network_bytes){
-                                         b->in, desc->width, b->cut.height, SST_FEATURE_ONE, b->out, k ? &device : &cpu });
+    err = sst_network_run_s8(b->net, &(struct sst_network_bytes){ b->in, desc->width, b->cut.height, SST_FEATURE_ONE,
+                                                                  b->out, k ? &device : &cpu });
     *kept = k && k->kept;
     if (err || *kept)
         return err;

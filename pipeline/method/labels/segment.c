@@ -40,8 +40,9 @@ static int check_shape(struct sst_segmenter *seg)
     struct sst_model_info *info = &seg->info;
     const int in = sst_network_in_channels(seg->net), listed = info->channels - info->background;
     const char *op;
+    struct sst_shape out;
     bool logarithm;
-    int c, w, h, err;
+    int c, err;
 
     if (in != 3 && in != 1) {
         sst_log_error("model %s takes %d channels, neither the 3 of a colour image nor 1 of a grey one; use a"
@@ -49,9 +50,10 @@ static int check_shape(struct sst_segmenter *seg)
                       seg->path, in);
         return -EBADMSG;
     }
-    err = sst_network_out_shape(seg->net, info->width, info->height, &c, &w, &h);
+    err = sst_network_out_shape(seg->net, info->width, info->height, &out);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
+    c = out.c;
     if (c == 1 && listed == 2) {
         info->background = true; /* named first */
     } else if (c != listed) {
@@ -66,10 +68,10 @@ static int check_shape(struct sst_segmenter *seg)
                       seg->path, op);
         return -EBADMSG;
     }
-    if (!covers(info->width, info->height, w, h)) {
+    if (!covers(info->width, info->height, out.w, out.h)) {
         sst_log_error("model %s gives %dx%d results for an image of %dx%d, which do not match its pixels; use a"
                       " segmentation network",
-                      seg->path, w, h, info->width, info->height);
+                      seg->path, out.w, out.h, info->width, info->height);
         return -EBADMSG;
     }
     return 0;
@@ -187,27 +189,29 @@ static int plan_windows(struct working *w, struct sst_segmenter *seg)
 {
     const int width = sst_min_int(w->width, seg->info.width / UNIT * UNIT);
     const int height = sst_min_int(w->height, seg->info.height / UNIT * UNIT);
-    int channels, x, y, err = sst_network_out_shape(seg->net, width, height, &channels, &x, &y);
+    struct sst_shape out;
+    const int err = sst_network_out_shape(seg->net, width, height, &out);
 
     if (err)
         return err;
-    if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
+    if (UNIT * out.w % width || UNIT * out.h % height || seg->info.fixed_size) {
         sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is processed as a whole",
-                        seg->path, width, height, x, y);
+                        seg->path, width, height, out.w, out.h);
         return 0;
     }
     w->window_width = width;
     w->window_height = height;
-    w->out_width = x;
-    w->out_height = y;
-    w->across = tiles_plan(w->width / UNIT * (UNIT * x / width), x, UNIT * x / width);
-    w->down = tiles_plan(w->height / UNIT * (UNIT * y / height), y, UNIT * y / height);
+    w->out_width = out.w;
+    w->out_height = out.h;
+    w->across = tiles_plan(w->width / UNIT * (UNIT * out.w / width), out.w, UNIT * out.w / width);
+    w->down = tiles_plan(w->height / UNIT * (UNIT * out.h / height), out.h, UNIT * out.h / height);
     return 0;
 }
 
 static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_image *img)
 {
-    int channels, err;
+    struct sst_shape out;
+    int err;
 
     working_size(w, seg, img);
     if (seg->cfg.windows) {
@@ -217,10 +221,14 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     }
     w->window_width = w->width;
     w->window_height = w->height;
-    err = sst_network_out_shape(seg->net, w->width, w->height, &channels, &w->out_width, &w->out_height);
+    err = sst_network_out_shape(seg->net, w->width, w->height, &out);
+    if (err)
+        return err;
+    w->out_width = out.w;
+    w->out_height = out.h;
     w->across = tiles_plan(w->out_width, w->out_width, 1);
     w->down = tiles_plan(w->out_height, w->out_height, 1);
-    return err;
+    return 0;
 }
 
 /* The values of a cell, one for each channel; of one channel alone also its rest, the background. */

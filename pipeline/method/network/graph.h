@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 
+#include "pipeline/method/network/network.h"
 #include "pipeline/method/network/onnx.h"
 
 enum sst_op_kind {
@@ -77,10 +78,6 @@ struct sst_graph {
 SST_MUST_CHECK int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const char *name,
                                    char why[256]);
 void sst_graph_fini(struct sst_graph *graph);
-
-struct sst_shape {
-    int c, h, w;
-};
 
 /**
  * Shapes of all values for an input size.

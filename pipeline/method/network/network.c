@@ -401,17 +401,16 @@ bool sst_network_accepts(const struct sst_network *net, int width, int height)
     return ok;
 }
 
-static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
-                      struct sst_shape *out)
+/* @param result  out, of the shape net->out, which is set; owner: net */
+static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result)
 {
-    const int in_shape[3] = { net->in_channels, height, width };
+    const struct cv_net_input input = { in, { net->in_channels, height, width }, net->threads };
     char why[256] = "";
     int shape[3], err;
 
     if (net->device)
         net_device_note_cpu(net->device, "OpenCV runs the network");
-    err = cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
-
+    err = cv_net_run(net->cv, &input, result, shape, why);
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
                       height);
@@ -419,7 +418,7 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
         sst_log_error("model %s: OpenCV cannot run it on an image of %d x %d (%s); use another size or model",
                       net->path, width, height, why);
     else
-        *out = (struct sst_shape){ shape[0], shape[1], shape[2] };
+        net->out = (struct sst_shape){ shape[0], shape[1], shape[2] };
     return err;
 }
 
@@ -428,7 +427,7 @@ static int plan_opencv(struct sst_network *net, int width, int height)
 {
     float *in = calloc((size_t)net->in_channels * (size_t)width, (size_t)height * sizeof(*in));
     const float *result;
-    int err = in ? run_opencv(net, in, width, height, &result, &net->out) : -ENOMEM;
+    int err = in ? run_opencv(net, in, width, height, &result) : -ENOMEM;
 
     free(in);
     return err;
@@ -460,17 +459,13 @@ static int plan(struct sst_network *net, int width, int height)
     return 0;
 }
 
-int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels, int *out_width,
-                          int *out_height)
+int sst_network_out_shape(struct sst_network *net, int width, int height, struct sst_shape *out)
 {
-    int err = plan(net, width, height);
+    const int err = plan(net, width, height);
 
-    if (err)
-        return err;
-    *out_channels = net->out.c;
-    *out_width = net->out.w;
-    *out_height = net->out.h;
-    return 0;
+    if (!err)
+        *out = net->out;
+    return err;
 }
 
 int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out)
@@ -480,10 +475,9 @@ int sst_network_run(struct sst_network *net, const float *in, int width, int hei
     if (err)
         return err;
     if (net->cv) {
-        struct sst_shape shape;
         const float *result;
 
-        err = run_opencv(net, in, width, height, &result, &shape);
+        err = run_opencv(net, in, width, height, &result);
         if (!err)
             memcpy(out, result, (size_t)net->out.c * (size_t)net->out.h * (size_t)net->out.w * sizeof(*out));
         return err;

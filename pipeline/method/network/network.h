@@ -8,6 +8,10 @@
 
 struct sst_network; /* one thread at a time */
 
+struct sst_shape {
+    int c, h, w; /* channels, height, width */
+};
+
 /** Numbers that a network computes with. */
 enum sst_precision {
     SST_PRECISION_AUTO = 0, /* 8 bits where the file has ranges for them and the processor VNNI, else floats */
@@ -78,8 +82,7 @@ void sst_network_in_size(const struct sst_network *net, int *width, int *height)
 bool sst_network_accepts(const struct sst_network *net, int width, int height);
 
 /** Shape of the output for an input of width x height; plans memory and primitives for that size on first use. */
-SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels,
-                                         int *out_width, int *out_height);
+SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int height, struct sst_shape *out);
 
 /**
  * Run once.

@@ -351,24 +351,35 @@ int64_t sst_onnx_attr_int(const struct sst_onnx_node *node, const char *name, in
 
 /* --- nodes, values, the whole --------------------------------------------------------------------- */
 
-/* Make room for one more in a table that doubles; NULL (logged) at its limit or without memory. */
-static void *add(void **table, int *count, int limit, size_t size, const char *what, const char *name, int *err)
+/* A table that doubles. */
+struct table {
+    void **rows;
+    int *count, limit;
+    size_t size;      /* of a row */
+    const char *what; /* its rows are */
+};
+
+/* Make room for one more; NULL (logged) at its limit or without memory. */
+static void *add(const struct table *t, const char *name, int *err)
 {
-    if (*count == limit) {
-        sst_log_error("model %s: more than %d %s; larger networks are refused", name, limit, what);
+    const int count = *t->count;
+
+    if (count == t->limit) {
+        sst_log_error("model %s: more than %d %s; larger networks are refused", name, t->limit, t->what);
         *err = -EBADMSG;
         return NULL;
     }
-    if (!(*count & (*count - 1))) { /* 0 or a power of two: full */
-        void *p = realloc(*table, (size_t)(*count ? 2 * *count : 1) * size);
+    if (!(count & (count - 1))) { /* 0 or a power of two: full */
+        void *p = realloc(*t->rows, (size_t)(count ? 2 * count : 1) * t->size);
 
         if (!p) {
             *err = -ENOMEM;
             return NULL;
         }
-        *table = p;
+        *t->rows = p;
     }
-    return memset((char *)*table + (size_t)(*count)++ * size, 0, size);
+    ++*t->count;
+    return memset((char *)*t->rows + (size_t)count * t->size, 0, t->size);
 }
 
 static int read_node_attr(struct sst_onnx_str bytes, const char *name)
@@ -401,7 +412,8 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
     struct field f;
     int r, n_attrs = 0, err = 0;
 
-    node = add((void **)&m->nodes, &m->n_nodes, SST_ONNX_MAX_NODES, sizeof(*node), "nodes", name, &err);
+    node =
+        add(&(struct table){ (void **)&m->nodes, &m->n_nodes, SST_ONNX_MAX_NODES, sizeof(*node), "nodes" }, name, &err);
     if (!node)
         return err;
     node->body = bytes;
@@ -492,13 +504,17 @@ static int read_graph(struct sst_onnx *m, struct sst_onnx_str bytes, const char 
         if (f.number == 1) {
             err = read_node(m, f.bytes, name);
         } else if (f.number == 5) {
-            t = add((void **)&m->tensors, &m->n_tensors, SST_ONNX_MAX_TENSORS, sizeof(*t), "constants", name, &err);
+            t = add(
+                &(struct table){ (void **)&m->tensors, &m->n_tensors, SST_ONNX_MAX_TENSORS, sizeof(*t), "constants" },
+                name, &err);
             if (t)
                 err = sst_onnx_tensor_read(t, f.bytes, name);
         } else if (f.number == 11 || f.number == 12) {
             v = f.number == 11
-                    ? add((void **)&m->ins, &m->n_ins, SST_ONNX_MAX_TENSORS, sizeof(*v), "inputs", name, &err)
-                    : add((void **)&m->outs, &m->n_outs, SST_ONNX_MAX_TENSORS, sizeof(*v), "outputs", name, &err);
+                    ? add(&(struct table){ (void **)&m->ins, &m->n_ins, SST_ONNX_MAX_TENSORS, sizeof(*v), "inputs" },
+                          name, &err)
+                    : add(&(struct table){ (void **)&m->outs, &m->n_outs, SST_ONNX_MAX_TENSORS, sizeof(*v), "outputs" },
+                          name, &err);
             if (v)
                 err = read_value(v, f.bytes, name);
         } else if (f.number == 15) {
@@ -515,8 +531,9 @@ static int read_metadata(struct sst_onnx *m, struct sst_onnx_str bytes, const ch
     struct sst_onnx_metadata *meta;
     int err = 0;
 
-    meta = add((void **)&m->metadata, &m->n_metadata, SST_ONNX_MAX_METADATA, sizeof(*meta), "metadata entries", name,
-               &err);
+    meta = add(&(struct table){ (void **)&m->metadata, &m->n_metadata, SST_ONNX_MAX_METADATA, sizeof(*meta),
+                                "metadata entries" },
+               name, &err);
     if (!meta)
         return err;
     meta->key = meta->value = bytes;

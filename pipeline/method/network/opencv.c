@@ -21,8 +21,7 @@ void cv_net_close(struct cv_net *net)
         loaded(net);
 }
 
-int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads, const float **result,
-               int shape[3], char why[256])
+int cv_net_run(struct cv_net *net, const struct cv_net_input *in, const float **result, int shape[3], char why[256])
 {
-    SST_PLUGIN_CALL(LOAD, cv_net_run, net, in, in_shape, threads, result, shape, why);
+    SST_PLUGIN_CALL(LOAD, cv_net_run, net, in, result, shape, why);
 }

@@ -61,14 +61,13 @@ void cv_net_close(struct cv_net *net)
     delete net;
 }
 
-int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads, const float **result,
-                   int shape[3], char why[256])
+int cv_net_run(struct cv_net *net, const struct cv_net_input *in, const float **result, int shape[3], char why[256])
 {
     return guarded(why, [&] {
-        const int dims[4] = { 1, in_shape[0], in_shape[1], in_shape[2] };
-        const cv::Mat blob(4, dims, CV_32F, const_cast<float *>(in)); /* only read */
+        const int dims[4] = { 1, in->shape[0], in->shape[1], in->shape[2] };
+        const cv::Mat blob(4, dims, CV_32F, const_cast<float *>(in->data)); /* only read */
 
-        cv::setNumThreads(threads);
+        cv::setNumThreads(in->threads);
         net->net.setInput(blob);
         net->result = net->net.forward();
         if (net->result.dims != 4 || net->result.size[0] != 1 || net->result.type() != CV_32F ||

@@ -15,14 +15,20 @@ struct cv_net; /* a network in OpenCV's DNN module; one thread at a time */
 SST_MUST_CHECK int cv_net_open(struct cv_net **out, const uint8_t *data, size_t size, char why[256]);
 void cv_net_close(struct cv_net *net);
 
+struct cv_net_input {
+    const float *data;
+    int shape[3]; /* channels, height, width of data */
+    int threads;
+};
+
 /**
- * Run on a [channels][height][width] input; the result stays inside net until the next run.
+ * Run on an input; the result stays inside net until the next run.
  *
  * @param result  out, [shape[0]][shape[1]][shape[2]]; owner: net
  * @param shape   out: channels, height, width
  */
-SST_MUST_CHECK int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads,
-                              const float **result, int shape[3], char why[256]);
+SST_MUST_CHECK int cv_net_run(struct cv_net *net, const struct cv_net_input *in, const float **result, int shape[3],
+                              char why[256]);
 
 SST_EXTERN_C_END
 

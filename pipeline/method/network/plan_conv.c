@@ -67,8 +67,17 @@ static int weights_desc(dnnl_memory_desc_t *md, const struct sst_op *op, dnnl_da
     return net_plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, plain ? dnnl_oihw : dnnl_format_tag_any));
 }
 
-static int conv_desc(struct net_plan *p, const struct sst_op *op, dnnl_alg_kind_t algorithm, dnnl_format_tag_t dst_tag,
-                     const struct quantised *q, dnnl_primitive_desc_t *pd)
+/* A convolution's algorithm, and the layout of its result. */
+struct form {
+    dnnl_alg_kind_t algorithm;
+    dnnl_format_tag_t dst;
+};
+
+static const struct form automatic = { dnnl_convolution_auto, dnnl_format_tag_any },
+                         winograd = { dnnl_convolution_winograd, dnnl_format_tag_any };
+
+static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form form, const struct quantised *q,
+                     dnnl_primitive_desc_t *pd)
 {
     const struct sst_shape out = p->shapes[op->out];
     const dnnl_dims_t strides = { op->stride[0], op->stride[1] }, bias_dims = { op->channels };
@@ -80,14 +89,15 @@ static int conv_desc(struct net_plan *p, const struct sst_op *op, dnnl_alg_kind_
     int err = net_plan_desc(&src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
 
     if (!err)
-        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), dst_tag));
+        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), form.dst));
     if (!err)
         err = weights_desc(&weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
     if (!err)
         err = net_plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
     if (!err)
-        err = net_plan_errno(dnnl_dilated_convolution_forward_desc_init(
-            &desc, dnnl_forward_inference, algorithm, &src, &weights, &bias, &dst, strides, dilation, before, after));
+        err = net_plan_errno(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, form.algorithm,
+                                                                        &src, &weights, &bias, &dst, strides, dilation,
+                                                                        before, after));
     if (!err)
         err = conv_attr(&attr, op, q);
     if (err)
@@ -111,7 +121,7 @@ uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op)
 
     if (op->kind != SST_OP_CONV || net_plan_conv_on_8_bits(p, op) || op->group != 1 || op->group_in < 16 ||
         op->channels < 16 || op->kernel[0] != 3 || op->kernel[1] != 3 ||
-        conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, &not_quantised, &pd))
+        conv_desc(p, op, winograd, &not_quantised, &pd))
         return 0;
     tile = !dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, (void *)&name) && strstr(name, "4x3") ? 4 : 2;
     dnnl_primitive_desc_destroy(pd);
@@ -133,16 +143,16 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 {
     /* Not "auto", which selects Winograd on 8 bits without VNNI: its sums are not exact. */
     if (q->scales)
-        return conv_desc(p, op, dnnl_convolution_direct, dnnl_format_tag_any, q, pd);
+        return conv_desc(p, op, (struct form){ dnnl_convolution_direct, dnnl_format_tag_any }, q, pd);
     if (p->winograd[op - p->graph->ops]) {
         int err;
 
         omp_set_num_threads(p->winograd_threads);
-        err = conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, q, pd);
+        err = conv_desc(p, op, winograd, q, pd);
         omp_set_num_threads(p->threads);
         return err;
     }
-    if (feeds_winograd(p, op->out) && !conv_desc(p, op, dnnl_convolution_auto, dnnl_nChw16c, q, pd)) {
+    if (feeds_winograd(p, op->out) && !conv_desc(p, op, (struct form){ dnnl_convolution_auto, dnnl_nChw16c }, q, pd)) {
         const char *name = NULL;
 
         if (!dnnl_primitive_desc_query(*pd, dnnl_query_impl_info_str, 0, (void *)&name) && strncmp(name, "ref", 3) != 0)
@@ -150,7 +160,7 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
         /* Reference loops, 100 times slower (for example with dilation 8): a reorder is far cheaper. */
         dnnl_primitive_desc_destroy(*pd);
     }
-    return conv_desc(p, op, dnnl_convolution_auto, dnnl_format_tag_any, q, pd);
+    return conv_desc(p, op, automatic, q, pd);
 }
 
 /* --- 8 bits --------------------------------------------------------------------------------------- */

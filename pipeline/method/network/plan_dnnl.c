@@ -153,8 +153,7 @@ int net_plan_in_f32(struct net_plan *p, int value)
 /* --- the other primitives ------------------------------------------------------------------------- */
 
 /* Add the step and result of a primitive whose inputs are set; consumes the description. */
-static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int n_src,
-                  int first_arg)
+static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int first_arg)
 {
     const int dst =
         net_plan_result(p, op->out, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0), p->tensors[src[0]].scale);
@@ -164,7 +163,7 @@ static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_de
         dnnl_primitive_desc_destroy(pd);
         return dst < 0 ? dst : -ENOMEM;
     }
-    for (int i = 0; i < n_src; i++)
+    for (int i = 0; i < op->n_in; i++)
         net_plan_add_arg(s, first_arg + i, src[i], NULL);
     net_plan_add_arg(s, DNNL_ARG_DST, dst, NULL);
     return net_plan_primitive(p, s, pd);
@@ -181,7 +180,7 @@ static int add_relu(struct net_plan *p, const struct sst_op *op)
 
     if (!err)
         err = make_desc(p, &pd, &desc);
-    return err ? err : finish(p, op, pd, &src, 1, DNNL_ARG_SRC);
+    return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 
 static int add_sum(struct net_plan *p, const struct sst_op *op)
@@ -199,7 +198,7 @@ static int add_sum(struct net_plan *p, const struct sst_op *op)
     err = src[1] < 0 ? src[1] : net_plan_errno(dnnl_binary_desc_init(&desc, dnnl_binary_add, &md, &md, &md));
     if (!err)
         err = make_desc(p, &pd, &desc);
-    return err ? err : finish(p, op, pd, src, 2, DNNL_ARG_SRC_0);
+    return err ? err : finish(p, op, pd, src, DNNL_ARG_SRC_0);
 }
 
 /* Input of a concatenation: on 8 bits all use the scale of the result. */
@@ -228,7 +227,7 @@ static int add_concat(struct net_plan *p, const struct sst_op *op)
         return err;
     err = net_plan_errno(dnnl_concat_primitive_desc_create(&pd, NULL, op->n_in, 1, mds, attr, p->engine));
     dnnl_primitive_attr_destroy(attr);
-    return err ? err : finish(p, op, pd, src, op->n_in, DNNL_ARG_MULTIPLE_SRC);
+    return err ? err : finish(p, op, pd, src, DNNL_ARG_MULTIPLE_SRC);
 }
 
 static int add_pool(struct net_plan *p, const struct sst_op *op)
@@ -260,7 +259,7 @@ static int add_pool(struct net_plan *p, const struct sst_op *op)
                                                                before, after));
     if (!err)
         err = make_desc(p, &pd, &desc);
-    return err ? err : finish(p, op, pd, &src, 1, DNNL_ARG_SRC);
+    return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 
 /* --- layers of ops.h ------------------------------------------------------------------------------ */
