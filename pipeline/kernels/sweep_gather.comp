@@ -1,5 +1,5 @@
 // Points of sweeps, seen from a view: their weights by cell and level. An invocation per point. Buffers and constants:
-// pipeline/gpu/sweep.h. Definition: gather() of pipeline/method/disparity/sweep.c.
+// pipeline/gpu/sweep.h. Definition: gather() of pipeline/method/disparity/candidates.c.
 #version 450
 
 layout(local_size_x = 64) in;

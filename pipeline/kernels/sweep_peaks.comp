@@ -1,6 +1,6 @@
 // The heaviest levels of a cell of a view, by the points of the cells around it, and whether the view's map has them
 // there. A group per cell. Buffers and constants: pipeline/gpu/sweep.h. Definition: sst_sweep_candidates() of
-// pipeline/method/disparity/sweep.c.
+// pipeline/method/disparity/candidates.c.
 #version 450
 
 layout(local_size_x = 64) in;

@@ -16,10 +16,6 @@
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Up to this range steps are quarter pixels, up to twice this range half pixels. */
-#define FINE_RANGE_PX 24
-/* Up to this many pixels a view is matched in quarter-pixel phases. */
-#define FINE_PIXELS ((size_t)1200000)
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -126,18 +122,6 @@ static int deliver(void *arg, int view, int worker SST_UNUSED)
 static int steps_of(const struct disparity_run *run)
 {
     return run->range * run->divisor + 1;
-}
-
-int sst_disparity_divisor(int range)
-{
-    /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
-    return range <= FINE_RANGE_PX ? 4 : range <= 2 * FINE_RANGE_PX ? 2 : 1;
-}
-
-int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height)
-{
-    /* Half pixels if the views are so large that 16 phases would need too much memory. */
-    return cfg->phase_step ? cfg->phase_step : (size_t)width * (size_t)height > FINE_PIXELS ? 2 : 1;
 }
 
 /* One worker's: of a whole view, or of a tile. */

@@ -109,6 +109,8 @@ SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);
 void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
                              const struct sst_gpu_background *push);
 
+/* --- carry.c --- */
+
 /** What carrying would do to the reference view (sst_disparity_carry_error()), if that is one of the matched ones; else
  *  NAN. @return 0 or -errno */
 SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,

@@ -1,4 +1,4 @@
-/* Steps of a run after its passes: check, filling, background; and measurements that one process does for all. */
+/* Steps of a run after its passes: check, filling, background. */
 #include <math.h>
 #include <string.h>
 
@@ -247,42 +247,4 @@ int run_fill_background(struct disparity_run *run, int threads)
     how.share = NULL; /* less work than to exchange it */
     return sst_run(run->cfg->share ? NULL : disparity_device_user(run->cfg->device), &disparity_background_step, run,
                    run->lf->rows * run->lf->cols, &how);
-}
-
-/* --- measurements ---------------------------------------------------------------------------------------------------
- */
-
-/* What one process measures for all. */
-struct measured {
-    struct disparity_run *run;
-    const struct sst_visible_views *in;
-    struct sst_map_u8 *status; /* or NULL */
-    double error;
-};
-
-static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
-{
-    struct measured *m = arg;
-
-    sst_share_add_values(out, &m->error, sizeof(m->error));
-}
-
-static int measure_carrying(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
-{
-    struct measured *m = arg;
-
-    return sst_disparity_carry_error(m->in, m->status, m->run->lf->ref_view, &m->error);
-}
-
-int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in, struct sst_map_u8 *status,
-                       double *error)
-{
-    struct measured m = { run, in, status, NAN };
-    const int ref = run->lf->ref_view;
-    int err = 0;
-
-    if (run->lf->views[ref].present && !run->carried[ref])
-        err = sst_share_for(run->cfg->share, 1, 1, measure_carrying, &m, measured_values);
-    *error = m.error;
-    return err;
 }

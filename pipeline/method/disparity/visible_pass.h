@@ -59,6 +59,9 @@ struct visible_pass {
 SST_MUST_CHECK int visible_pass_init(struct visible_pass *p);
 void visible_pass_fini(struct visible_pass *p);
 
+/** Write the depth codes of all maps as they are now into the pictures. @return 0, -ENOMEM */
+SST_MUST_CHECK int visible_pass_code(struct visible_pass *p);
+
 /** A pass over a sample, for sst_step_check(). @return NULL: no memory */
 struct visible_pass *visible_sample(uint32_t seed);
 void visible_sample_free(void *pass);

@@ -16,6 +16,21 @@
 #define BAND  16
 #define STRIP 128 /* multiple of 64 */
 
+#define FINE_RANGE_PX 24 /* steps are quarter pixels up to this range, half pixels up to twice this range */
+#define FINE_PIXELS   ((size_t)1200000) /* a view is matched in quarter-pixel phases up to this many */
+
+int sst_disparity_divisor(int range)
+{
+    /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
+    return range <= FINE_RANGE_PX ? 4 : range <= 2 * FINE_RANGE_PX ? 2 : 1;
+}
+
+int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height)
+{
+    /* Half pixels if the views are so large that 16 phases would need too much memory. */
+    return cfg->phase_step ? cfg->phase_step : (size_t)width * (size_t)height > FINE_PIXELS ? 2 : 1;
+}
+
 static size_t padded_steps(int steps)
 {
     return ((size_t)steps + 31) / 32 * 32;
