@@ -1,0 +1,398 @@
+/* clear_take, clear_blend: rays that see a surface, and their colour. Positions of rays are nearly in line, so that
+ * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops are
+ * the fastest. */
+#include "pipeline/kernels/simd.h"
+
+/* --- rays of a surface --- */
+
+#if defined(__AVX512VBMI__)
+/* Where the rays of 16 pixels come from. */
+struct KERNEL(clear_lanes) {
+    __m512i x0, y0;
+    __m512i across, down; /* bilinear weights: bytes 64 - f, f, 64 - f, f of the columns, int16 64 - f, f of the rows */
+};
+
+/* Some of the rays, whose pixels lie on two rows and within 64 columns from `column`. */
+struct KERNEL(clear_stretch) {
+    __mmask16 rays;
+    int column, row, next; /* next: the row below, or the same at the end of the picture */
+    __mmask64 readable;
+    __m512i index; /* bytes c, c + 1, c, c + 1 of each ray, c its column from `column` */
+};
+
+static inline __m512i KERNEL(clear_fraction)(__m512 x, __m512i x0)
+{
+    const __m512 f = _mm512_sub_ps(x, _mm512_cvtepi32_ps(x0));
+
+    return _mm512_cvttps_epi32(_mm512_add_ps(_mm512_mul_ps(f, _mm512_set1_ps(64)), _mm512_set1_ps(0.5F)));
+}
+
+/* Which of the rays lie inside the view. */
+static inline __mmask16 KERNEL(clear_lanes_init)(struct KERNEL(clear_lanes) * l, const struct sst_clear_view *v,
+                                                 const float *px, int x, int y, __mmask16 rays)
+{
+    const __m512i lane = _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
+    const __m512 disp = _mm512_loadu_ps(px), zero = _mm512_setzero_ps();
+    const __m512 at_x = _mm512_sub_ps(_mm512_cvtepi32_ps(_mm512_add_epi32(lane, _mm512_set1_epi32(x))),
+                                      _mm512_mul_ps(disp, _mm512_set1_ps(v->bx)));
+    const __m512 at_y = _mm512_sub_ps(_mm512_set1_ps((float)y), _mm512_mul_ps(disp, _mm512_set1_ps(v->by)));
+    const __m512i whole = _mm512_set1_epi32(64);
+    __m512i f;
+
+    l->x0 = _mm512_cvttps_epi32(at_x);
+    l->y0 = _mm512_cvttps_epi32(at_y);
+    f = KERNEL(clear_fraction)(at_x, l->x0);
+    f = _mm512_or_si512(_mm512_sub_epi32(whole, f), _mm512_slli_epi32(f, 8));
+    l->across = _mm512_or_si512(f, _mm512_slli_epi32(f, 16));
+    f = KERNEL(clear_fraction)(at_y, l->y0);
+    l->down = _mm512_or_si512(_mm512_sub_epi32(whole, f), _mm512_slli_epi32(f, 16));
+    rays = _mm512_mask_cmp_ps_mask(rays, at_x, zero, _CMP_GE_OQ);
+    rays = _mm512_mask_cmp_ps_mask(rays, at_y, zero, _CMP_GE_OQ);
+    rays = _mm512_mask_cmp_ps_mask(rays, at_x, _mm512_set1_ps((float)(v->width - 1)), _CMP_LE_OQ);
+    return _mm512_mask_cmp_ps_mask(rays, at_y, _mm512_set1_ps((float)(v->height - 1)), _CMP_LE_OQ);
+}
+
+/* The first of the rays, and those that lie near it. */
+static inline void KERNEL(clear_next_stretch)(struct KERNEL(clear_stretch) * s, const struct sst_clear_view *v,
+                                              const struct KERNEL(clear_lanes) * l, __mmask16 rays)
+{
+    __m512i at;
+    int columns;
+
+    s->row = _mm_cvtsi128_si32(_mm512_castsi512_si128(_mm512_maskz_compress_epi32(rays, l->y0)));
+    s->column = _mm_cvtsi128_si32(_mm512_castsi512_si128(_mm512_maskz_compress_epi32(rays, l->x0))) - 16;
+    s->column = s->column < 0 ? 0 : s->column;
+    s->next = s->row + 1 < v->height ? s->row + 1 : s->row;
+    columns = v->width - s->column;
+    s->readable = columns >= 64 ? ~(__mmask64)0 : ((__mmask64)1 << columns) - 1;
+    at = _mm512_sub_epi32(l->x0, _mm512_set1_epi32(s->column));
+    s->rays = _mm512_mask_cmpeq_epi32_mask(rays, l->y0, _mm512_set1_epi32(s->row));
+    s->rays = _mm512_mask_cmple_epu32_mask(s->rays, at, _mm512_set1_epi32(62));
+    at = _mm512_or_si512(at, _mm512_slli_epi32(at, 8));
+    at = _mm512_or_si512(at, _mm512_slli_epi32(at, 16));
+    s->index = _mm512_add_epi32(at, _mm512_set1_epi32(0x01000100));
+}
+
+static inline __m512 KERNEL(clear_bilinear)(const uint8_t *plane, size_t stride, const struct KERNEL(clear_stretch) * s,
+                                            const struct KERNEL(clear_lanes) * l)
+{
+    const __m512i top = _mm512_maskz_loadu_epi8(s->readable, plane + (size_t)s->row * stride + s->column);
+    const __m512i bottom = _mm512_maskz_loadu_epi8(s->readable, plane + (size_t)s->next * stride + s->column);
+    const __m512i pixels = _mm512_mask_permutexvar_epi8(_mm512_permutexvar_epi8(s->index, top), 0xCCCCCCCCCCCCCCCC,
+                                                        s->index, bottom);
+    const __m512i sum = _mm512_madd_epi16(_mm512_maddubs_epi16(pixels, l->across), l->down);
+
+    return _mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_set1_ps(1.0F / 4096));
+}
+
+/* Colours of the rays of 16 pixels, the i-th ones of the block. Returns which of them lie inside the view. */
+static inline __mmask16 KERNEL(clear_take_16)(const struct sst_clear_rays *rays, const struct sst_clear_view *v, int x,
+                                              int y, int i, __mmask16 seen)
+{
+    __m512 colour[3] = { _mm512_setzero_ps(), _mm512_setzero_ps(), _mm512_setzero_ps() };
+    struct KERNEL(clear_lanes) l;
+    __mmask16 left;
+
+    if (seen)
+        seen = KERNEL(clear_lanes_init)(&l, v, rays->px + i, x + i, y, seen);
+    left = v->plane[0] ? seen : 0;
+    while (left) {
+        struct KERNEL(clear_stretch) s;
+
+        KERNEL(clear_next_stretch)(&s, v, &l, left);
+        left &= (__mmask16)~s.rays;
+        for (int c = 0; c < 3; c++)
+            colour[c] = _mm512_mask_blend_ps(s.rays, colour[c], KERNEL(clear_bilinear)(v->plane[c], v->stride, &s, &l));
+    }
+    for (int c = 0; c < 3; c++)
+        _mm512_storeu_ps(rays->colour[c][rays->slots] + i, colour[c]);
+    return seen;
+}
+
+static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
+                              int x, int y)
+{
+    const __m512i at = _mm512_loadu_si512(landed), level = _mm512_srli_epi16(at, 1);
+    const __m512i wanted = _mm512_loadu_si512(rays->wanted), one = _mm512_set1_epi16(1);
+    __mmask32 seen = _mm512_cmpge_epu16_mask(level, _mm512_loadu_si512(rays->first)), kept;
+    __m512i left;
+    float *weight;
+
+    seen = _mm512_mask_cmple_epu16_mask(seen, level, _mm512_loadu_si512(rays->last));
+    seen = _mm512_mask_cmpgt_epi16_mask(seen, wanted, _mm512_setzero_si512());
+    if (!seen)
+        return _mm512_cmpgt_epi16_mask(wanted, _mm512_setzero_si512()) != 0;
+    seen = KERNEL(clear_take_16)(rays, v, x, y, 0, (__mmask16)seen) |
+           (__mmask32)KERNEL(clear_take_16)(rays, v, x, y, 16, (__mmask16)(seen >> 16)) << 16;
+    kept = _mm512_mask_test_epi16_mask(seen, at, one);
+    weight = rays->weight[rays->slots];
+    for (int i = 0; i < SST_CLEAR_BLOCK; i += 16) {
+        const __m512 rim = _mm512_maskz_mov_ps((__mmask16)(seen >> i), _mm512_set1_ps(SST_CLEAR_RIM));
+
+        _mm512_storeu_ps(weight + i, _mm512_mask_blend_ps((__mmask16)(kept >> i), rim, _mm512_set1_ps(1)));
+    }
+    rays->slots += seen != 0;
+    left = _mm512_mask_sub_epi16(wanted, kept, wanted, one);
+    _mm512_storeu_si512(rays->wanted, left);
+    return _mm512_cmpgt_epi16_mask(left, _mm512_setzero_si512()) != 0;
+}
+#else
+/* Where the rays of a block come from: upper left pixel and bilinear weights, in 1/64. */
+struct KERNEL(clear_places) {
+    int32_t seen[SST_CLEAR_BLOCK]; /* 0 or 1 */
+    int32_t x[SST_CLEAR_BLOCK], y[SST_CLEAR_BLOCK], across[SST_CLEAR_BLOCK], down[SST_CLEAR_BLOCK];
+};
+
+/* Rays outside the view are no longer seen. */
+static inline void KERNEL(clear_place)(struct KERNEL(clear_places) * p, const struct sst_clear_view *v,
+                                       const float *restrict px, int x, int y)
+{
+    const float right = (float)(v->width - 1), bottom = (float)(v->height - 1), bx = v->bx, by = v->by;
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const float to_x = (float)(x + i) - px[i] * bx, to_y = (float)y - px[i] * by;
+        const float in_x = to_x > 0 ? to_x : 0, in_y = to_y > 0 ? to_y : 0;
+        const float at_x = in_x < right ? in_x : right, at_y = in_y < bottom ? in_y : bottom;
+        const int32_t on_x = to_x == at_x ? -1 : 0, on_y = to_y == at_y ? -1 : 0;
+        const int32_t x0 = (int32_t)at_x, y0 = (int32_t)at_y;
+
+        p->seen[i] &= on_x & on_y;
+        p->x[i] = x0;
+        p->y[i] = y0;
+        p->across[i] = (int32_t)((at_x - (float)x0) * 64 + 0.5F);
+        p->down[i] = (int32_t)((at_y - (float)y0) * 64 + 0.5F);
+    }
+}
+
+#if defined(__AVX2__)
+/* The low bytes of eight integers, twice each. */
+static inline __m128i KERNEL(clear_bytes)(__m256i v)
+{
+    const __m256i pairs = _mm256_shuffle_epi8(
+        v, _mm256_set_epi8(-1, -1, -1, -1, -1, -1, -1, -1, 12, 12, 8, 8, 4, 4, 0, 0, -1, -1, -1, -1, -1, -1, -1, -1, 12,
+                           12, 8, 8, 4, 4, 0, 0));
+
+    return _mm_unpacklo_epi64(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
+}
+
+/* Bilinear values of eight pixels of two rows: `bytes` the left and right one of each, `across` and `down` weights. */
+static inline __m256 KERNEL(clear_eight)(const uint8_t *top, const uint8_t *bottom, __m128i bytes, __m128i across,
+                                         __m256i down)
+{
+    const __m128i upper = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)top), bytes);
+    const __m128i lower = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)bottom), bytes);
+    const __m128i up = _mm_maddubs_epi16(upper, across), low = _mm_maddubs_epi16(lower, across);
+    const __m256i both = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi16(up, low)),
+                                                 _mm_unpackhi_epi16(up, low), 1);
+
+    return _mm256_mul_ps(_mm256_cvtepi32_ps(_mm256_madd_epi16(both, down)), _mm256_set1_ps(1.0F / 4096));
+}
+
+static inline __m256i KERNEL(clear_load_8)(const int32_t *from)
+{
+    return _mm256_loadu_si256((const __m256i *)(const void *)from);
+}
+
+/* Rays that lie on the same two rows and within 15 columns are sampled at once. */
+static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
+                                        const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
+{
+    const __m128i one = _mm_set1_epi16(0x0100);
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i += 8) {
+        const __m256i x = KERNEL(clear_load_8)(p->x + i), y = KERNEL(clear_load_8)(p->y + i);
+        const __m256i f = KERNEL(clear_load_8)(p->down + i), whole = _mm256_set1_epi32(64);
+        const __m256i down = _mm256_or_si256(_mm256_sub_epi32(whole, f), _mm256_slli_epi32(f, 16));
+        const __m128i right = KERNEL(clear_bytes)(KERNEL(clear_load_8)(p->across + i));
+        const __m128i across = _mm_blendv_epi8(_mm_sub_epi8(_mm_set1_epi8(64), right), right, _mm_set1_epi16(-256));
+        __m256i left = _mm256_cmpgt_epi32(KERNEL(clear_load_8)(p->seen + i), _mm256_setzero_si256());
+        __m256 sum[3] = { _mm256_setzero_ps(), _mm256_setzero_ps(), _mm256_setzero_ps() };
+
+        while (!_mm256_testz_si256(left, left)) {
+            const int first = __builtin_ctz((unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(left)));
+            const int row = p->y[i + first], column = p->x[i + first] > 7 ? p->x[i + first] - 7 : 0;
+            const size_t top = (size_t)row * v->stride + (size_t)column;
+            const size_t bottom = row + 1 < v->height ? top + v->stride : top;
+            const __m256i at = _mm256_sub_epi32(x, _mm256_set1_epi32(column));
+            const __m256i near = _mm256_cmpeq_epi32(at, _mm256_min_epu32(at, _mm256_set1_epi32(14)));
+            const __m256i on = _mm256_and_si256(_mm256_and_si256(left, near),
+                                                _mm256_cmpeq_epi32(y, _mm256_set1_epi32(row)));
+            const __m128i bytes = _mm_add_epi8(KERNEL(clear_bytes)(at), one);
+
+            for (int c = 0; c < 3; c++)
+                sum[c] = _mm256_blendv_ps(
+                    sum[c], KERNEL(clear_eight)(v->plane[c] + top, v->plane[c] + bottom, bytes, across, down),
+                    _mm256_castsi256_ps(on));
+            left = _mm256_andnot_si256(on, left);
+        }
+        for (int c = 0; c < 3; c++)
+            _mm256_storeu_ps(colour[c][slot] + i, sum[c]);
+    }
+}
+#else
+static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
+                                        const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const uint8_t *top = v->plane[c] + (size_t)p->y[i] * v->stride + p->x[i];
+            const uint8_t *bottom = p->down[i] ? top + v->stride : top;
+            const int across = p->across[i], right = across != 0;
+            const int upper = p->seen[i] ? 64 * top[0] + across * (top[right] - top[0]) : 0;
+            const int lower = p->seen[i] ? 64 * bottom[0] + across * (bottom[right] - bottom[0]) : 0;
+
+            colour[c][slot][i] = (float)(64 * upper + p->down[i] * (lower - upper)) * (1.0F / 4096);
+        }
+    }
+}
+#endif
+
+static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
+                              int x, int y)
+{
+    float *restrict weight = rays->weight[rays->slots];
+    struct KERNEL(clear_places) p;
+    int32_t any = 0, more = 0;
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const int level = landed[i] >> 1;
+
+        p.seen[i] = (level >= rays->first[i]) & (level <= rays->last[i]) & (rays->wanted[i] > 0);
+        any |= p.seen[i];
+        more |= rays->wanted[i] > 0;
+    }
+    if (!any)
+        return more;
+    KERNEL(clear_place)(&p, v, rays->px, x, y);
+    any = more = 0;
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const int full = p.seen[i] & landed[i];
+
+        weight[i] = full ? 1 : p.seen[i] ? SST_CLEAR_RIM : 0;
+        rays->wanted[i] = (int16_t)(rays->wanted[i] - full);
+        any |= p.seen[i];
+        more |= rays->wanted[i] > 0;
+    }
+    if (any && v->plane[0])
+        KERNEL(clear_sample)(rays->colour, rays->slots, v, &p);
+    for (int c = 0; c < 3 && !v->plane[0]; c++)
+        memset(rays->colour[c][rays->slots], 0, sizeof(rays->colour[c][rays->slots]));
+    rays->slots += any;
+    return more;
+}
+#endif
+
+/* --- colour --- */
+
+static inline void KERNEL(clear_mean)(float colour[3][SST_CLEAR_BLOCK], const struct sst_clear_rays *rays)
+{
+    float sum[4][SST_CLEAR_BLOCK] = { { 0 } };
+
+    for (int k = 0; k < rays->slots; k++) {
+        const float *restrict weight = rays->weight[k], *restrict agree = rays->agree[k];
+        const float *restrict r = rays->colour[0][k], *restrict g = rays->colour[1][k], *restrict b = rays->colour[2][k];
+
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const float w = weight[i] * agree[i];
+
+            sum[0][i] += w * r[i];
+            sum[1][i] += w * g[i];
+            sum[2][i] += w * b[i];
+            sum[3][i] += w;
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+            colour[c][i] = sum[3][i] > 0 ? sum[c][i] / (sum[3][i] > 0 ? sum[3][i] : 1) : 0;
+}
+
+static inline void KERNEL(clear_deviation)(float *restrict out, const struct sst_clear_rays *rays, int k,
+                                           float colour[3][SST_CLEAR_BLOCK])
+{
+    const float *restrict r = rays->colour[0][k], *restrict g = rays->colour[1][k], *restrict b = rays->colour[2][k];
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+        out[i] = fabsf(r[i] - colour[0][i]) + fabsf(g[i] - colour[1][i]) + fabsf(b[i] - colour[2][i]);
+}
+
+/* 1 where a ray deviates by more than 4 levels. */
+static inline int KERNEL(clear_differ)(int32_t *restrict differ, const struct sst_clear_rays *rays,
+                                       float colour[3][SST_CLEAR_BLOCK])
+{
+    float largest[SST_CLEAR_BLOCK] = { 0 }, off[SST_CLEAR_BLOCK];
+    int any = 0;
+
+    for (int k = 0; k < rays->slots; k++) {
+        const float *restrict weight = rays->weight[k];
+
+        KERNEL(clear_deviation)(off, rays, k, colour);
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const float of_ray = weight[i] > 0 ? off[i] : 0;
+
+            largest[i] = of_ray > largest[i] ? of_ray : largest[i];
+        }
+    }
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+        differ[i] = largest[i] > 3 * 4;
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+        any |= differ[i];
+    return any;
+}
+
+/* Agreement with a colour by a deviation of half the weight; 1 where no ray differs. */
+static inline void KERNEL(clear_agree)(const struct sst_clear_rays *rays, float colour[3][SST_CLEAR_BLOCK],
+                                       const int32_t *restrict differ, float half_weight)
+{
+    const float scale = 1 / (3 * half_weight);
+    float off[SST_CLEAR_BLOCK];
+
+    for (int k = 0; k < rays->slots; k++) {
+        float *restrict agree = rays->agree[k];
+
+        KERNEL(clear_deviation)(off, rays, k, colour);
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const float t = off[i] * scale, t2 = t * t, of_ray = 1 / (1 + t2 * t2);
+
+            agree[i] = differ[i] ? of_ray : 1;
+        }
+    }
+}
+
+static void KERNEL(clear_blend)(struct sst_clear_colours *out, const struct sst_clear_rays *rays, int own)
+{
+    int32_t differ[SST_CLEAR_BLOCK];
+    float off[SST_CLEAR_BLOCK];
+
+    for (int k = 0; k < rays->slots; k++)
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+            rays->agree[k][i] = 1;
+    KERNEL(clear_mean)(out->colour, rays);
+    if (KERNEL(clear_differ)(differ, rays, out->colour)) {
+        KERNEL(clear_agree)(rays, out->colour, differ, 20);
+        KERNEL(clear_mean)(out->colour, rays);
+        KERNEL(clear_agree)(rays, out->colour, differ, 10);
+        KERNEL(clear_mean)(out->colour, rays);
+    }
+    memset(out->weight, 0, sizeof(out->weight));
+    memset(out->support, 0, sizeof(out->support));
+    memset(out->own, 0, sizeof(out->own));
+    for (int k = 0; k < rays->slots; k++) {
+        const float *restrict weight = rays->weight[k], *restrict agree = rays->agree[k];
+
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            out->weight[i] += weight[i];
+            out->support[i] += weight[i] * agree[i];
+        }
+    }
+    if (own < 0)
+        return;
+    KERNEL(clear_deviation)(off, rays, own, out->colour);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const float share = 2 - off[i] / (3 * 10), most = share < 1 ? share : 1;
+
+        out->own[i] = rays->weight[own][i] >= 1 ? (most > 0 ? most : 0) : 0;
+    }
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+            out->colour[c][i] += out->own[i] * (rays->colour[c][own][i] - out->colour[c][i]);
+}
