@@ -238,7 +238,8 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
     if (!err)
         err = sst_map_u8_init(&valid, lf->width, lf->height);
     if (!err)
-        err = sst_rectify_view(map, (enum sst_filter)lf->filter, &out, &valid, &v->image, 1);
+        err = sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, (enum sst_filter)lf->filter,
+                               &v->image, 1);
     sst_rectify_map_destroy(map);
     if (err) {
         char name[16];

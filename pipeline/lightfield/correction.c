@@ -45,7 +45,8 @@ bool sst_correction_valid(const struct sst_correction *c)
     if (!(c->exponent >= 1 / SST_CORRECTION_EXPONENT_MAX && c->exponent <= SST_CORRECTION_EXPONENT_MAX))
         return false;
     return fabs(c->shift_x_px) <= SST_CORRECTION_SHIFT_MAX_PX && fabs(c->shift_y_px) <= SST_CORRECTION_SHIFT_MAX_PX &&
-           fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->falloff) <= SST_CORRECTION_FALLOFF_MAX && fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
+           fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->falloff) <= SST_CORRECTION_FALLOFF_MAX &&
+           fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
 }
 
 /* Rotation of directions by `deg` about the optical axis, x towards y. */
@@ -152,7 +153,8 @@ static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struc
 
     err = err ? err : sst_image_init(out, lf->width, lf->height);
     err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
-    err = err ? err : sst_rectify_view(map, SST_CORRECTION_FILTER, out, valid, &v->image, 1);
+    err = err ? err
+              : sst_rectify_view(&(struct sst_rectified_view){ out, valid }, map, SST_CORRECTION_FILTER, &v->image, 1);
     if (!err && v->valid.data)
         carry_valid(valid, &v->valid, map, xy_q8);
     sst_rectify_map_destroy(map);

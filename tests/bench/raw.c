@@ -41,7 +41,7 @@ static int time_steps(const struct raw_field *f, double step_ms[3])
         err = err ? err : sst_sampler_create(&sampler, map, filter, &f->raw.views[8].image, 1);
         ms[1][i] = since(t);
         t = sst_clock_cpu_ns();
-        err = err ? err : sst_rectify_view(map, filter, &out, &valid, &f->raw.views[8].image, 1);
+        err = err ? err : sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, filter, &f->raw.views[8].image, 1);
         ms[2][i] = since(t);
         sst_sampler_destroy(sampler);
         sst_rectify_map_destroy(map);

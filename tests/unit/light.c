@@ -362,7 +362,7 @@ static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
             struct gain_factors f;
             float scratch[80];
 
-            gain_map_row(map, &(struct rectified_row){ x0, y, 40 }, scratch, &f);
+            gain_map_row(map, &(struct sst_rectified_row){ x0, y, 40 }, scratch, &f);
             for (int n = 0; n < 40 && x0 + n <= WIDTH - 1; n++) {
                 double raw[2], want;
 
@@ -399,7 +399,7 @@ static void factors_stay_sane(void **state SST_UNUSED)
     calib.camera[0].falloff[1] = calib.camera[0].falloff[2] = 0;
     calib.camera[0].gain[2] = 1e-4;
     assert_int_equal(gain_map_create(&map, &to, &calib, 0), 0);
-    gain_map_row(map, &(struct rectified_row){ 0, 0, WIDTH }, scratch, &f);
+    gain_map_row(map, &(struct sst_rectified_row){ 0, 0, WIDTH }, scratch, &f);
     assert_true(f.gain[2] == 8);
     for (int i = 0; i < WIDTH; i++)
         assert_true(f.falloff[i] >= 1 && f.falloff[i] <= 8);

@@ -135,7 +135,7 @@ void gain_map_destroy(struct gain_map *map)
 }
 
 /* One row of nodes at y, then straight lines between them: cell by cell, so that the loop inside is vectorised. */
-static void interpolate(const struct gain_map *m, const float *grid, const struct rectified_row *to, float *out)
+static void interpolate(const struct gain_map *m, const float *grid, const struct sst_rectified_row *to, float *out)
 {
     const double x0 = to->x0, at = sst_clamp_double(to->y / m->step, 0, m->rows - 1);
     const int n = to->n;
@@ -156,7 +156,8 @@ static void interpolate(const struct gain_map *m, const float *grid, const struc
     }
 }
 
-void gain_map_row(const struct gain_map *map, const struct rectified_row *row, float *scratch, struct gain_factors *out)
+void gain_map_row(const struct gain_map *map, const struct sst_rectified_row *row, float *scratch,
+                  struct gain_factors *out)
 {
     interpolate(map, map->falloff, row, scratch);
     interpolate(map, map->root, row, scratch + row->n);

@@ -74,15 +74,19 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map);
  */
 void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8);
 
+/** Rectified picture of a view; caller's memory of the rectified size. */
+struct sst_rectified_view {
+    struct sst_image *image;  /* out; black without a position in the raw picture */
+    struct sst_map_u8 *valid; /* out, 255 where there is one (filter taps beyond the border repeat it); or NULL */
+};
+
 /**
  * Resample one view: one pass from raw to rectified, light corrected. Deterministic for any number of threads.
  *
- * @param out    initialised by the caller to the rectified size; black without a position in the raw picture
- * @param valid  255 where there is one (filter taps beyond the border repeat it), or NULL; initialised by the caller
  * @return 0, -EINVAL (sizes), -ENOMEM; not logged
  */
-SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
-                                    struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
+SST_MUST_CHECK int sst_rectify_view(const struct sst_rectified_view *out, const struct sst_rectify_map *map,
+                                    enum sst_filter filter, const struct sst_image *raw, int threads);
 
 /** Tables that resampling of a view reads, for a device; pointers are borrowed from the map. */
 struct sst_rectify_tables {
@@ -167,16 +171,21 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 
 #define SST_SAMPLE_MAX 2048
 
+/** The rectified positions (x0 + i, y), i = 0 .. n-1, as for sst_rectify_map_row(): rays that are sampled from raw
+ * frames lie between pixels. */
+struct sst_rectified_row {
+    double x0, y;
+    int n; /* at most SST_SAMPLE_MAX */
+};
+
 /**
- * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1, sampled from the raw frame with light corrected; at
- * whole positions the same bytes as sst_rectify_view().
+ * Colours at the positions of a row, sampled from the raw frame with light corrected; at whole positions the same bytes
+ * as sst_rectify_view().
  *
- * @param x0, y  as for sst_rectify_map_row()
- * @param n      at most SST_SAMPLE_MAX
- * @param out    three rows of n; black without a position in the raw frame
- * @param seen   [n] 255 where there is one, else 0; or NULL
+ * @param out   three rows of n; black without a position in the raw frame
+ * @param seen  [n] 255 where there is one, else 0; or NULL
  */
-void sst_sampler_row(const struct sst_sampler *sampler, double x0, double y, int n, uint8_t *const out[3],
+void sst_sampler_row(const struct sst_sampler *sampler, const struct sst_rectified_row *row, uint8_t *const out[3],
                      uint8_t *seen);
 
 /** "bilinear", "bicubic", "lanczos". */

@@ -34,20 +34,13 @@ struct gain_factors {
     float gain[3], gain_root[3];
 };
 
-/** The rectified pixels (x0 + i, y), i = 0 .. n-1; x0 and y may be fractional: rays that are sampled from raw frames
- * lie between pixels. */
-struct rectified_row {
-    double x0, y;
-    int n;
-};
-
 /**
  * Factors of a row's pixels: the factor of colour c is gain[c] falloff[i]. Between nodes less than 1/48 of the picture
  * apart they are bilinear: within 5e-4 of the exact ones (measured: 2.4e-4 where a corner loses a third of the light).
  *
  * @param scratch  [2 n]
  */
-void gain_map_row(const struct gain_map *map, const struct rectified_row *row, float *scratch,
+void gain_map_row(const struct gain_map *map, const struct sst_rectified_row *row, float *scratch,
                   struct gain_factors *out);
 
 /** Set the members for light. */

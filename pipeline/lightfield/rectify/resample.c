@@ -286,7 +286,7 @@ static void round_row(uint8_t *restrict out, const uint16_t *restrict sample, in
 }
 
 /* Samples to bytes: with light correction, or only rounded. */
-static void finish_row(const struct gain_map *light, uint16_t *const sample[3], const struct rectified_row *row,
+static void finish_row(const struct gain_map *light, uint16_t *const sample[3], const struct sst_rectified_row *row,
                        uint8_t *const out[3])
 {
     struct gain_factors factors = { 0 };
@@ -308,15 +308,16 @@ static void finish_row(const struct gain_map *light, uint16_t *const sample[3], 
     }
 }
 
-void sst_sampler_row(const struct sst_sampler *s, double x0, double y, int n, uint8_t *const out[3], uint8_t *seen)
+void sst_sampler_row(const struct sst_sampler *s, const struct sst_rectified_row *row, uint8_t *const out[3],
+                     uint8_t *seen)
 {
     int32_t xy_q8[2 * SST_SAMPLE_MAX];
     uint16_t samples[3][SST_SAMPLE_MAX], *const sample[3] = { samples[0], samples[1], samples[2] };
 
-    sst_rectify_map_row(s->map, x0, y, n, xy_q8);
-    sst_kernels_get()->resample_row(sample, &s->from, xy_q8, (size_t)n);
-    finish_row(s->map->light, sample, &(struct rectified_row){ x0, y, n }, out);
-    for (int i = 0; seen && i < n; i++)
+    sst_rectify_map_row(s->map, row->x0, row->y, row->n, xy_q8);
+    sst_kernels_get()->resample_row(sample, &s->from, xy_q8, (size_t)row->n);
+    finish_row(s->map->light, sample, row, out);
+    for (int i = 0; seen && i < row->n; i++)
         seen[i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
 }
 
@@ -324,40 +325,40 @@ void sst_sampler_row(const struct sst_sampler *s, double x0, double y, int n, ui
 
 struct job {
     struct sst_sampler sampler;
-    struct sst_image *out;
-    struct sst_map_u8 *valid;
+    struct sst_rectified_view out;
 };
 
 static int resample_band(void *arg, int index, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const int end = sst_min_int((index + 1) * BAND_ROWS, job->out->height);
+    const struct sst_image *image = job->out.image;
+    const int end = sst_min_int((index + 1) * BAND_ROWS, image->height);
 
     for (int y = index * BAND_ROWS; y < end; y++) {
-        for (int x = 0; x < job->out->width; x += SST_SAMPLE_MAX) {
-            uint8_t *const out[3] = { sst_image_row(job->out, 0, y) + x, sst_image_row(job->out, 1, y) + x,
-                                      sst_image_row(job->out, 2, y) + x };
+        for (int x = 0; x < image->width; x += SST_SAMPLE_MAX) {
+            const struct sst_rectified_row row = { x, y, sst_min_int(SST_SAMPLE_MAX, image->width - x) };
+            uint8_t *const out[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
+                                      sst_image_row(image, 2, y) + x };
 
-            sst_sampler_row(&job->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, job->out->width - x), out,
-                            job->valid ? sst_map_u8_row(job->valid, y) + x : NULL);
+            sst_sampler_row(&job->sampler, &row, out, job->out.valid ? sst_map_u8_row(job->out.valid, y) + x : NULL);
         }
     }
     return 0;
 }
 
-int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
-                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads)
+int sst_rectify_view(const struct sst_rectified_view *out, const struct sst_rectify_map *map, enum sst_filter filter,
+                     const struct sst_image *raw, int threads)
 {
-    struct job job = { .out = out, .valid = valid };
+    struct job job = { .out = *out };
+    const int height = out->image->height;
     int err;
 
-    if (out->width != map->width || out->height != map->height ||
-        (valid && (valid->width != out->width || valid->height != out->height)))
+    if (out->image->width != map->width || height != map->height ||
+        (out->valid && (out->valid->width != map->width || out->valid->height != height)))
         return -EINVAL;
     err = sampler_init(&job.sampler, map, filter, raw, threads);
     if (!err)
-        err =
-            sst_parallel_for((out->height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), resample_band, &job);
+        err = sst_parallel_for((height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), resample_band, &job);
     sst_mem_free(job.sampler.packed);
     return err;
 }

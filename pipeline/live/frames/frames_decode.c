@@ -240,7 +240,7 @@ static void rectify_row(struct sst_liveframes *f, int k, int row, const uint8_t 
             uint8_t *const out[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
                                       sst_image_row(image, 2, y) + x };
 
-            sst_sampler_row(f->view[k].sampler, x, y, n, out, NULL);
+            sst_sampler_row(f->view[k].sampler, &(struct sst_rectified_row){ x, y, n }, out, NULL);
         }
         if (end > col)
             end--;

@@ -26,8 +26,8 @@ static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear
 
         if (!(rays->weight[slot][i] > 0))
             continue;
-        sst_sampler_row(v->tap->sampler, (double)at_x, (double)at_y, 1, (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 },
-                        &seen);
+        sst_sampler_row(v->tap->sampler, &(struct sst_rectified_row){ (double)at_x, (double)at_y, 1 },
+                        (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 }, &seen);
         for (int k = 0; k < 3; k++)
             rays->colour[k][slot][i] = rgb[k];
         if (!seen) {

@@ -84,9 +84,9 @@ int render_rectify_frame(struct sst_renderer *r, int view)
         for (int x = 0; x < out->width; x += SST_SAMPLE_MAX) {
             uint8_t *const row[3] = { sst_image_row(out, 0, y) + x, sst_image_row(out, 1, y) + x,
                                       sst_image_row(out, 2, y) + x };
+            const struct sst_rectified_row at = { x, y, sst_min_int(SST_SAMPLE_MAX, out->width - x) };
 
-            sst_sampler_row(raw->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, out->width - x), row,
-                            sst_map_u8_row(&raw->seen, y) + x);
+            sst_sampler_row(raw->sampler, &at, row, sst_map_u8_row(&raw->seen, y) + x);
         }
     }
     return err;

@@ -29,7 +29,8 @@ static bool ray_colour(double colour[3], const struct sst_render_tap *t, int x, 
     uint8_t rgb[3], seen;
 
     if (t->sampler) {
-        sst_sampler_row(t->sampler, x0 + t->fx, y0 + t->fy, 1, (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 }, &seen);
+        sst_sampler_row(t->sampler, &(struct sst_rectified_row){ x0 + t->fx, y0 + t->fy, 1 },
+                        (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 }, &seen);
         for (int c = 0; c < 3; c++)
             colour[c] = rgb[c];
         return seen;

@@ -247,7 +247,7 @@ static void add_raw(const struct render_sink *s, const struct sst_render_plan *p
     uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
     const int n = end - from;
 
-    sst_sampler_row(t->sampler, from + t->ix + t->fx, y + t->iy + t->fy, n, out, seen);
+    sst_sampler_row(t->sampler, &(struct sst_rectified_row){ from + t->ix + t->fx, y + t->iy + t->fy, n }, out, seen);
     for (int c = 0; c < 3; c++)
         colour[c][n] = 0; /* the kernels read one more, with weight 0 */
     for (int i = 0, to; i < n; i = to) {
