@@ -44,8 +44,7 @@ struct sst_api {
     int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */
     int (*views)(void *live, struct sst_api_answer *out);
     /** @param client  owner of the view, so that no client changes others' views or has all; "": one that controls,
-     * which
-     *  may. The other verbs with `client` follow it */
+     *  which may. The other verbs with `client` follow it */
     int (*view_create)(void *live, const char *client, const json_t *settings, struct sst_api_answer *out);
     /** -EPERM: it is another client's */
     int (*view_change)(void *live, const char *client, const char *id, const json_t *settings, struct sst_api_answer *out);

@@ -295,9 +295,7 @@ static bool update_due(const struct live_engine *v, enum engine_demand demand)
 }
 
 /** Watch one view of a set; all views only if it is time. Changes are counted from watched set to watched set, whether
- * or
- *  not the light field is brought up to date.
- *  @return 0, or an error: logged, or stopped */
+ *  or not the light field is brought up to date. @return 0, or an error: logged, or stopped */
 static int watch(struct live_engine *v, const struct sst_kept *kept, enum engine_demand demand)
 {
     double changed[SST_LIVE_ZONES + 1];

@@ -298,16 +298,13 @@ void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy);
 int store_refusal_locked(const struct sst_storage *s);
 
 /** Add an ACTIVE entry with a new name to the catalog. @param attempt  from 1 @param entry  in: kind, from_ns, why;
- * out: all
- *  @return 0, -EEXIST
- * (another attempt may do), -ENOMEM */
+ *  out: all @return 0, -EEXIST (another attempt may do), -ENOMEM */
 SST_MUST_CHECK int store_reserve(struct sst_storage *s, int attempt, struct store_entry *entry);
 /** Remove an entry from disk and catalog because of the limits. sst-retention only. @return 0 or -errno: it stays, as
  *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
 /** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only
- * segments
- *  that must stay are left) or an error of sst_recording_trim(): nothing was removed */
+ *  segments that must stay are left) or an error of sst_recording_trim(): nothing was removed */
 int store_trim(struct sst_storage *s, const struct store_entry *entry);
 /** Remove entries that clients deleted. sst-retention only. */
 void store_remove_deleted(struct sst_storage *s);

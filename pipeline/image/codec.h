@@ -19,8 +19,7 @@ SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
 /** Read a PNG or JPEG with 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and
- * rounded. Pictures of 8
- *  bits do not depend on it. */
+ *  rounded. Pictures of 8 bits do not depend on it. */
 SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                             struct sst_samples samples);
 
@@ -78,8 +77,7 @@ void sst_image_report_depth(const char *path);
 
 /** Read pictures that are compared with each other: 16 bits are scaled alike in all, and the loss is reported. Where
  *  only some have 16 bits, they are read as by sst_image_read(). @param count  1 or 2 @return as sst_image_read(); on
- * failure
- *  none is read */
+ *  failure none is read */
 SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count);
 
 /** sst_image_read_alike() of one picture, turned upright by its orientation. */
@@ -97,8 +95,7 @@ int sst_image_read_orientation(const char *path);
 SST_MUST_CHECK int sst_image_orient(struct sst_image *img, int orientation);
 
 /** Log a warning where pictures of an array have an orientation, which does not count, and name the pictures of another
- * one than
- *  most. @param names  [count]; NULL: no picture */
+ *  one than most. @param names  [count]; NULL: no picture */
 void sst_image_warn_orientations(const char *source, const char *const *names, const uint8_t *orientations, int count);
 
 /** Size of a PNG or JPEG without decoding its pixels. */

@@ -7,7 +7,7 @@
 #include "base/mem.h"
 #include "pipeline/image/codec_formats.h"
 
-/* The planes of a pixel follow each other, as images of their own. */
+/* Planes one below the other, and bytes of a pixel in each. */
 struct layout {
     size_t planes, pixel_bytes;
 };

@@ -25,8 +25,7 @@ void sst_print_fini(struct sst_print *print);
 SST_MUST_CHECK int sst_print_write_svg(const struct sst_print *print, const char *title, const char *path);
 
 /** Write a PNG at about `dpi` dots per inch; edges fall between dots. @return 0, -EINVAL (too large), or an output
- * error;
- *  logged */
+ *  error; logged */
 SST_MUST_CHECK int sst_print_write_png(const struct sst_print *print, double dpi, const char *path);
 
 #endif
