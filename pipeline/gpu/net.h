@@ -3,10 +3,10 @@
  * A tensor of c channels has pixels row by row, the channels of a pixel side by side in a multiple of four: floats of a
  * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits.
  *
- * All of them give the bytes of their references (net.c) on every device: sums of bytes are exact, those of floats have
- * one order and one rounding for a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts.
- * The references compute as the plan for the CPU does (pipeline/method/network/plan_conv.c): convolutions on 8 bits
- * equal it byte for byte; those on floats as far as oneDNN sums in this order, which it does where a pixel has few inputs.
+ * They give the same bytes on every device: sums of bytes are exact, sums of floats have one order and one rounding for
+ * a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts. They are defined by the plan
+ * for the CPU (pipeline/method/network/plan_conv.c): convolutions on 8 bits equal it byte for byte, convolutions on
+ * floats as far as oneDNN sums in this order, which it does where a pixel has few inputs.
  */
 #ifndef SST_PIPELINE_GPU_NET_H
 #define SST_PIPELINE_GPU_NET_H
@@ -71,7 +71,7 @@ struct sst_gpu_net_conv {
     uint32_t residual_mode; /* SST_GPU_NET_UNFUSED, ... */
     float out_scale;
     uint32_t relu;
-    uint32_t by_parts; /* net_conv: not 0 unless sst_gpu_fuses() */
+    uint32_t by_parts; /* net_conv: not 0 unless fma() rounds once */
     uint32_t bias_first; /* net_conv: sums begin with the bias, else it is added to them */
 };
 

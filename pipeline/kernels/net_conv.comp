@@ -1,6 +1,6 @@
 // A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order; each
-// product is rounded with its sum. Buffers and constants: pipeline/gpu/net.h. Definition: net_conv_reference() in
-// pipeline/gpu/net.c.
+// product is rounded with its sum. Buffers and constants: pipeline/gpu/net.h. Definition: the plan
+// for the CPU, pipeline/method/network/plan_conv.c.
 #version 450
 
 layout(local_size_x = 128) in;

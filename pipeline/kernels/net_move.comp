@@ -1,5 +1,5 @@
 // Copies and converts a tensor: layouts, floats and bytes. Buffers and constants: pipeline/gpu/net.h. Definition:
-// net_move_reference() in pipeline/gpu/net.c.
+// reorders of the plan for the CPU, pipeline/method/network/plan_dnnl.c.
 #version 450
 
 layout(local_size_x = 64) in;

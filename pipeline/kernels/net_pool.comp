@@ -1,5 +1,5 @@
 // Means over bins, to floats. A group sums four channels of a bin, in two parts. Buffers and constants:
-// pipeline/gpu/net.h. Definition: net_pool_reference() in pipeline/gpu/net.c.
+// pipeline/gpu/net.h. Definition: op_adaptive_pool().
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,4 @@
-// Bilinear resize to floats. Buffers and constants: pipeline/gpu/net.h. Definition: net_resize_reference() in
-// pipeline/gpu/net.c.
+// Bilinear resize to floats. Buffers and constants: pipeline/gpu/net.h. Definition: op_resize().
 #version 450
 
 layout(local_size_x = 64) in;

@@ -1,5 +1,5 @@
 // Vectors over the channels of a pixel, brought to a length and rounded to bytes. Buffers and constants:
-// pipeline/gpu/net.h. Definition: net_unit_reference() in pipeline/gpu/net.c.
+// pipeline/gpu/net.h. Definition: op_normalize_s8().
 #version 450
 
 layout(local_size_x = 64) in;
