@@ -17,13 +17,10 @@ enum sst_gpu_conversion {
     SST_GPU_TO_LUMA = 1,  /* pixels of subpixel.h */
     SST_GPU_TO_STEPS = 2, /* disparities of subpixel.h */
     /* From the result of a step to a map: */
-    SST_GPU_FROM_MATCH = 3,  /* disparities and confidences of match.h; none where colours do not count */
-    SST_GPU_FROM_CHOICE = 4, /* of hypotheses.h */
-    SST_GPU_FROM_PLAIN = 5,  /* disparities alone */
-    /* From a network's result to features of match.h: */
-    SST_GPU_TO_FEATURES = 6, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times that of the view */
-    /* From colours to what it reads: */
-    SST_GPU_TO_LEVELS = 7, /* words of `from` by luma */
+    SST_GPU_FROM_CHOICE = 3, /* of hypotheses.h */
+    SST_GPU_FROM_PLAIN = 4,  /* disparities alone */
+    /* From a network's result to SST_PLANE_FEATURES: */
+    SST_GPU_TO_FEATURES = 5, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times the view's */
 };
 
 /** Of the words that are written; `colours`, `from` and `to` are the first ones in their buffers. */

@@ -209,6 +209,19 @@ static bool is_late(const struct sst_gpu *g, enum sst_gpu_shader shader)
     return sst_gpu_has_passed(g, gpu_shaders[shader].name);
 }
 
+void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err)
+{
+    const char *name = gpu_shaders[shader].name;
+
+    g->ready[shader] = GPU_REFUSED;
+    if (err == -ENOTSUP)
+        sst_log_warning("%s: the shader `%s` is refused: its results differ from the reference", g->info.name, name);
+    else
+        sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, name, sst_gpu_error(err));
+    if (sst_gpu_is_variant(shader) && err != -ENOTSUP && err != -ENOMEM)
+        deadly[shader] = true;
+}
+
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     int err;
@@ -234,16 +247,10 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         g->ready[shader] = GPU_READY; /* which the test runs */
         err = test_shader(g, shader);
     }
-    if (err == -ENOTSUP) {
-        g->ready[shader] = GPU_REFUSED;
-        sst_log_warning("%s: the shader `%s` is refused: its results differ from the reference", g->info.name,
-                        gpu_shaders[shader].name);
-    } else if (err) {
+    if (err)
+        sst_gpu_refuse(g, shader, err);
+    if (err && err != -ENOTSUP) {
         g->ready[shader] = GPU_UNTESTED;
-        sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, gpu_shaders[shader].name,
-                        sst_gpu_error(err));
-        if (sst_gpu_is_variant(shader) && err != -ENOMEM)
-            deadly[shader] = true;
         return note(g, err);
     }
     return err;
@@ -259,12 +266,18 @@ static bool is_wanted(const struct sst_gpu *g, enum sst_gpu_shader shader)
     return named && *named ? !strcmp(named, gpu_shaders[shader].variant) : sst_gpu_is_fast(&g->info, shader);
 }
 
+bool sst_gpu_wants_variant(const struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader variant)
+{
+    return gpu_shaders[variant].needs && gpu_shaders[variant].of == shader && is_wanted(g, variant) &&
+           g->ready[variant] != GPU_REFUSED;
+}
+
 int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out)
 {
     for (int i = SST_GPU_SHADERS - 1; i >= 0; i--) { /* the fastest last */
         int err;
 
-        if (!gpu_shaders[i].needs || gpu_shaders[i].of != shader || !is_wanted(g, (enum sst_gpu_shader)i))
+        if (!sst_gpu_wants_variant(g, shader, (enum sst_gpu_shader)i))
             continue;
         err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
         if (!err)

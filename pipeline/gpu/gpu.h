@@ -19,9 +19,9 @@
 /** Shaders, embedded at build. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X) SST_GPU_STEP_VARIANT_LIST(X)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_STEP_VARIANT_LIST(X) SST_GPU_RUN_VARIANT_LIST(X)
 #undef X
-        SST_GPU_SHADERS
+            SST_GPU_SHADERS
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader);
@@ -137,6 +137,14 @@ SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader
  * @return as sst_gpu_prepare() of the shader itself
  */
 SST_MUST_CHECK int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out);
+
+/** True if sst_gpu_prepare_fastest() of a shader tries this variant: it has the ability, is named or fast, and was not
+ * refused. */
+bool sst_gpu_wants_variant(const struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader variant);
+
+/** Refuse a shader while g is open; logged. @param err  -ENOTSUP: its results differ; else an error of the device, and
+ * a variant that has cost it is not tried again by the process */
+void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err);
 
 /** True if a comparison of this name was noted as passed, now or in another run of the same build with the same driver,
  * device and CPU. Never on the dummy device. */

@@ -86,7 +86,6 @@ uint32_t rectify_colour(const struct sst_gpu_rectify *p, void *const *buffer, co
 SST_GPU_SHADER_LIST(X)
 #undef X
 #define X(NAME, name, ...) gpu_self_test_fn name##_self_test;
-SST_GPU_VARIANT_LIST(X)
 SST_GPU_STEP_VARIANT_LIST(X)
 #undef X
 
@@ -108,20 +107,6 @@ struct gpu_limits {
 
 #define GPU_LIMITS_GROUP    256
 #define GPU_LIMITS_PRODUCTS 16 /* of one round and four floats */
-
-/* --- hypotheses.c: what tests of hypotheses read, for references --- */
-
-struct sst_hypothesis_test;
-struct sst_gpu_hypothesis_cost;
-struct sst_gpu_hypothesis_view;
-
-/** Words of memory that gpu_hypothesis_test() needs. */
-size_t gpu_hypothesis_words(const struct sst_gpu_hypothesis_cost *p);
-
-/**  memory  out, that all views lie in  @param code  out [65536] */
-void gpu_hypothesis_test(struct sst_hypothesis_test *t, const struct sst_gpu_hypothesis_cost *p,
-                         const struct sst_gpu_hypothesis_view *view, const uint32_t *pixels, uint32_t *memory,
-                         uint8_t *code);
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

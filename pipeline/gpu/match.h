@@ -15,9 +15,9 @@
 /* Structures have the layout of the shaders (std430). */
 
 #define SST_GPU_MATCH_PASSES  49152 /* of the loops of sgm_path: docs/design/gpu.md, Rules */
-#define SST_GPU_MATCH_STEPS   576 /* of a view at most, with the padding of its last tile */
-#define SST_GPU_MATCH_LAYERS  16  /* of the census: phases */
-#define SST_GPU_FEATURE_WORDS 16  /* of a pixel: four components of its features each */
+#define SST_GPU_MATCH_STEPS   576   /* of a view at most, with the padding of its last tile */
+#define SST_GPU_MATCH_LAYERS  16    /* of the census: phases */
+#define SST_GPU_FEATURE_WORDS 16    /* of a pixel: four components of its features each */
 
 /** A part of a view's volume: costs [rows][pitch][nd] of pixels (left, top) .. (left + pitch - 1, top + rows - 1). */
 struct sst_gpu_tile {
@@ -205,17 +205,19 @@ enum sst_gpu_winner_buffer {
 /** `median`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. Maps are those of `winner`. */
 struct sst_gpu_median {
     int32_t width, height;
+    int32_t masks; /* not 0: pixels that are not seen get no disparity */
 };
 
 enum sst_gpu_median_buffer {
     SST_GPU_MEDIAN_MAP = 0,
-    SST_GPU_MEDIAN_OUT = 1, /* out; the upper halves are copied */
+    SST_GPU_MEDIAN_PIXELS = 1, /* not read without masks */
+    SST_GPU_MEDIAN_OUT = 2,    /* out; the upper halves are copied */
     SST_GPU_MEDIAN_BUFFERS
 };
 
 /** `bilateral`: likewise. */
 struct sst_gpu_bilateral {
-    int32_t width, height, tau;
+    int32_t width, height, tau, masks;
     int32_t weight[16]; /* by distance: 4 * |y| + |x| */
 };
 

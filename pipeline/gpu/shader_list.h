@@ -7,21 +7,7 @@
 #define SST_PIPELINE_GPU_SHADER_LIST_H
 
 #define SST_GPU_SHADER_LIST(X)                                                                                         \
-    X(SGM_PATH, sgm_path, SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                            \
-    X(WINNER, winner, SST_GPU_WINNER_BUFFERS, sst_gpu_winner)                                                          \
-    X(CENSUS, census, SST_GPU_CENSUS_BUFFERS, sst_gpu_census)                                                          \
-    X(MATCH_COST, match_cost, SST_GPU_COST_BUFFERS, sst_gpu_match)                                                     \
-    X(FEATURE_COST, feature_cost, SST_GPU_FEATURE_BUFFERS, sst_gpu_features)                                           \
-    X(SUPPORT_ARMS, support_arms, SST_GPU_ARMS_BUFFERS, sst_gpu_arms)                                                  \
-    X(SUPPORT_SUM, support_sum, SST_GPU_SUPPORT_SUM_BUFFERS, sst_gpu_support)                                          \
-    X(SUPPORT_MEAN, support_mean, SST_GPU_SUPPORT_MEAN_BUFFERS, sst_gpu_support)                                       \
-    X(MEDIAN, median, SST_GPU_MEDIAN_BUFFERS, sst_gpu_median)                                                          \
-    X(BILATERAL, bilateral, SST_GPU_BILATERAL_BUFFERS, sst_gpu_bilateral)                                              \
-    X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
-    X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
-    X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
-    X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)
 
 /** Shaders of steps (pipeline/step/), which the step on the CPU defines, and of measurements: X(NAME, name, buffers,
@@ -40,6 +26,20 @@
     X(CLEAR_SAMPLE, clear_sample, SST_GPU_SAMPLE_BUFFERS, sst_gpu_clear_sample)                                        \
     X(HOLE_PULL, hole_pull, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
     X(HOLE_PUSH, hole_push, SST_GPU_HOLE_BUFFERS, sst_gpu_hole)                                                        \
+    X(CENSUS, census, SST_GPU_CENSUS_BUFFERS, sst_gpu_census)                                                          \
+    X(MATCH_COST, match_cost, SST_GPU_COST_BUFFERS, sst_gpu_match)                                                     \
+    X(FEATURE_COST, feature_cost, SST_GPU_FEATURE_BUFFERS, sst_gpu_features)                                           \
+    X(SUPPORT_ARMS, support_arms, SST_GPU_ARMS_BUFFERS, sst_gpu_arms)                                                  \
+    X(SUPPORT_SUM, support_sum, SST_GPU_SUPPORT_SUM_BUFFERS, sst_gpu_support)                                          \
+    X(SUPPORT_MEAN, support_mean, SST_GPU_SUPPORT_MEAN_BUFFERS, sst_gpu_support)                                       \
+    X(SGM_PATH, sgm_path, SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                            \
+    X(WINNER, winner, SST_GPU_WINNER_BUFFERS, sst_gpu_winner)                                                          \
+    X(MEDIAN, median, SST_GPU_MEDIAN_BUFFERS, sst_gpu_median)                                                          \
+    X(BILATERAL, bilateral, SST_GPU_BILATERAL_BUFFERS, sst_gpu_bilateral)                                              \
+    X(HYPOTHESIS_COST, hypothesis_cost, SST_GPU_HYPOTHESIS_COST_BUFFERS, sst_gpu_hypothesis_cost)                      \
+    X(HYPOTHESIS_PATH, hypothesis_path, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                      \
+    X(HYPOTHESIS_CHOICE, hypothesis_choice, SST_GPU_HYPOTHESIS_CHOICE_BUFFERS, sst_gpu_hypothesis_choice)              \
+    X(CONVERT, convert, SST_GPU_CONVERT_BUFFERS, sst_gpu_convert)                                                      \
     X(CHECK, check, SST_GPU_CHECK_BUFFERS, sst_gpu_check)                                                              \
     X(FILL_START, fill_start, SST_GPU_FILL_START_BUFFERS, sst_gpu_fill)                                                \
     X(FILL_PROJECT, fill_project, SST_GPU_FILL_PROJECT_BUFFERS, sst_gpu_project)                                       \
@@ -65,20 +65,21 @@
     X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
- * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. */
-#define SST_GPU_VARIANT_LIST(X)                                                                                        \
+ * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. Compared with
+ * the shader itself on the device. */
+#define SST_GPU_STEP_VARIANT_LIST(X)                                                                                   \
+    X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
+      sst_gpu_net_conv)                                                                                                \
+    X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
+      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)
+
+/** The same: the step is compared with the CPU once more for each variant (sst_run_fastest()). */
+#define SST_GPU_RUN_VARIANT_LIST(X)                                                                                    \
     X(SGM_PATH_SUBGROUP, sgm_path_subgroup, SGM_PATH, sgm_path, "subgroup", SST_GPU_SUBGROUP, SST_GPU_SUBGROUP,        \
       SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                                                \
     X(HYPOTHESIS_PATH_SUBGROUP, hypothesis_path_subgroup, HYPOTHESIS_PATH, hypothesis_path, "subgroup",                \
       SST_GPU_SUBGROUP, SST_GPU_SUBGROUP, SST_GPU_HYPOTHESIS_PATH_BUFFERS, sst_gpu_hypothesis_path)                    \
     X(FEATURE_COST_DOT, feature_cost_dot, FEATURE_COST, feature_cost, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST,            \
       SST_GPU_FEATURE_BUFFERS, sst_gpu_features)
-
-/** The same, of shaders of steps: compared with the shader itself on the device. */
-#define SST_GPU_STEP_VARIANT_LIST(X)                                                                                   \
-    X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
-      sst_gpu_net_conv)                                                                                                \
-    X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
-      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)
 
 #endif

@@ -22,18 +22,17 @@
 #define X(NAME, name, buffers, push)                                                                                   \
     [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), name##_reference, name##_self_test },
 #define S(NAME, name, buffers, push) [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push) },
-#define V(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
-    [SST_GPU_##NAME] = { #name,        buffers, sizeof(struct push), of##_reference, name##_self_test, needs, fast,    \
-                         SST_GPU_##OF, word },
 #define W(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
     [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), NULL, name##_self_test, needs, fast, SST_GPU_##OF, word },
+#define R(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
+    [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), NULL, NULL, needs, fast, SST_GPU_##OF, word },
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S) SST_GPU_VARIANT_LIST(V) SST_GPU_STEP_VARIANT_LIST(W)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S) SST_GPU_STEP_VARIANT_LIST(W) SST_GPU_RUN_VARIANT_LIST(R)
 };
 #undef X
 #undef S
-#undef V
 #undef W
+#undef R
 
 #define X(NAME, name, buffers, push)                                                                                   \
     _Static_assert(sizeof(struct push) <= 128, "Vulkan guarantees 128 bytes of push constants");

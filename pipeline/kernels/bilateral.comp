@@ -10,7 +10,7 @@ layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height, tau;
+    int width, height, tau, masks;
     int weight[16]; // by distance: 4 * |y| + |x|
 };
 
@@ -51,6 +51,8 @@ void main()
             total += w;
         }
     }
-    mean = centre == NONE ? NONE : centre - 128 + (2 * sum + 257 * total) / (2 * total);
+    mean = centre == NONE || (masks != 0 && pixels[at.y * width + at.x] >> 24 == 0)
+               ? NONE
+               : centre - 128 + (2 * sum + 257 * total) / (2 * total);
     result[at.y * width + at.x] = (map[at.y * width + at.x] & 0xFFFF0000) | uint(mean & 0xFFFF);
 }

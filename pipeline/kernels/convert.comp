@@ -1,5 +1,5 @@
 // What stays of a view in the words that a step reads, and what a step leaves in those that stay. Buffers, constants and
-// conversions: pipeline/gpu/convert.h. Definition: convert_reference().
+// conversions: pipeline/gpu/convert.h. Definition: the steps.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
@@ -14,8 +14,7 @@ layout(std430, push_constant) uniform Constants {
     uint conversion, value, colours, from, to;
 };
 
-const uint TO_HYPOTHESES = 0, TO_LUMA = 1, TO_STEPS = 2, FROM_MATCH = 3, FROM_CHOICE = 4, FROM_PLAIN = 5, TO_FEATURES = 6,
-           TO_LEVELS = 7;
+const uint TO_HYPOTHESES = 0, TO_LUMA = 1, TO_STEPS = 2, FROM_CHOICE = 3, FROM_PLAIN = 4, TO_FEATURES = 5;
 const uint NONE = 0xFFFF, OUTSIDE = 255, CODES = 253;
 const int FEATURE_WORDS = 16;
 const uint STEPS_NONE = 32768, CHANGED = 1 << 24;
@@ -60,13 +59,11 @@ void main()
     case TO_HYPOTHESES: word = hypotheses(i); break;
     case TO_LUMA: word = lumas(at.x, i); break;
     case TO_STEPS: word = min(map[i] & NONE, STEPS_NONE) * 65537; break;
-    case FROM_MATCH: word = source[from + i] & 0xFFFFFF | (counts(i) ? 0 : NONE); break;
     case FROM_CHOICE:
         word = source[from + i] & NONE | old & 0xFF000000;
         word |= ((source[from + i] & CHANGED) != 0 ? source[from + i] : old) & 0xFF0000;
         break;
     case FROM_PLAIN: word = old & 0xFFFF0000 | source[from + i] & NONE; break;
-    case TO_LEVELS: word = source[from + luma(i)]; break;
     case TO_FEATURES:
         word = source[from + at.y * width + at.x % full_width * FEATURE_WORDS + at.x / full_width] ^ 0x80808080;
         break;

@@ -5,10 +5,11 @@
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Map { uint map[]; };
-layout(std430, binding = 1) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
-    int width, height;
+    int width, height, masks;
 };
 
 const int WIDE = 32 + 4, HIGH = 8 + 4;
@@ -37,5 +38,7 @@ void main()
             below += disparity[(local.y + i / 5) * WIDE + local.x + i % 5] < (low | bit) ? 1 : 0;
         low |= below <= 12 ? bit : 0;
     }
+    if (masks != 0 && pixels[at.y * width + at.x] >> 24 == 0)
+        low = 0xFFFF;
     result[at.y * width + at.x] = (map[at.y * width + at.x] & 0xFFFF0000) | low;
 }

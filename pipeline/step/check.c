@@ -59,13 +59,18 @@ static int check_seed(struct sst_run *r, uint32_t seed)
     return r->err;
 }
 
-static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
+/* @param variant  the only one in use; SST_GPU_SHADERS: none @param asked  as of struct sst_run */
+static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step,
+                   enum sst_gpu_shader variant, bool *asked)
 {
-    const size_t n = (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
+    const size_t n =
+        step->sample_pixels ? (size_t)step->sample_pixels : (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
     const size_t pixels[SST_PLANE_MAP + 1] = { n, n, n };
     struct runner_memory *memory = calloc(1, sizeof(*memory));
     struct sst_step_report uncounted = { 0 };
-    struct sst_run r = { .user = user, .memory = memory, .report = &uncounted, .gpu = g, .step = step };
+    struct sst_run r = {
+        .user = user, .memory = memory, .report = &uncounted, .gpu = g, .step = step, .asked = asked, .variant = variant
+    };
     const uint32_t seeds = step->seeds ? (uint32_t)step->seeds : SEEDS;
     int err = memory ? 0 : -ENOMEM;
 
@@ -79,16 +84,50 @@ static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct
     return err;
 }
 
+static bool is_due(const struct sst_gpu *g, const bool *asked, enum sst_gpu_shader variant)
+{
+    bool due = false;
+
+    for (int i = 0; i < SST_GPU_SHADERS && !due; i++)
+        due = asked[i] && sst_gpu_wants_variant(g, (enum sst_gpu_shader)i, variant);
+    return due;
+}
+
+/* Compare the step once more for each variant that it would use. @return how many are refused, or an error */
+static int compare_variants(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step, bool *asked)
+{
+    int refused = 0;
+
+    for (int i = 0; i < SST_GPU_SHADERS; i++) {
+        const enum sst_gpu_shader variant = (enum sst_gpu_shader)i;
+        int err = is_due(g, asked, variant) ? sst_gpu_prepare(g, variant) : 0;
+
+        if (!err && is_due(g, asked, variant)) {
+            err = compare(user, g, step, variant, asked);
+            if (err)
+                sst_gpu_refuse(g, variant, err);
+        }
+        if (err && err != -ENOTSUP && err != -ENOMEM)
+            return err;
+        refused += err != 0;
+    }
+    return refused;
+}
+
 int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
 {
+    bool asked[SST_GPU_SHADERS] = { false };
     char test[SST_GPU_NAME];
-    int err;
+    int err, refused = 0;
 
     snprintf(test, sizeof(test), "step %s", step->name);
     if (sst_gpu_has_passed(g, test))
         return 0;
-    err = compare(user, g, step);
-    if (!err || err == -ENOTSUP)
+    err = compare(user, g, step, SST_GPU_SHADERS, asked);
+    if (!err)
+        refused = compare_variants(user, g, step, asked);
+    err = sst_min_int(refused, err);
+    if ((!err && !refused) || err == -ENOTSUP) /* refusals are found again */
         sst_gpu_note_verdict(g, test, !err);
     if (err == -ENOTSUP)
         sst_log_warning("%s: the step `%s` is refused: its results differ from those of the CPU",

@@ -76,7 +76,7 @@ static bool make_room(struct sst_run *r, int plane, int *attempt)
             (*attempt)++;
             return true;
         }
-        if (*attempt == 3 && r->user) {
+        if (*attempt == 3 && r->user && r->user->drop) {
             r->user->drop(r->user->arg);
             (*attempt)++;
             return true;
@@ -233,8 +233,7 @@ static bool copy_before(struct sst_run *r, int view, struct sst_gpu_range to)
 
     if (!from.buffer)
         return false;
-    sst_run_fail(r, sst_gpu_copy(r->gpu, to.buffer, to.offset, from.buffer, from.offset,
-                                 r->memory->planes.pixels[SST_PLANE_MAP] * sizeof(uint32_t)));
+    sst_run_copy(r, to, from, r->memory->planes.pixels[SST_PLANE_MAP] * sizeof(uint32_t));
     sst_step_plane_release(&r->memory->planes, SST_PLANE_MAP, view);
     return true;
 }
@@ -284,10 +283,29 @@ uint32_t sst_run_first(struct sst_run *r, enum sst_step_plane plane, int view)
 
 /* --- work --------------------------------------------------------------------------------------------------------- */
 
+void sst_run_copy(struct sst_run *r, struct sst_gpu_range to, struct sst_gpu_range from, size_t bytes)
+{
+    if (!r->err)
+        sst_run_fail(r, sst_gpu_copy(r->gpu, to.buffer, to.offset, from.buffer, from.offset, bytes));
+}
+
 void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word)
 {
     if (!r->err)
         sst_run_fail(r, sst_gpu_fill(r->gpu, to.buffer, to.offset + first * sizeof(word), words * sizeof(word), word));
+}
+
+enum sst_gpu_shader sst_run_fastest(struct sst_run *r, enum sst_gpu_shader shader)
+{
+    enum sst_gpu_shader fastest = shader;
+
+    if (r->asked) {
+        r->asked[shader] = true;
+        return r->variant < SST_GPU_SHADERS && sst_gpu_wants_variant(r->gpu, shader, r->variant) ? r->variant : shader;
+    }
+    if (!r->err)
+        sst_run_fail(r, sst_gpu_prepare_fastest(r->gpu, shader, &fastest));
+    return fastest;
 }
 
 void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],
@@ -370,7 +388,7 @@ static void leave(struct sst_run *r)
     snprintf(r->report->why, sizeof(r->report->why), "%s", why);
     if (r->err == -EINPROGRESS)
         return;
-    if (live ? (blameless || r->err == RUN_LEFT) && !known : blameless)
+    if (!known && (blameless || (live && r->err == RUN_LEFT)))
         sst_log_warning("%s: %s; %s on the CPU", r->report->name, why, phrase_of(r, text));
     if (!blameless && r->err != RUN_LEFT)
         sst_runner_report_failure(r->user, phrase_of(r, text), r->err, r->gpu ? "" : sst_runner_why(r->user->runner));

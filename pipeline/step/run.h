@@ -38,7 +38,8 @@ struct sst_step {
     /** A job of SST_STEP_SAMPLES small views of random maps, for sst_step_check(): both ways can begin, without `host`.
      * @param seed  from 1 on @return NULL: no memory */
     void *(*sample)(uint32_t seed);
-    int seeds; /* samples; 0: 2 */
+    int seeds;         /* samples; 0: 2 */
+    int sample_pixels; /* of a view; 0: SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT */
     void (*sample_free)(void *job);
 };
 
@@ -130,8 +131,14 @@ void sst_run_write(struct sst_run *r, struct sst_gpu_range to, const void *data,
 /** Memory of the host for words to upload, until the next function below. @return NULL after an error */
 uint32_t *sst_run_words(struct sst_run *r, size_t words);
 
+/** Copy bytes from a range to another one, of another buffer. */
+void sst_run_copy(struct sst_run *r, struct sst_gpu_range to, struct sst_gpu_range from, size_t bytes);
+
 /** Set words of a range from its word `first` on. */
 void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size_t words, uint32_t word);
+
+/** The fastest variant of a shader that the device has and that gives the results of the CPU. */
+enum sst_gpu_shader sst_run_fastest(struct sst_run *r, enum sst_gpu_shader shader);
 
 /** Dispatch a shader that has been prepared. @param range  [ranges] by binding */
 void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],

@@ -76,12 +76,18 @@ void runner_memory_drop(struct runner_memory *m, struct sst_gpu *g)
     sst_mem_kept_fini(&m->words);
 }
 
+static void drop(const struct sst_runner_user *user)
+{
+    if (user->drop)
+        user->drop(user->arg);
+}
+
 static void close_locked(struct sst_runner *s)
 {
     if (!s->gpu)
         return;
     for (struct sst_runner_user *u = s->users; u; u = u->next)
-        u->drop(u->arg);
+        drop(u);
     runner_memory_drop(&s->memory, s->gpu);
     sst_gpu_close(s->gpu);
     s->gpu = NULL;
@@ -216,7 +222,7 @@ void sst_runner_leave(struct sst_runner *s, struct sst_runner_user *user)
             continue;
         *at = user->next;
         if (s->gpu)
-            user->drop(user->arg);
+            drop(user);
         break;
     }
     sst_runner_unlock(s);
@@ -302,7 +308,7 @@ bool sst_runner_make_room(struct sst_runner *s, const struct sst_runner_user *us
 
     for (struct sst_runner_user *u = s->users; u; u = u->next) {
         if (u != user)
-            u->drop(u->arg);
+            drop(u);
     }
     runner_drop_scratch(&s->memory, s->gpu);
     sst_step_planes_trim(&s->memory.planes, s->gpu, -1);

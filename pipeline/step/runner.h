@@ -34,7 +34,8 @@ struct sst_runner_user {
                                     beside the work */
     const char *work;        /* verb of the work, for messages: "match" */
     const char *phrase;      /* work on the CPU, for messages: "live labels are computed"; NULL: the step "is done" */
-    void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */
+    void (*drop)(void *arg); /* free all buffers of its own, under the lock: the device is closed, or others need the
+                                memory; NULL: it has none */
     void *arg;
     /* of the runner */
     struct sst_runner *runner;

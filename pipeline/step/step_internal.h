@@ -35,7 +35,10 @@ struct sst_run {
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
     bool alone;     /* buffers of earlier items are gone */
-    char why[128];  /* of sst_run_leave() */
+    char why[128]; /* of sst_run_leave() */
+    /* of sst_step_check(); NULL: none */
+    bool *asked;                 /* [SST_GPU_SHADERS] the step asks for its fastest variant */
+    enum sst_gpu_shader variant; /* the only one in use; SST_GPU_SHADERS: none */
 };
 
 /** A view on the device; r->err says whether it is done. */

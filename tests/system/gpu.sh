@@ -184,7 +184,7 @@ device rays.json 'd["verified_on_cpu"] == 1 and "some rows of all views" in d["w
 cmp -s cpu.png gpu.png && grep -q 'the rays of 1 of 1 pictures were verified on the CPU: what the maps explain' err ||
   fail "rays in small buffers: $(cat err)"
 # Steps and shaders are compared first: about 400 dispatches.
-for fault in lost=430:lost timeout=430:answer memory=1:memory; do
+for fault in lost=430:lost timeout=430:answer buffer=345:memory; do
   matched accurate dummy:${fault%:*}
   grep -q "views were matched on the CPU instead of dummy: .*${fault#*:}" err || fail "process: ${fault%:*}: $(cat err)"
   device match.json "d['on_cpu'] > 0 and '${fault#*:}' in d['why_cpu']"

@@ -94,7 +94,7 @@ static void test_bands(void **state)
         cfg.phase_step = 2;
         cfg.rounds = 0;
         cfg.key_spacing = 1;
-        assert_int_equal(match_device_create(&cfg.device, i == 4 ? "dummy:buffer=200" : "dummy:buffer=460", 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, i == 4 ? "dummy:buffer=340" : "dummy:buffer=460", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.in_bands, 8);
@@ -121,10 +121,10 @@ static void test_fallback(void **state)
         const char *why;
         int views, failures;
     } devices[] = {
-        { "lost", 1, "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "timeout", 51, "the device does not answer", 6, 2 },
-        { "memory", 1, "not enough memory on the device", 0, 0 },
-        { "buffer", 200, "not enough memory on the device", 0, 0 },
+        { "lost", 1, "the device is lost", 0, 3 }, /* always at the first view: pauses of 0, 1, 3 pairs */
+        { "timeout", 51, "the device does not answer", 4, 2 },
+        { "memory", 2, "not enough memory on the device", 0, 0 }, /* of which less is used */
+        { "buffer", 340, "not enough memory on the device", 0, 0 },
     };
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
@@ -139,7 +139,7 @@ static void test_fallback(void **state)
         assert_true(match_config(&cfg, 2));
         cfg.rounds = cfg.subpixel_steps = 0; /* the first pass alone */
         cfg.fill = false;
-        assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.device, name, i == 2 ? (uint64_t)1100 << 10 : 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
         assert_int_equal(report.on_cpu, 8 - devices[i].views);

@@ -6,17 +6,17 @@
 
 static const unsigned surfaces = 1U << SST_DISPARITY_STAGE_SURFACES, carrying = 1U << SST_DISPARITY_STAGE_CARRY;
 
-static struct sst_disparity_device *open_device(const char *name)
+static struct sst_disparity_device *open_device(const char *name, uint64_t memory_bytes)
 {
     struct sst_disparity_device *device;
 
-    assert_int_equal(match_device_create(&device, name, 0), 0);
+    assert_int_equal(match_device_create(&device, name, memory_bytes), 0);
     return device;
 }
 
 static void test_same_bytes(void **state)
 {
-    struct sst_disparity_device *device = open_device("dummy");
+    struct sst_disparity_device *device = open_device("dummy", 0);
     struct sst_disparity_device_report report;
 
     (void)state;
@@ -44,7 +44,7 @@ static void test_lost(void **state)
         char name[32];
 
         snprintf(name, sizeof(name), "dummy:lost=%d", before + at);
-        device = open_device(name);
+        device = open_device(name, 0);
         second_compare(device, at % 2, &report);
         print_message("%s: tested %lld, stages %x, %s\n", name, (long long)report.tested, report.stages_on_cpu,
                       report.why);
@@ -62,7 +62,7 @@ static void test_lost(void **state)
 /* A device without room is not to blame. */
 static void test_small(void **state)
 {
-    struct sst_disparity_device *device = open_device("dummy:buffer=200");
+    struct sst_disparity_device *device = open_device("dummy", (uint64_t)800 << 10);
     struct sst_disparity_device_report report;
 
     (void)state;
@@ -70,7 +70,7 @@ static void test_small(void **state)
     assert_int_equal(report.tested, 0);
     assert_int_equal(report.tested_on_cpu, SECOND_TESTED);
     assert_int_equal(report.failures, 0);
-    assert_int_equal(report.stages_on_cpu, surfaces | carrying);
+    assert_int_equal(report.stages_on_cpu, surfaces);
     assert_string_equal(report.why, "not enough memory on the device");
     match_device_destroy(device);
 }

@@ -63,10 +63,8 @@ static void test_memory(void **state)
 static void test_faults(void **state)
 {
     static const int dispatches[SST_GPU_SHADERS] = {
-        [SST_GPU_SGM_PATH] = 32,       [SST_GPU_WINNER] = 2,          [SST_GPU_CENSUS] = 1,
-        [SST_GPU_MATCH_COST] = 5,      [SST_GPU_SUPPORT_ARMS] = 1,    [SST_GPU_SUPPORT_SUM] = 1,
-        [SST_GPU_SUPPORT_MEAN] = 1,    [SST_GPU_MEDIAN] = 1,          [SST_GPU_BILATERAL] = 1,
-        [SST_GPU_HYPOTHESIS_COST] = 3, [SST_GPU_HYPOTHESIS_PATH] = 4, [SST_GPU_HYPOTHESIS_CHOICE] = 1,
+        [SST_GPU_RECTIFY] = 1,
+        [SST_GPU_JPEG_RGB] = 1,
     }; /* of its self-test; 0: it has none, or the same as another shader */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
@@ -75,8 +73,8 @@ static void test_faults(void **state)
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
         assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=1" : "dummy:lost=1", NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_LIMITS), faults[i]);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_LIMITS), faults[i]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_RECTIFY), faults[i]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_RECTIFY), faults[i]);
         assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i]);
         assert_int_equal(sst_gpu_wait(g), faults[i]);
         sst_gpu_close(g);
@@ -182,13 +180,10 @@ static void test_variants_of_matching(void **state)
         { "dummy:subgroup=1", NULL, SST_GPU_SGM_PATH, SST_GPU_SGM_PATH_SUBGROUP },
         { "dummy:subgroup=1", "plain", SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
         { "dummy:subgroup=1", "dot", SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
-        { "dummy:subgroup=1,wrong=1", NULL, SST_GPU_SGM_PATH, SST_GPU_SGM_PATH },
         { "dummy:subgroup=1", NULL, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_PATH_SUBGROUP },
-        { "dummy:subgroup=1,wrong=6", NULL, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_PATH },
         { "dummy:subgroup=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
         { "dummy:dot=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST_DOT },
         { "dummy:dot=2", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
-        { "dummy:dot=1,wrong=1", NULL, SST_GPU_FEATURE_COST, SST_GPU_FEATURE_COST },
     };
 
     (void)state;
@@ -323,9 +318,10 @@ static void test_shapes(void **state)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-#define ROOM      "a device needs room for the rays that it verifies: raise --device-memory, or use fewer or smaller views"
-#define CRAMPED   "what the maps explain needs room for some rows of all views, and its tables: raise --device-memory, " \
-                  "or use fewer or smaller views"
+#define ROOM "a device needs room for the rays that it verifies: raise --device-memory, or use fewer or smaller views"
+#define CRAMPED                                                                                                        \
+    "what the maps explain needs room for some rows of all views, and its tables: raise --device-memory, "             \
+    "or use fewer or smaller views"
 
 /* Render the pictures from .. to - 1 on a device. @return how many were made there without a failure; -1: it is not
  * opened */
@@ -382,10 +378,10 @@ static void test_pictures(void **state)
     } devices[] = {
         /* once, twice more for larger tables of labels, and with confidences */
         { "dummy", 0, 1, 32, 0, 0, "" },
-        { "dummy:buffer=400", 0, 2, 0, FIELD_CLEAR, 0, "" },      /* several chunks, and bands of the picture */
+        { "dummy:buffer=400", 0, 2, 0, FIELD_CLEAR, 0, "" }, /* several chunks, and bands of the picture */
         { "dummy:buffer=250", 0, 2, 0, FIELD_CLEAR, 0, "" },
-        { "dummy:buffer=100", 0, 8, 40, 0, 1, CRAMPED },          /* one view each, and no part of a clear picture */
-        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 1, CRAMPED },   /* views are replaced */
+        { "dummy:buffer=100", 0, 8, 40, 0, 1, CRAMPED },             /* one view each, and no part of a clear picture */
+        { "dummy:memory=1", 0, 0, 0, FIELD_CLEAR, 1, CRAMPED },      /* views are replaced */
         { "dummy", (uint64_t)400 << 10, 0, 0, FIELD_CLEAR, 3, ROOM } /* one at a time, by the configuration */
     };
     struct sst_render_device_report report;

@@ -2,7 +2,8 @@
 #include <errno.h>
 
 #include "base/log.h"
-#include "pipeline/step/runner.h"
+#include "pipeline/gpu/match.h"
+#include "pipeline/step/run.h"
 #include "tests/test.h"
 
 #define BYTES ((size_t)300 << 10)
@@ -24,12 +25,61 @@ static void drop(void *arg)
     w->buffer = NULL;
 }
 
+/* A step of one dispatch. */
+static bool counts(const void *job, int item)
+{
+    (void)job;
+    return !item;
+}
+
+static int count_on_cpu(void *job, int item, int worker)
+{
+    (void)job, (void)item, (void)worker;
+    return 0;
+}
+
+static void count_on_device(struct sst_run *r, void *job, int item)
+{
+    static const struct sst_gpu_features push;
+    const struct sst_gpu_range any = sst_run_scratch(r, 0, 64);
+    const struct sst_gpu_range range[SST_GPU_FEATURE_BUFFERS] = { any, any, any, any, any };
+
+    (void)job, (void)item;
+    sst_run_dispatch(r, sst_run_fastest(r, SST_GPU_FEATURE_COST), &push, (const uint32_t[]){ 1, 1, 1 }, range,
+                     SST_GPU_FEATURE_BUFFERS);
+}
+
+static void counted(void *job, int item, struct sst_share_maps *out)
+{
+    (void)job, (void)item, (void)out;
+}
+
+static void *count_sample(uint32_t seed)
+{
+    return calloc(seed, 1);
+}
+
 static int work_join(struct work *w, struct sst_runner *shared)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_CENSUS };
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_FEATURE_COST };
+    static const struct sst_step step = { .name = "counting",
+                                          .wants = counts,
+                                          .cpu = count_on_cpu,
+                                          .device = count_on_device,
+                                          .writes = counted,
+                                          .sample = count_sample,
+                                          .seeds = 1,
+                                          .sample_free = free };
+    static const struct sst_step *const steps[] = { &step };
 
     *w = (struct work){ .shared = shared,
-                        .user = { .shaders = shaders, .count = 1, .work = "count", .drop = drop, .arg = w } };
+                        .user = { .shaders = shaders,
+                                  .count = 1,
+                                  .steps = steps,
+                                  .step_count = 1,
+                                  .work = "count",
+                                  .drop = drop,
+                                  .arg = w } };
     return sst_runner_join(shared, &w->user);
 }
 
@@ -140,12 +190,47 @@ static void test_refused(void **state)
     sst_runner_destroy(NULL);
 }
 
+/* A step is compared once more with each variant of a shader that it would use: one that differs is refused by name. */
+static void test_variants(void **state)
+{
+    static const struct {
+        const char *device;
+        int err;
+        enum sst_gpu_shader want;
+    } cases[] = {
+        { "dummy:dot=1", 0, SST_GPU_FEATURE_COST_DOT },
+        { "dummy:dot=1,wrong=2", 0, SST_GPU_FEATURE_COST },
+        { "dummy:dot=2,wrong=2", 0, SST_GPU_FEATURE_COST }, /* slow */
+        { "dummy:dot=1,wrong=1", -ENOTSUP, SST_GPU_FEATURE_COST },
+        { "dummy:dot=1,lost=2", -ENODEV, SST_GPU_FEATURE_COST },
+        { "dummy:dot=1,lost=2", 0, SST_GPU_FEATURE_COST }, /* not tried again by the process */
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        enum sst_gpu_shader fastest = SST_GPU_SHADERS;
+        struct sst_runner *shared;
+        struct work a;
+
+        print_message("%s\n", cases[i].device);
+        assert_int_equal(sst_runner_create(&shared, cases[i].device, 0), 0);
+        assert_int_equal(work_join(&a, shared), cases[i].err);
+        if (!cases[i].err) {
+            assert_int_equal(sst_gpu_prepare_fastest(sst_runner_device(shared), SST_GPU_FEATURE_COST, &fastest), 0);
+            assert_int_equal(fastest, cases[i].want);
+            sst_runner_leave(shared, &a.user);
+        }
+        sst_runner_destroy(shared);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pause),
         cmocka_unit_test(test_room),
         cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_variants),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

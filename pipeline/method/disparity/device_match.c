@@ -1,119 +1,70 @@
 /* The first pass on a device: a view's costs, their aggregation, the optimisation, winners and filters, without the
- * volume leaving it. Views' pixels and features are uploaded once for all views that they are matched with. */
+ * volume leaving it. Where memory lacks, a view is matched in bands of rows. */
 #include <errno.h>
-#include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "base/clock.h"
-#include "base/log.h"
 #include "pipeline/gpu/match.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define LEAST_ROWS  16                /* of a band */
-#define MOST_GROUPS 65535             /* of a dispatch, in each direction: what every device has */
-#define STRIP_BYTES ((size_t)1 << 20) /* of features that are uploaded at once */
+#define LEAST_ROWS  16    /* of a band */
+#define MOST_GROUPS 65535 /* of a dispatch, in each direction, on every device */
+
+/* Scratch memory. */
+enum {
+    TILES,
+    STEPS,
+    TABLE,
+    CENSUS, /* of the view */
+    OTHER,  /* of a neighbour, in all phases that it needs */
+    ARMS,
+    COST,
+    SUM,
+    FOUND, /* winners */
+    FILTERED,
+    STATE,    /* of paths between bands */
+    FEATURES, /* of the view: where one place is left to the plane, neighbours have it in turn */
+    SCRATCH
+};
 
 /* What the steps of a match need. */
 struct match {
-    struct sst_disparity_device *d;
-    const struct device_match *in;
+    struct sst_run *r;
+    const struct match_rows *in;
+    const struct disparity_run *run;
     const struct sst_disparity_config *cfg;
-    int width, height; /* of the views */
-    int rounds;        /* of the aggregation */
-    int band;          /* rows that are matched at once */
+    int width, height;           /* of the views */
+    int rounds;                  /* of the aggregation */
+    int band;                    /* rows that are matched at once */
+    bool masks;                  /* some pixels must not be matched */
+    enum sst_gpu_shader path;    /* the fastest variant of sgm_path */
+    struct sst_gpu_range pixels; /* of the view */
+    struct sst_gpu_range at[SCRATCH];
+    struct sst_gpu_tile *tile; /* of the host */
     /* of the band in work */
     int top, rows_of;             /* its rows */
     int tiles, most_nd;           /* disparities of one at most, with padding */
-    enum sst_gpu_shader path;     /* the fastest variant of sgm_path */
     uint32_t blocks, quads, rows; /* groups that cover the volume of the largest tile */
     uint32_t inner_rows, columns; /* groups of winners, likewise */
     size_t cells;                 /* of all tiles */
-    bool masks;                   /* some pixels must not be matched */
 };
 
-static int dispatch(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y, uint32_t z,
-                    const struct sst_gpu_range *range, size_t count)
-{
-    struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { x, y, z } };
+/* Dispatch over the tiles of the band; ranges follow. */
+#define OVER_TILES(m, shader, push, x, y, ...)                                                                         \
+    sst_run_dispatch((m)->r, shader, push, (const uint32_t[]){ x, y, (uint32_t)(m)->tiles },                           \
+                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
+                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
 
-    for (size_t i = 0; i < count; i++) {
-        work.buffer[i] = range[i].buffer;
-        work.offset[i] = range[i].offset;
-    }
-    m->d->report.dispatches++;
-    return sst_gpu_dispatch(m->d->gpu, &work);
+static void need(struct match *m, int which, size_t count, size_t each)
+{
+    m->at[which] = sst_run_scratch(m->r, which, count * each);
 }
 
-/* Over all pixels of a view. */
-static int dispatch_plane(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t layers,
-                          const struct sst_gpu_range *range, size_t count)
+static enum sst_step_plane colours_of(const struct disparity_run *run)
 {
-    const uint32_t x = (uint32_t)(m->width + SST_GPU_PLANE_WIDTH - 1) / SST_GPU_PLANE_WIDTH;
-    const uint32_t y = (uint32_t)(m->height + SST_GPU_PLANE_HEIGHT - 1) / SST_GPU_PLANE_HEIGHT;
-
-    return dispatch(m, shader, push, x, y, layers, range, count);
+    return run->scale == 1 ? SST_PLANE_COLOUR : SST_PLANE_REDUCED;
 }
 
-/* The pixels of a view on the device. */
-static int need_view(struct match *m, const struct sst_descriptor *desc)
-{
-    const struct device_view v = { .view = (int)(desc - m->in->run->desc),
-                                   .width = m->width,
-                                   .height = m->height,
-                                   .image = &desc->image,
-                                   .seen = &desc->seen,
-                                   .stays = true };
-    struct sst_gpu_range found;
-
-    m->masks = m->masks || desc->seen.data;
-    return disparity_device_colours(m->d, &v, &found);
-}
-
-/* The features of a view on the device. @param stays  as of disparity_device_create_buffer() */
-static int need_features(struct match *m, const struct sst_descriptor *desc, const struct device_pixels *stays)
-{
-    struct sst_disparity_device *d = m->d;
-    struct device_pixels *p = &d->view[desc - m->in->run->desc];
-    const size_t of_row = (size_t)m->width * SST_FEATURE_CHANNELS;
-    const int strip = sst_clamp_int((int)(STRIP_BYTES / of_row), 1, m->height);
-    uint8_t *bytes;
-    int err;
-
-    if (p->features && p->rows == m->height)
-        return 0;
-    if (!desc->features) /* gave way since the view was described, or were lost with the device */
-        return -ENODATA;
-    sst_gpu_buffer_destroy(d->gpu, p->features);
-    p->features = NULL;
-    bytes = (uint8_t *)sst_mem_keep(&d->words, (size_t)strip * of_row / 4, sizeof(uint32_t));
-    err = bytes ? disparity_device_create_buffer(d, &p->features, (size_t)m->height * of_row, stays) : -ENOMEM;
-    if (err)
-        return err;
-    for (int y = 0; y < m->height && !err; y += strip) {
-        const size_t rows = (size_t)sst_min_int(strip, m->height - y), groups = rows * SST_GPU_FEATURE_WORDS;
-        const uint8_t *from = desc->features + (size_t)y * SST_GPU_FEATURE_WORDS * desc->feature_stride;
-
-        for (size_t i = 0; i < groups; i++)
-            memcpy(bytes + 4 * i * (size_t)m->width, from + i * desc->feature_stride, 4 * (size_t)m->width);
-        err = disparity_device_upload_at(d, p->features, (size_t)y * of_row, bytes, rows * of_row);
-    }
-    d->report.uploads++;
-    if (err) {
-        sst_gpu_buffer_destroy(d->gpu, p->features);
-        p->features = NULL;
-    }
-    p->rows = m->height;
-    return err;
-}
-
-static struct sst_gpu_range pixels_of(const struct match *m, const struct sst_descriptor *desc)
-{
-    const enum sst_step_plane plane = m->in->run->scale == 1 ? SST_PLANE_COLOUR : SST_PLANE_REDUCED;
-
-    return disparity_device_find(m->d, plane, (int)(desc - m->in->run->desc));
-}
+/* --- bands -------------------------------------------------------------------------------------------------------- */
 
 /* A tile with what its aggregation reaches around it. */
 static struct sst_gpu_tile make_tile(struct match *m, int x0, int y0, int width, int height)
@@ -148,8 +99,8 @@ static void add_tile(struct match *m, const struct sst_gpu_tile *t)
 /* Tile number i of the band. */
 static struct sst_gpu_tile tile_of(struct match *m, int i)
 {
-    const struct device_match *in = m->in;
-    const struct sst_volume *shape = &in->run->shape;
+    const struct match_rows *in = m->in;
+    const struct sst_volume *shape = &m->run->shape;
     struct sst_gpu_tile made;
 
     if (in->tiles) {
@@ -167,42 +118,43 @@ static struct sst_gpu_tile tile_of(struct match *m, int i)
     return made;
 }
 
-/* Lay out the volume of rows top .. top + rows - 1, and make room for it. */
-static int place_band(struct match *m, int top, int rows)
+/* Lay out the volume of rows top .. top + rows - 1. */
+static void lay_out(struct match *m, int top, int rows)
 {
-    const struct device_match *in = m->in;
-    const int count = in->tiles ? (rows + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT * in->tiles->columns : 1;
-    struct sst_gpu_tile *tile = calloc((size_t)count, sizeof(*tile));
-    int err = tile ? 0 : -ENOMEM;
+    const struct sst_tiles *tiles = m->in->tiles;
 
     m->top = top;
     m->rows_of = rows;
     m->cells = 0;
     m->quads = m->blocks = m->rows = m->inner_rows = m->columns = 0;
-    m->tiles = count;
+    m->tiles = tiles ? (rows + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT * tiles->columns : 1;
     m->most_nd = 0;
-    for (int i = 0; i < count && !err; i++) {
-        tile[i] = tile_of(m, i);
-        add_tile(m, &tile[i]);
+    for (int i = 0; i < m->tiles; i++) {
+        m->tile[i] = tile_of(m, i);
+        add_tile(m, &m->tile[i]);
     }
-    if (!err && (count > MOST_GROUPS || m->quads > MOST_GROUPS || m->rows > MOST_GROUPS || m->cells / 4 > INT32_MAX))
-        err = -ENOMEM;
-    err = err ? err : disparity_device_keep(m->d, KEPT_TILES, (size_t)count, sizeof(*tile));
-    err = err ? err : disparity_device_upload(m->d, m->d->kept[KEPT_TILES], tile, (size_t)count * sizeof(*tile));
-    err = err ? err : disparity_device_keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
-    err = err ? err : disparity_device_keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
-    free(tile);
-    return err;
+    if (m->tiles > MOST_GROUPS || m->quads > MOST_GROUPS || m->rows > MOST_GROUPS || m->cells / 4 > INT32_MAX)
+        sst_run_fail(m->r, -ENOMEM);
 }
 
-/* The census of a view in the phases of a set, each in its layer. @param layer  out [16], or NULL */
-static int make_census(struct match *m, const struct sst_descriptor *desc, unsigned phases, enum device_kept which,
-                       int *layer)
+static int bands_of(const struct match *m)
 {
-    const size_t n = (size_t)m->width * (size_t)m->height;
+    return (m->in->height + m->band - 1) / m->band;
+}
+
+/* Lay out band b. */
+static void place_band(struct match *m, int b)
+{
+    lay_out(m, m->in->top + b * m->band, sst_min_int(m->band, m->in->height - b * m->band));
+}
+
+/* --- costs -------------------------------------------------------------------------------------------------------- */
+
+/* The census of a view in the phases of a set, each in its layer. @param layer  out [16], or NULL */
+static void make_census(struct match *m, struct sst_gpu_range pixels, unsigned phases, int which, int *layer)
+{
     struct sst_gpu_census push = { .width = m->width, .height = m->height };
     uint32_t layers = 0;
-    int err;
 
     for (uint32_t p = 0; p < SST_PHASES; p++) {
         if (!(phases >> p & 1))
@@ -212,48 +164,30 @@ static int make_census(struct match *m, const struct sst_descriptor *desc, unsig
             layer[p] = (int)layers;
         layers++;
     }
-    err = disparity_device_keep(m->d, which, layers * n, sizeof(uint64_t));
-    return err ? err
-               : dispatch_plane(m, SST_GPU_CENSUS, &push, layers,
-                                (const struct sst_gpu_range[]){ pixels_of(m, desc), W(m->d->kept[which]) }, 2);
+    SST_RUN_PIXELS(m->r, SST_GPU_CENSUS, &push, m->width, m->height, layers, pixels, m->at[which]);
 }
 
-static int upload_steps(struct match *m, const struct sst_neighbour *n, const int *layer)
+static void upload_steps(struct match *m, const struct sst_neighbour *n, const int *layer)
 {
-    const struct sst_volume *shape = &m->in->run->shape;
-    const size_t count = (size_t)shape->steps;
-    struct sst_volume_step *at = calloc(count, sizeof(*at));
-    struct sst_gpu_step *steps = calloc(count, sizeof(*steps));
-    int err = at && steps ? disparity_device_keep(m->d, KEPT_STEPS, count, sizeof(*steps)) : -ENOMEM;
+    const struct sst_volume *shape = &m->run->shape;
+    struct sst_volume_step at[SST_GPU_MATCH_STEPS];
+    struct sst_gpu_step steps[SST_GPU_MATCH_STEPS];
 
-    if (!err) {
-        sst_volume_steps(at, shape, n->bx, n->by);
-        for (size_t i = 0; i < count; i++)
-            steps[i] = (struct sst_gpu_step){ at[i].x, at[i].y, layer[at[i].phase], at[i].near_x, at[i].near_y };
-        err = disparity_device_upload(m->d, m->d->kept[KEPT_STEPS], steps, count * sizeof(*steps));
-    }
-    free(at);
-    free(steps);
-    return err;
+    sst_volume_steps(at, shape, n->bx, n->by);
+    for (int i = 0; i < shape->steps; i++)
+        steps[i] = (struct sst_gpu_step){ at[i].x, at[i].y, layer[at[i].phase], at[i].near_x, at[i].near_y };
+    m->at[STEPS] = sst_run_upload(m->r, STEPS, steps, (size_t)shape->steps * sizeof(*steps));
 }
 
 /* What the features of a neighbour cost, into the memory of the costs. */
-static int match_features(struct match *m, const struct sst_neighbour *n)
+static void match_features(struct match *m, int neighbour)
 {
     const struct sst_gpu_features push = { m->width, m->height };
-    struct device_pixels *own = &m->d->view[m->in->ref - m->in->run->desc];
-    const struct device_pixels *other = &m->d->view[n->desc - m->in->run->desc];
-    struct sst_gpu_buffer **kept = m->d->kept;
-    enum sst_gpu_shader shader;
-    int err = sst_gpu_prepare_fastest(m->d->gpu, SST_GPU_FEATURE_COST, &shader);
+    const struct sst_gpu_range other = sst_run_plane(m->r, SST_PLANE_FEATURES, neighbour);
 
-    err = err ? err : need_features(m, m->in->ref, NULL);
-    err = err ? err : need_features(m, n->desc, own);
-    return err ? err
-               : dispatch(m, shader, &push, m->blocks, m->rows, (uint32_t)m->tiles,
-                          (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_STEPS]), W(own->features),
-                                                          W(other->features), W(kept[KEPT_COST]) },
-                          SST_GPU_FEATURE_BUFFERS);
+    OVER_TILES(m, sst_run_fastest(m->r, SST_GPU_FEATURE_COST), &push, m->blocks, m->rows, m->at[TILES], m->at[STEPS],
+               m->at[FEATURES], other, m->at[COST]);
+    sst_run_release(m->r, SST_PLANE_FEATURES, neighbour);
 }
 
 static uint32_t flags_of(const struct match *m, int i)
@@ -266,179 +200,239 @@ static uint32_t flags_of(const struct match *m, int i)
            (m->cfg->cost & SST_COST_CENSUS ? 0U : SST_GPU_MATCH_ALONE);
 }
 
-static int match_neighbour(struct match *m, int i)
+static void match_neighbour(struct match *m, int i)
 {
-    const struct device_match *in = m->in;
-    const struct sst_neighbour *n = &in->neighbours[i];
-    struct sst_gpu_buffer **kept = m->d->kept;
+    const struct sst_neighbour *n = &m->in->neighbours[i];
     const struct sst_gpu_match push = { m->width, m->height, flags_of(m, i) };
+    const int neighbour = (int)(n->desc - m->run->desc);
+    const struct sst_gpu_range pixels = sst_run_plane(m->r, colours_of(m->run), neighbour);
     const bool census = m->cfg->cost & SST_COST_CENSUS;
     int layer[SST_PHASES] = { 0 };
-    int err = census ? make_census(m, n->desc, sst_volume_phases(&in->run->shape, n->bx, n->by), KEPT_OTHER, layer) : 0;
 
-    err = err ? err : upload_steps(m, n, layer);
+    if (census)
+        make_census(m, pixels, sst_volume_phases(&m->run->shape, n->bx, n->by), OTHER, layer);
+    upload_steps(m, n, layer);
     if (m->cfg->cost & SST_COST_MCCNN)
-        err = err ? err : match_features(m, n);
+        match_features(m, neighbour);
     /* Without a census anything takes its place. */
-    return err ? err
-               : dispatch(m, SST_GPU_MATCH_COST, &push, m->blocks, m->rows, (uint32_t)m->tiles,
-                          (const struct sst_gpu_range[]){
-                              W(kept[KEPT_TILES]), W(kept[KEPT_STEPS]), pixels_of(m, in->ref), pixels_of(m, n->desc),
-                              W(kept[census ? KEPT_CENSUS : KEPT_STEPS]), W(kept[census ? KEPT_OTHER : KEPT_STEPS]),
-                              W(kept[KEPT_SUM]), W(kept[KEPT_COST]) },
-                          SST_GPU_COST_BUFFERS);
-}
-
-static int find_arms(struct match *m)
-{
-    const struct sst_gpu_arms arms = { m->width, m->height, m->cfg->support_arm, m->cfg->support_tau };
-    struct sst_gpu_buffer **kept = m->d->kept;
-    int err = disparity_device_keep(m->d, KEPT_ARMS, (size_t)m->width * (size_t)m->height, sizeof(uint32_t));
-
-    return err ? err
-               : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
-                                (const struct sst_gpu_range[]){ pixels_of(m, m->in->ref), W(kept[KEPT_ARMS]) },
-                                SST_GPU_ARMS_BUFFERS);
+    OVER_TILES(m, SST_GPU_MATCH_COST, &push, m->blocks, m->rows, m->at[TILES], m->at[STEPS], m->pixels, pixels,
+               m->at[census ? CENSUS : STEPS], m->at[census ? OTHER : STEPS], m->at[SUM], m->at[COST]);
+    sst_run_release(m->r, colours_of(m->run), neighbour);
 }
 
 /* Means over the support regions; each round needs the last one's around a tile as far as regions reach. */
-static int aggregate(struct match *m)
+static void aggregate(struct match *m)
 {
-    struct sst_gpu_buffer **kept = m->d->kept;
-    int err = 0;
-
-    for (int left = m->rounds - 1; left >= 0 && !err; left--) {
+    for (int left = m->rounds - 1; left >= 0; left--) {
         const int around = left * SST_SUPPORT_MAX_ARM;
         const struct sst_gpu_support sum = { m->width, m->height, around, around + SST_SUPPORT_MAX_ARM };
         const struct sst_gpu_support mean = { m->width, m->height, around, around };
 
-        err = dispatch(m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
-                       (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_ARMS]), W(kept[KEPT_COST]),
-                                                       W(kept[KEPT_SUM]) },
-                       SST_GPU_SUPPORT_SUM_BUFFERS);
-        err = err ? err
-                  : dispatch(m, SST_GPU_SUPPORT_MEAN, &mean, m->quads, m->rows, (uint32_t)m->tiles,
-                             (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_ARMS]), W(kept[KEPT_SUM]),
-                                                             W(kept[KEPT_COST]) },
-                             SST_GPU_SUPPORT_MEAN_BUFFERS);
+        OVER_TILES(m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, m->at[TILES], m->at[ARMS], m->at[COST], m->at[SUM]);
+        OVER_TILES(m, SST_GPU_SUPPORT_MEAN, &mean, m->quads, m->rows, m->at[TILES], m->at[ARMS], m->at[SUM],
+                   m->at[COST]);
     }
-    return err;
 }
 
-static int upload_penalties(struct match *m)
+/* Costs of band b. */
+static void fill_band(struct match *m, int b)
 {
-    struct sst_disparity_sgm_penalties penalties;
-    uint32_t table[256];
-    int err = disparity_device_keep(m->d, KEPT_TABLE, 256, sizeof(*table));
-
-    sst_disparity_sgm_penalties_init(&penalties, m->cfg);
-    for (int i = 0; i < 256; i++)
-        table[i] = penalties.p1[i] | (uint32_t)penalties.p2[i] << 16;
-    return err ? err : disparity_device_upload(m->d, m->d->kept[KEPT_TABLE], table, sizeof(table));
+    place_band(m, b);
+    m->at[TILES] = sst_run_upload(m->r, TILES, m->tile, (size_t)m->tiles * sizeof(*m->tile));
+    for (int i = 0; i < m->in->count && !sst_run_failed(m->r); i++)
+        match_neighbour(m, i);
+    aggregate(m);
 }
+
+/* --- paths -------------------------------------------------------------------------------------------------------- */
 
 /* Steps that any tile has: the window of one may end after the last step of the view. */
 static uint32_t all_steps(const struct match *m)
 {
-    const int steps = m->in->run->shape.steps;
+    const int steps = m->run->shape.steps;
 
     return (uint32_t)(m->in->tiles ? steps + 64 : (steps + 31) / 32 * 32);
 }
 
-/* Paths of directions through the band. @param first  set the sums @param load, store  entries of the state; -1: none
- */
-static int follow(struct match *m, int way, int ways, bool first, int load, int store)
+/* Paths of directions through the band. */
+struct paths {
+    int way, ways;
+    bool first;      /* set the sums */
+    int load, store; /* entries of the state; -1: none */
+};
+
+static void follow(struct match *m, const struct paths *p)
 {
-    const struct device_match *in = m->in;
-    struct sst_gpu_buffer **kept = m->d->kept;
+    const struct sst_tiles *tiles = m->in->tiles;
     const enum sst_gpu_shader shader = m->most_nd <= SST_GPU_SGM_SUBGROUP_STEPS ? m->path : SST_GPU_SGM_PATH;
     const struct sst_gpu_sgm push = { .width = m->width,
                                       .top = m->top,
                                       .bottom = m->top + m->rows_of,
-                                      .tile_width = in->tiles ? SST_TILE_WIDTH : m->width,
-                                      .tile_height = in->tiles ? SST_TILE_HEIGHT : m->rows_of,
-                                      .columns = in->tiles ? in->tiles->columns : 1,
-                                      .way = way,
-                                      .ways = ways,
-                                      .first = first,
-                                      .load = load < 0 ? -1 : load * m->width,
-                                      .store = store < 0 ? -1 : store * m->width,
+                                      .tile_width = tiles ? SST_TILE_WIDTH : m->width,
+                                      .tile_height = tiles ? SST_TILE_HEIGHT : m->rows_of,
+                                      .columns = tiles ? tiles->columns : 1,
+                                      .way = p->way,
+                                      .ways = p->ways,
+                                      .first = p->first,
+                                      .load = p->load < 0 ? -1 : p->load * m->width,
+                                      .store = p->store < 0 ? -1 : p->store * m->width,
                                       .all = all_steps(m) };
+    const struct sst_gpu_range range[] = {
+        m->at[TILES], m->pixels, m->at[TABLE], m->at[COST], m->at[SUM], m->at[STATE]
+    };
 
-    return dispatch(m, shader, &push, sst_gpu_sgm_groups(&push), (uint32_t)ways, 1,
-                    (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), pixels_of(m, in->ref), W(kept[KEPT_TABLE]),
-                                                    W(kept[KEPT_COST]), W(kept[KEPT_SUM]), W(kept[KEPT_STATE]) },
-                    SST_GPU_SGM_BUFFERS);
+    sst_run_dispatch(m->r, shader, &push, (const uint32_t[]){ sst_gpu_sgm_groups(&push), (uint32_t)p->ways, 1 }, range,
+                     ARRAY_LEN(range));
 }
 
-/* Winners of the band. */
-static int choose(struct match *m)
-{
-    const struct device_match *in = m->in;
-    const struct sst_gpu_winner push = { m->width, in->top, in->run->shape.divisor, m->cfg->raw };
-    struct sst_gpu_buffer **kept = m->d->kept;
+/* Directions downwards: straight, then slanted. Upwards: 3; 6 and 7. */
+static const int down[] = { 2, 4, 5 };
 
-    return dispatch(
-        m, SST_GPU_WINNER, &push, m->inner_rows, m->columns, (uint32_t)m->tiles,
-        (const struct sst_gpu_range[]){ W(kept[KEPT_TILES]), W(kept[KEPT_SUM]), W(kept[KEPT_COST]), W(kept[KEPT_MAP]) },
-        SST_GPU_WINNER_BUFFERS);
+/* State of the paths downwards at the end of each band but the last one; with 8 paths three directions. */
+static void follow_down(struct match *m, int slants)
+{
+    for (int b = 0; b + 1 < bands_of(m); b++) {
+        fill_band(m, b);
+        for (int s = 0; s < slants; s++)
+            follow(m, &(struct paths){ down[s], 1, true, b ? (b - 1) * slants + s : -1, b * slants + s });
+    }
 }
 
-/* Filter the winners if that is wanted. @param map  out: where they are */
-static int filter(struct match *m, enum device_kept *map)
+/* All paths of band b. */
+static void optimise(struct match *m, int slants, int b)
 {
-    const struct device_match *in = m->in;
-    const size_t n = (size_t)m->width * (size_t)in->height;
-    const struct sst_gpu_median median = { m->width, m->height };
-    struct sst_gpu_bilateral bilateral = { m->width, m->height, m->cfg->bilateral_tau, { 0 } };
-    struct sst_gpu_buffer **kept = m->d->kept;
-    int err = 0;
+    const int bands = bands_of(m), up = (bands - 1) * slants; /* entries of two bands, in turn */
 
-    *map = KEPT_MAP;
-    if (!in->filter || m->cfg->raw)
-        return 0;
-    err = disparity_device_keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
-    err = err ? err
-              : dispatch_plane(m, SST_GPU_MEDIAN, &median, 1,
-                               (const struct sst_gpu_range[]){ W(kept[KEPT_MAP]), W(kept[KEPT_FILTERED]) },
-                               SST_GPU_MEDIAN_BUFFERS);
-    *map = KEPT_FILTERED;
-    if (err || m->cfg->bilateral_tau <= 0)
-        return err;
+    follow(m, &(struct paths){ 0, 1, true, -1, -1 });
+    if (bands == 1) {
+        follow(m, &(struct paths){ 1, 2 + 2 * slants - 1, false, -1, -1 });
+        return;
+    }
+    follow(m, &(struct paths){ 1, 1, false, -1, -1 });
+    for (int s = 0; s < slants; s++) {
+        follow(m, &(struct paths){ down[s], 1, false, b ? (b - 1) * slants + s : -1, -1 });
+        follow(m, &(struct paths){ down[s] + (s ? 2 : 1), 1, false, b + 1 < bands ? up + (b + 1) % 2 * slants + s : -1,
+                                   b ? up + b % 2 * slants + s : -1 });
+    }
+}
+
+static int slants_of(const struct match *m)
+{
+    return m->cfg->paths == 8 ? 3 : 1;
+}
+
+/* Match in bands of m->band rows, from the last one up: paths downwards come from a pass before that, for which the
+ * costs are computed once more. @param winners  out */
+static void match_bands(struct match *m, struct sst_gpu_range winners)
+{
+    const struct sst_gpu_winner push = { m->width, m->in->top, m->run->shape.divisor, m->cfg->raw };
+
+    if (!m->cfg->raw)
+        follow_down(m, slants_of(m));
+    for (int b = bands_of(m) - 1; b >= 0; b--) {
+        fill_band(m, b);
+        if (!m->cfg->raw)
+            optimise(m, slants_of(m), b);
+        OVER_TILES(m, SST_GPU_WINNER, &push, m->inner_rows, m->columns, m->at[TILES], m->at[SUM], m->at[COST], winners);
+    }
+}
+
+/* --- a view ------------------------------------------------------------------------------------------------------- */
+
+/* Reserve all scratch memory, before planes take the rest. */
+static void reserve(struct match *m)
+{
+    const struct match_rows *in = m->in;
+    const size_t n = (size_t)m->width * (size_t)m->height;
+    const size_t states = bands_of(m) > 1 ? (size_t)((bands_of(m) + 1) * slants_of(m)) * (size_t)m->width : 1;
+    size_t cells = 0, layers = 1;
+
+    for (int b = 0; b < bands_of(m); b++) {
+        place_band(m, b);
+        cells = m->cells > cells ? m->cells : cells;
+    }
+    for (int i = 0; i < in->count; i++) {
+        const struct sst_neighbour *k = &in->neighbours[i];
+        const size_t phases = (size_t)__builtin_popcount(sst_volume_phases(&m->run->shape, k->bx, k->by));
+
+        layers = phases > layers ? phases : layers;
+        m->masks = m->masks || k->desc->seen.data;
+    }
+    need(m, TILES, (size_t)(in->tiles ? in->tiles->columns * in->tiles->rows : 1), sizeof(*m->tile));
+    need(m, STEPS, (size_t)m->run->shape.steps, sizeof(struct sst_gpu_step));
+    need(m, TABLE, 256, sizeof(uint32_t));
+    need(m, COST, cells, sizeof(uint8_t));
+    need(m, SUM, cells, sizeof(uint16_t));
+    need(m, STATE, states * (all_steps(m) + 3), sizeof(uint32_t));
+    need(m, FOUND, n, sizeof(uint32_t));
+    need(m, FILTERED, n, sizeof(uint32_t));
+    if (m->rounds)
+        need(m, ARMS, n, sizeof(uint32_t));
+    if (m->cfg->cost & SST_COST_MCCNN)
+        need(m, FEATURES, n, SST_FEATURE_CHANNELS);
+    if (m->cfg->cost & SST_COST_CENSUS) {
+        need(m, CENSUS, n, sizeof(uint64_t));
+        need(m, OTHER, layers * n, sizeof(uint64_t));
+    }
+}
+
+static void upload_penalties(struct match *m)
+{
+    struct sst_disparity_sgm_penalties penalties;
+    uint32_t table[256];
+
+    sst_disparity_sgm_penalties_init(&penalties, m->cfg);
+    for (int i = 0; i < 256; i++)
+        table[i] = penalties.p1[i] | (uint32_t)penalties.p2[i] << 16;
+    m->at[TABLE] = sst_run_upload(m->r, TABLE, table, sizeof(table));
+}
+
+/* Inputs of all bands. @return place of the view's map */
+static struct sst_gpu_range prepare(struct match *m)
+{
+    const struct sst_gpu_arms arms = { m->width, m->height, m->cfg->support_arm, m->cfg->support_tau };
+    const int pair[] = { m->in->view, (int)(m->in->neighbours[0].desc - m->run->desc) };
+    struct sst_gpu_range map = m->at[FOUND];
+
+    upload_penalties(m);
+    (void)sst_run_planes(m->r, colours_of(m->run), pair, 2);
+    m->pixels = sst_run_plane(m->r, colours_of(m->run), m->in->view);
+    if (m->in->whole)
+        map = sst_run_output(m->r, SST_PLANE_MAP, m->in->view);
+    if (m->cfg->cost & SST_COST_MCCNN) {
+        sst_run_copy(m->r, m->at[FEATURES], sst_run_plane(m->r, SST_PLANE_FEATURES, m->in->view),
+                     (size_t)m->width * (size_t)m->height * SST_FEATURE_CHANNELS);
+        sst_run_release(m->r, SST_PLANE_FEATURES, m->in->view);
+    }
+    m->path = sst_run_fastest(m->r, SST_GPU_SGM_PATH);
+    if (m->cfg->cost & SST_COST_CENSUS)
+        make_census(m, m->pixels, 1, CENSUS, NULL);
+    if (m->rounds)
+        SST_RUN_PIXELS(m->r, SST_GPU_SUPPORT_ARMS, &arms, m->width, m->height, 1, m->pixels, m->at[ARMS]);
+    return map;
+}
+
+static void filter(struct match *m, struct sst_gpu_range out)
+{
+    const bool both = m->cfg->bilateral_tau > 0;
+    const struct sst_gpu_median median = { m->width, m->height, !both && m->masks };
+    struct sst_gpu_bilateral bilateral = { m->width, m->height, m->cfg->bilateral_tau, m->masks, { 0 } };
+
+    SST_RUN_PIXELS(m->r, SST_GPU_MEDIAN, &median, m->width, m->height, 1, m->at[FOUND], m->pixels,
+                   both ? m->at[FILTERED] : out);
+    if (!both)
+        return;
     for (int i = 0; i < 16; i++)
         bilateral.weight[i] = sst_disparity_bilateral_weight(i % 4, i / 4);
-    *map = KEPT_MAP;
-    return dispatch_plane(
-        m, SST_GPU_BILATERAL, &bilateral, 1,
-        (const struct sst_gpu_range[]){ W(kept[KEPT_FILTERED]), pixels_of(m, in->ref), W(kept[KEPT_MAP]) },
-        SST_GPU_BILATERAL_BUFFERS);
-}
-
-/* The map of a whole view stays. */
-static int store(struct match *m, enum device_kept map)
-{
-    const struct sst_gpu_convert push = { .width = m->width, .height = m->height, .conversion = SST_GPU_FROM_MATCH };
-
-    return m->in->filter ? disparity_device_store(m->d, (int)(m->in->ref - m->in->run->desc), push,
-                                                  pixels_of(m, m->in->ref), m->d->kept[map])
-                         : 0;
+    SST_RUN_PIXELS(m->r, SST_GPU_BILATERAL, &bilateral, m->width, m->height, 1, m->at[FILTERED], m->pixels, out);
 }
 
 /* Disparities and confidences of the host's maps. */
-static int fetch(struct match *m, enum device_kept map)
+static void unpack(const struct match *m, const uint32_t *from)
 {
-    const struct device_match *in = m->in;
-    const size_t n = (size_t)m->width * (size_t)in->height;
-    const int64_t start_ns = sst_clock_now_ns();
-    uint32_t *words = sst_mem_keep(&m->d->words, n, sizeof(*words));
-    int err = words ? sst_gpu_wait(m->d->gpu) : -ENOMEM;
-    const int64_t done_ns = sst_clock_now_ns();
+    const struct match_rows *in = m->in;
 
-    err = err ? err : sst_gpu_download(m->d->gpu, words, m->d->kept[map], 0, n * sizeof(*words));
-    m->d->report.wait_ns += done_ns - start_ns;
-    m->d->report.download_ns += sst_clock_now_ns() - done_ns;
-    for (int y = 0; !err && y < in->height; y++) {
-        const uint32_t *from = words + (size_t)y * (size_t)m->width;
+    for (int y = 0; from && y < in->height; y++, from += m->width) {
         uint16_t *disp = sst_map_u16_row(in->disp, in->top + y);
         uint8_t *confidence = in->confidence ? sst_map_u8_row(in->confidence, in->top + y) : NULL;
 
@@ -447,166 +441,49 @@ static int fetch(struct match *m, enum device_kept map)
         for (int x = 0; confidence && x < m->width; x++)
             confidence[x] = (uint8_t)(from[x] >> 16);
     }
-    return err;
 }
 
-/* Phases that one of the neighbours needs at most. */
-static size_t most_layers(const struct device_match *in)
-{
-    int most = 1;
-
-    for (int i = 0; i < in->count; i++) {
-        const struct sst_neighbour *n = &in->neighbours[i];
-
-        most = sst_max_int(most, __builtin_popcount(sst_volume_phases(&in->run->shape, n->bx, n->by)));
-    }
-    return (size_t)most;
-}
-
-/* Costs of a band. */
-static int fill_band(struct match *m, int top, int rows)
-{
-    int err = place_band(m, top, rows);
-
-    for (int i = 0; i < m->in->count && !err; i++)
-        err = match_neighbour(m, i);
-    return err || !m->rounds ? err : aggregate(m);
-}
-
-/* Rows of band b. */
-static int rows_of(const struct match *m, int b)
-{
-    return sst_min_int(m->band, m->in->height - b * m->band);
-}
-
-/* Directions downwards: straight, then slanted. Those upwards follow: 3; 6 and 7. */
-static const int down[] = { 2, 4, 5 };
-
-/* What the paths downwards leave at the end of each band but the last one; with 8 paths three of them. */
-static int follow_down(struct match *m, int slants, int bands)
-{
-    int err = 0;
-
-    for (int b = 0; b + 1 < bands && !err; b++) {
-        err = fill_band(m, m->in->top + b * m->band, rows_of(m, b));
-        for (int s = 0; s < slants && !err; s++)
-            err = follow(m, down[s], 1, true, b ? (b - 1) * slants + s : -1, b * slants + s);
-    }
-    return err;
-}
-
-/* All paths of a band. */
-static int optimise(struct match *m, int slants, int b, int bands)
-{
-    const int up = (bands - 1) * slants; /* entries of two bands, in turn */
-    int err = follow(m, 0, 1, true, -1, -1);
-
-    if (bands == 1)
-        return err ? err : follow(m, 1, 2 + 2 * slants - 1, false, -1, -1);
-    err = err ? err : follow(m, 1, 1, false, -1, -1);
-    for (int s = 0; s < slants && !err; s++) {
-        err = follow(m, down[s], 1, false, b ? (b - 1) * slants + s : -1, -1);
-        err = err ? err
-                  : follow(m, down[s] + (s ? 2 : 1), 1, false, b + 1 < bands ? up + (b + 1) % 2 * slants + s : -1,
-                           b ? up + b % 2 * slants + s : -1);
-    }
-    return err;
-}
-
-/* Match in bands of m->band rows, from the last one up: paths downwards come from a pass before that, for which the
- * costs are computed once more. */
-static int match_bands(struct match *m)
-{
-    const int bands = (m->in->height + m->band - 1) / m->band, slants = m->cfg->paths == 8 ? 3 : 1;
-    const size_t columns = bands > 1 ? (size_t)((bands + 1) * slants) * (size_t)m->width : 1;
-    int err = disparity_device_keep(m->d, KEPT_STATE, columns * (all_steps(m) + 3), sizeof(uint32_t));
-
-    if (!m->cfg->raw)
-        err = err ? err : follow_down(m, slants, bands);
-    for (int b = bands - 1; b >= 0 && !err; b--) {
-        err = fill_band(m, m->in->top + b * m->band, rows_of(m, b));
-        if (!m->cfg->raw)
-            err = err ? err : optimise(m, slants, b, bands);
-        err = err ? err : choose(m);
-    }
-    m->d->report.in_bands += !err && bands > 1 && m->in->filter;
-    return err;
-}
-
-/* Free the volume, which is too large. */
-static void drop_volume(struct sst_disparity_device *d)
-{
-    static const enum device_kept volume[] = { KEPT_COST, KEPT_SUM, KEPT_STATE };
-
-    for (size_t i = 0; i < ARRAY_LEN(volume); i++) {
-        sst_gpu_buffer_destroy(d->gpu, d->kept[volume[i]]);
-        d->kept[volume[i]] = NULL;
-        d->bytes[volume[i]] = 0;
-    }
-}
-
-static int match_view(struct match *m)
-{
-    const struct device_match *in = m->in;
-    const size_t n = (size_t)m->width * (size_t)m->height;
-    const int unit = in->tiles ? SST_TILE_HEIGHT : LEAST_ROWS;
-    enum device_kept map;
-    int err = need_view(m, in->ref);
-
-    err = err ? err : sst_gpu_prepare_fastest(m->d->gpu, SST_GPU_SGM_PATH, &m->path);
-    for (int i = 0; i < in->count && !err; i++)
-        err = need_view(m, in->neighbours[i].desc);
-    err = err ? err : upload_penalties(m);
-    err = err ? err : disparity_device_keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
-    if (m->cfg->cost & SST_COST_CENSUS) {
-        err = err ? err : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * n, sizeof(uint64_t));
-        err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
-    }
-    if (!err && m->rounds)
-        err = find_arms(m);
-    if (err)
-        return err;
-    /* As few bands as fit. */
-    for (m->band = in->height; (err = match_bands(m)) == -ENOMEM && m->band > unit;) {
-        drop_volume(m->d);
-        m->band = ((m->band + 1) / 2 + unit - 1) / unit * unit;
-    }
-    err = err ? err : filter(m, &map);
-    err = err ? err : store(m, map);
-    return err ? err : fetch(m, map);
-}
-
-bool disparity_device_match(struct sst_disparity_device *d, const struct device_match *in)
+bool run_match_rows(struct sst_run *r, const struct match_rows *in)
 {
     const struct disparity_run *run = in->run;
-    const int64_t start_ns = sst_clock_now_ns();
-    struct match m = { .d = d, .in = in, .cfg = run->cfg, .width = run->width, .height = run->height };
-    int err;
+    const struct sst_disparity_config *cfg = run->cfg;
+    const bool filtered = in->whole && !cfg->raw;
+    struct match m = { .r = r, .in = in, .run = run, .cfg = cfg, .width = run->width, .height = run->height };
+    struct sst_gpu_range out;
 
-    if (!disparity_device_begin(d)) {
-        d->report.on_cpu += in->filter;
+    m.masks = run->desc[in->view].seen.data;
+    m.rounds = cfg->support_arm && !cfg->raw ? cfg->support_before : 0;
+    m.tile = calloc((size_t)(in->tiles ? in->tiles->columns * in->tiles->rows : 1), sizeof(*m.tile));
+    if (!m.tile) {
+        sst_run_fail(r, -ENOMEM);
         return false;
     }
-    if (d->run != run)
-        disparity_device_drop_views(d);
-    d->run = run;
-    m.rounds = run->cfg->support_arm && !run->cfg->raw ? run->cfg->support_before : 0;
-    err = match_view(&m);
-    d->report.total_ns += sst_clock_now_ns() - start_ns;
-    if (err)
-        d->report.on_cpu += in->filter;
-    if (err == -ENOMEM || err == -ENODATA) { /* the device is not to blame */
-        const char *why = err == -ENOMEM ? sst_gpu_error(err) : "features of a view are no longer there";
+    m.band = sst_run_rows(r, in->height, in->tiles ? SST_TILE_HEIGHT : LEAST_ROWS);
+    m.band = in->band ? sst_min_int(in->band, m.band) : m.band;
+    reserve(&m);
+    out = prepare(&m);
+    match_bands(&m, filtered ? m.at[FOUND] : out);
+    if (filtered)
+        filter(&m, out);
+    unpack(&m, sst_run_fetch(r, out, (size_t)m.width * (size_t)in->height));
+    free(m.tile);
+    return m.band < in->height;
+}
 
-        if (!*d->report.why)
-            sst_log_warning("%s: %s; views are matched on the CPU", d->report.name, why);
-        snprintf(d->report.why, sizeof(d->report.why), "%s", why);
-    } else if (err) {
-        disparity_device_fail(d, err);
-    } else {
-        sst_runner_succeed(d->shared);
-        d->report.views += in->filter;
-    }
-    disparity_device_end(d);
-    return !err;
+const char *run_refused(const struct disparity_run *run)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+
+    if (!cfg->joint)
+        return "maps of two directions are fused";
+    if (!cfg->raw && cfg->support_arm && cfg->support_after)
+        return "costs are aggregated after the optimisation";
+    /* As all_steps() has it. */
+    if (run->shape.steps + 64 > SST_GPU_MATCH_STEPS)
+        return "too many disparities";
+    /* A path makes a pass for each pixel, and one for each 128 of its disparities: docs/design/gpu.md, Rules. */
+    return (int64_t)sst_max_int(run->shape.width, run->shape.height) * (1 + (run->shape.steps + 64 + 127) / 128) >
+                   SST_GPU_MATCH_PASSES
+               ? "sides that are too long for so many disparities"
+               : NULL;
 }

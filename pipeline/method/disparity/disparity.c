@@ -124,8 +124,7 @@ static int steps_of(const struct disparity_run *run)
     return run->range * run->divisor + 1;
 }
 
-/* One worker's: of a whole view, or of a tile. */
-static int make_volume(const struct disparity_run *run, struct sst_volume *v)
+int run_make_volume(const struct disparity_run *run, struct sst_volume *v)
 {
     const int halo = 2 * SST_TILE_HALO(run->cfg->support_arm ? run->cfg->support_before : 0);
     const int width = run->coarse ? sst_min_int(SST_TILE_WIDTH + halo, run->width) : run->width;
@@ -316,7 +315,7 @@ static int make_volumes(struct disparity_run *run, int threads)
     free_volumes(run);
     count_workers(run, threads);
     for (int i = 0; !err && i < run->workers; i++)
-        err = make_volume(run, &run->volumes[i]);
+        err = run_make_volume(run, &run->volumes[i]);
     for (int i = 0; !err && run->inner > 1 && i < run->workers * run->inner; i++)
         err = sst_volume_share(&run->parts[i], &run->volumes[i / run->inner]);
     return err;
@@ -456,16 +455,15 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
     lf->disparity_tested = run->rounds > 0;
     run->subpixel =
         cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
-    run->matched = calloc(views, sizeof(*run->matched));
     run->need = calloc(views, sizeof(*run->need));
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));
     run->status = calloc(views, sizeof(*run->status));
     run->filled = calloc(views, sizeof(*run->filled));
-    if (!run->matched || !run->need || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
+    if (!run->need || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
-    run->refused = cfg->device ? disparity_device_refuses(run) : NULL;
+    run->refused = cfg->device ? run_refused(run) : NULL;
     run->device = run->refused ? NULL : cfg->device;
     /* A range too narrow for the second pass is too narrow for carried maps. */
     return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST &&
@@ -492,7 +490,6 @@ static void run_fini(struct disparity_run *run)
     run_free_coarse(run);
     free(run->searched);
     free(run->carried);
-    free(run->matched);
     free(run->need);
     free(run->desc);
     free(run->disp);

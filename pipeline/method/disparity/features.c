@@ -162,19 +162,12 @@ struct bands {
     int8_t *out; /* [cut.height][width][channels] */
 };
 
-/* Of a struct sst_network_keeper, like the next two. */
+/* Of a struct sst_network_keeper, like the next one. */
 static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
     struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
 
     return k->keep(k, g, result, at);
-}
-
-static bool feed(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at)
-{
-    struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
-
-    return k->feed(k, g, input, at);
 }
 
 static int fill(void *arg)
@@ -191,7 +184,7 @@ static int fill(void *arg)
     return 0;
 }
 
-static int need_memory(struct sst_descriptor *desc)
+int sst_descriptor_need_features(struct sst_descriptor *desc)
 {
     const size_t groups = SST_FEATURE_CHANNELS / 4 * (size_t)desc->height;
 
@@ -205,15 +198,26 @@ static int need_memory(struct sst_descriptor *desc)
     return 0;
 }
 
+void sst_descriptor_gather(struct sst_descriptor *desc, const int8_t *result,
+                           const struct sst_disparity_feature_band *band)
+{
+    enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
+    const size_t w = (size_t)desc->width;
+
+    for (int y = band->first; y < band->end; y++) {
+        const int8_t *from = result + SST_FEATURE_CHANNELS * w * (size_t)(y - band->start);
+
+        for (size_t g = 0; g < GROUPS; g++)
+            gather(desc->features + ((size_t)y * GROUPS + g) * desc->feature_stride, from + 4 * g, w);
+    }
+}
+
 /* @param kept  out: only the device has them */
 static int make_band(struct bands *b, int i, bool *kept)
 {
-    const struct sst_network_keeper device = { keep, feed, fill, b }, cpu = { .fill = fill, .arg = b };
+    const struct sst_network_keeper device = { .keep = keep, .fill = fill, .arg = b }, cpu = { .fill = fill, .arg = b };
     struct sst_descriptor *desc = b->desc;
     struct sst_feature_keeper *k = b->keeper;
-
-    enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
-    const size_t w = (size_t)desc->width;
     int err;
 
     b->band = sst_disparity_feature_band(&b->cut, desc->height, b->radius, i);
@@ -221,8 +225,6 @@ static int make_band(struct bands *b, int i, bool *kept)
         k->band = b->band;
         k->width = desc->width;
         k->height = desc->height;
-        k->rows = b->cut.height;
-        k->level = b->level;
         k->kept = false;
     }
     err = sst_network_run_s8(b->net, &(struct sst_network_bytes){ b->in, desc->width, b->cut.height, SST_FEATURE_ONE,
@@ -230,13 +232,9 @@ static int make_band(struct bands *b, int i, bool *kept)
     *kept = k && k->kept;
     if (err || *kept)
         return err;
-    err = need_memory(desc);
-    for (int y = b->band.first; !err && y < b->band.end; y++) {
-        const int8_t *from = b->out + SST_FEATURE_CHANNELS * w * (size_t)(y - b->band.start);
-
-        for (size_t g = 0; g < GROUPS; g++)
-            gather(desc->features + ((size_t)y * GROUPS + g) * desc->feature_stride, from + 4 * g, w);
-    }
+    err = sst_descriptor_need_features(desc);
+    if (!err)
+        sst_descriptor_gather(desc, b->out, &b->band);
     return err;
 }
 

@@ -98,21 +98,25 @@ struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int rad
 struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
                                                              int radius, int i);
 
-/** How the network of features, where it runs on a device, reads a view and writes its features there. Both functions
- * are called for each band of rows, the first one first, as those of struct sst_network_keeper, with this structure. */
+/** Where the network of features, if it runs on a device, leaves them there: called for each band of rows, the first
+ * one first, as `keep` of struct sst_network_keeper, with this structure. */
 struct sst_feature_keeper {
     /** Store the features on the device. Sets `kept` if the host needs no copy of them. */
     bool (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
-    /** Compute the network's input from the colours of the view. */
-    bool (*feed)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
     void *arg;
     int view;
     /* set for it: */
-    int width, height, rows; /* of the view; of the input */
-    const float *level;      /* [256] input, by luma */
+    int width, height; /* of the view */
     struct sst_disparity_feature_band band;
     bool kept;
 };
+
+/** Memory for features, undefined, if there is none. @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_descriptor_need_features(struct sst_descriptor *desc);
+
+/** Rows of features, there is memory for them, from a network's result [][width][channels] from row band->start on. */
+void sst_descriptor_gather(struct sst_descriptor *desc, const int8_t *result,
+                           const struct sst_disparity_feature_band *band);
 
 /**
  * Compute the features of a descriptor that has its luma: standardised over the whole view, the network run band by

@@ -319,7 +319,7 @@ static struct sst_gpu_range optimise(const struct work *w)
     const struct sst_gpu_range sums = words_of(w, SUMS, w->pixels * SST_HYPOTHESES);
     const struct visible_tests *t = &w->tests;
     const uint32_t paths = (uint32_t)sst_max_int(w->width, w->height);
-    enum sst_gpu_shader shader = SST_GPU_HYPOTHESIS_PATH;
+    const enum sst_gpu_shader shader = sst_run_fastest(w->r, SST_GPU_HYPOTHESIS_PATH);
     struct sst_gpu_range table;
     uint32_t entry[256];
 
@@ -328,8 +328,6 @@ static struct sst_gpu_range optimise(const struct work *w)
     table = sst_run_upload(w->r, TABLE, entry, sizeof(entry));
     SST_RUN_PIXELS(w->r, SST_GPU_HYPOTHESIS_COST, &t->push, w->width, w->height, 1, t->views, t->pixels, w->list,
                    w->counts, costs);
-    if (!sst_run_failed(w->r))
-        sst_run_fail(w->r, sst_gpu_prepare_fastest(sst_run_gpu(w->r), SST_GPU_HYPOTHESIS_PATH, &shader));
     for (int i = 0; i < 2; i++) {
         const struct sst_gpu_hypothesis_path push = { .width = w->width,
                                                       .height = w->height,
@@ -386,14 +384,10 @@ static void take_chosen(const struct tested *t, const uint32_t *chosen)
 
     for (int y = 0; y < t->lists->height; y++) {
         const uint32_t *from = chosen + (size_t)y * width;
-        uint16_t *disp = sst_map_u16_row(&t->p->out[t->k], y);
-        uint8_t *confidence = sst_map_u8_row(&t->p->confidence[t->k], y);
 
-        for (size_t x = 0; x < width; x++) {
-            disp[x] = (uint16_t)from[x];
-            confidence[x] = from[x] >> 24 & 1 ? (uint8_t)(from[x] >> 16) : confidence[x];
-            t->lists->count[(size_t)y * width + x] = disp[x] == SST_DISP_NONE ? 0 : (uint8_t)(1 + (from[x] >> 29));
-        }
+        for (size_t x = 0; x < width; x++)
+            t->lists->count[(size_t)y * width + x] =
+                (from[x] & 0xFFFF) == SST_DISP_NONE ? 0 : (uint8_t)(1 + (from[x] >> 29));
         if (counts_skipped(t->p))
             count_skipped(t, y, chosen);
     }
@@ -419,9 +413,12 @@ static void test_on_device(struct sst_run *r, void *job, int k)
     if (counts_skipped(p) && !sst_run_failed(r))
         fetch_sampled(&w, &t);
     words = sst_run_fetch(r, chosen, w.pixels);
+    if (words)
+        take_chosen(&t, words);
+    words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, k), w.pixels);
     if (!words)
         return;
-    take_chosen(&t, words);
+    sst_step_map_unpack(words, &p->out[k], &p->confidence[k], NULL, NULL);
     p->tested[k] = VISIBLE_ON_DEVICE;
 }
 

@@ -97,12 +97,16 @@ void run_report_ranges(const struct disparity_run *run)
         run->cfg->report->ranges_skipped = 100 * (1 - sum / count);
 }
 
-/* Rows of tiles of the reference view, in the whole range and in windows. */
+#define COMPARED 3 /* rows of tiles of the reference view */
+
+/* Rows of tiles in the whole range and in windows: items 2 i and 2 i + 1. */
 struct compared {
     struct disparity_run *run;
     struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
     int count, workers; /* the latter have a network each */
+    int top[COMPARED];
     struct sst_support support;
+    struct sst_map_u16 disp[2 * COMPARED];
 };
 
 /* The neighbours of the reference view, with what matching on the CPU needs unless the device does that. */
@@ -115,55 +119,89 @@ static int gather_compared(struct compared *c)
     return c->count < 0 ? c->count : 0;
 }
 
-static int search_compared(struct compared *c, int top, struct sst_map_u16 *disp)
+static bool is_compared(const void *job SST_UNUSED, int item SST_UNUSED)
 {
-    struct disparity_run *run = c->run;
-    const int view = run->lf->ref_view;
-    const struct device_match in = { .run = run,
-                                     .ref = &run->desc[view],
-                                     .neighbours = c->neighbours,
-                                     .count = c->count,
-                                     .tiles = &run->tiles[0],
-                                     .top = top,
-                                     .height = SST_TILE_HEIGHT,
-                                     .disp = disp };
-    int err = 0;
-
-    if (!run->costs && disparity_device_match(run->device, &in))
-        return 0;
-    if (!run->costs) {
-        run->costs = true;
-        err = gather_compared(c);
-    }
-    return err ? err
-               : run_search_tiles(run, &run->tiles[0], &run->volumes[0], view, c->neighbours, c->count, &c->support,
-                                  disp, NULL);
+    return true;
 }
 
-/* Match a row of tiles in the whole range and in windows, and add the pixels that differ by more than 1 px to *off. */
-static int compare_ranges(struct compared *c, int top, int *off)
+static void compared_source(const void *job, int view, struct sst_plane_source *out)
 {
-    struct disparity_run *run = c->run;
+    run_match_source(((const struct compared *)job)->run, view, out);
+}
+
+static int lay_out(const struct compared *c, int item, struct sst_tiles *tiles)
+{
+    const struct disparity_run *run = c->run;
     const struct sst_coarse coarse = run_coarse_view(run, run->lf->ref_view);
-    struct sst_map_u16 disp[2] = { { 0 }, { 0 } };
-    int err = 0;
 
-    for (int windows = 0; !err && windows < 2; windows++) {
-        err = sst_map_u16_init(&disp[windows], run->width, top + SST_TILE_HEIGHT);
-        err = err ? err
-                  : sst_tiles_init(&run->tiles[0], run->width, top, SST_TILE_HEIGHT, &run->shape,
-                                   windows ? &coarse : NULL);
-        err = err ? err : search_compared(c, top, &disp[windows]);
-    }
-    for (int y = top; !err && y < top + SST_TILE_HEIGHT; y++) {
-        const uint16_t *a = sst_map_u16_row(&disp[0], y), *b = sst_map_u16_row(&disp[1], y);
+    return sst_tiles_init(tiles, run->width, c->top[item / 2], SST_TILE_HEIGHT, &run->shape, item % 2 ? &coarse : NULL);
+}
 
-        for (int x = 0; x < run->width; x++)
-            *off += abs(a[x] - b[x]) > (int)SST_DISP_SCALE;
-    }
-    sst_map_u16_fini(&disp[0]);
-    sst_map_u16_fini(&disp[1]);
+/* Inputs of the CPU alone. */
+static int make_costs(void *job)
+{
+    struct compared *c = job;
+    const struct sst_disparity_config *cfg = c->run->cfg;
+    int err;
+
+    c->run->costs = true;
+    err = gather_compared(c);
+    if (!err && cfg->support_arm)
+        err = sst_disparity_support_init(&c->support, &c->run->desc[c->run->lf->ref_view].image, cfg->support_arm,
+                                         cfg->support_tau, c->workers);
     return err;
+}
+
+static int compare_job(void *job, int item, int worker)
+{
+    struct compared *c = job;
+    struct disparity_run *run = c->run;
+    const int err = lay_out(c, item, &run->tiles[worker]);
+
+    return err ? err
+               : run_search_tiles(run, &run->tiles[worker], &run->volumes[worker], run->lf->ref_view, c->neighbours,
+                                  c->count, &c->support, &c->disp[item], NULL);
+}
+
+/* The same on a device. */
+static void compare_on_device(struct sst_run *r, void *job, int item)
+{
+    struct compared *c = job;
+    struct sst_tiles *tiles = &c->run->tiles[0];
+    const struct match_rows in = { .run = c->run,
+                                   .view = c->run->lf->ref_view,
+                                   .neighbours = c->neighbours,
+                                   .count = c->count,
+                                   .tiles = tiles,
+                                   .top = c->top[item / 2],
+                                   .height = SST_TILE_HEIGHT,
+                                   .disp = &c->disp[item] };
+
+    sst_run_fail(r, lay_out(c, item, tiles));
+    if (!sst_run_failed(r))
+        (void)run_match_rows(r, &in);
+}
+
+/* Of the shaders of disparity_match_step, which are compared there. */
+static const struct sst_step compare_step = { .name = "matching",
+                                              .wants = is_compared,
+                                              .source = compared_source,
+                                              .host = make_costs,
+                                              .cpu = compare_job,
+                                              .device = compare_on_device };
+
+/* Pixels of a row of tiles that differ by more than 1 px. */
+static int count_off(const struct compared *c, int i)
+{
+    int off = 0;
+
+    for (int y = c->top[i]; y < c->top[i] + SST_TILE_HEIGHT; y++) {
+        const uint16_t *a = sst_map_u16_row(&c->disp[2 * i], y), *b = sst_map_u16_row(&c->disp[2 * i + 1], y);
+
+        for (int x = 0; x < c->run->width; x++)
+            off += abs(a[x] - b[x]) > (int)SST_DISP_SCALE;
+    }
+    return off;
 }
 
 /* What one process measures for all. */
@@ -180,31 +218,35 @@ static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_ma
     sst_share_add_values(out, &m->error, sizeof(m->error));
 }
 
-/* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
+/* Percent of the pixels in some rows of tiles of the reference view whose disparity the windows change. */
 static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct measured *m = arg;
     struct disparity_run *run = m->run;
-    const int view = run->lf->ref_view;
     const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
+    const struct sst_run_options how = { .threads = m->workers, .cancel = run->cfg->cancel };
     struct compared c = { .run = run, .workers = m->workers };
     int err, off = 0;
 
-    if (!run->lf->views[view].present)
+    if (!run->lf->views[run->lf->ref_view].present)
         return 0;
     run->costs = !run->device;
     err = gather_compared(&c);
     if (err || !c.count)
         return err;
-    if (run->cfg->support_arm)
-        err = sst_disparity_support_init(&c.support, &run->desc[view].image, run->cfg->support_arm,
-                                         run->cfg->support_tau, c.workers);
-    for (int i = 0; !err && i < 3; i++)
-        err = compare_ranges(&c, last * (2 * i + 1) / 6, &off);
+    for (int i = 0; i < 2 * COMPARED && !err; i++) {
+        c.top[i / 2] = last * (i / 2 * 2 + 1) / (2 * COMPARED);
+        err = sst_map_u16_init(&c.disp[i], run->width, c.top[i / 2] + SST_TILE_HEIGHT);
+    }
+    err = err ? err : sst_run(disparity_device_user(run->device), &compare_step, &c, 2 * COMPARED, &how);
+    for (int i = 0; i < COMPARED && !err; i++)
+        off += count_off(&c, i);
+    for (int i = 0; i < 2 * COMPARED; i++)
+        sst_map_u16_fini(&c.disp[i]);
     sst_disparity_support_fini(&c.support);
     if (run->cfg->frugal)
         run_drop_phases(run);
-    m->error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
+    m->error = 100.0 * off / ((double)COMPARED * run->width * SST_TILE_HEIGHT);
     return err;
 }
 
