@@ -14,12 +14,15 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/kernel_clock.h"
+#include "base/text.h"
 #include "capture/link/link.h"
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/device.h"
+#include "pipeline/method/render/render.h"
+#include "pipeline/step/run.h"
 #include "pipeline/step/runner.h"
 
 #define AREA_DISK           "disk"
@@ -298,6 +301,10 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
     }
     if (!*refuses)
         snprintf(refuses, sizeof(refuses), "%s", refused_steps(runner));
+    for (int i = 0; i < SST_RENDER_STEPS; i++) {
+        if (sst_step_check(NULL, g, sst_render_steps[i]))
+            sst_text_add(refuses, sizeof(refuses), "%s%s", *refuses ? ", " : "", sst_render_steps[i]->name);
+    }
     if (*refuses)
         doctor_add(d, DOCTOR_WARNING, AREA_GPU,
                    "%s (%s) gives wrong results for %s and is not used for them: update the driver", info->name,

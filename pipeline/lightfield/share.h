@@ -48,7 +48,7 @@ void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t byte
 void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each);
 
 /** True if two lists have the same maps, lists and values. Maps of other sizes, or of which one is empty, differ.
- * @param levels  by which images and maps of 8 bits may differ */
+ * @param levels  by which one value in 16 of images and maps of 8 bits may differ */
 bool sst_share_maps_equal(const struct sst_share_maps *a, const struct sst_share_maps *b, int levels);
 
 /** Free a list; maps and lists that it names stay. */

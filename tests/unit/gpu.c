@@ -73,8 +73,12 @@ static void test_faults(void **state)
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
         assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=1" : "dummy:lost=1", NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_RECTIFY), faults[i]);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_RECTIFY), faults[i]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_LIMITS), 0);
+        assert_int_equal(sst_gpu_buffer_create(g, &b, 4), 0);
+        for (int again = 0; again < 2; again++)
+            assert_int_equal(sst_gpu_dispatch(g, &(struct sst_gpu_work){ .shader = SST_GPU_LIMITS, .buffer = { b, b } }),
+                             faults[i]);
+        sst_gpu_buffer_destroy(g, b);
         assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i]);
         assert_int_equal(sst_gpu_wait(g), faults[i]);
         sst_gpu_close(g);

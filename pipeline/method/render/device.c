@@ -14,7 +14,12 @@
 #include "base/text.h"
 #include "pipeline/method/render/clear_internal.h"
 
-#define TEST_BYTES (1 << 20) /* more than the self-tests of clear pictures need */
+#define TEST_BYTES (1 << 20) /* more than a test of a step needs */
+
+const struct sst_step *const sst_render_steps[SST_RENDER_STEPS] = { &render_picture_step, &render_verify_step,
+                                                                    &clear_steps[CLEAR_STEP],
+                                                                    &clear_steps[CLEAR_STEP_HOLES],
+                                                                    &clear_steps[CLEAR_STEP_SAMPLED] };
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
@@ -46,13 +51,9 @@ static void drop(void *arg)
 /* Of a device that was just opened. */
 static void note_opening(struct render_device *d)
 {
-    const struct sst_gpu_info *info = sst_runner_info(d->runner);
-
-    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
     d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
-    d->verify.tested = false;
+    d->tested = d->refused = 0;
     d->clear = (struct device_clear){ .noted = d->clear.noted };
     d->verify.small = d->verify.split = d->verify.cramped = false;
 }
@@ -64,65 +65,41 @@ static void note_cpu(struct render_device *d, const char *why)
     snprintf(d->report.why, sizeof(d->report.why), "%s", why);
 }
 
-/* After an error of the device: close it, and leave it alone for some pictures; for good where it computes something
- * else. @param why  "": the error's own */
+/* After an error of the device: close it, and leave it alone for some pictures. @param why  "": the error's own */
 static void fail(struct render_device *d, int err, const char *why)
 {
-    const int skipped = sst_runner_fail(d->runner);
-
+    sst_runner_report_failure(&d->user, d->changes ? "live pictures are rendered" : "the picture is rendered", err,
+                              why);
     d->gpu = NULL;
-    why = *why ? why : sst_gpu_error(err);
-    if (!d->changes)
-        sst_log_warning("%s: %s; the picture is rendered on the CPU, and the device is opened again after %d more",
-                        d->report.name, why, skipped);
-    else if (!d->report.failing)
-        sst_log_warning("%s: %s; live pictures are rendered on the CPU%s", d->report.name, why,
-                        err == -ENOTSUP ? "" : ", and the device is tried again now and then");
-    snprintf(d->report.failure, sizeof(d->report.failure), "%s", why);
-    d->report.failing = true;
-    d->report.failures++;
-    d->given_up = err == -ENOTSUP;
 }
 
 static void note_success(struct render_device *d)
 {
-    if (d->report.failing && d->changes)
-        sst_log_info("%s: live pictures are rendered on the device again", d->report.name);
-    d->report.failing = false;
+    if (d->user.report.failing && d->changes)
+        sst_log_info("%s: live pictures are rendered on the device again", d->user.report.name);
+    d->user.report.failing = false;
     d->report.pictures++;
     sst_runner_succeed(d->runner);
-}
-
-/* Shaders and steps that live pictures have needed so far are tested when the device is opened beside the work. */
-static void list_tested(struct render_device *d)
-{
-    enum { CLEAR = 4 }; /* of clear pictures */
-    static const enum sst_gpu_shader shaders[] = {
-        SST_GPU_BLEND,        SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,        SST_GPU_VERIFY_MODE,
-        SST_GPU_VERIFY_BLEND, SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED, SST_GPU_CLEAR_LAND,
-        SST_GPU_CLEAR_BLEND,  SST_GPU_HOLE_PULL,     SST_GPU_HOLE_PUSH
-    };
-    static const struct sst_step *const steps[] = { &render_picture_step, &render_verify_step,
-                                                    &clear_steps[CLEAR_STEP], &clear_steps[CLEAR_STEP_HOLES] };
-
-    d->user.shaders = shaders;
-    d->user.count = ARRAY_LEN(shaders) - CLEAR;
-    d->user.tested = d->clears ? CLEAR : 0;
-    d->user.steps = steps;
-    d->user.step_count = 1;
-    d->user.steps_tested = d->clears ? 3 : d->verify.wanted;
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
 static int join(struct render_device *d)
 {
+    static const enum sst_gpu_shader shaders[] = {
+        SST_GPU_BLEND,        SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,        SST_GPU_VERIFY_MODE,
+        SST_GPU_VERIFY_BLEND, SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED, SST_GPU_CLEAR_LAND,
+        SST_GPU_CLEAR_BLEND,  SST_GPU_CLEAR_SURFACE, SST_GPU_CLEAR_SAMPLE,       SST_GPU_HOLE_PULL,
+        SST_GPU_HOLE_PUSH
+    };
     int err;
 
-    d->user.work = "render";
-    d->user.drop = drop;
-    d->user.arg = d;
-    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_runner_name(d->runner));
-    list_tested(d);
+    d->user = (struct sst_runner_user){ .shaders = shaders,
+                                        .count = ARRAY_LEN(shaders),
+                                        .steps = sst_render_steps,
+                                        .step_count = 1,
+                                        .work = "render",
+                                        .drop = drop,
+                                        .arg = d };
     err = sst_runner_join(d->runner, &d->user);
     if (err && !d->changes)
         return err;
@@ -199,10 +176,9 @@ void render_device_destroy(struct render_device *d)
 /* True if the device may be tried; else the picture is noted as one for the CPU. */
 static bool may_try(struct render_device *d)
 {
-    int err = 0;
+    int err;
 
-    list_tested(d);
-    d->gpu = d->given_up ? NULL : sst_runner_take(d->runner, &d->user, &err);
+    d->gpu = sst_runner_take(d->runner, &d->user, &err);
     if (d->gpu && d->opening != d->user.opening)
         note_opening(d);
     if (d->gpu)
@@ -249,7 +225,7 @@ static void note_unverified(struct render_device *d)
                      ": raise %s, or use fewer or smaller views",
                      d->changes ? "live.device_memory_mb" : "--device-memory");
     if (d->changes && !(d->verify.logged & bit))
-        sst_log_warning("%s: %s; rays are verified on the CPU", d->report.name, d->report.why_verified);
+        sst_log_warning("%s: %s; rays are verified on the CPU", d->user.report.name, d->report.why_verified);
     d->verify.logged |= bit;
 }
 
@@ -269,18 +245,25 @@ bool render_device_picture(struct render_device *d, struct render_picture *p)
     return !err;
 }
 
-/* Views may use all the memory, of which the tests need some. */
-int device_prepare_verify(struct render_device *d)
+int device_prepare(struct render_device *d, const struct sst_step *step)
 {
+    size_t i = 0;
+    unsigned bit;
     int err;
 
-    if (d->verify.tested)
-        return d->verify.refused ? -ENOTSUP : 0;
+    while (sst_render_steps[i] != step)
+        i++;
+    bit = 1U << i;
+    /* Steps that pictures have needed are tested when a device is opened beside the work. */
+    if (d->user.steps_tested < i)
+        d->user.steps_tested = i;
+    if (d->tested & bit)
+        return d->refused & bit ? -ENOTSUP : 0;
     if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
         device_drop(d);
-    err = sst_step_check(&d->user, d->gpu, &render_verify_step);
-    d->verify.refused = err == -ENOTSUP;
-    d->verify.tested = !err || d->verify.refused;
+    err = sst_step_check(&d->user, d->gpu, step);
+    d->tested |= !err || err == -ENOTSUP ? bit : 0;
+    d->refused |= err == -ENOTSUP ? bit : 0;
     return err;
 }
 
@@ -293,48 +276,23 @@ static void note_clear(struct render_device *d, int err)
                 : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
                                   : sst_gpu_error(err));
     if (d->changes && !d->clear.noted)
-        sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->report.name, d->report.why);
+        sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->user.report.name, d->report.why);
     d->clear.noted = true;
-}
-
-/* Test a step at its first picture since the opening. Views may use all the memory, of which the test needs some.
- * @return 0, -ENOTSUP (refused), -ENOMEM or an error of the device */
-static int prepare_step(struct render_device *d, enum clear_step step)
-{
-    static const enum sst_gpu_shader shaders[CLEAR_STEPS][4] = {
-        [CLEAR_STEP] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND },
-        [CLEAR_STEP_SAMPLED] = { SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND, SST_GPU_CLEAR_SURFACE, SST_GPU_CLEAR_SAMPLE },
-        [CLEAR_STEP_HOLES] = { SST_GPU_HOLE_PULL, SST_GPU_HOLE_PUSH },
-    };
-    int err = 0;
-
-    if (d->clear.tested >> step & 1)
-        return d->clear.refused >> step & 1 ? -ENOTSUP : 0;
-    if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
-        device_drop(d);
-    for (int i = 0; i < 4 && shaders[step][i] && !err; i++)
-        err = sst_gpu_prepare(d->gpu, shaders[step][i]);
-    err = err ? err : sst_step_check(&d->user, d->gpu, &clear_steps[step]);
-    if (!err || err == -ENOTSUP)
-        d->clear.tested |= 1U << step;
-    d->clear.refused |= err == -ENOTSUP ? 1U << step : 0;
-    return err;
 }
 
 /* A device that cannot hold the picture, or computes it otherwise, is not to blame. */
 static int try_clear(struct render_device *d, struct clear *c)
 {
-    const enum clear_step step = c->sampled ? CLEAR_STEP_SAMPLED : CLEAR_STEP;
-    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare_step(d, step), holes = 0;
+    const struct sst_step *step = &clear_steps[c->sampled ? CLEAR_STEP_SAMPLED : CLEAR_STEP];
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : device_prepare(d, step), holes = 0;
 
-    d->clears = true;
     if (!err && !c->cfg->merge)
-        holes = prepare_step(d, CLEAR_STEP_HOLES);
+        holes = device_prepare(d, &clear_steps[CLEAR_STEP_HOLES]);
     c->device = d;
     c->fills = !holes && !c->cfg->merge;
     c->band_rows = d->clear.rows && c->count >= d->clear.views ? d->clear.rows : c->height;
     err = err || holes == -ENOTSUP || holes == -ENOMEM ? err : holes;
-    err = err ? err : sst_run_item(&d->user, &clear_steps[step], c, 0);
+    err = err ? err : sst_run_item(&d->user, step, c, 0);
     if (!err && c->band_rows < c->height) {
         d->clear.views = c->count;
         d->clear.rows = sst_max_int(c->band_rows, 2); /* which can be halved, without buffers of larger ones */
@@ -372,7 +330,7 @@ static void note_unfilled(struct render_device *d, int err)
 
     d->report.filled_on_cpu++;
     if (d->changes && strcmp(d->report.why_filled, why))
-        sst_log_warning("%s: %s; holes are filled on the CPU", d->report.name, why);
+        sst_log_warning("%s: %s; holes are filled on the CPU", d->user.report.name, why);
     snprintf(d->report.why_filled, sizeof(d->report.why_filled), "%s", why);
 }
 
@@ -384,7 +342,7 @@ bool render_device_fill(struct render_device *d, struct clear *c)
     sst_runner_lock(d->runner);
     d->gpu = sst_runner_device(d->runner);
     if (d->gpu) {
-        err = prepare_step(d, CLEAR_STEP_HOLES);
+        err = device_prepare(d, &clear_steps[CLEAR_STEP_HOLES]);
         err = err ? err : sst_run_item(&d->user, &clear_steps[CLEAR_STEP_HOLES], c, 0);
         if (err && err != -ENOMEM && err != -ENOTSUP)
             fail(d, err, "");
@@ -400,6 +358,11 @@ void render_device_report(struct render_device *d, struct sst_render_device_repo
 {
     sst_runner_lock(d->runner);
     *out = d->report;
+    snprintf(out->name, sizeof(out->name), "%s", d->user.report.name);
+    snprintf(out->driver, sizeof(out->driver), "%s", d->user.report.driver);
+    snprintf(out->failure, sizeof(out->failure), "%s", d->user.report.failure);
+    out->failing = d->user.report.failing;
+    out->failures = d->user.report.failures;
     out->dispatches += d->user.report.dispatches;
     out->upload_bytes += d->user.report.upload_bytes;
     out->upload_ns += d->user.report.upload_ns;

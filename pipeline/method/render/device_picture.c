@@ -317,7 +317,7 @@ int device_render_picture(struct render_device *d, struct render_picture *p)
     int err;
 
     p->verify = p->plan->verifier && device_can_verify(d, p->plan);
-    err = p->verify ? device_prepare_verify(d) : 0;
+    err = p->verify ? device_prepare(d, &render_verify_step) : 0;
     if (!err)
         err = render(d, p);
     if (err == -EXDEV)

@@ -42,7 +42,6 @@ bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
 {
     enum device_unverified why = DEVICE_UNVERIFIED_NOT;
 
-    d->verify.wanted = true;
     for (int k = 0; k < p->count && p->explainer; k++)
         why = p->tap[k].frame ? DEVICE_UNVERIFIED_FRAMES : why;
     if (p->agreed)

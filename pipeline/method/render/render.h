@@ -154,6 +154,14 @@ SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *n
  */
 SST_MUST_CHECK int sst_renderer_use_rectified(struct sst_renderer *r);
 
+struct sst_step;
+
+#define SST_RENDER_STEPS 5
+
+/** Steps of pictures on a device. One that differs from the CPU is not used: without the first one a device does not
+ * render. */
+extern const struct sst_step *const sst_render_steps[SST_RENDER_STEPS];
+
 /** A light field that changes in tiles while a device renders it. All is borrowed, and must outlive the renderer. */
 struct sst_render_live {
     uint64_t *const *stamp;         /* [views] of [tile_rows][tile_cols]: serial number of a tile's last change */

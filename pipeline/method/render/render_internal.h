@@ -182,8 +182,6 @@ struct device_verify {
     struct device_chunk near_views; /* ... rows of them, in this many pixels */
     size_t near_pixels;
     uint32_t *cell;     /* host memory of `cells`; owned */
-    bool wanted;        /* verified pictures are */
-    bool tested, refused; /* since the device was opened */
     enum device_unverified why; /* of the last picture */
     unsigned logged;            /* bits: reasons that were, live */
 };
@@ -207,8 +205,7 @@ struct render_device {
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     int64_t opening; /* that the fields below are noted of */
     uint64_t limit_bytes; /* that its buffers may use */
-    bool given_up; /* it computes something else: not opened again */
-    bool clears;   /* clear pictures are wanted */
+    unsigned tested, refused; /* bits: steps since the device was opened */
     struct device_clear clear;
     struct sst_render_device_report report;
     /* of gpu */
@@ -326,9 +323,9 @@ extern const struct sst_step render_picture_step, render_verify_step;
 /** Render a picture. p->verify: rays were verified there; else d->verify.why has the reason, if any were to be. */
 SST_MUST_CHECK int device_render_picture(struct render_device *d, struct render_picture *p);
 
-/** Test verification at the first picture that needs it, after dropping views that leave too little memory.
+/** Test a step at its first picture since the device was opened, after dropping views that leave too little memory.
  * @return 0, -ENOTSUP (refused), or an error of the device */
-SST_MUST_CHECK int device_prepare_verify(struct render_device *d);
+SST_MUST_CHECK int device_prepare(struct render_device *d, const struct sst_step *step);
 
 /** A device of a light field, without buffers. @return 0, -ENOMEM */
 SST_MUST_CHECK int device_init(struct render_device *d, const struct sst_lightfield *lf,

@@ -119,6 +119,7 @@ static struct sst_render_config verify_config(int i)
     cfg.threads = 1;
     cfg.verify = i % 2 ? SST_VERIFY_AUTO : SST_VERIFY_ON;
     cfg.focus_px = i < 2 ? -1.5 : -0.6;
+    cfg.c2 = i == 2 ? 1 : cfg.c2; /* without labels */
     return cfg;
 }
 
