@@ -182,15 +182,15 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
                      int count);
 
 /**
- * The same bytes in a quarter of the time where a single neighbour without masks is matched by census alone, and its
- * steps go pixel by pixel to the left and stay within its rows.
+ * The same bytes in a quarter of the time where a neighbour without masks, the only one, is matched by census alone,
+ * and its steps go pixel by pixel to the left and stay within its rows.
  *
  * @param cost  out: [height][row][steps_padded]; row is the volume's width at least, the columns beside it cost
  *              SST_COST_MAX
  * @return false: it is not of that kind, nothing was written
  */
-bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref,
-                          const struct sst_neighbour *neighbours, int count, uint8_t *cost, size_t row);
+bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *n,
+                          uint8_t *cost, size_t row);
 
 struct sst_pixel {
     int x, y;

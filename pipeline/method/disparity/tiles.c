@@ -99,7 +99,7 @@ int sst_tiles_fill(struct sst_tiles *all, const struct sst_tile *t, struct sst_v
     v->steps = t->steps;
     v->steps_padded = t->steps_padded;
     sst_volume_window(v, left, top, right - left, bottom - top);
-    if (!rounds && sst_volume_fill_left(v, ref, neighbours, count, all->cost + t->cells, (size_t)t->width))
+    if (!rounds && count == 1 && sst_volume_fill_left(v, ref, neighbours, all->cost + t->cells, (size_t)t->width))
         return 0;
     sst_volume_fill(v, ref, neighbours, count);
     err = sst_disparity_support_aggregate(v, support, rounds);

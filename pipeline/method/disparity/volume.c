@@ -171,6 +171,9 @@ static const uint8_t *features_at(const struct sst_descriptor *d, int x, int y)
 struct strip {
     const struct sst_volume *v;
     const struct sst_descriptor *ref;
+    const struct sst_neighbour *neighbours; /* [count] */
+    const struct sst_volume_step *steps;    /* [count][v->steps] */
+    int count;
     int x0, x1;
     size_t padded;              /* x1 - x0, rounded up to 64 */
     uint8_t *first, *second;    /* [BAND][steps][padded] cheapest costs so far */
@@ -178,6 +181,16 @@ struct strip {
     const uint8_t **places;
     struct reach *reach; /* [step][SST_MAX_NEIGHBOURS]; NULL: neighbours are matched one by one */
 };
+
+/* The two cheapest costs so far, at a step [padded] each. */
+struct cheapest {
+    uint8_t *first, *second;
+};
+
+static const struct sst_volume_step *steps_to(const struct strip *s, int neighbour)
+{
+    return s->steps + (size_t)neighbour * (size_t)s->v->steps;
+}
 
 /* Costs of row y against every place of a neighbour's features. */
 static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps,
@@ -201,33 +214,6 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
                                          s->padded);
 }
 
-/* Costs of one row and step: [x1 - x0) pixels from x0 on, of the census, the features or both. */
-static void merge_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
-                        int to)
-{
-    const uint8_t *census = s->census + from, *cost = features + from;
-
-    sst_kernels_get()->cheapest_row(first + from, second + from, s->ref->census[0] ? census : cost,
-                                    s->ref->features ? cost : census, (size_t)(to - from));
-}
-
-/* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
- * them are still useful (docs/design/rectification.md). */
-static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *at, int x0,
-                        int x1, int y, uint8_t *first, uint8_t *second, const uint8_t *features)
-{
-    const int left = s->v->x0;
-    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
-    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) + left : NULL;
-
-    for (int from = x0, to; from < x1; from = to + 1) {
-        for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
-            ;
-        if (to > from)
-            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
-    }
-}
-
 /* Columns of the strip that lie inside at a step, x0 .. x1 - 1. */
 struct columns {
     int x0, x1;
@@ -241,10 +227,39 @@ static struct columns columns_at(const struct strip *s, const struct sst_volume_
     };
 }
 
-/* Merge the costs of row y at a step against one neighbour into the two cheapest costs, [padded] each. Columns are the
- * volume's, which begins at column v->x0 of the view. */
+/* Costs of one row and step, of the census, the features or both: columns from .. to - 1 of those that lie inside.
+ * @param at  costs of the first of these columns */
+static void merge_costs(const struct strip *s, struct cheapest at, const uint8_t *features, int from, int to)
+{
+    const uint8_t *census = s->census + from, *cost = features + from;
+
+    sst_kernels_get()->cheapest_row(at.first + from, at.second + from, s->ref->census[0] ? census : cost,
+                                    s->ref->features ? cost : census, (size_t)(to - from));
+}
+
+/* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
+ * them are still useful (docs/design/rectification.md). */
+static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *at, int y,
+                        struct cheapest to)
+{
+    const struct columns c = columns_at(s, at);
+    const int left = s->v->x0;
+    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
+    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) + left : NULL;
+    const uint8_t *features = s->features + (size_t)at->place * STRIP + (c.x0 - s->x0);
+
+    for (int from = c.x0, end; from < c.x1; from = end + 1) {
+        for (end = from; end < c.x1 && (!own || own[end]) && (!there || there[end + at->x]); end++)
+            ;
+        if (end > from)
+            merge_costs(s, to, features, from - c.x0, end - c.x0);
+    }
+}
+
+/* Merge the costs of row y at a step against one neighbour into the two cheapest costs. Columns are the volume's, which
+ * begins at column v->x0 of the view. */
 static void match_step(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *at, int y,
-                       uint8_t *first, uint8_t *second)
+                       struct cheapest to)
 {
     const struct sst_volume *v = s->v;
     const struct sst_descriptor *ref = s->ref;
@@ -259,43 +274,45 @@ static void match_step(const struct strip *s, const struct sst_neighbour *n, con
                                        n->desc->census[at->phase] + (size_t)yn * ref->census_stride +
                                            (v->x0 + c.x0 + at->x),
                                        (size_t)(c.x1 - c.x0));
+    to.first += c.x0 - s->x0;
+    to.second += c.x0 - s->x0;
     if (ref->seen.data || n->desc->seen.data)
-        merge_valid(s, n, at, c.x0, c.x1, y, first, second, features);
+        merge_valid(s, n, at, y, to);
     else
-        merge_costs(s, first + (c.x0 - s->x0), second + (c.x0 - s->x0), features, 0, c.x1 - c.x0);
+        merge_costs(s, to, features, 0, c.x1 - c.x0);
 }
 
-/* The same at all steps, [steps][padded]. */
-static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps, int y,
-                      uint8_t *first, uint8_t *second)
+/* The same against neighbour j at all steps, [steps][padded]. */
+static void match_row(const struct strip *s, int j, int y, struct cheapest to)
 {
+    const struct sst_volume_step *steps = steps_to(s, j);
+
     if (s->ref->features)
-        feature_costs(s, n, steps, y);
-    for (int i = 0; i < s->v->steps; i++, first += s->padded, second += s->padded)
-        match_step(s, n, &steps[i], y, first, second);
+        feature_costs(s, &s->neighbours[j], steps, y);
+    for (int i = 0; i < s->v->steps; i++, to.first += s->padded, to.second += s->padded)
+        match_step(s, &s->neighbours[j], &steps[i], y, to);
 }
 
 /* Costs of the census alone, without masks, are compared for all neighbours at once. */
-static bool census_alone(const struct strip *s, const struct sst_neighbour *neighbours, int count)
+static bool census_alone(const struct strip *s)
 {
     bool yes = s->ref->census[0] && !s->ref->features && !s->ref->seen.data;
 
-    for (int j = 0; j < count; j++)
-        yes &= !neighbours[j].desc->seen.data;
+    for (int j = 0; j < s->count; j++)
+        yes &= !s->neighbours[j].desc->seen.data;
     return yes;
 }
 
-static void find_reach(const struct strip *s, const struct sst_neighbour *neighbours,
-                       const struct sst_volume_step *steps, int count)
+static void find_reach(const struct strip *s)
 {
-    for (int j = 0; j < count; j++) {
+    for (int j = 0; j < s->count; j++) {
         for (int i = 0; i < s->v->steps; i++) {
-            const struct sst_volume_step *at = &steps[(size_t)j * (size_t)s->v->steps + (size_t)i];
+            const struct sst_volume_step *at = &steps_to(s, j)[i];
             const struct columns c = columns_at(s, at);
             const bool all = c.x0 == s->x0 && c.x1 == s->x1;
             struct reach *r = &s->reach[i * SST_MAX_NEIGHBOURS + j];
 
-            r->census = neighbours[j].desc->census[at->phase];
+            r->census = s->neighbours[j].desc->census[at->phase];
             r->at = (ptrdiff_t)at->y * (ptrdiff_t)s->ref->census_stride + (s->v->x0 + s->x0 + at->x);
             r->top = all ? sst_max_int(0, -sst_min_int(at->y, at->near_y)) : 0;
             r->end = all ? s->ref->height - sst_max_int(0, sst_max_int(at->y, at->near_y)) : 0;
@@ -305,49 +322,48 @@ static void find_reach(const struct strip *s, const struct sst_neighbour *neighb
 }
 
 /* The two cheapest costs of row y, [steps][padded] each. */
-static void match_all(const struct strip *s, const struct sst_neighbour *neighbours,
-                      const struct sst_volume_step *steps, int count, int y, uint8_t *first, uint8_t *second)
+static void match_all(const struct strip *s, int y)
 {
+    struct cheapest to = { s->first, s->second };
     const size_t row = (size_t)y * s->ref->census_stride, width = (size_t)(s->x1 - s->x0), rest = s->padded - width;
     const uint64_t *own = s->ref->census[0] + row + (s->v->x0 + s->x0);
 
-    for (int i = 0; i < s->v->steps; i++, first += s->padded, second += s->padded) {
+    for (int i = 0; i < s->v->steps; i++, to.first += s->padded, to.second += s->padded) {
         const struct reach *r = s->reach + (size_t)i * SST_MAX_NEIGHBOURS;
         const uint64_t *there[SST_MAX_NEIGHBOURS];
         bool part = false;
         int n = 0;
 
-        for (int j = 0; j < count; j++) {
+        for (int j = 0; j < s->count; j++) {
             if (y >= r[j].top && y < r[j].end)
                 there[n++] = r[j].census + ((ptrdiff_t)row + r[j].at);
             part |= r[j].part;
         }
-        sst_kernels_get()->cheapest_hamming_row(first, second, own, there, n, width);
-        memset(first + width, SST_COST_ABSENT, rest);
-        memset(second + width, SST_COST_ABSENT, rest);
-        for (int j = 0; j < count && part; j++) {
+        sst_kernels_get()->cheapest_hamming_row(to.first, to.second, own, there, n, width);
+        memset(to.first + width, SST_COST_ABSENT, rest);
+        memset(to.second + width, SST_COST_ABSENT, rest);
+        for (int j = 0; j < s->count && part; j++) {
             if (r[j].part)
-                match_step(s, &neighbours[j], &steps[(size_t)j * (size_t)s->v->steps + (size_t)i], y, first, second);
+                match_step(s, &s->neighbours[j], &steps_to(s, j)[i], y, to);
         }
     }
 }
 
 /* Of a single neighbour's census alone, without masks, the costs need no merging. */
-static bool alone(const struct strip *s, const struct sst_neighbour *n, int count)
+static bool alone(const struct strip *s)
 {
-    return count == 1 && s->ref->census[0] && !s->ref->features && !s->ref->seen.data && !n->desc->seen.data;
+    return s->count == 1 && census_alone(s);
 }
 
 /* match_row() for that. */
-static void match_alone(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps,
-                        int y, uint8_t *out)
+static void match_alone(const struct strip *s, int y, uint8_t *out)
 {
     const struct sst_volume *v = s->v;
     const struct sst_descriptor *ref = s->ref;
 
     memset(out, SST_COST_UNSEEN, s->padded * (size_t)v->steps);
     for (int i = 0; i < v->steps; i++, out += s->padded) {
-        const struct sst_volume_step *at = &steps[i];
+        const struct sst_volume_step *at = &s->steps[i];
         const int yn = y + at->y, near_y = y + at->near_y;
         const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
         const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
@@ -355,58 +371,58 @@ static void match_alone(const struct strip *s, const struct sst_neighbour *n, co
         if (yn >= 0 && near_y >= 0 && yn < ref->height && near_y < ref->height && x1 > x0)
             sst_kernels_get()->hamming_row(
                 out + (x0 - s->x0), ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
-                n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x), (size_t)(x1 - x0));
+                s->neighbours->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
+                (size_t)(x1 - x0));
     }
 }
 
 /* One cost from the two cheapest ones of row y, into the volume. */
-static void store_row(const struct strip *s, uint8_t *first, const uint8_t *second, int count, int y)
+static void store_row(const struct strip *s, uint8_t *first, const uint8_t *second, int y)
 {
     const struct sst_volume *v = s->v;
     const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
     uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
 
     if (second)
-        sst_kernels_get()->cheapest_mean_row(first, second, count == 2, real);
+        sst_kernels_get()->cheapest_mean_row(first, second, s->count == 2, real);
     memset(first + real, SST_COST_MAX, cells - real);
     sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
 }
 
-/* Rows y0 .. y1-1 of a strip, one neighbour after the other. @param steps  [neighbour][v->steps] */
-static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours,
-                      const struct sst_volume_step *steps, int count, int y0, int y1)
+/* Rows y0 .. y1-1 of a strip, one neighbour after the other. */
+static void fill_tile(const struct strip *s, int y0, int y1)
 {
-    const struct sst_volume *v = s->v;
-    const size_t cells = s->padded * v->steps_padded;
+    const size_t cells = s->padded * s->v->steps_padded;
 
     memset(s->first, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
     memset(s->second, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
-    for (int i = 0; i < count; i++) {
-        for (int y = y0; y < y1; y++)
-            match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, v->y0 + y,
-                      s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells);
+    for (int j = 0; j < s->count; j++) {
+        for (int y = y0; y < y1; y++) {
+            const size_t at = (size_t)(y - y0) * cells;
+
+            match_row(s, j, s->v->y0 + y, (struct cheapest){ s->first + at, s->second + at });
+        }
     }
     for (int y = y0; y < y1; y++)
-        store_row(s, s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells, count, y);
+        store_row(s, s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells, y);
 }
 
-static void fill_strip(const struct strip *s, const struct sst_neighbour *neighbours,
-                       const struct sst_volume_step *steps, int count)
+static void fill_strip(const struct strip *s)
 {
     const struct sst_volume *v = s->v;
-    const bool single = alone(s, neighbours, count);
+    const bool single = alone(s);
 
     if (s->reach)
-        find_reach(s, neighbours, steps, count);
+        find_reach(s);
     for (int y = 0; y < v->height && (single || s->reach); y++) {
         if (single)
-            match_alone(s, neighbours, steps, v->y0 + y, s->first);
+            match_alone(s, v->y0 + y, s->first);
         else
-            match_all(s, neighbours, steps, count, v->y0 + y, s->first, s->second);
-        store_row(s, s->first, single ? NULL : s->second, count, y);
+            match_all(s, v->y0 + y);
+        store_row(s, s->first, single ? NULL : s->second, y);
     }
     for (int y = 0; y < v->height && !single && !s->reach; y += BAND)
-        fill_tile(s, neighbours, steps, count, y, sst_min_int(y + BAND, v->height));
+        fill_tile(s, y, sst_min_int(y + BAND, v->height));
 }
 
 /* Are the steps pixel by pixel to the left, all within the neighbour's rows? What is half a pixel or more below or to
@@ -424,24 +440,24 @@ static bool steps_left(const struct sst_volume *v, const struct sst_descriptor *
     return first - padding >= 0 && first + v->width <= ref->width;
 }
 
-bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref,
-                          const struct sst_neighbour *neighbours, int count, uint8_t *cost, size_t row)
+bool sst_volume_fill_left(const struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *n,
+                          uint8_t *cost, size_t row)
 {
-    const struct strip whole = { .v = v, .ref = ref };
+    const struct strip whole = { .v = v, .ref = ref, .neighbours = n, .count = 1 };
     const size_t steps = (size_t)v->steps, padded = v->steps_padded;
     struct sst_volume_step *step = (struct sst_volume_step *)v->scratch;
 
-    if (!alone(&whole, neighbours, count))
+    if (!alone(&whole))
         return false;
-    sst_volume_steps(step, v, neighbours->bx, neighbours->by);
+    sst_volume_steps(step, v, n->bx, n->by);
     if (!steps_left(v, ref, step))
         return false;
     for (int y = 0; y < v->height; y++) {
         const size_t at = (size_t)(v->y0 + y) * ref->census_stride + (size_t)v->x0;
         uint8_t *out = cost + (size_t)y * row * padded;
 
-        sst_kernels_get()->hamming_steps_row(
-            out, ref->census[0] + at, neighbours->desc->census[step->phase] + at + step->x, (size_t)v->width, padded);
+        sst_kernels_get()->hamming_steps_row(out, ref->census[0] + at, n->desc->census[step->phase] + at + step->x,
+                                             (size_t)v->width, padded);
         for (size_t x = 0; steps < padded && x < (size_t)v->width; x++)
             memset(out + x * padded + steps, SST_COST_MAX, padded - steps);
         memset(out + (size_t)v->width * padded, SST_COST_MAX, (row - (size_t)v->width) * padded);
@@ -453,10 +469,10 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
                      int count)
 {
     const size_t tile = STRIP * BAND * v->steps_padded;
-    struct strip s = { .v = v, .ref = ref, .first = v->scratch };
+    struct strip s = { .v = v, .ref = ref, .neighbours = neighbours, .count = count, .first = v->scratch };
     struct sst_volume_step *steps;
 
-    if (sst_volume_fill_left(v, ref, neighbours, count, v->cost, v->width_padded))
+    if (count == 1 && sst_volume_fill_left(v, ref, neighbours, v->cost, v->width_padded))
         return;
     s.second = s.first + tile;
     s.features = s.second + tile;
@@ -464,14 +480,15 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
     s.places = (const uint8_t **)(void *)(s.first + tile_bytes(v));
     s.reach = (struct reach *)(void *)(s.places + v->steps_padded);
     steps = (struct sst_volume_step *)(void *)(s.reach + SST_MAX_NEIGHBOURS * v->steps_padded);
-    if (!census_alone(&s, neighbours, count))
+    s.steps = steps;
+    if (!census_alone(&s))
         s.reach = NULL;
     for (int i = 0; i < count; i++)
         sst_volume_steps(steps + (size_t)i * (size_t)v->steps, v, neighbours[i].bx, neighbours[i].by);
     for (s.x0 = 0; s.x0 < v->width; s.x0 += STRIP) {
         s.x1 = sst_min_int(s.x0 + STRIP, v->width);
         s.padded = ((size_t)(s.x1 - s.x0) + 63) / 64 * 64;
-        fill_strip(&s, neighbours, steps, count);
+        fill_strip(&s);
     }
 }
 
