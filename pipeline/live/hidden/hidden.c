@@ -96,21 +96,6 @@ void sst_hidden_close(struct sst_hidden *h)
     free(h);
 }
 
-void sst_hidden_reset(struct sst_hidden *h)
-{
-    for (int k = 0; k < h->cfg.views; k++)
-        if (h->model[k])
-            h->model[k]->filled = false;
-    hidden_usual_reset(&h->usual);
-    h->tracks.count = 0;
-    h->searched = false;
-}
-
-void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
-{
-    h->tracks.alarms_per_hour = alarms_per_hour;
-}
-
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 

@@ -49,12 +49,6 @@ struct sst_hidden_thing {
 SST_MUST_CHECK int sst_hidden_open(struct sst_hidden **out, const struct sst_hidden_config *cfg);
 void sst_hidden_close(struct sst_hidden *h); /* NULL is fine */
 
-/** Forget the background models: the scene or the array is another one. */
-void sst_hidden_reset(struct sst_hidden *h);
-
-/** Another number of accepted false alarms per hour. */
-void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour);
-
 /**
  * Follow one set. Nothing is reported in the first 30 s. Sets less than 0.15 s after the last searched one are not
  * searched: objects stay as they are, and changes are searched with a later set. The same sets give the same objects

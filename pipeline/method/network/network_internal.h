@@ -175,10 +175,8 @@ bool net_plan_bias_first(void);
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *out);
 
-/** True where net_plan_run_s8() is available: the network ends with a normalisation. */
-bool net_plan_has_s8(const struct net_plan *plan);
-
-/** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */
+/** Run a network that ends with a normalisation once, with the result times factor in bytes, see op_normalize_s8().
+ * @param out [h][w][c] of the output */
 SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
 /* --- device.c --- */

@@ -366,13 +366,6 @@ int net_plan_run(struct net_plan *plan, const float *in, float *out)
     return err ? err : run(plan, in, plan->n_steps);
 }
 
-bool net_plan_has_s8(const struct net_plan *plan)
-{
-    const struct net_plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
-
-    return last && last->op && last->op->kind == SST_OP_NORMALIZE;
-}
-
 int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out)
 {
     const struct net_plan_step *last = &plan->steps[plan->n_steps - 1];

@@ -18,8 +18,6 @@
 #include "pipeline/kernels/place_patch_ref.h"
 #include "pipeline/method/render/render_internal.h"
 
-#define MOST_TAPS 6
-
 static size_t most(size_t a, size_t b)
 {
     return a > b ? a : b;
@@ -462,15 +460,6 @@ int device_upload_rays(struct render_device *d, const struct device_frame *f, co
         err = upload_tables(d, f, t);
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return err;
-}
-
-uint64_t device_frames_bytes(const struct render_device *d)
-{
-    const struct device_frames *f = &d->frames;
-
-    return f->frame ? f->frame_bytes * (f->decodes ? 2U : 1U) + f->places_bytes + f->light_bytes + f->list_bytes +
-                          device_view_pixels(d) + sizeof(int32_t) * SST_RESAMPLE_PHASES * MOST_TAPS
-                    : 0;
 }
 
 int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled)

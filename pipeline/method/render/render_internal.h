@@ -106,9 +106,6 @@ SST_MUST_CHECK int render_picture_finish(struct render_picture *pic, const uint3
  * failed */
 bool render_device_picture(struct render_device *d, struct render_picture *p);
 
-/** After render_device_begin_clear(). */
-void render_device_end(struct render_device *d);
-
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_verify.c,
@@ -277,9 +274,6 @@ struct device_frame *device_find_frame(struct render_device *d, const struct sst
 /** Copy a frame and its tables to the device, to sample rays from it. @param source  out: where the frame is */
 SST_MUST_CHECK int device_upload_rays(struct render_device *d, const struct device_frame *f,
                                       const struct sst_rectify_tables *t, struct sst_gpu_buffer **source);
-
-/** Bytes of the buffers of frames. */
-uint64_t device_frames_bytes(const struct render_device *d);
 
 /** Make the pixels of a tap's view in a slot from its frame, if they are not there. */
 SST_MUST_CHECK int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t,
