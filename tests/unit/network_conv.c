@@ -115,6 +115,42 @@ static void residual_blocks_equal_plain_loops(void **state SST_UNUSED)
     free(w1), free(w2), free(w3), free(in.d), free(a.d), free(b.d), free(d.d), free(got.d);
 }
 
+/* A sum that is the result, of layers whose result is planes, as the caller's memory is: of groups, or far apart. */
+static void sums_at_the_end_equal_plain_loops(void **state SST_UNUSED)
+{
+    static const struct conv convs[] = {
+        { 24, 33, { 3, 5 }, { 1, 1 }, { 1, 1 }, { 1, 2, 1, 2 }, 1 },
+        { 6, 9, { 3, 3 }, { 1, 1 }, { 9, 9 }, { 9, 9, 9, 9 }, 1 },
+        { 6, 9, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 3 },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(convs); i++) {
+        const struct conv *c = &convs[i], shortcut = { c->ic, c->oc, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
+        const int per = c->ic / c->group;
+        float *w = random_floats(c->oc * per * 15), *v = random_floats(c->oc * c->ic);
+        struct image in = random_image(c->ic, 21, 23), want = ref_conv(&in, c, w, NULL), got;
+        struct image beside = ref_conv(&in, &shortcut, v, NULL);
+        struct ow_buf graph = { 0 }, model;
+        struct sst_network *net;
+
+        for (int k = 0; k < want.c * want.h * want.w; k++)
+            want.d[k] += beside.d[k];
+        ow_floats(&graph, "w", w, c->oc, per, c->kernel[0], c->kernel[1]);
+        ow_floats(&graph, "v", v, c->oc, c->ic, 1, 1);
+        ow_conv(&graph, &shortcut, "x v", "b");
+        ow_conv(&graph, c, "x w", "c");
+        ow_node(&graph, "Add", "c b", "y", NULL);
+        ow_value(&graph, 11, "x", c->ic);
+        ow_value(&graph, 12, "y", c->oc);
+        model = ow_model(&graph, 11);
+        assert_int_equal(open_model(&net, &model, 1), 0);
+        got = run_net(net, &in);
+        expect_image(&got, &want, 1e-4);
+        sst_network_close(net);
+        free(w), free(v), free(in.d), free(want.d), free(beside.d), free(got.d);
+    }
+}
+
 /* Values that several layers read must not be fused or written over: y = relu(c) + c + x, c = conv(x). */
 static void shared_values_are_kept(void **state SST_UNUSED)
 {
@@ -157,6 +193,7 @@ int main(void)
         cmocka_unit_test(convolutions_equal_plain_loops),
         cmocka_unit_test(convolutions_do_not_depend_on_threads),
         cmocka_unit_test(residual_blocks_equal_plain_loops),
+        cmocka_unit_test(sums_at_the_end_equal_plain_loops),
         cmocka_unit_test(shared_values_are_kept),
         cmocka_unit_test(padding_is_joined_with_the_convolution),
     };

@@ -178,6 +178,22 @@ static void choose_winograd(struct net_plan *p)
 
 /* --- life ----------------------------------------------------------------------------------------- */
 
+/* The tensor that is written to the caller's memory: not the one of a residual, which lies in the arena. */
+static int add_output(struct net_plan *p)
+{
+    dnnl_memory_desc_t md;
+    int to, from, err = net_plan_desc(&md, p->shapes[p->graph->output], dnnl_f32, dnnl_nchw);
+
+    if (err)
+        return err;
+    from = net_plan_in_layout(p, p->graph->output, &md, 1);
+    if (from < 0 || p->tensors[from].place_of < 0)
+        return from;
+    to = net_plan_add_tensor(p, p->graph->output, &md, 1);
+    err = to < 0 ? to : net_plan_reorder(p, from, to);
+    return err ? err : to;
+}
+
 static int add_ops(struct net_plan *p)
 {
     const struct sst_graph *g = p->graph;
@@ -200,11 +216,9 @@ static int add_ops(struct net_plan *p)
     choose_winograd(p);
     for (int i = 0; !err && i < g->n_ops; i++)
         err = net_plan_add_op(p, i);
-    if (!err)
-        err = net_plan_desc(&md, p->shapes[g->output], dnnl_f32, dnnl_nchw);
     if (err)
         return err;
-    p->output = net_plan_in_layout(p, g->output, &md, 1);
+    p->output = add_output(p);
     if (p->output < 0)
         return p->output;
     p->tensors[p->output].external = true;

@@ -64,7 +64,7 @@ static float fraction(struct sample *s, int most)
 static int add(struct sst_graph *g, struct sst_op op)
 {
     op.out = g->n_values++;
-    g->range[op.out] = 4;
+    g->range[op.out] = net_plan_fast_int8() ? 4 : 16; /* without VNNI oneDNN needs values within the range */
     g->ops[g->n_ops++] = op;
     return op.out;
 }
@@ -88,19 +88,19 @@ static int add_conv(struct sample *s, struct sst_graph *g, struct sst_op op)
 {
     const size_t per = (size_t)op.group_in * (size_t)op.kernel[0] * (size_t)op.kernel[1], n = (size_t)op.channels;
     const bool exact = !g->n_ops;
-    const float scale = 2 / sqrtf((float)per);
+    const float scale = 2 / sqrtf((float)per), fine = s->push == 0 ? 1 : 1.0f / 16;
 
     op.weights = malloc(n * per * sizeof(*op.weights));
     op.bias = malloc(n * sizeof(*op.bias));
     for (int i = 0; i < 2; i++)
         op.pad_before[i] = op.pad_after[i] = op.dilation[i] * (op.kernel[i] - 1) / 2;
     for (size_t i = 0; op.weights && i < n * per; i++)
-        op.weights[i] = exact              ? fraction(s, 16)
+        op.weights[i] = exact              ? fraction(s, 16) * fine
                         : s->push == 0     ? fraction(s, 1 << 20) * scale
                         : next(s) % 8 == 0 ? scale
                                            : -scale;
     for (size_t i = 0; op.bias && i < n; i++)
-        op.bias[i] = exact ? fraction(s, 128) + s->push : fraction(s, 1 << 20);
+        op.bias[i] = exact ? fraction(s, 128) * fine + s->push : fraction(s, 1 << 20);
     add(g, op); /* which frees them */
     return op.weights && op.bias ? g->n_values - 1 : -1;
 }
@@ -182,7 +182,7 @@ static int build(struct sample *s, struct sst_graph *g, const struct kind *k)
     s->push = !k->extreme ? 0 : k->negative ? -2 : 2;
     second.in[0] = add_conv(s, g, first);
     if (k->extreme)
-        g->range[second.in[0]] = 0.01f;
+        g->range[second.in[0]] = net_plan_fast_int8() ? 1 : 2.25f;
     residual = conv(second.in[0], k->inputs, k->outputs);
     residual.relu = first.relu;
     second.relu = k->relu;
