@@ -75,11 +75,6 @@ static inline int gpu_colour_step(uint32_t a, uint32_t b)
     return most;
 }
 
-struct sst_gpu_rectify;
-/** Of the reference of `rectify`: the colour at a place of the frame, R, G, B. @param buffer  its buffers @param x, y
- * the pixel of the view, for the light */
-uint32_t rectify_colour(const struct sst_gpu_rectify *p, void *const *buffer, const int32_t xy_q8[2], int x, int y);
-
 #define X(NAME, name, ...)                                                                                             \
     gpu_reference_fn name##_reference;                                                                                 \
     gpu_self_test_fn name##_self_test;

@@ -133,6 +133,17 @@ SST_MUST_CHECK int sst_jpeg_encoder_run(struct sst_jpeg_encoder *encoder, const 
 /** Encode to memory; release with free(). @return 0, -ENOMEM (not logged), -EIO */
 SST_MUST_CHECK int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size);
 
+enum sst_jpeg_chroma {
+    SST_JPEG_420 = 0,
+    SST_JPEG_422 = 1,
+    SST_JPEG_444 = 2,
+    SST_JPEG_GREY = 3, /* none */
+};
+
+/** The same with other samples of chroma. */
+SST_MUST_CHECK int sst_image_encode_jpeg_as(const struct sst_image *img, int quality, enum sst_jpeg_chroma chroma,
+                                            uint8_t **data, size_t *size);
+
 /** 8-bit PNG with samples as values: grey, or palette indices (the palette is ignored). */
 SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
 

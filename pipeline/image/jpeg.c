@@ -449,6 +449,7 @@ int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, co
 struct sst_jpeg_encoder {
     tjhandle tj;
     struct sst_mem_kept packed, jpeg;
+    enum sst_jpeg_chroma chroma;
 };
 
 int sst_jpeg_encoder_create(struct sst_jpeg_encoder **out)
@@ -478,8 +479,13 @@ void sst_jpeg_encoder_destroy(struct sst_jpeg_encoder *e)
 int sst_jpeg_encoder_run(struct sst_jpeg_encoder *e, const struct sst_image *img, int quality, const uint8_t **data,
                          size_t *size)
 {
+    static const int samples[] = { [SST_JPEG_420] = TJSAMP_420,
+                                   [SST_JPEG_422] = TJSAMP_422,
+                                   [SST_JPEG_444] = TJSAMP_444,
+                                   [SST_JPEG_GREY] = TJSAMP_GRAY };
+    const int sampling = samples[e->chroma];
     const size_t row_bytes = (size_t)img->width * 3;
-    unsigned long bytes = tjBufSize(img->width, img->height, TJSAMP_420);
+    unsigned long bytes = tjBufSize(img->width, img->height, sampling);
     uint8_t *packed = sst_mem_keep(&e->packed, (size_t)img->height, row_bytes);
     unsigned char *jpeg = sst_mem_keep(&e->jpeg, bytes, 1);
 
@@ -487,7 +493,7 @@ int sst_jpeg_encoder_run(struct sst_jpeg_encoder *e, const struct sst_image *img
         return -ENOMEM;
     for (int y = 0; y < img->height; y++)
         sst_rgb_pack_row(packed + (size_t)y * row_bytes, img, y);
-    if (tjCompress2(e->tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &bytes, TJSAMP_420, quality,
+    if (tjCompress2(e->tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &bytes, sampling, quality,
                     TJFLAG_ACCURATEDCT | TJFLAG_NOREALLOC)) {
         sst_log_error("cannot encode an image of %dx%d as JPEG: %s", img->width, img->height, tjGetErrorStr2(e->tj));
         return -EIO;
@@ -499,12 +505,20 @@ int sst_jpeg_encoder_run(struct sst_jpeg_encoder *e, const struct sst_image *img
 
 int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size)
 {
+    return sst_image_encode_jpeg_as(img, quality, SST_JPEG_420, data, size);
+}
+
+int sst_image_encode_jpeg_as(const struct sst_image *img, int quality, enum sst_jpeg_chroma chroma, uint8_t **data,
+                             size_t *size)
+{
     struct sst_jpeg_encoder *e = NULL;
     const uint8_t *jpeg;
     uint8_t *copy = NULL;
     size_t bytes;
     int err = sst_jpeg_encoder_create(&e);
 
+    if (e)
+        e->chroma = chroma;
     err = err ? err : sst_jpeg_encoder_run(e, img, quality, &jpeg, &bytes);
     if (!err)
         copy = malloc(bytes);

@@ -312,7 +312,8 @@ struct device_batch {
 };
 
 /** Pictures of rays that are blended, and that are verified as well: the latter may be refused. */
-extern const struct sst_step render_picture_step, render_verify_step;
+extern const struct sst_step render_picture_step, render_verify_step, render_frames_step, render_sampled_step,
+    render_jpeg_step;
 
 /** Render a picture. p->verify: rays were verified there; else d->verify.why has the reason, if any were to be. */
 SST_MUST_CHECK int device_render_picture(struct render_device *d, struct render_picture *p);
@@ -331,6 +332,9 @@ void device_fini(struct render_device *d);
 
 void *render_picture_sample(uint32_t seed);
 void *render_verify_sample(uint32_t seed);
+void *render_frames_sample(uint32_t seed);
+void *render_sampled_sample(uint32_t seed);
+void *render_jpeg_sample(uint32_t seed);
 void render_sample_free(void *job);
 
 /** Put a view on the device, where it is not there yet, and its rays into the batch, which is sent if it has no room.

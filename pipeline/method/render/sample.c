@@ -1,14 +1,24 @@
 /* Random pictures of a small light field, on which steps are compared with the CPU: blocks of surfaces with labels,
  * with noise, unknown disparities and unlabeled pixels; a view that is partly invalid, views without labels or
- * confidences, and a view that is absent. */
+ * confidences, and a view that is absent; raw frames of turned cameras with lenses and uneven light. */
 #include <math.h>
 #include <stdlib.h>
 
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/calibrated.h"
 #include "pipeline/method/render/render_internal.h"
 
 #define GRID  3
 #define VIEWS (GRID * GRID)
 #define MOST  SST_STEP_SAMPLES
+
+enum frames { FRAMES_NONE, FRAMES_SAMPLED, FRAMES_RECTIFIED, FRAMES_JPEG };
+
+struct kind {
+    int width, height, pictures;
+    struct sst_render_config (*config)(int);
+    enum frames frames;
+};
 
 struct sample {
     struct render_picture picture[MOST]; /* first: the job of the step */
@@ -123,6 +133,84 @@ static struct sst_render_config verify_config(int i)
     return cfg;
 }
 
+/* Between pixels, with and without weights. */
+static struct sst_render_config sampled_config(int i)
+{
+    struct sst_render_config cfg;
+
+    sst_render_config_defaults(&cfg);
+    cfg.threads = 1;
+    cfg.verify = SST_VERIFY_OFF;
+    cfg.method = i % 2 ? SST_RENDER_SST : SST_RENDER_REFOCUS;
+    cfg.focus_px = 1.37 + i;
+    return cfg;
+}
+
+/* One rectified view each. */
+static struct sst_render_config rectified_config(int i)
+{
+    struct sst_render_config cfg = sampled_config(0);
+
+    cfg.focus_px = 0;
+    cfg.max_views = 1;
+    cfg.view_bx = i % GRID - 1;
+    cfg.view_by = i / GRID - 1;
+    return cfg;
+}
+
+/* Places between pixels may differ by 1/256 px from those of the CPU: frames have slopes, and little noise. */
+static int make_frame(struct sst_view *v, enum frames frames, int k, uint32_t *state)
+{
+    for (int i = 0; i < 3 * v->image.height; i++) {
+        for (int x = 0; x < v->image.width; x++) {
+            const int wave = (x + i / 3) % 32;
+
+            sst_image_row(&v->image, i % 3, i / 3)[x] =
+                (uint8_t)((wave < 16 ? wave : 32 - wave) * 12 + i % 3 * 20 + (int)(next(state) % 20));
+        }
+    }
+    if (frames != FRAMES_JPEG)
+        return 0;
+    if (sst_image_encode_jpeg_as(&v->image, 95, (enum sst_jpeg_chroma)(k % 4), &v->encoded, &v->encoded_bytes))
+        return -1;
+    sst_image_fini(&v->image);
+    return 0;
+}
+
+/* One lens folds inside its picture: no cubics give its places. @param seed  chooses the filter of the frames */
+static int calibrate(struct sst_lightfield *lf, uint32_t seed)
+{
+    struct sst_use_calibration use;
+    int err;
+
+    sst_use_calibration_defaults(&use);
+    use.filter = (enum sst_filter)(seed % 3);
+    err = sst_calib_init(&use.calib, GRID, GRID);
+    use.calib.width = lf->width;
+    use.calib.height = lf->height;
+    for (int k = 0; k < VIEWS && !err; k++) {
+        const double turn = 0.01 * (k % 4 - 1.5);
+        struct sst_calib_camera cam = { .known = k != 5,
+                                        .name = "",
+                                        .fx = 90 + k % 3,
+                                        .fy = 90 + k % 2,
+                                        .cx = lf->width / 2 + k % 4 - 1,
+                                        .cy = lf->height / 2 - k % 3,
+                                        .lens = 5,
+                                        .k = { k == 6 ? -2.7 : -0.15, 0.04 },
+                                        .rotation = { cos(turn), -sin(turn), 0, sin(turn), cos(turn), 0, 0, 0, 1 },
+                                        .position_mm = { 20.0 * (k % GRID - 1), 20.0 * (k / GRID - 1), 0 },
+                                        .gain = { k % 2 ? 1.1 : 1, 1, k % 2 ? 0.95 : 1 },
+                                        .falloff = { k % 2 ? -0.2 : 0 } };
+
+        use.calib.camera[k] = cam;
+    }
+    err = err ? err : sst_lightfield_calibrate(lf, &use);
+    lf->images_raw = true;
+    sst_use_calibration_fini(&use);
+    return err;
+}
+
 static int add_picture(struct sample *s, int i, const struct sst_render_config *cfg)
 {
     int err = sst_image_init(&s->image[i], s->lf.width, s->lf.height);
@@ -163,7 +251,7 @@ void render_sample_free(void *job)
 }
 
 /* Views lie in one buffer, or in several. */
-static void *make(uint32_t seed, int width, int height, int pictures, struct sst_render_config (*config)(int))
+static void *make(uint32_t seed, struct kind kind)
 {
     struct sample *s = calloc(1, sizeof(*s));
     uint32_t state = seed * 7919;
@@ -171,18 +259,23 @@ static void *make(uint32_t seed, int width, int height, int pictures, struct sst
 
     if (!s)
         return NULL;
-    s->lf.width = width; /* no multiple of a cell or a group */
-    s->lf.height = height;
+    s->lf.width = kind.width; /* no multiple of a cell or a group */
+    s->lf.height = kind.height;
     s->lf.ref_view = VIEWS / 2;
     s->lf.disp_min_px = -3;
     for (int k = 0; k < VIEWS && !err; k++)
         err = fill_view(&s->lf, k, &state);
+    err = err || !kind.frames ? err : calibrate(&s->lf, seed);
+    for (int k = 0; k < VIEWS && kind.frames && !err; k++)
+        err = s->lf.views[k].present ? make_frame(&s->lf.views[k], kind.frames, k, &state) : 0;
     err = err ? err : device_init(&s->device, &s->lf, NULL);
     err = err ? err : sst_renderer_create(&s->renderer, &s->lf, 1);
+    if (!err && kind.frames > FRAMES_SAMPLED)
+        err = sst_renderer_use_rectified(s->renderer);
     s->device.limit_bytes = seed % 2 ? UINT64_MAX : 0;
     s->device.chunk_views = seed % 2 ? 0 : 4;
-    for (int i = 0; i < pictures && !err; i++) {
-        const struct sst_render_config cfg = config(i);
+    for (int i = 0; i < kind.pictures && !err; i++) {
+        const struct sst_render_config cfg = kind.config(i);
 
         err = add_picture(s, i, &cfg);
     }
@@ -195,10 +288,25 @@ static void *make(uint32_t seed, int width, int height, int pictures, struct sst
 
 void *render_picture_sample(uint32_t seed)
 {
-    return make(seed, 45, 13, 8, picture_config);
+    return make(seed, (struct kind){ 45, 13, 8, picture_config, FRAMES_NONE });
 }
 
 void *render_verify_sample(uint32_t seed)
 {
-    return make(seed, 77, 21, 4, verify_config);
+    return make(seed, (struct kind){ 77, 21, 4, verify_config, FRAMES_NONE });
+}
+
+void *render_frames_sample(uint32_t seed)
+{
+    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_RECTIFIED });
+}
+
+void *render_sampled_sample(uint32_t seed)
+{
+    return make(seed, (struct kind){ 61, 35, 2, sampled_config, FRAMES_SAMPLED });
+}
+
+void *render_jpeg_sample(uint32_t seed)
+{
+    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_JPEG });
 }
