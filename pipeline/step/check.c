@@ -75,7 +75,7 @@ static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct
     int err = memory ? 0 : -ENOMEM;
 
     if (memory)
-        sst_step_planes_claim(&memory->planes, g, memory, SST_STEP_SAMPLES, 1, pixels);
+        sst_step_planes_claim(&memory->planes, g, memory, SST_STEP_SAMPLES, pixels);
     for (uint32_t seed = 1; seed <= seeds && !err; seed++)
         err = check_seed(&r, seed);
     if (memory)

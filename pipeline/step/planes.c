@@ -17,7 +17,7 @@ void sst_step_plane_drop(struct sst_step_planes *p, struct sst_gpu *g, enum sst_
     }
 }
 
-void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views, int scale,
+void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views,
                            const size_t *pixels)
 {
     const bool same = p->of == of && p->views == views;
@@ -30,10 +30,11 @@ void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const v
         if (!same || n != p->pixels[i])
             sst_step_plane_drop(p, g, (enum sst_step_plane)i);
         p->pixels[i] = n;
+        for (int k = 0; i >= SST_PLANE_MAP && k < views; k++)
+            sst_step_plane_mark(p, (enum sst_step_plane)i, k, false);
     }
     p->of = of;
     p->views = views;
-    p->scale = scale;
 }
 
 void sst_step_plane_release(struct sst_step_planes *p, enum sst_step_plane plane, int view)

@@ -64,14 +64,15 @@ struct sst_step_places {
 /** Under the lock of the device. */
 struct sst_step_planes {
     const void *of;            /* the light field; NULL: none */
-    int views, scale;          /* scale: of the maps that are matched, 1 or 2 */
+    int views;
     size_t pixels[SST_PLANES]; /* of a view */
     int64_t turn;              /* of the item in work: places that were used in it stay */
     struct sst_step_places plane[SST_PLANES];
 };
 
-/** Claim planes for a light field; planes of another one are freed. @param pixels  [SST_PLANE_MAP + 1] of a view */
-void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views, int scale,
+/** Claim planes for a light field; planes of another one are freed, and of its own only colours stay current.
+ * @param pixels  [SST_PLANE_MAP + 1] of a view */
+void sst_step_planes_claim(struct sst_step_planes *p, struct sst_gpu *g, const void *of, int views,
                            const size_t *pixels);
 
 /** Free a plane of all views. */

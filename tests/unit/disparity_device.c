@@ -22,18 +22,18 @@ static void test_same_bytes(void **state)
         assert_int_equal(match_device_create(&cfg.device, i % 2 ? "dummy:subgroup=1,dot=1" : "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%d: %lld views, %lld tested, %lld dispatches, %lld uploads\n", i, (long long)report.views,
-                      (long long)report.tested, (long long)report.dispatches, (long long)report.uploads);
+                      (long long)report.tested, (long long)report.step.dispatches, (long long)report.step.uploads);
         assert_int_equal(report.tested, tested[i]);
         assert_int_equal(report.tested_on_cpu, 0);
-        assert_int_equal(report.stages_on_cpu, 0);
+        assert_int_equal(report.step.stages_on_cpu, 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.failures, 0);
-        assert_true(report.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
-        assert_string_equal(report.why, "");
+        assert_int_equal(report.step.failures, 0);
+        assert_true(report.step.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
+        assert_string_equal(report.step.why, "");
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
-        assert_string_equal(report.name, "dummy");
+        assert_string_equal(report.step.name, "dummy");
         match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
@@ -53,7 +53,7 @@ static void test_narrow(void **state)
     assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 8);
-    assert_int_equal(report.stages_on_cpu, 0);
+    assert_int_equal(report.step.stages_on_cpu, 0);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
     match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
@@ -143,8 +143,8 @@ static void test_fallback(void **state)
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
         assert_int_equal(report.on_cpu, 8 - devices[i].views);
-        assert_int_equal(report.failures, devices[i].failures);
-        assert_string_equal(report.why, devices[i].why);
+        assert_int_equal(report.step.failures, devices[i].failures);
+        assert_string_equal(report.step.why, devices[i].why);
         match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
@@ -164,7 +164,7 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
     sst_disparity_device_report(cfg.device, &report);
     match_device_destroy(cfg.device);
-    return (int)report.dispatches;
+    return (int)report.step.dispatches;
 }
 
 /* A device that is lost in the second pass is opened again for the next round; in a later step, the CPU does the rest
@@ -200,12 +200,12 @@ static void test_fallback_later(void **state)
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.failures, 1);
+        assert_int_equal(report.step.failures, 1);
         assert_int_equal(report.tested + report.tested_on_cpu, 16);
         assert_in_range(report.tested, lost[i].tested, lost[i].tested + 2);
-        assert_int_equal(report.stages_on_cpu & all, lost[i].stages);
-        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
-        assert_string_equal(report.why, "the device is lost");
+        assert_int_equal(report.step.stages_on_cpu & all, lost[i].stages);
+        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
+        assert_string_equal(report.step.why, "the device is lost");
         match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
@@ -238,7 +238,7 @@ static void test_range(void **state)
         sst_disparity_device_report(search.device, &report);
         assert_int_equal(report.views + report.on_cpu, 4); /* of two pairs */
         assert_int_equal(report.on_cpu > 0, devices[i].on_cpu);
-        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
+        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
         match_device_destroy(search.device);
     }
     sst_lightfield_fini(&lf);
@@ -275,12 +275,12 @@ static void test_refused(void **state)
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 0);
     assert_int_equal(report.on_cpu, 8);
-    assert_string_equal(report.why, "maps of two directions are fused");
+    assert_string_equal(report.step.why, "maps of two directions are fused");
     cfg.joint = true;
     cfg.support_after = 1;
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.on_cpu, 8);
-    assert_string_equal(report.why, "costs are aggregated after the optimisation");
+    assert_string_equal(report.step.why, "costs are aggregated after the optimisation");
     match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 

@@ -23,9 +23,9 @@ static void test_same_bytes(void **state)
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, VIEWS);
         assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.failures, 0);
-        assert_true(report.uploads >= 2 * VIEWS); /* colours and features; maps that the dummy does not compute */
-        assert_string_equal(report.why, "");
+        assert_int_equal(report.step.failures, 0);
+        assert_true(report.step.uploads >= 2 * VIEWS); /* colours and features; maps that the dummy does not compute */
+        assert_string_equal(report.step.why, "");
         match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
@@ -106,11 +106,11 @@ static void test_little_memory(void **state)
         assert_int_equal(match_device_create(&cfg.device, devices[i].name, 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%lld views, %lld in bands, %lld uploads\n", (long long)report.views, (long long)report.in_bands,
-                      (long long)report.uploads);
+                      (long long)report.step.uploads);
         assert_int_equal(report.views, VIEWS);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.in_bands, devices[i].bands ? VIEWS : 0);
-        assert_true(devices[i].bands || report.uploads > 4 * VIEWS);
+        assert_true(devices[i].bands || report.step.uploads > 4 * VIEWS);
         match_device_destroy(cfg.device);
     }
     sst_lightfield_fini(&lf);
@@ -132,8 +132,8 @@ static void test_fallback(void **state)
     match_compare(&lf, &cfg, &report);
     print_message("%lld views, %lld on the CPU\n", (long long)report.views, (long long)report.on_cpu);
     assert_int_equal(report.views + report.on_cpu, VIEWS);
-    assert_true(report.views > 0 && report.on_cpu > 0 && report.failures > 1);
-    assert_string_equal(report.why, "the device is lost");
+    assert_true(report.views > 0 && report.on_cpu > 0 && report.step.failures > 1);
+    assert_string_equal(report.step.why, "the device is lost");
     match_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
@@ -141,8 +141,9 @@ static void test_fallback(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes),    cmocka_unit_test(test_networks_share_the_device), serial_test(test_tiles),
-        serial_test(test_little_memory), serial_test(test_fallback),
+        serial_test(test_same_bytes), cmocka_unit_test(test_networks_share_the_device),
+        serial_test(test_tiles),      serial_test(test_little_memory),
+        serial_test(test_fallback),
     };
     int failed;
 

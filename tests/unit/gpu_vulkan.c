@@ -199,9 +199,9 @@ static void test_matches(void **state)
         match_compare(&lf, &cfg, &report);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.failures, 0);
-        assert_int_equal(report.stages_on_cpu, 0);
-        assert_int_equal(report.uploads, 8); /* colours, once; later steps need no more */
+        assert_int_equal(report.step.failures, 0);
+        assert_int_equal(report.step.stages_on_cpu, 0);
+        assert_int_equal(report.step.uploads, 8); /* colours, once; later steps need no more */
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21);
@@ -258,8 +258,8 @@ static void test_second(void **state)
     for (int skip = 0; skip < 2; skip++) {
         second_compare(device, skip, &report);
         assert_int_equal(report.tested, SECOND_TESTED);
-        assert_int_equal(report.stages_on_cpu, 0);
-        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.step.stages_on_cpu, 0);
+        assert_int_equal(report.step.failures, 0);
     }
     match_device_destroy(device);
 }

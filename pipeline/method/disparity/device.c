@@ -76,31 +76,18 @@ struct sst_runner_user *disparity_device_user(struct sst_disparity_device *d)
 
 void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out)
 {
-    const struct sst_step_report run = d->user.report;
-    const struct sst_gpu_info *info = sst_runner_info(d->shared);
-
     *out = d->report;
-    snprintf(out->name, sizeof(out->name), "%s", info->name);
-    snprintf(out->driver, sizeof(out->driver), "%s", info->driver);
-    out->failures = run.failures;
-    out->stages_on_cpu |= run.stages_on_cpu;
-    out->dispatches = run.dispatches;
-    out->uploads = run.uploads;
-    out->upload_bytes = run.upload_bytes;
-    out->total_ns = run.total_ns;
-    out->upload_ns = run.upload_ns;
-    out->wait_ns = run.wait_ns;
-    out->download_ns = run.download_ns;
-    if (*run.why)
-        snprintf(out->why, sizeof(out->why), "%s", run.why);
-    d->user.report = (struct sst_step_report){ 0 };
+    out->step = d->user.report;
     d->report = (struct sst_disparity_device_report){ 0 };
+    d->user.report = (struct sst_step_report){ 0 };
+    memcpy(d->user.report.name, out->step.name, sizeof(out->step.name));
+    memcpy(d->user.report.driver, out->step.driver, sizeof(out->step.driver));
 }
 
 void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_disparity_stage stage)
 {
     if (d)
-        d->report.stages_on_cpu |= 1u << stage;
+        d->user.report.stages_on_cpu |= 1u << stage;
 }
 
 void disparity_device_note_tested(struct sst_disparity_device *d, int tested, int on_cpu)
@@ -121,22 +108,15 @@ void disparity_device_note_views(const struct disparity_run *run, int on_device,
     report->in_bands += in_bands;
     report->on_cpu += on_cpu;
     if (run->refused)
-        snprintf(report->why, sizeof(report->why), "%s", run->refused);
+        snprintf(run->cfg->device->user.report.why, sizeof(run->cfg->device->user.report.why), "%s", run->refused);
 }
 
 /* --- planes ------------------------------------------------------------------------------------------------------- */
 
-/* Places for views, none current that a step writes. @param pixels  [SST_PLANE_MAP + 1] */
-static void claim(struct sst_disparity_device *d, const void *of, int views, int scale, const size_t *pixels)
+static void claim(struct sst_disparity_device *d, const void *of, int views, const size_t *pixels)
 {
-    struct sst_step_planes *p = sst_runner_planes(d->shared);
-
     sst_runner_lock(d->shared);
-    sst_step_planes_claim(p, sst_runner_device(d->shared), of, views, scale, pixels);
-    for (int k = 0; k < views; k++) {
-        sst_step_plane_mark(p, SST_PLANE_MAP, k, false);
-        sst_step_plane_mark(p, SST_PLANE_FEATURES, k, false);
-    }
+    sst_step_planes_claim(sst_runner_planes(d->shared), sst_runner_device(d->shared), of, views, pixels);
     sst_runner_unlock(d->shared);
 }
 
@@ -147,7 +127,7 @@ void disparity_device_claim(struct sst_disparity_device *d, const struct dispari
 
     if (!d)
         return;
-    claim(d, run->lf, run->lf->rows * run->lf->cols, run->scale, pixels);
+    claim(d, run->lf, run->lf->rows * run->lf->cols, pixels);
     d->lf = run->lf;
 }
 
@@ -159,13 +139,13 @@ void disparity_device_adopt(struct sst_disparity_device *d, const struct sst_vis
         return;
     for (int k = 0; k < in->count; k++)
         n = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : n;
-    claim(d, in, in->count, 1, (const size_t[]){ n, n, n });
+    claim(d, in, in->count, (const size_t[]){ n, n, n });
 }
 
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run)
 {
     if (!d || d->lf != run->lf)
         return;
-    claim(d, NULL, 0, 1, (const size_t[]){ 0, 0, 0 });
+    claim(d, NULL, 0, (const size_t[]){ 0, 0, 0 });
     d->lf = NULL;
 }

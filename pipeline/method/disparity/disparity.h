@@ -111,17 +111,12 @@ const char *sst_disparity_stage_name(enum sst_disparity_stage stage);
 
 /** What a device has done. */
 struct sst_disparity_device_report {
-    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
-    int64_t views;          /* matched there; those of coarser maps count as well */
-    int64_t in_bands;       /* of them: in parts, since the whole volume did not fit */
-    int64_t on_cpu;         /* others */
-    int64_t tested;         /* whose hypotheses were, in the second pass; by round */
-    int64_t tested_on_cpu;  /* others */
-    int64_t failures;       /* times that the device failed */
-    char why[128];          /* the last of on_cpu or tested_on_cpu */
-    unsigned stages_on_cpu; /* bits by enum sst_disparity_stage: those that were needed */
-    int64_t dispatches, uploads, upload_bytes;
-    int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
+    struct sst_step_report step; /* `stages_on_cpu`: bits by enum sst_disparity_stage, of stages that were needed */
+    int64_t views;               /* matched there; views of coarser maps count as well */
+    int64_t in_bands;            /* of these: in parts, since the whole volume did not fit */
+    int64_t on_cpu;              /* others */
+    int64_t tested;              /* views in the second pass, by round, whose hypotheses were */
+    int64_t tested_on_cpu;       /* others */
 };
 
 /**
