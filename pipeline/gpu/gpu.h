@@ -19,9 +19,9 @@
 /** Shaders, embedded at build. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_STEP_VARIANT_LIST(X) SST_GPU_RUN_VARIANT_LIST(X)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X)
 #undef X
-            SST_GPU_SHADERS
+        SST_GPU_SHADERS
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader);

@@ -80,9 +80,6 @@ static inline int gpu_colour_step(uint32_t a, uint32_t b)
     gpu_self_test_fn name##_self_test;
 SST_GPU_SHADER_LIST(X)
 #undef X
-#define X(NAME, name, ...) gpu_self_test_fn name##_self_test;
-SST_GPU_STEP_VARIANT_LIST(X)
-#undef X
 
 /* --- the shader `limits`: the most that a device reaches, which the stages are measured against -------------------
  *

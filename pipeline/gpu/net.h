@@ -108,13 +108,4 @@ static inline uint32_t sst_gpu_net_words(int channels, uint32_t type)
     return type == SST_GPU_NET_U8 || type == SST_GPU_NET_S8 ? fours : 4 * fours;
 }
 
-/** True for net_conv, net_conv8 and its variants, whose constants are a struct sst_gpu_net_conv. */
-bool sst_gpu_net_is_conv(enum sst_gpu_shader shader);
-
-/** Words of weights, K * channels padded, of a convolution. */
-uint64_t sst_gpu_net_weights(const struct sst_gpu_net_conv *c);
-
-/** Fill work->groups for a layer of this shader. */
-void sst_gpu_net_groups(struct sst_gpu_work *work);
-
 #endif

@@ -65,16 +65,13 @@
     X(SURFACE_LIST, surface_list, SST_GPU_SURFACE_LIST_BUFFERS, sst_gpu_surface_list)
 
 /** Variants: X(NAME, name, NAME and name of the shader that it is a variant of, word of SST_GPU_VARIANT, abilities that
- * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. Compared with
- * the shader itself on the device. */
-#define SST_GPU_STEP_VARIANT_LIST(X)                                                                                   \
+ * it needs, abilities with which it is chosen, buffers, structure of constants); the fastest last. The step is compared
+ * with the CPU once more for each variant (sst_run_fastest()). */
+#define SST_GPU_VARIANT_LIST(X)                                                                                        \
     X(NET_CONV8_DOT, net_conv8_dot, NET_CONV8, net_conv8, "dot", SST_GPU_DOT, SST_GPU_DOT_FAST, SST_GPU_NET_BUFFERS,   \
       sst_gpu_net_conv)                                                                                                \
     X(NET_CONV8_MATRIX, net_conv8_matrix, NET_CONV8, net_conv8, "matrix", SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,         \
-      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)
-
-/** The same: the step is compared with the CPU once more for each variant (sst_run_fastest()). */
-#define SST_GPU_RUN_VARIANT_LIST(X)                                                                                    \
+      SST_GPU_NET_BUFFERS, sst_gpu_net_conv)                                                                           \
     X(SGM_PATH_SUBGROUP, sgm_path_subgroup, SGM_PATH, sgm_path, "subgroup", SST_GPU_SUBGROUP, SST_GPU_SUBGROUP,        \
       SST_GPU_SGM_BUFFERS, sst_gpu_sgm)                                                                                \
     X(HYPOTHESIS_PATH_SUBGROUP, hypothesis_path_subgroup, HYPOTHESIS_PATH, hypothesis_path, "subgroup",                \

@@ -22,17 +22,14 @@
 #define X(NAME, name, buffers, push)                                                                                   \
     [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), name##_reference, name##_self_test },
 #define S(NAME, name, buffers, push) [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push) },
-#define W(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
-    [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), NULL, name##_self_test, needs, fast, SST_GPU_##OF, word },
-#define R(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
+#define V(NAME, name, OF, of, word, needs, fast, buffers, push)                                                        \
     [SST_GPU_##NAME] = { #name, buffers, sizeof(struct push), NULL, NULL, needs, fast, SST_GPU_##OF, word },
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S) SST_GPU_STEP_VARIANT_LIST(W) SST_GPU_RUN_VARIANT_LIST(R)
+    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(S) SST_GPU_VARIANT_LIST(V)
 };
 #undef X
 #undef S
-#undef W
-#undef R
+#undef V
 
 #define X(NAME, name, buffers, push)                                                                                   \
     _Static_assert(sizeof(struct push) <= 128, "Vulkan guarantees 128 bytes of push constants");

@@ -48,7 +48,7 @@ for variant in plain:net_conv8 dot:net_conv8_dot; do
   cmp -s labels1.png variant.png || fail "segment, $variant: other labels"
   device variant.json "d['conv8'] == '${variant#*:}' and d['runs'] == 1"
 done
-"$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy:dot=1,wrong=75 --json >variant.json 2>err || fail "segment, a wrong variant"
+"$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy:dot=1,wrong=300 --json >variant.json 2>err || fail "segment, a wrong variant"
 grep -q 'the shader `net_conv8_dot` is refused' err || fail "segment, a wrong variant: $(cat err)"
 cmp -s labels1.png variant.png || fail "segment, a wrong variant: other labels"
 device variant.json "d['conv8'] == 'net_conv8' and d['on_cpu'] == 0"

@@ -197,34 +197,6 @@ static void test_variants_of_matching(void **state)
     }
 }
 
-/* A variant with wrong results gives way to the next one: every part of its self-test counts. */
-static void test_wrong_variants(void **state)
-{
-    char name[64];
-    int tests = 0;
-
-    (void)state;
-    do
-        snprintf(name, sizeof(name), "dummy:dot=1,matrix=1,wrong=%d", ++tests);
-    while (chosen(name, NULL) == SST_GPU_NET_CONV8_DOT);
-    assert_int_equal(chosen(name, NULL), SST_GPU_NET_CONV8_MATRIX);
-    assert_true(tests > 6);
-    for (int i = 1; i < tests; i++) {
-        snprintf(name, sizeof(name), "dummy:dot=1,wrong=%d", i);
-        assert_int_equal(chosen(name, NULL), SST_GPU_NET_CONV8);
-    }
-}
-
-/* A variant that costs the device is not tried again. Last of the tests of variants: this stays. */
-static void test_deadly_variant(void **state)
-{
-    (void)state;
-    assert_int_equal(chosen("dummy:dot=1,matrix=1,lost=2", NULL), -ENODEV);
-    assert_int_equal(chosen("dummy:dot=1,matrix=1", NULL), SST_GPU_NET_CONV8_DOT);
-    assert_int_equal(chosen("dummy:dot=1,timeout=3", NULL), -ETIMEDOUT);
-    assert_int_equal(chosen("dummy:dot=1,matrix=1", NULL), SST_GPU_NET_CONV8);
-}
-
 #if WITH_VULKAN
 /* The binary of net_conv8_matrix, in words. */
 static uint32_t *matrix_module(size_t *words)
@@ -710,8 +682,6 @@ int main(void)
         cmocka_unit_test(test_variants),
         cmocka_unit_test(test_variants_of_matching),
         cmocka_unit_test(test_abilities),
-        cmocka_unit_test(test_wrong_variants),
-        cmocka_unit_test(test_deadly_variant),
 #if WITH_VULKAN
         cmocka_unit_test(test_matrix_types),
         cmocka_unit_test(test_damaged_modules),

@@ -29,6 +29,9 @@ struct tensor {
     struct net_span span;
 };
 
+_Static_assert(sizeof(struct sst_gpu_net_conv) == 108 && sizeof(struct sst_gpu_net_layer) == 72,
+               "the layout of net_*.comp; every device has 128 bytes of constants");
+
 struct step {
     enum sst_gpu_shader shader;
     union {
@@ -37,6 +40,7 @@ struct step {
     };
     int from, to, residual; /* tensors */
     uint32_t to_words;      /* channels of `to` before those that are written, in words */
+    uint32_t groups[3];
 };
 
 struct net_device_plan {
@@ -75,10 +79,38 @@ static void too_large(const struct net_plan_config *cfg, char why[NET_DEVICE_WHY
              cfg->height);
 }
 
-static int refuse(struct building *b, enum sst_gpu_shader shader)
+/* --- groups of the shaders ---------------------------------------------------------------------------------------- */
+
+static uint32_t divide_up(uint32_t a, uint32_t b)
 {
-    snprintf(b->why, NET_DEVICE_WHY, "the shader %s is refused", sst_gpu_shader_name(shader));
-    return -ENOTSUP;
+    return (a + b - 1) / b;
+}
+
+static bool is_conv(enum sst_gpu_shader shader)
+{
+    return shader == SST_GPU_NET_CONV || shader == SST_GPU_NET_CONV8 || shader == SST_GPU_NET_CONV8_DOT ||
+           shader == SST_GPU_NET_CONV8_MATRIX;
+}
+
+/* Groups of a step whose constants are set. */
+static void set_groups(struct step *s)
+{
+    if (is_conv(s->shader)) {
+        const bool matrix = s->shader == SST_GPU_NET_CONV8_MATRIX;
+        const struct sst_gpu_net_conv *c = &s->conv;
+
+        s->groups[0] =
+            divide_up((uint32_t)c->to.width * (uint32_t)c->to.height, matrix ? SST_GPU_NET_MATRIX : SST_GPU_NET_TILE);
+        s->groups[1] = divide_up((uint32_t)c->channels, matrix ? SST_GPU_NET_MATRIX_OUT : SST_GPU_NET_TILE_OUT);
+    } else {
+        const struct sst_gpu_net_layer *l = &s->layer;
+        const uint32_t fours = s->shader == SST_GPU_NET_UNIT ? 1 : divide_up((uint32_t)l->channels, 4);
+        const uint32_t across = (uint32_t)l->to.width * fours;
+
+        s->groups[0] = s->shader == SST_GPU_NET_POOL ? across : divide_up(across, SST_GPU_NET_GROUP);
+        s->groups[1] = (uint32_t)l->to.height;
+    }
+    s->groups[2] = 1;
 }
 
 /* --- tensors ------------------------------------------------------------------------------------------------------ */
@@ -249,9 +281,10 @@ static bool only_bytes_read(const struct building *b, int value)
 /* Weights in the order of net.h. */
 static int add_weights(struct building *b, const struct sst_op *op, struct sst_gpu_net_conv *c, const int8_t *bytes)
 {
-    const int64_t at = add_fixed(b, (size_t)sst_gpu_net_weights(c));
-    const size_t outs = ((size_t)op->channels + SST_GPU_NET_TILE_OUT - 1) / SST_GPU_NET_TILE_OUT * SST_GPU_NET_TILE_OUT;
+    const size_t outs = divide_up((uint32_t)op->channels, SST_GPU_NET_TILE_OUT) * SST_GPU_NET_TILE_OUT;
     const size_t taps = (size_t)op->kernel[0] * (size_t)op->kernel[1], inputs = (size_t)op->group_in;
+    const size_t words = (taps * c->from.pitch + SST_GPU_NET_SLAB - 1) / SST_GPU_NET_SLAB * SST_GPU_NET_SLAB;
+    const int64_t at = add_fixed(b, words * outs);
     uint32_t *to;
 
     if (at < 0)
@@ -541,14 +574,13 @@ static int resolve(struct building *b)
     const bool by_parts = !rounds_once(b->r, false);
 
     if (by_parts && !sst_gpu_is_dummy(b->p->gpu) && !rounds_once(b->r, true))
-        return refuse(b, SST_GPU_NET_CONV);
+        return unsupported(b, "the shader net_conv rounds otherwise");
     for (int i = 0; i < b->p->n_steps; i++) {
         struct step *s = &b->p->steps[i];
-        struct sst_gpu_work work = { .shader = s->shader, .push = &s->conv };
         struct sst_gpu_net_tensor to = b->p->tensors[s->to].at;
 
         to.at += s->to_words;
-        if (sst_gpu_net_is_conv(s->shader)) {
+        if (is_conv(s->shader)) {
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
             s->conv.by_parts = by_parts;
@@ -562,8 +594,8 @@ static int resolve(struct building *b)
             s->layer.from = b->p->tensors[s->from].at;
             s->layer.to = to;
         }
-        sst_gpu_net_groups(&work);
-        if (work.groups[0] > MAX_GROUPS || work.groups[1] > MAX_GROUPS)
+        set_groups(s);
+        if (s->groups[0] > MAX_GROUPS || s->groups[1] > MAX_GROUPS)
             return unsupported(b, "a layer has more pixels than a device takes at once");
     }
     return 0;
@@ -584,24 +616,18 @@ static int make_buffers(struct building *b)
     return sst_run_failed(b->r) ? -ENOMEM : 0;
 }
 
-/* Test the shaders, and choose the variant of convolutions on 8 bits. */
-static int prepare(struct building *b)
+/* Choose the variant of convolutions on 8 bits. */
+static int choose_variant(struct building *b)
 {
-    int err = 0;
-
-    for (int i = 0; i < b->p->n_steps && !err; i++) {
+    for (int i = 0; i < b->p->n_steps; i++) {
         struct step *s = &b->p->steps[i];
 
         if (s->shader == SST_GPU_NET_CONV8) {
-            err = sst_gpu_prepare_fastest(b->p->gpu, SST_GPU_NET_CONV8, &s->shader);
+            s->shader = sst_run_fastest(b->r, SST_GPU_NET_CONV8);
             b->p->conv8 = sst_gpu_shader_name(s->shader);
-        } else {
-            err = sst_gpu_prepare(b->p->gpu, s->shader);
         }
-        if (err == -ENOTSUP)
-            return refuse(b, s->shader);
     }
-    return err;
+    return sst_run_failed(b->r) ? -ENOMEM : 0;
 }
 
 /* --- life --------------------------------------------------------------------------------------------------------- */
@@ -628,7 +654,7 @@ static int build(struct building *b)
         return unsupported(b, "the network has no layers");
     err = place(b->p);
     if (!err)
-        err = prepare(b);
+        err = choose_variant(b);
     if (!err)
         err = resolve(b);
     return err ? err : make_buffers(b);
@@ -724,12 +750,9 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
     load(p, r, job, arena);
     for (int i = 0; i < p->n_steps; i++) {
         struct step *s = &p->steps[i];
-        struct sst_gpu_work work = { .shader = s->shader, .push = &s->conv };
-
         if (s->shader == SST_GPU_NET_UNIT)
             s->layer.factor = job->factor;
-        sst_gpu_net_groups(&work);
-        sst_run_dispatch(r, s->shader, &s->conv, work.groups, range, SST_GPU_NET_BUFFERS);
+        sst_run_dispatch(r, s->shader, &s->conv, s->groups, range, SST_GPU_NET_BUFFERS);
     }
     job->kept = k && k->keep && !sst_run_failed(r) && !sst_gpu_is_dummy(p->gpu) &&
                 k->keep(k->arg, p->gpu, arena.buffer, to->at.at);
