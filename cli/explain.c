@@ -207,7 +207,8 @@ static int write_rays(const struct explanation *e, int x, int y)
     struct sst_image img = { 0 };
     char path[SST_PATH_MAX];
     double largest = 0;
-    int n, err = sst_render_rays(e->in->renderer, &e->args->cfg, x, y, rays, &n);
+    const int n = sst_render_rays(e->in->renderer, &e->args->cfg, x, y, rays);
+    int err = sst_min_int(n, 0);
 
     json_object_set_new(e->root, "pixel", json_pack("[i, i]", x, y));
     json_object_set_new(e->root, "rays", list);

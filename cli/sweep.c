@@ -149,9 +149,10 @@ static int check_ends(const struct sweep *s)
 {
     const struct sst_render_config from = config_at(s, s->from), to = config_at(s, s->to);
     struct sst_ray rays[SST_MAX_VIEWS];
-    int n, err = sst_render_rays(s->in.renderer, &from, 0, 0, rays, &n);
+    int n = sst_render_rays(s->in.renderer, &from, 0, 0, rays);
 
-    return err ? err : sst_render_rays(s->in.renderer, &to, 0, 0, rays, &n);
+    n = n < 0 ? n : sst_render_rays(s->in.renderer, &to, 0, 0, rays);
+    return sst_min_int(n, 0);
 }
 
 static int make_sweep(const struct sweep *s)

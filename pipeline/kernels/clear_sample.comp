@@ -1,5 +1,5 @@
 // The rays of one view, sampled from its raw frame where they see the surface of their pixel: clear_take of kernels.h with
-// the colours of sst_sampler_row(). Buffers and constants: pipeline/gpu/clear_sample.h. Definition: place_patch_ref.h.
+// the colours of sst_sampler_row(). Buffers and constants: pipeline/gpu/clear_sample.h.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -23,19 +23,12 @@ static void bilinear(float colour[3], const struct sst_clear_view *v, float x, f
     }
 }
 
-/* Weight of the ray of pixel (xy[0], xy[1]), the i-th of the block. */
-static float take(float colour[3], const struct sst_clear_rays *rays, const struct sst_clear_view *v, const float xy[2],
-                  const struct landed *l)
+/* The ray of the i-th pixel of the block sees the surface, at a place of the view. */
+static bool sees(const struct sst_clear_rays *rays, int i, const struct sst_clear_view *v, unsigned level,
+                 const float at[2])
 {
-    const int i = l->i;
-    const unsigned landed = l->landed;
-    const float at_x = xy[0] - rays->px[i] * v->bx, at_y = xy[1] - rays->px[i] * v->by;
-
-    if (landed / 2 < rays->first[i] || landed / 2 > rays->last[i] || rays->wanted[i] <= 0 || !(at_x >= 0) ||
-        !(at_y >= 0) || at_x > (float)(v->width - 1) || at_y > (float)(v->height - 1))
-        return 0;
-    bilinear(colour, v, at_x, at_y);
-    return landed % 2 ? 1 : SST_CLEAR_RIM;
+    return level >= rays->first[i] && level <= rays->last[i] && rays->wanted[i] > 0 && at[0] >= 0 && at[1] >= 0 &&
+           at[0] <= (float)(v->width - 1) && at[1] <= (float)(v->height - 1);
 }
 
 int sst_clear_take_ref(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed, int x,
@@ -45,10 +38,13 @@ int sst_clear_take_ref(struct sst_clear_rays *rays, const struct sst_clear_view 
     int any = 0, more = 0;
 
     for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-        float colour[3] = { 0, 0, 0 };
-        const float w =
-            take(colour, rays, v, (const float[]){ (float)(x + i), (float)y }, &(struct landed){ i, landed[i] });
+        const float at[2] = { (float)(x + i) - rays->px[i] * v->bx, (float)y - rays->px[i] * v->by };
+        float colour[3] = { 0, 0, 0 }, w = 0;
 
+        if (sees(rays, i, v, landed[i] / 2, at)) {
+            bilinear(colour, v, at[0], at[1]);
+            w = landed[i] % 2 ? 1 : SST_CLEAR_RIM;
+        }
         rays->weight[slot][i] = w;
         for (int c = 0; c < 3; c++)
             rays->colour[c][slot][i] = colour[c];

@@ -203,7 +203,7 @@ static bool shown(const struct sst_render_plan *exact, int x, int y, double d)
     double rgb[3], share = 0;
     int count;
 
-    sst_render_pixel_exact(exact, x, y, rgb, rays, &count);
+    count = sst_render_pixel_exact(exact, x, y, rgb, rays);
     for (int i = 0; i < count; i++)
         share += fabs(rays[i].disp_px - d) <= RIGHT_PX ? rays[i].share : 0;
     return share > 0.5;

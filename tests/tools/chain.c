@@ -476,7 +476,7 @@ static bool compare_exact(struct chain *c, struct sst_renderer *r, const struct 
         const int x = (int)below(c, (unsigned)img->width), y = (int)below(c, (unsigned)img->height);
         double rgb[3];
 
-        sst_render_pixel_exact(&plan, x, y, rgb, rays, &count);
+        count = sst_render_pixel_exact(&plan, x, y, rgb, rays);
         for (int ch = 0; ch < 3; ch++) {
             const int got = sst_image_row(img, ch, y)[x];
 

@@ -351,22 +351,22 @@ static void objects_have_their_own_range(void **state SST_UNUSED)
     cfg.c2 = 0.1;
     cfg.range_margin_px = 0.5;
     assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
-    assert_int_equal(sst_render_rays(r, &cfg, 30, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 30, 0, rays)) >= 0);
     assert_int_equal(count, 2);
     assert_near(rays[0].w_label, 0.1, 1e-7);
     assert_near(rays[1].w_label, 1, 1e-7);
     assert_near(rays[0].share + rays[1].share, 1, 1e-12);
     /* By label: 2..8 around 5, half 3: 1 - 1/9; 0.9 * 0.888889 + 0.1. The target's range is one quantum, in focus. */
     cfg.range = SST_RANGE_MINMAX;
-    assert_int_equal(sst_render_rays(r, &cfg, 30, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 30, 0, rays)) >= 0);
     assert_near(rays[0].w_label, 0.9, 1e-7);
     assert_near(rays[1].w_label, 1, 1e-7);
     /* Half a quantum beside the focus the paper's form loses the target, the margin keeps it. */
     cfg.focus_px = 4.25;
-    assert_int_equal(sst_render_rays(r, &cfg, 30, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 30, 0, rays)) >= 0);
     assert_near(rays[1].w_label, 0.1, 1e-7);
     cfg.range = SST_RANGE_OBJECT;
-    assert_int_equal(sst_render_rays(r, &cfg, 30, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 30, 0, rays)) >= 0);
     assert_near(rays[1].w_label, 0.1 + 0.9 * 0.75, 1e-7);
     sst_renderer_destroy(r);
     free_views(&lf);
@@ -383,19 +383,19 @@ static void apertures_choose_views(void **state SST_UNUSED)
     make_views(&lf, 5, 5, 3, 3);
     cfg.method = SST_RENDER_REFOCUS;
     assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 1, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 1, rays)) >= 0);
     assert_int_equal(count, 25);
     cfg.aperture = 1;
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 1, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 1, rays)) >= 0);
     assert_int_equal(count, 5);
     cfg.aperture_soft = true; /* the rim is at 1.5: cos^2(60 degrees) = 0.25 beside 1 */
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 1, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 1, rays)) >= 0);
     assert_near(rays[2].share, 0.5, 1e-12);
     assert_near(rays[0].share, 0.125, 1e-12);
     cfg.aperture = INFINITY;
     cfg.aperture_soft = false;
     cfg.max_views = 2; /* the centre, and the first of the four at distance 1: the one above */
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 1, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 1, rays)) >= 0);
     assert_int_equal(count, 2);
     assert_true(rays[0].view == 7 && rays[1].view == 12);
     sst_renderer_destroy(r);
@@ -456,14 +456,14 @@ static void defaults_follow_the_disparities(void **state SST_UNUSED)
     sst_render_config_defaults(&cfg);
     assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
     cfg.focus_px = 12.5;
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 0, rays)) >= 0);
     assert_near(rays[0].w_depth, 0.995 * 0.60653066 + 0.005, 1e-8);
     assert_near(rays[0].w_label, 0.02, 1e-8);
     assert_int_equal(sst_render_weights(r, &cfg, 0, &w_depth, &w_label), 0);
     assert_near(w_depth.data[1], 0.995 * 0.60653066 + 0.005, 1e-6);
     assert_near(w_label.data[1], 0.02, 1e-6);
     cfg.focus_px = 8.45;
-    assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
+    assert_true((count = sst_render_rays(r, &cfg, 1, 0, rays)) >= 0);
     assert_near(rays[0].w_label, 0.755, 1e-7);
     sst_map_f32_fini(&w_depth);
     sst_map_f32_fini(&w_label);

@@ -365,7 +365,7 @@ static void surfaces_equal_the_plain_reference(void **state SST_UNUSED)
             double share = 0;
             int n;
 
-            assert_int_equal(sst_render_rays(r, &cfg, x, y, rays, &n), 0);
+            assert_true((n = sst_render_rays(r, &cfg, x, y, rays)) >= 0);
             if (isnan(want))
                 assert_int_equal(n, 0);
             for (int i = 0; i < n; i++) {
@@ -405,7 +405,7 @@ static void pictures_are_the_sum_of_their_rays(void **state SST_UNUSED)
             double weight = 0, colour[3] = { 0 };
             int n;
 
-            assert_int_equal(sst_render_rays(r, &cfg, x, y, rays, &n), 0);
+            assert_true((n = sst_render_rays(r, &cfg, x, y, rays)) >= 0);
             for (int i = 0; i < n; i++) {
                 weight += rays[i].w_depth;
                 for (int c = 0; c < 3; c++)

@@ -8,7 +8,7 @@
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/jpeg_planes.h"
-#include "pipeline/kernels/place_patch_ref.h"
+#include "pipeline/kernels/place_patch.h"
 #include "tests/frames_field.h"
 #include "tests/render_tests.h"
 #include "tests/small.h"
@@ -370,6 +370,54 @@ static void tables_have_the_places_of_the_map(void **state SST_UNUSED)
     assert_in_range(off, 0, n / 500);
 }
 
+static float place_cubic(float k, float c0, float c1, float c2, float c3)
+{
+    return c0 + k * (c1 + k * (c2 + k * c3));
+}
+
+/* Bilinear between four listed places, 1/256 px. @return false: one of them is none */
+static bool place_listed(int32_t xy_q8[2], const int32_t *list, int side, float k, float t)
+{
+    const int i = sst_min_int((int)k, side - 1), j = sst_min_int((int)t, side - 1);
+    const int32_t *upper = list + 2 * (j * (side + 1) + i), *lower = upper + 2 * (side + 1);
+    const float right = k - (float)i, below = t - (float)j;
+
+    if (upper[0] == INT32_MIN || upper[2] == INT32_MIN || lower[0] == INT32_MIN || lower[2] == INT32_MIN)
+        return false;
+    for (int axis = 0; axis < 2; axis++) {
+        const int32_t a = upper[axis], b = upper[axis + 2] - a, c = lower[axis] - a, d = lower[axis + 2] - a - b - c;
+        const float v = right * (float)b + below * ((float)c + right * (float)d);
+
+        xy_q8[axis] = (a + (int32_t)lrintf(v) + (1 << (SST_PATCH_LISTED_BITS - 9))) >> (SST_PATCH_LISTED_BITS - 8);
+    }
+    return true;
+}
+
+/* What the shader clear_sample computes. @param k, t  column and row from the first ones of the piece on */
+static bool place_patch(int32_t xy_q8[2], const struct sst_place_patch *patch, const int32_t *list, int side, float k,
+                        float t, const int32_t most_q8[2])
+{
+    if (patch->kind == SST_PLACES_LISTED) {
+        if (!place_listed(xy_q8, list + 2 * (size_t)patch->whole_q8[0], side, k, t))
+            return false;
+    } else if (patch->kind) {
+        return false;
+    } else {
+        for (int axis = 0; axis < 2; axis++) {
+            float across[4];
+
+            for (int i = 0; i < 4; i++) {
+                const float *c = patch->c[axis][i];
+
+                across[i] = place_cubic(t, c[0], c[1], c[2], c[3]);
+            }
+            xy_q8[axis] =
+                patch->whole_q8[axis] + (int32_t)lrintf(place_cubic(k, across[0], across[1], across[2], across[3]));
+        }
+    }
+    return xy_q8[0] >= 0 && xy_q8[0] <= most_q8[0] && xy_q8[1] >= 0 && xy_q8[1] <= most_q8[1];
+}
+
 /* Places of a map that its patches do not have, or more than 1/256 px off. */
 struct patch_errors {
     int n, off, far, lost; /* positions; coordinates off by 1/256 px, by more; places that are not there */
@@ -387,8 +435,7 @@ static void compare_places(struct patch_errors *e, const struct sst_rectify_map 
     bool is;
 
     sst_rectify_map_row(map, x, y, 1, want);
-    is = sst_place_patch_ref(got, &patches[j * t->cells + i], list, side, (float)(x - i * side), (float)(y - j * side),
-                             most);
+    is = place_patch(got, &patches[j * t->cells + i], list, side, (float)(x - i * side), (float)(y - j * side), most);
     e->n++;
     e->lost += is != (want[0] != INT32_MIN);
     for (int axis = 0; axis < 2 && is && want[0] != INT32_MIN; axis++) {

@@ -249,7 +249,7 @@ static void rays_add_up_to_the_picture(void **state SST_UNUSED)
             double rgb[3] = { 0 };
             int n;
 
-            assert_int_equal(sst_render_rays(from_raw, &cfg, x, y, rays, &n), 0);
+            assert_true((n = sst_render_rays(from_raw, &cfg, x, y, rays)) >= 0);
             for (int i = 0; i < n; i++) {
                 double raw[2];
 

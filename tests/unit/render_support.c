@@ -37,7 +37,7 @@ static int check_support(const struct sst_lightfield *lf, const struct sst_rende
         double rgb[3];
         int count, want = 0;
 
-        sst_render_pixel_exact(&plan, x, y, rgb, rays, &count);
+        count = sst_render_pixel_exact(&plan, x, y, rgb, rays);
         for (int k = 0; k < count; k++)
             want = plan.weighted && !ends_at_focus(&rays[k], &plan.cfg) ? want : 255;
         if (sst_map_u8_row(&valid, y)[x] != want)

@@ -8,7 +8,7 @@
  */
 #include "base/border.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/kernels/place_patch_ref.h"
+#include "pipeline/kernels/place_patch.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>

@@ -58,7 +58,7 @@ SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const stru
                                       const double at[2], double raw[2]);
 
 struct sst_places;      /* pipeline/kernels/kernels.h */
-struct sst_place_patch; /* pipeline/kernels/place_patch_ref.h */
+struct sst_place_patch; /* pipeline/kernels/place_patch.h */
 struct sst_rectify_map; /* of one view: homography, lens and light fused; any number of threads may use it */
 
 /** @return 0, -EINVAL, -ENOMEM */

@@ -105,7 +105,7 @@ static void meet(struct met *met, const struct sst_render_plan *plan, int x, int
     double rgb[3];
 
     met->known = 0;
-    sst_render_pixel_exact(plan, x, y, rgb, met->ray, &met->count);
+    met->count = sst_render_pixel_exact(plan, x, y, rgb, met->ray);
     met->open = plan->verifier ? sst_verify_open(plan, met->ray, met->count) : 0;
     for (int i = 0; i < met->count; i++) {
         if (!isnan(met->ray[i].disp_px))

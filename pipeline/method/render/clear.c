@@ -58,13 +58,15 @@ static void find_surface(const struct clear *c, struct scratch *s)
     }
 }
 
-/* The rays that see the surfaces of the block from pixel x on. Returns the slot of the camera at the viewpoint; -1: it
- * has none. */
-static int find_rays(const struct clear *c, struct scratch *s, int x, int y)
+/* Colours of the block from pixel x on, from the rays that see its surfaces. */
+static void colour_block(const struct clear *c, struct scratch *s, int x, int y)
 {
     struct sst_clear_rays *rays = &s->rays;
-    int own = -1, more = 1;
+    int more = 1;
 
+    s->x = x;
+    s->y = y;
+    s->own = -1;
     for (int k = 0; k < c->count; k++)
         s->landed[k] = c->view[k].landed + (size_t)y * c->stride + x;
     find_surface(c, s);
@@ -80,9 +82,9 @@ static int find_rays(const struct clear *c, struct scratch *s, int x, int y)
             more |= sample_slot(rays, slot, v, x, y);
         s->view[slot] = k;
         if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F && !c->as_others)
-            own = slot;
+            s->own = slot;
     }
-    return own;
+    c->kernels->clear_blend(&s->out, rays, s->own);
 }
 
 /* Weight of a pixel, 0..255, from the weight of its rays: 1 is enough. */
@@ -117,7 +119,7 @@ static int colour_row(void *arg, int y, int worker)
 
         if (!landed_colours(c, x, y))
             continue;
-        c->kernels->clear_blend(&s->out, &s->rays, find_rays(c, s, x, y));
+        colour_block(c, s, x, y);
         for (int k = 0; k < 3; k++) {
             uint8_t *to = sst_image_row(c->to.image, k, y) + x;
 
@@ -456,15 +458,15 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
 
 /* --- one pixel explained ------------------------------------------------------------------------------------------ */
 
-/* The rays of the i-th pixel of a block, which is (x, y). Returns their number. */
-static int describe(const struct clear *c, const struct scratch *s, int i, int x, int y, struct sst_ray *out, int own)
+/* The rays of the i-th pixel of a block. Returns their number. */
+static int describe(const struct clear *c, const struct scratch *s, int i, struct sst_ray *out)
 {
     const struct sst_clear_rays *rays = &s->rays;
     int count = 0;
 
     for (int slot = 0; slot < rays->slots; slot++) {
         const struct clear_view *v = &c->view[s->view[slot]];
-        const float at_x = (float)x - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
+        const float at_x = (float)(s->x + i) - rays->px[i] * v->at.bx, at_y = (float)s->y - rays->px[i] * v->at.by;
         const float weight = rays->weight[slot][i];
         const int nx = (int)(at_x + 0.5F), ny = (int)(at_y + 0.5F), landed = s->landed[s->view[slot]][i];
 
@@ -480,7 +482,7 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
         if (v->tap->v->label.data)
             out[count].label = sst_map_u8_row(&v->tap->v->label, ny)[nx];
         out[count].share = (double)((1 - s->out.own[i]) * weight * rays->agree[slot][i] / s->out.support[i] +
-                                    (slot == own ? s->out.own[i] : 0));
+                                    (slot == s->own ? s->out.own[i] : 0));
         for (int k = 0; k < 3; k++)
             out[count].colour[k] = (double)rays->colour[k][slot][i];
         count++;
@@ -488,23 +490,19 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
     return count;
 }
 
-int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,
-               int *count)
+int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays)
 {
     const int i = x % SST_CLEAR_BLOCK;
     struct clear c;
-    int err = clear_init(&c, r, cfg);
+    int err = clear_init(&c, r, cfg), n = 0;
 
     err = err ? err : land_rays(&c);
     if (!err) {
-        struct scratch *s = &c.scratch[0];
-        const int own = find_rays(&c, s, x - i, y);
-
-        c.kernels->clear_blend(&s->out, &s->rays, own);
-        *count = describe(&c, s, i, x, y, rays, own);
+        colour_block(&c, &c.scratch[0], x - i, y);
+        n = describe(&c, &c.scratch[0], i, rays);
     }
     clear_fini(&c);
-    return err;
+    return err ? err : n;
 }
 
 /* --- all pixels explained ----------------------------------------------------------------------------------------- */
@@ -523,11 +521,9 @@ static int describe_row(void *arg, int y, int worker)
     struct sst_ray rays[SST_MAX_VIEWS];
 
     for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
-        const int own = find_rays(c, s, x, y);
-
-        c->kernels->clear_blend(&s->out, &s->rays, own);
+        colour_block(c, s, x, y);
         for (int i = 0; i < SST_CLEAR_BLOCK && x + i < c->width; i++)
-            job->pixel(job->arg, x + i, y, rays, describe(c, s, i, x + i, y, rays, own));
+            job->pixel(job->arg, x + i, y, rays, describe(c, s, i, rays));
     }
     return 0;
 }

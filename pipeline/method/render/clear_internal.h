@@ -26,7 +26,7 @@ SST_MUST_CHECK int clear_render(struct sst_renderer *r, const struct sst_render_
 /** As sst_render_rays(): rays that end at the surface of one pixel. w_depth is the weight of the place (next to
  *  something removed: little), w_label that of the colour's agreement. No rays: a hole. */
 SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
-                              struct sst_ray *rays, int *count);
+                              struct sst_ray *rays);
 
 /** As sst_render_each(), a row at a time. */
 SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel,
@@ -48,6 +48,7 @@ struct scratch {
     float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
     struct sst_clear_rays rays;
     struct sst_clear_colours out;
+    int x, y, own; /* of the block; the slot of the camera at the viewpoint, -1: none */
 };
 
 /* Where the colours of a picture go. */

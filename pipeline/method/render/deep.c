@@ -21,7 +21,7 @@ static int each_row(void *arg, int y, int worker SST_UNUSED)
     int count;
 
     for (int x = 0; x < each->plan->lf->width; x++) {
-        sst_render_pixel_exact(each->plan, x, y, rgb, rays, &count);
+        count = sst_render_pixel_exact(each->plan, x, y, rgb, rays);
         each->pixel(each->arg, x, y, rays, count);
     }
     return 0;

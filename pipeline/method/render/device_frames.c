@@ -15,7 +15,7 @@
 #include "base/thread.h"
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/rectify.h"
-#include "pipeline/kernels/place_patch_ref.h"
+#include "pipeline/kernels/place_patch.h"
 #include "pipeline/method/render/render_internal.h"
 
 static size_t most(size_t a, size_t b)

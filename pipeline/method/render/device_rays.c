@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "pipeline/gpu/clear_sample.h"
-#include "pipeline/kernels/place_patch_ref.h"
+#include "pipeline/kernels/place_patch.h"
 #include "pipeline/method/render/clear_internal.h"
 
 _Static_assert(sizeof(struct sst_gpu_clear_sample) == 112 && sizeof(struct sst_gpu_clear_state) == 12 &&

@@ -60,12 +60,20 @@ void landed_destroy(struct landed *l)
 
 /* --- rays of one view --------------------------------------------------------------------------------------------- */
 
-/* Mark the pixels x0 .. x1-1 of a row that stand in front or are outside the rectified view. */
-static void mark_removed(const struct clear *c, const struct clear_view *v, uint8_t *removed, int x0, int x1, int y)
+/* Mark the pixels of a row that stand in front or are outside the rectified view, in the columns of a rectangle and
+ * beside them; none below the view. */
+static void mark_removed(const struct clear *c, const struct clear_view *v, const struct scratch *s, struct rect r,
+                         int y)
 {
+    const int x0 = sst_max_int(r.x0 - 1, 0), x1 = sst_min_int(r.x1 + 1, c->width);
     const struct sst_view *view = v->tap->v;
     const struct sst_map_u8 *mask = c->cfg->remove ? &c->cfg->remove[v->tap->view] : NULL;
+    uint8_t *removed = s->row[y % 3] + 1;
 
+    if (y >= c->height) {
+        memset(removed, 0, (size_t)c->width);
+        return;
+    }
     c->kernels->clear_removed(removed + x0, sst_map_u16_row(&view->disp, y) + x0, c->cut_q6, (size_t)(x1 - x0));
     for (int x = x0; x < x1 && mask && mask->data; x++)
         removed[x] |= sst_map_u8_row(mask, y)[x] != 0;
@@ -78,21 +86,18 @@ static void mark_removed(const struct clear *c, const struct clear_view *v, uint
 /* The rays of a rectangle of a view go to the viewpoint; the nearest one at each pixel stays. */
 static void land(const struct clear *c, const struct clear_view *v, const struct scratch *s, struct rect r)
 {
-    const int x0 = sst_max_int(r.x0 - 1, 0), x1 = sst_min_int(r.x1 + 1, c->width), n = r.x1 - r.x0;
+    const int n = r.x1 - r.x0;
 
     for (int i = 0; i < 3; i++)
         memset(s->row[i], 0, (size_t)c->width + 2);
     for (int y = sst_max_int(r.y0 - 1, 0); y <= r.y0; y++)
-        mark_removed(c, v, s->row[y % 3] + 1, x0, x1, y);
+        mark_removed(c, v, s, r, y);
     for (int y = r.y0; y < r.y1; y++) {
         const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, y) + r.x0;
-        uint8_t *below = s->row[(y + 1) % 3] + 1;
-        const uint8_t *const removed[3] = { s->row[(y + 2) % 3] + 1 + r.x0, s->row[y % 3] + 1 + r.x0, below + r.x0 };
+        const uint8_t *const removed[3] = { s->row[(y + 2) % 3] + 1 + r.x0, s->row[y % 3] + 1 + r.x0,
+                                            s->row[(y + 1) % 3] + 1 + r.x0 };
 
-        if (y + 1 < c->height)
-            mark_removed(c, v, below, x0, x1, y + 1);
-        else
-            memset(below, 0, (size_t)c->width);
+        mark_removed(c, v, s, r, y + 1);
         c->kernels->clear_state(s->state, removed, disp, c->bins, (size_t)n);
         c->kernels->clear_land(v->landed, c->stride, &v->at, disp, s->state, r.x0, y, n);
     }

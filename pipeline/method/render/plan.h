@@ -235,8 +235,7 @@ double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, 
 SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
 
 /** One output pixel in double, weights from their logarithms: the plain refocus value if all are exactly 0, black
- *  without rays. @param rays  out, [SST_MAX_VIEWS], count of them */
-void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays,
-                            int *count);
+ *  without rays. @param rays  out, [SST_MAX_VIEWS] @return their number */
+int sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays);
 
 #endif

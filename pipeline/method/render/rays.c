@@ -47,8 +47,7 @@ static bool ray_colour(double colour[3], const struct sst_render_tap *t, int x, 
 }
 
 /* The ray of one tap; returns log of its weight. */
-static double trace(struct sst_ray *ray, const struct sst_render_plan *p, const struct sst_render_tap *t, int x, int y,
-                    const double colour[3])
+static double trace(struct sst_ray *ray, const struct sst_render_plan *p, const struct sst_render_tap *t, int x, int y)
 {
     const struct sst_render_config *cfg = &p->cfg;
     uint16_t disp = SST_DISP_NONE;
@@ -66,7 +65,6 @@ static double trace(struct sst_ray *ray, const struct sst_render_plan *p, const 
         disp = sst_map_u16_row(&t->v->disp, y + t->ny)[x + t->nx];
     if (disp != SST_DISP_NONE)
         ray->disp_px = sst_disp_px(p->lf, disp);
-    memcpy(ray->colour, colour, sizeof(ray->colour));
     if (!p->weighted)
         return log(t->aperture);
     ray->w_depth = sst_weight_depth(cfg->focus_px, ray->disp_px, cfg->sigma_px, cfg->c1);
@@ -97,8 +95,7 @@ static bool share(struct sst_ray *rays, const double *log_weight, int n)
     return true;
 }
 
-void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays,
-                            int *count)
+int sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays)
 {
     double log_weight[SST_MAX_VIEWS], plain = 0;
     bool any;
@@ -110,7 +107,8 @@ void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, doubl
 
         if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1 || !ray_colour(colour, t, x, y))
             continue;
-        log_weight[n] = trace(&rays[n], p, t, x, y, colour);
+        log_weight[n] = trace(&rays[n], p, t, x, y);
+        memcpy(rays[n].colour, colour, sizeof(colour));
         plain += t->aperture;
         n++;
     }
@@ -122,28 +120,27 @@ void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, doubl
         for (int c = 0; c < 3; c++)
             rgb[c] += w * rays[i].colour[c];
     }
-    *count = n;
+    return n;
 }
 
-int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,
-                    int *count)
+int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays)
 {
     struct sst_render_plan plan;
     double rgb[3];
-    int err;
+    int n;
 
     if (x < 0 || y < 0 || x >= r->lf->width || y >= r->lf->height) {
         sst_log_error("pixel %d,%d is outside the picture of %d x %d", x, y, r->lf->width, r->lf->height);
         return -ERANGE;
     }
     if (cfg->method == SST_RENDER_CLEAR)
-        return clear_rays(r, cfg, x, y, rays, count);
-    err = sst_render_plan_init(&plan, r, cfg);
-    if (err)
-        return err;
-    sst_render_pixel_exact(&plan, x, y, rgb, rays, count);
+        return clear_rays(r, cfg, x, y, rays);
+    n = sst_render_plan_init(&plan, r, cfg);
+    if (n)
+        return n;
+    n = sst_render_pixel_exact(&plan, x, y, rgb, rays);
     sst_render_plan_fini(&plan);
-    return 0;
+    return n;
 }
 
 int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *cfg, int view,

@@ -301,12 +301,11 @@ struct sst_ray {
 /**
  * The rays of one output pixel and their weights, in double.
  *
- * @param rays   out, [SST_MAX_VIEWS]
- * @param count  out, rays inside their views
- * @return as sst_render(), and -ERANGE where the pixel is outside the picture (logged).
+ * @param rays  out, [SST_MAX_VIEWS] those inside their views
+ * @return their number; errors as of sst_render(), and -ERANGE where the pixel is outside the picture (logged).
  */
 SST_MUST_CHECK int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
-                                   struct sst_ray *rays, int *count);
+                                   struct sst_ray *rays);
 
 /** Rays of one output pixel, of any thread. */
 typedef void sst_render_pixel_fn(void *arg, int x, int y, const struct sst_ray *rays, int count);
