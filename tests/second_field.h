@@ -4,7 +4,6 @@
 
 #include <stdlib.h>
 
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"

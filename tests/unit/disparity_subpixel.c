@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 #include "tests/test.h"
 

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"

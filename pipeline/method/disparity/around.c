@@ -10,7 +10,6 @@
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 
 /* The farthest and nearest surface that lands at each pixel, as land_row has them. */

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "pipeline/lightfield/shift.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/visible.h"
 
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16

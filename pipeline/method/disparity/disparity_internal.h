@@ -7,7 +7,6 @@
 #include "pipeline/gpu/check.h"
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/hypotheses.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/disparity/visible.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/step/run.h"

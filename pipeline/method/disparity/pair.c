@@ -12,6 +12,7 @@
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/visible.h"
 #include "pipeline/method/network/network.h"
 
 #define BAND      48 /* rows of a band */

@@ -463,42 +463,4 @@ int sst_disparity_divisor(int range);
 /** Quarter pixels that shifts are rounded to (see struct sst_volume). */
 int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height);
 
-/** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows that of the
- *  next row. A map without any known pixel stays. */
-void sst_fill_background(struct sst_map_u16 *disp);
-
-/** A neighbouring view's disparities at offset b from the view under check. */
-struct sst_checked_view {
-    const struct sst_map_u16 *disp_q6; /* same disparity of value 0 as the view's own */
-    const struct sst_map_u8 *status;   /* for filling; NULL while checking */
-    double bx, by;
-};
-
-/** Neighbours of a view. */
-struct sst_checked_views {
-    struct sst_checked_view view[SST_MAX_NEIGHBOURS]; /* the nearer ones first */
-    int count, near;                                  /* near: of them, one spacing away */
-    double disp_min_px;                               /* disparity of stored value 0 */
-};
-
-/**
- * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
- * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1 (none: 0); else occlusion.
- *
- * @param status  out, enum sst_disparity_check
- */
-void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6,
-                               const struct sst_checked_views *from, int steps);
-
-/**
- * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near
- * views first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions,
- * the rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel
- * is correct.
- *
- * @param scratch  of the same size; without neighbours NULL
- */
-void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
-                    struct sst_map_u16 *scratch);
-
 #endif

@@ -1,11 +1,9 @@
 /* pipeline/method/disparity/visible.h - passes over the maps of all views of a light field: the second pass, carried
- * maps, refinement between pixels. */
+ * maps, refinement between pixels, check and filling. */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 
-#include "base/mem.h"
-#include "pipeline/kernels/kernels.h"
-#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/disparity/stage.h"
 
 /** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
 struct sst_visible_view {
@@ -196,5 +194,43 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
  * @return 0, -ENOMEM, -ECANCELED; the maps are unchanged then
  */
 SST_MUST_CHECK int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads);
+
+/** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows that of the
+ *  next row. A map without any known pixel stays. */
+void sst_fill_background(struct sst_map_u16 *disp);
+
+/** A neighbouring view's disparities at offset b from the view under check. */
+struct sst_checked_view {
+    const struct sst_map_u16 *disp_q6; /* same disparity of value 0 as the view's own */
+    const struct sst_map_u8 *status;   /* for filling; NULL while checking */
+    double bx, by;
+};
+
+/** Neighbours of a view. */
+struct sst_checked_views {
+    struct sst_checked_view view[SST_MAX_NEIGHBOURS]; /* the nearer ones first */
+    int count, near;                                  /* near: of them, one spacing away */
+    double disp_min_px;                               /* disparity of stored value 0 */
+};
+
+/**
+ * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
+ * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1 (none: 0); else occlusion.
+ *
+ * @param status  out, enum sst_disparity_check
+ */
+void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6,
+                               const struct sst_checked_views *from, int steps);
+
+/**
+ * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near
+ * views first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions,
+ * the rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel
+ * is correct.
+ *
+ * @param scratch  of the same size; without neighbours NULL
+ */
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
+                    struct sst_map_u16 *scratch);
 
 #endif
