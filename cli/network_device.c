@@ -19,7 +19,7 @@ json_t *cli_network_device_json(struct sst_network_device *d)
         return json_string("cpu");
     sst_network_device_get_report(d, &r);
     root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I}", "name", cli_text_json(r.step.name), "driver",
-                     cli_text_json(r.step.driver), "runs", (json_int_t)r.runs, "fed", (json_int_t)r.fed, "kept",
+                     cli_text_json(r.step.driver), "runs", (json_int_t)r.runs, "fed", (json_int_t)0, "kept",
                      (json_int_t)r.kept, "on_cpu", (json_int_t)r.on_cpu, "failures", (json_int_t)r.step.failures);
     json_object_set_new(root, "why_cpu", r.on_cpu ? cli_text_json(r.step.why) : json_null());
     json_object_update_new(root, json_pack("{s:i, s:I, s:I}", "plans", r.plans, "memory_bytes",

@@ -162,7 +162,7 @@ struct bands {
     int8_t *out; /* [cut.height][width][channels] */
 };
 
-/* Of a struct sst_network_keeper, like the next one. */
+/* Of a struct sst_network_keeper. */
 static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
 {
     struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
@@ -170,9 +170,9 @@ static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, si
     return k->keep(k, g, result, at);
 }
 
-static int fill(void *arg)
+/* The network's input. */
+static void fill(const struct bands *b)
 {
-    const struct bands *b = arg;
     float *in = b->in;
 
     for (int y = b->band.start; y < b->band.start + b->cut.height; y++) {
@@ -181,7 +181,6 @@ static int fill(void *arg)
         for (int x = 0; x < b->desc->width; x++)
             *in++ = b->level[row[x]];
     }
-    return 0;
 }
 
 int sst_descriptor_need_features(struct sst_descriptor *desc)
@@ -215,7 +214,7 @@ void sst_descriptor_gather(struct sst_descriptor *desc, const int8_t *result,
 /* @param kept  out: only the device has them */
 static int make_band(struct bands *b, int i, bool *kept)
 {
-    const struct sst_network_keeper device = { .keep = keep, .fill = fill, .arg = b }, cpu = { .fill = fill, .arg = b };
+    const struct sst_network_keeper keeper = { .keep = keep, .arg = b };
     struct sst_descriptor *desc = b->desc;
     struct sst_feature_keeper *k = b->keeper;
     int err;
@@ -227,8 +226,9 @@ static int make_band(struct bands *b, int i, bool *kept)
         k->height = desc->height;
         k->kept = false;
     }
+    fill(b);
     err = sst_network_run_s8(b->net, &(struct sst_network_bytes){ b->in, desc->width, b->cut.height, SST_FEATURE_ONE,
-                                                                  b->out, k ? &device : &cpu });
+                                                                  b->out, k ? &keeper : NULL });
     *kept = k && k->kept;
     if (err || *kept)
         return err;

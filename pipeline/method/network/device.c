@@ -110,13 +110,6 @@ static bool wants(const void *job SST_UNUSED, int item SST_UNUSED)
     return true;
 }
 
-static int make_input(void *arg)
-{
-    const struct sst_network_keeper *k = ((const struct net_job *)arg)->keeper;
-
-    return k && k->fill ? k->fill(k->arg) : 0;
-}
-
 static int run_on_cpu(void *arg, int item, int worker SST_UNUSED)
 {
     struct net_job *job = (struct net_job *)arg + item;
@@ -149,7 +142,6 @@ static void run_on_device(struct sst_run *r, void *arg, int item)
 
 static const struct sst_step step = { .name = "networks",
                                       .wants = wants,
-                                      .host = make_input,
                                       .cpu = run_on_cpu,
                                       .device = run_on_device,
                                       .same = net_sample_same,
@@ -166,7 +158,6 @@ int net_job_run(struct net_job *job)
         return err;
     sst_runner_lock(d->shared);
     d->report.runs += job->done;
-    d->report.fed += job->done && job->fed;
     d->report.kept += job->done && job->kept;
     d->report.on_cpu += !job->done;
     sst_runner_unlock(d->shared);
@@ -315,7 +306,7 @@ void sst_network_device_clear_report(struct sst_network_device *d)
     struct sst_step_report *of = &d->user.report;
 
     sst_runner_lock(d->shared);
-    r->runs = r->fed = r->kept = r->on_cpu = 0;
+    r->runs = r->kept = r->on_cpu = 0;
     of->failures = of->dispatches = of->total_ns = of->upload_ns = of->download_ns = 0;
     sst_runner_unlock(d->shared);
 }

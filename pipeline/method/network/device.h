@@ -44,7 +44,7 @@ void sst_network_device_close(struct sst_network_device *d);
 struct sst_network_device_report {
     struct sst_step_report step; /* the name as asked for, if it was never opened; times are of runs */
     int64_t runs;                /* of networks, there */
-    int64_t fed, kept;           /* of them: whose input was made there; whose result was not copied to the host */
+    int64_t kept;                /* of them: whose result was not copied to the host */
     int64_t on_cpu;              /* others; the last one's reason: step.why */
     int plans;                   /* networks times sizes that lie there now */
     char conv8[32];              /* shader of convolutions on 8 bits in the last plan; "": none yet */

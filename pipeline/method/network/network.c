@@ -502,8 +502,6 @@ static int run_rounded(struct sst_network *net, const struct sst_network_bytes *
     if (err)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, run->width,
                       run->height);
-    if (!err && run->keeper && run->keeper->fill)
-        err = run->keeper->fill(run->keeper->arg);
     if (!err)
         err = sst_network_run(net, run->in, run->width, run->height, values);
     for (size_t i = 0; !err && i < plane * c; i++)

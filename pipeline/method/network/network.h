@@ -95,15 +95,10 @@ SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int
 struct sst_gpu;
 struct sst_gpu_buffer;
 
-/** How a network that runs on a device reads and writes the buffers of other work there. `keep` and `feed` are called
- * with the device locked; offsets are in words. */
+/** How the result of a network that runs on a device stays there for other work. */
 struct sst_network_keeper {
-    /** Dispatch what reads the result. @return false: `out` gets a copy of it */
+    /** Dispatch what reads the result, with the device locked. @param at  in words @return false: `out` gets a copy */
     bool (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
-    /** Dispatch what writes the input, as floats of planes; or NULL. @return false: `in` is uploaded */
-    bool (*feed)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *input, size_t at);
-    /** Compute `in` on the CPU: called before it is read, perhaps twice; NULL: it is complete. @return 0 or -ENOMEM */
-    int (*fill)(void *arg);
     void *arg;
 };
 

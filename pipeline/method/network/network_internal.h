@@ -193,8 +193,8 @@ struct net_job {
     float factor;
     const struct sst_network_keeper *keeper; /* or NULL */
     /* out */
-    bool done;      /* on the device */
-    bool fed, kept; /* its input was made there; its result stays there */
+    bool done; /* on the device */
+    bool kept; /* its result stays there */
 };
 
 /** Run a network, on its device or, which is counted, on the CPU. @return 0 or an error of the CPU, logged */

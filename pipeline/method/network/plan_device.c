@@ -717,25 +717,10 @@ bool net_device_plan_has_s8(const struct net_device_plan *p)
     return p->ends_in_bytes;
 }
 
-/* The input, made there or uploaded. */
-static void load(struct net_device_plan *p, struct sst_run *r, struct net_job *job, struct sst_gpu_range arena)
-{
-    const struct tensor *to = &p->tensors[p->input];
-    const struct sst_network_keeper *k = job->keeper;
-
-    job->fed = k && k->feed && !sst_gpu_is_dummy(p->gpu) && k->feed(k->arg, p->gpu, arena.buffer, to->at.at);
-    if (job->fed)
-        return;
-    if (k && k->fill)
-        sst_run_fail(r, k->fill(k->arg));
-    arena.offset = 4 * (size_t)to->at.at;
-    sst_run_write(r, arena, job->in, (size_t)to->channels * to->at.pitch * 4);
-}
-
 void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct net_job *job)
 {
     const struct sst_network_keeper *k = job->keeper;
-    const struct tensor *to = &p->tensors[p->output];
+    const struct tensor *from = &p->tensors[p->input], *to = &p->tensors[p->output];
     const size_t values = (size_t)to->at.width * (size_t)to->at.height * (size_t)to->channels;
     struct sst_gpu_range arena = sst_run_scratch(r, ARENA, p->arena_bytes);
     const struct sst_gpu_range range[] = { { p->weights, 0 }, arena, arena };
@@ -747,9 +732,11 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
         sst_run_leave(r, why);
         return;
     }
-    load(p, r, job, arena);
+    arena.offset = 4 * (size_t)from->at.at;
+    sst_run_write(r, arena, job->in, (size_t)from->channels * from->at.pitch * 4);
     for (int i = 0; i < p->n_steps; i++) {
         struct step *s = &p->steps[i];
+
         if (s->shader == SST_GPU_NET_UNIT)
             s->layer.factor = job->factor;
         sst_run_dispatch(r, s->shader, &s->conv, s->groups, range, SST_GPU_NET_BUFFERS);
