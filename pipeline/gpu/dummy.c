@@ -1,5 +1,5 @@
-/* A device without a driver: shaders are their C references, on memory of the host. It fails when it is asked to, so
- * that scheduling, fallback and errors are tested anywhere.
+/* A device without a driver: memory of the host, and shaders that compute nothing, so that steps are computed on the CPU
+ * instead. It fails when it is asked to: scheduling, fallback and errors are tested anywhere.
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test).
@@ -32,7 +32,7 @@ struct dummy {
     struct sst_gpu gpu; /* first */
     long fault[FAULTS]; /* 0: not asked for */
     long dispatches;
-    bool wrong; /* a shader without a reference was to be */
+    bool wrong; /* since sst_gpu_dummy_was_wrong() */
 };
 
 struct dummy_buffer {
@@ -89,26 +89,16 @@ static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, siz
     return 0;
 }
 
-static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
+static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work SST_UNUSED)
 {
     struct dummy *d = (struct dummy *)g;
-    const struct gpu_shader *shader = &gpu_shaders[work->shader];
-    void *buffer[SST_GPU_BUFFERS];
 
     d->dispatches++;
     if (d->dispatches == d->fault[FAULT_LOST])
         return -ENODEV;
     if (d->dispatches == d->fault[FAULT_TIMEOUT])
         return -ETIMEDOUT;
-    for (int i = 0; i < shader->buffers; i++)
-        buffer[i] = data_of(work->buffer[i]) + work->offset[i];
-    d->wrong = d->wrong || (!shader->reference && d->dispatches == d->fault[FAULT_WRONG]);
-    if (!shader->reference)
-        return 0;
-    shader->reference(work->push, buffer, work->groups);
-    /* Every shader writes its last buffer. */
-    if (d->dispatches == d->fault[FAULT_WRONG])
-        *(uint8_t *)buffer[shader->buffers - 1] ^= 0x40;
+    d->wrong = d->wrong || d->dispatches == d->fault[FAULT_WRONG];
     return 0;
 }
 

@@ -1,4 +1,4 @@
-/* Choice of a device, limits of its memory, tests of its shaders; the rest is passed on to the back end. */
+/* Choice of a device, limits of its memory, its shaders and their variants; the rest is passed on to the back end. */
 #define _GNU_SOURCE /* strcasestr */
 #include "pipeline/gpu/gpu.h"
 
@@ -61,21 +61,9 @@ static void log_missing(const char *name, const struct sst_gpu_info *info, const
         sst_log_error("no device `%s`: no Vulkan driver answers; install the driver of the GPU, or leave out --device",
                       name);
     else if (!strcmp(name, "gpu"))
-        sst_log_error("no GPU passes its self-test; software devices are used only by name: %s", list);
+        sst_log_error("no GPU can be opened; software devices are used only by name: %s", list);
     else
         sst_log_error("no device `%s`; this machine has %s", name, list);
-}
-
-/* All but variants, which are tested when they are first used. */
-static int prepare_all(struct sst_gpu *g)
-{
-    int err = 0;
-
-    for (int i = 0; i < SST_GPU_SHADERS && !err; i++) {
-        if (!sst_gpu_is_variant((enum sst_gpu_shader)i))
-            err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
-    }
-    return err;
 }
 
 /* The configuration, and passes of earlier runs. */
@@ -91,21 +79,15 @@ static void set_up(struct sst_gpu *g, const struct sst_gpu_config *cfg)
     gpu_verdicts_open(g);
 }
 
-/* The first real device that passes every self-test. */
+/* The first real device. */
 static int open_real(struct sst_gpu **out, const struct sst_gpu_info *info, const int *order, int n,
                      const struct sst_gpu_config *cfg)
 {
     for (int i = 0; i < n; i++) {
-        struct sst_gpu *g;
-
-        if (info[order[i]].kind == SST_GPU_SOFTWARE || gpu_vulkan_open(&g, order[i]))
+        if (info[order[i]].kind == SST_GPU_SOFTWARE || gpu_vulkan_open(out, order[i]))
             continue;
-        set_up(g, cfg);
-        if (!prepare_all(g)) {
-            *out = g;
-            return 0;
-        }
-        sst_gpu_close(g);
+        set_up(*out, cfg);
+        return 0;
     }
     return -ENOENT;
 }
@@ -187,27 +169,8 @@ static int note(struct sst_gpu *g, int err)
     return err;
 }
 
-/* Variants whose self-test a device did not survive. */
+/* Variants whose comparison a device did not survive. */
 static SST_ATOMIC(bool) deadly[SST_GPU_SHADERS];
-
-/* Compare a shader that is compiled with its reference. */
-static int test_shader(struct sst_gpu *g, enum sst_gpu_shader shader)
-{
-    const struct gpu_shader *s = &gpu_shaders[shader];
-    const int err = s->self_test ? s->self_test(g) : 0;
-
-    if (s->self_test && (!err || err == -ENOTSUP))
-        sst_gpu_note_verdict(g, s->name, !err);
-    return err;
-}
-
-/* True if a shader needs no test now. */
-static bool is_late(const struct sst_gpu *g, enum sst_gpu_shader shader)
-{
-    if (!gpu_shaders[shader].self_test)
-        return !sst_gpu_is_variant(shader) && !g->cfg.test_again;
-    return sst_gpu_has_passed(g, gpu_shaders[shader].name);
-}
 
 void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err)
 {
@@ -222,20 +185,23 @@ void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err)
         deadly[shader] = true;
 }
 
+int sst_gpu_deadly(void)
+{
+    int n = 0;
+
+    for (int i = 0; i < SST_GPU_SHADERS; i++)
+        n += deadly[i];
+    return n;
+}
+
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     int err;
 
-    if (g->lost)
+    if (g->lost || g->ready[shader] == GPU_READY)
         return g->lost;
-    if (g->ready[shader] != GPU_UNTESTED)
-        return g->ready[shader] == GPU_REFUSED ? -ENOTSUP : 0;
-    if (!sst_gpu_can(&g->info, shader))
+    if (g->ready[shader] == GPU_REFUSED || !sst_gpu_can(&g->info, shader))
         return -ENOTSUP;
-    if (is_late(g, shader)) {
-        g->ready[shader] = GPU_LATE;
-        return 0;
-    }
     err = g->ops->compile(g, shader);
     if (err == -EIO && sst_gpu_is_variant(shader)) {
         g->ready[shader] = GPU_REFUSED;
@@ -243,17 +209,9 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
                         gpu_shaders[shader].name);
         return -ENOTSUP;
     }
-    if (!err) {
-        g->ready[shader] = GPU_READY; /* which the test runs */
-        err = test_shader(g, shader);
-    }
-    if (err)
-        sst_gpu_refuse(g, shader, err);
-    if (err && err != -ENOTSUP) {
-        g->ready[shader] = GPU_UNTESTED;
-        return note(g, err);
-    }
-    return err;
+    if (!err)
+        g->ready[shader] = GPU_READY;
+    return note(g, err);
 }
 
 /* True if a variant is to be used: the one that the environment names, else what is fast on the device. */
@@ -366,38 +324,16 @@ int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
     if (g->lost)
         return g->lost;
-    if (g->ready[work->shader] == GPU_LATE) {
-        const int err = note(g, g->ops->compile(g, work->shader));
+    if (g->ready[work->shader] != GPU_READY) {
+        const int err = sst_gpu_prepare(g, work->shader);
 
         if (err)
             return err;
-        g->ready[work->shader] = GPU_READY;
     }
-    if (g->ready[work->shader] != GPU_READY)
-        return -ENOTSUP;
     return note(g, g->ops->dispatch(g, work));
 }
 
 int sst_gpu_wait(struct sst_gpu *g)
 {
     return g->lost ? g->lost : note(g, g->ops->wait(g));
-}
-
-int sst_gpu_open_for(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg,
-                     const enum sst_gpu_shader *shaders, size_t count, const char *work)
-{
-    int err = sst_gpu_open(out, name, cfg);
-
-    if (err) {
-        *out = NULL;
-        return err;
-    }
-    for (size_t i = 0; i < count && !err; i++)
-        err = sst_gpu_prepare(*out, shaders[i]);
-    if (err) {
-        sst_log_error("the device `%s` cannot %s: %s; choose another device", name, work, sst_gpu_error(err));
-        sst_gpu_close(*out);
-        *out = NULL;
-    }
-    return err;
 }

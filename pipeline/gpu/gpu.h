@@ -1,7 +1,7 @@
 /* pipeline/gpu/gpu.h - devices that run compute shaders: chosen by name, memory, work in the order of the calls.
  *
- * Two back ends: Vulkan 1.2, whose loader is opened at run time, and a dummy device that runs the C reference of each
- * shader and fails on request. How they fit together: docs/design/gpu.md.
+ * Two back ends: Vulkan 1.2, whose loader is opened at run time, and a dummy device that computes nothing and fails on
+ * request. How they fit together: docs/design/gpu.md.
  */
 #ifndef SST_PIPELINE_GPU_GPU_H
 #define SST_PIPELINE_GPU_GPU_H
@@ -19,7 +19,7 @@
 /** Shaders, embedded at build. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_STEP_LIST(X) SST_GPU_VARIANT_LIST(X)
+    SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(X)
 #undef X
         SST_GPU_SHADERS
 };
@@ -94,22 +94,13 @@ struct sst_gpu; /* one thread at a time */
 /**
  * Open a device.
  *
- * @param name  "gpu": the first of sst_gpu_list() that is no software device and passes the self-test of every shader
- *              but variants;
+ * @param name  "gpu": the first of sst_gpu_list() that is no software device and can be opened;
  *              "auto": the same, and -ENOENT is not logged; "lavapipe": Mesa's software device; "dummy" or
  *              "dummy:FAULT=N[,FAULT=N...]" (docs/design/gpu.md); else a part of a device's or driver's name
  * @param cfg   NULL: the defaults
  * @return 0, -ENOENT (no such device), -EINVAL (unknown fault), -ENOMEM, -EIO (the driver refuses); logged.
  */
 SST_MUST_CHECK int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg);
-
-/**
- * sst_gpu_open() and sst_gpu_prepare() of all shaders that a piece of work needs.
- * @param work  what the device is to do, for the message: "match"
- * @return as of both; a device that is refused is closed, and *out NULL; logged
- */
-SST_MUST_CHECK int sst_gpu_open_for(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg,
-                                    const enum sst_gpu_shader *shaders, size_t count, const char *work);
 
 /** Free the device and its buffers. What a device that does not answer still uses is left to the end of the process. */
 void sst_gpu_close(struct sst_gpu *g);
@@ -120,18 +111,17 @@ const struct sst_gpu_info *sst_gpu_get_info(const struct sst_gpu *g);
 uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
 
 /**
- * Compile a shader and compare its results on small inputs with those of its C reference, on the first call, unless it
- * has passed on this device before (sst_gpu_has_passed()): then its first dispatch compiles it.
- * @return 0, -ENOTSUP (they differ, or the device cannot run it: refused while g is open), or an error of the device;
- *         a warning is logged, except for a variant that the device does not have (sst_gpu_can())
+ * Compile a shader; its first dispatch does so, too.
+ * @return 0, -ENOTSUP (the device cannot run it, or refuses it), or an error of the device; a warning is logged of a
+ *         variant that the driver does not compile
  */
 SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader);
 
 /**
- * Prepare the fastest variant of a shader that the device has and that passes its self-test, else the shader itself.
+ * Prepare the fastest variant of a shader that the device has and that was not refused, else the shader itself.
  *
  * SST_GPU_VARIANT=plain, dot, matrix or subgroup in the environment names the variant instead; without it on this
- * device, or if it is refused, the shader itself runs. A variant whose self-test a device did not survive is not used
+ * device, or if it is refused, the shader itself runs. A variant whose comparison a device did not survive is not used
  * again before the program ends.
  * @param out  the shader to dispatch: same constants and buffers
  * @return as sst_gpu_prepare() of the shader itself
@@ -146,6 +136,9 @@ bool sst_gpu_wants_variant(const struct sst_gpu *g, enum sst_gpu_shader shader, 
  * a variant that has cost it is not tried again by the process */
 void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err);
 
+/** How many variants have cost a device in this process. */
+int sst_gpu_deadly(void);
+
 /** True if a comparison of this name was noted as passed, now or in another run of the same build with the same driver,
  * device and CPU. Never on the dummy device. */
 bool sst_gpu_has_passed(const struct sst_gpu *g, const char *test);
@@ -153,11 +146,10 @@ bool sst_gpu_has_passed(const struct sst_gpu *g, const char *test);
 /** Note a comparison, for sst_gpu_has_passed(); kept when the device is closed. @param test  its name, one line */
 void sst_gpu_note_verdict(struct sst_gpu *g, const char *test, bool passed);
 
-/** True for the dummy device, which computes nothing of shaders without a reference: whoever dispatches them does. */
+/** True for the dummy device, which computes nothing: its user does. */
 bool sst_gpu_is_dummy(const struct sst_gpu *g);
 
-/** True if the dummy device was asked for a wrong result (wrong=N) of such a shader, and has dispatched it since the
- * last call. */
+/** True if the dummy device has had the dispatch since the last call that it was asked to be wrong at (wrong=N). */
 bool sst_gpu_dummy_was_wrong(struct sst_gpu *g);
 
 struct sst_gpu_buffer; /* memory of the device, undefined at first */

@@ -1,23 +1,15 @@
-/* pipeline/gpu/gpu_internal.h - back ends, shaders with their references and self-tests, the cache of pipelines. */
+/* pipeline/gpu/gpu_internal.h - back ends, the table of shaders, the cache of pipelines and verdicts. */
 #ifndef SST_PIPELINE_GPU_GPU_INTERNAL_H
 #define SST_PIPELINE_GPU_GPU_INTERNAL_H
 
-#include "pipeline/gpu/match.h"
+#include "pipeline/gpu/gpu.h"
 
 /* --- shaders.c: what is known of each shader ---------------------------------------------------------------------- */
-
-/** What the shader does, in C, on memory of the host. */
-typedef void gpu_reference_fn(const void *push, void *const *buffer, const uint32_t groups[3]);
-
-/** Compare the shader on a device, prepared but for this, with its reference. @return 0, -ENOTSUP (differs), errors */
-typedef int gpu_self_test_fn(struct sst_gpu *g);
 
 struct gpu_shader {
     const char *name;
     int buffers;
     size_t push_bytes; /* at most 128, what every device has */
-    gpu_reference_fn *reference;
-    gpu_self_test_fn *self_test;
     /* Of variants: */
     uint32_t needs;         /* enum sst_gpu_ability; 0: no variant */
     uint32_t fast;          /* likewise: with it the variant is chosen by itself */
@@ -33,53 +25,6 @@ struct gpu_spirv {
     const uint8_t *begin, *end;
 };
 extern const struct gpu_spirv gpu_spirvs[];
-
-/** Run a shader on a device and its reference on copies of the same buffers.
- *
- * @param on_device, on_host  out [bytes[i]] each, to be freed: contents of the buffers afterwards
- * @return 0 or an error of the device; on failure nothing is to be freed */
-SST_MUST_CHECK int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial,
-                                const size_t *bytes, uint8_t *on_device[SST_GPU_BUFFERS],
-                                uint8_t *on_host[SST_GPU_BUFFERS]);
-
-/** The same, for shaders whose results are whole numbers: compare the contents of all buffers.
- *
- * @param keep  out [bytes[out]]: what the reference leaves in buffer `out`, which may be its initial contents; or NULL
- * @return 0, -ENOTSUP (they differ) or an error of the device */
-SST_MUST_CHECK int gpu_compare(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial,
-                               const size_t *bytes, int out, void *keep);
-
-/** Numbers of 24 bits for self-tests. */
-static inline uint32_t gpu_random(uint32_t *state)
-{
-    *state = *state * 1664525U + 1013904223U;
-    return *state >> 8;
-}
-
-/** Groups of `size` that cover n. */
-static inline uint32_t gpu_groups(int n, int size)
-{
-    return (uint32_t)((n + size - 1) / size);
-}
-
-/** Largest difference of R, G and B between two pixels. */
-static inline int gpu_colour_step(uint32_t a, uint32_t b)
-{
-    int most = 0;
-
-    for (int c = 0; c < 24; c += 8) {
-        const int step = (int)(a >> c & 0xFF) - (int)(b >> c & 0xFF);
-
-        most = sst_max_int(most, step < 0 ? -step : step);
-    }
-    return most;
-}
-
-#define X(NAME, name, ...)                                                                                             \
-    gpu_reference_fn name##_reference;                                                                                 \
-    gpu_self_test_fn name##_self_test;
-SST_GPU_SHADER_LIST(X)
-#undef X
 
 /* --- the shader `limits`: the most that a device reaches, which the stages are measured against -------------------
  *
@@ -136,12 +81,7 @@ struct gpu_verdicts {
     bool changed;
 };
 
-enum gpu_ready {
-    GPU_UNTESTED = 0,
-    GPU_READY = 1,
-    GPU_REFUSED = 2,
-    GPU_LATE = 3, /* passed in an earlier run, or is tested by its step: compiled by its first dispatch */
-};
+enum gpu_ready { GPU_UNCOMPILED = 0, GPU_READY = 1, GPU_REFUSED = 2 };
 
 /** What a back end embeds first. */
 struct sst_gpu {

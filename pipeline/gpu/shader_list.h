@@ -6,11 +6,7 @@
 #ifndef SST_PIPELINE_GPU_SHADER_LIST_H
 #define SST_PIPELINE_GPU_SHADER_LIST_H
 
-#define SST_GPU_SHADER_LIST(X)
-
-/** Shaders of steps (pipeline/step/), which the step on the CPU defines, and of measurements: X(NAME, name, buffers,
- * constants). */
-#define SST_GPU_STEP_LIST(X)                                                                                           \
+#define SST_GPU_SHADER_LIST(X)                                                                                         \
     X(BLEND, blend, SST_GPU_BLEND_BUFFERS, sst_gpu_blend)                                                              \
     X(RECTIFY, rectify, SST_GPU_RECTIFY_BUFFERS, sst_gpu_rectify)                                                      \
     X(JPEG_RGB, jpeg_rgb, SST_GPU_JPEG_BUFFERS, sst_gpu_jpeg)                                                          \

@@ -32,12 +32,9 @@ static void *run(void *arg)
     struct runner_opener *o = arg;
     const struct runner_opening *w = &o->what;
     char *const before = sst_log_hold_errors(o->why);
-    int err = sst_gpu_open_for(&o->gpu, w->name, &w->cfg, w->shaders, w->needed, w->work);
+    int err = sst_gpu_open(&o->gpu, w->name, &w->cfg);
+    const bool opened = !err;
 
-    for (size_t i = w->needed; i < w->count && !err; i++) {
-        err = sst_gpu_prepare(o->gpu, w->shaders[i]);
-        err = err == -ENOTSUP ? 0 : err;
-    }
     for (size_t i = 0; i < w->step_count && !err; i++) {
         err = sst_step_check(NULL, o->gpu, w->steps[i]);
         err = err == -ENOTSUP && i >= w->steps_needed ? 0 : err;
@@ -45,10 +42,10 @@ static void *run(void *arg)
             sst_log_error("the device `%s` cannot %s: %s; choose another device", w->name, w->work, sst_gpu_error(err));
     }
     sst_log_hold_errors(before);
-    if (err) {
+    if (err && opened)
         sst_gpu_close(o->gpu);
+    if (err)
         o->gpu = NULL;
-    }
     pthread_mutex_lock(&o->lock);
     o->err = err;
     o->done = true;

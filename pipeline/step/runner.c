@@ -49,9 +49,6 @@ static int open_beside_locked(struct sst_runner *s, struct sst_runner_user *user
 {
     const struct runner_opening what = { .name = s->name,
                                          .cfg = s->cfg,
-                                         .shaders = user->shaders,
-                                         .needed = user->count,
-                                         .count = user->count + user->tested,
                                          .steps = user->steps,
                                          .steps_needed = user->step_count,
                                          .step_count = user->step_count + user->steps_tested,
@@ -93,18 +90,29 @@ static void close_locked(struct sst_runner *s)
     s->gpu = NULL;
 }
 
-/* Shaders are prepared once per opening. */
+/* Steps are compared once per opening. A device that is lost in the comparison of a variant is opened again without. */
+static int check_steps_locked(struct sst_runner *s, struct sst_runner_user *user)
+{
+    const int deadly = sst_gpu_deadly();
+    int err = 0;
+
+    for (size_t i = 0; i < user->step_count && !err; i++)
+        err = sst_step_check(user, s->gpu, user->steps[i]);
+    if (sst_gpu_deadly() == deadly || s->live)
+        return err;
+    close_locked(s);
+    err = open_locked(s);
+    return err ? err : check_steps_locked(s, user);
+}
+
 static int prepare_locked(struct sst_runner *s, struct sst_runner_user *user)
 {
-    int err = 0;
+    int err;
 
     if (user->opening == s->opening)
         return 0;
     s->why[0] = 0;
-    for (size_t i = 0; i < user->count && !err; i++)
-        err = sst_gpu_prepare(s->gpu, user->shaders[i]);
-    for (size_t i = 0; i < user->step_count && !err; i++)
-        err = sst_step_check(user, s->gpu, user->steps[i]);
+    err = check_steps_locked(s, user);
     if (err && s->live)
         snprintf(s->why, sizeof(s->why), "the device `%.200s` cannot %s: %s", s->name, user->work, sst_gpu_error(err));
     else if (err)

@@ -25,13 +25,10 @@ struct sst_step_report {
 /** A kind of work. Lives from sst_runner_join() to sst_runner_leave(). */
 struct sst_runner_user {
     /* set before it joins */
-    const enum sst_gpu_shader *shaders; /* that it needs */
-    size_t count;
     const struct sst_step *const
         *steps; /* that it runs: a device that computes one otherwise than the CPU is refused */
     size_t step_count;
-    size_t tested, steps_tested; /* shaders and steps that follow them, may be refused, and are tested by an opening
-                                    beside the work */
+    size_t steps_tested; /* that follow them, may be refused, and are tested by an opening beside the work */
     const char *work;        /* verb of the work, for messages: "match" */
     const char *phrase;      /* work on the CPU, for messages: "live labels are computed"; NULL: the step "is done" */
     void (*drop)(void *arg); /* free all buffers of its own, under the lock: the device is closed, or others need the
@@ -41,7 +38,7 @@ struct sst_runner_user {
     struct sst_runner *runner;
     struct sst_step_report report; /* of sst_run(), under the lock */
     struct sst_runner_user *next;
-    int64_t opening; /* in which its shaders were prepared */
+    int64_t opening; /* in which its steps were compared */
     bool given_up;   /* a live device computes something else: it is not opened again */
 };
 
@@ -71,7 +68,7 @@ SST_MUST_CHECK int sst_runner_create_to_test(struct sst_runner **out, const char
 /** After its last user has left. NULL is fine. */
 void sst_runner_destroy(struct sst_runner *s);
 
-/** Prepare the shaders of a kind of work, and compare its steps. @return 0, -ENOTSUP (one is refused), or an error of
+/** Compare the steps of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of
  * the device; logged, but of a live device, whose user joins all the same: it is to be reported then */
 SST_MUST_CHECK int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user);
 

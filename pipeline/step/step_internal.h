@@ -97,12 +97,9 @@ struct runner_opener; /* opaque; one thread at a time */
 struct runner_opening {
     const char *name; /* as of sst_gpu_open() */
     struct sst_gpu_config cfg;
-    const enum sst_gpu_shader *shaders; /* to prepare; static */
-    size_t needed,
-        count; /* the device must run the first ones; the others may be refused, and are tested now, not later */
     const struct sst_step *const *steps; /* to check; static */
     size_t steps_needed, step_count;     /* likewise */
-    const char *work;                    /* static; as of sst_gpu_open_for() */
+    const char *work;                    /* static; verb, for messages */
 };
 
 /**
@@ -111,8 +108,8 @@ struct runner_opening {
  * @param opener  in and out: NULL, or the value after the call before; NULL after all but -EINPROGRESS
  * @param what  device; read by the first call
  * @param gpu  out, when 0
- * @param why  out, after an error: the message of sst_gpu_open_for(), which is not logged; "": nothing
- * @return -EINPROGRESS; else as sst_gpu_open_for(), or -ENOMEM or -EAGAIN (no thread)
+ * @param why  out, after an error: the message, which is not logged; "": nothing
+ * @return -EINPROGRESS; else as sst_gpu_open() and sst_step_check(), or -ENOMEM or -EAGAIN (no thread)
  */
 SST_MUST_CHECK int runner_open_beside(struct runner_opener **opener, const struct runner_opening *what,
                                       struct sst_gpu **gpu, char why[SST_LOG_MAX]);

@@ -31,8 +31,7 @@ static uint64_t least(uint64_t a, uint64_t b)
 
 static int open_device(struct bench *b, const char *name)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_LIMITS };
-    int err = sst_gpu_open_for(&b->gpu, name, NULL, shaders, ARRAY_LEN(shaders), "measure");
+    int err = sst_gpu_open(&b->gpu, name, NULL);
 
     if (err)
         return err;

@@ -106,7 +106,6 @@ static int measure(struct bench *b, int from, int to, double *best)
 
 int main(int argc, char **argv)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_SGM_PATH };
     struct bench b = { 0 };
     double along = 0, across = 0, four = 0, eight = 0, cells;
     int err;
@@ -117,7 +116,7 @@ int main(int argc, char **argv)
         return 2;
     }
     cells = (double)b.width * b.height * b.disparities;
-    err = sst_gpu_open_for(&b.gpu, argv[1], NULL, shaders, ARRAY_LEN(shaders), "measure");
+    err = sst_gpu_open(&b.gpu, argv[1], NULL);
     err = err ? err : sst_gpu_prepare_fastest(b.gpu, SST_GPU_SGM_PATH, &b.shader);
     b.shader = b.disparities <= SST_GPU_SGM_SUBGROUP_STEPS ? b.shader : SST_GPU_SGM_PATH;
     err = err ? err : fill(&b);

@@ -61,7 +61,6 @@ static void *count_sample(uint32_t seed)
 
 static int work_join(struct work *w, struct sst_runner *shared)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_FEATURE_COST };
     static const struct sst_step step = { .name = "counting",
                                           .wants = counts,
                                           .cpu = count_on_cpu,
@@ -73,9 +72,7 @@ static int work_join(struct work *w, struct sst_runner *shared)
     static const struct sst_step *const steps[] = { &step };
 
     *w = (struct work){ .shared = shared,
-                        .user = { .shaders = shaders,
-                                  .count = 1,
-                                  .steps = steps,
+                        .user = { .steps = steps,
                                   .step_count = 1,
                                   .work = "count",
                                   .drop = drop,
@@ -202,8 +199,9 @@ static void test_variants(void **state)
         { "dummy:dot=1,wrong=2", 0, SST_GPU_FEATURE_COST },
         { "dummy:dot=2,wrong=2", 0, SST_GPU_FEATURE_COST }, /* slow */
         { "dummy:dot=1,wrong=1", -ENOTSUP, SST_GPU_FEATURE_COST },
-        { "dummy:dot=1,lost=2", -ENODEV, SST_GPU_FEATURE_COST },
-        { "dummy:dot=1,lost=2", 0, SST_GPU_FEATURE_COST }, /* not tried again by the process */
+        { "dummy:dot=1,lost=1", -ENODEV, SST_GPU_FEATURE_COST },
+        { "dummy:dot=1,lost=2", 0, SST_GPU_FEATURE_COST }, /* opened again without ... */
+        { "dummy:dot=1", 0, SST_GPU_FEATURE_COST },        /* and not tried again by the process */
     };
 
     (void)state;

@@ -9,17 +9,6 @@
 
 _Static_assert(SST_MAX_VIEWS <= SST_PLANE_VIEWS, "a place each");
 
-static const enum sst_gpu_shader shaders[] = {
-    SST_GPU_CENSUS,          SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
-    SST_GPU_SUPPORT_MEAN,    SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
-    SST_GPU_BILATERAL,       SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE,
-    SST_GPU_CHECK,           SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
-    SST_GPU_FEATURE_COST,    SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
-    SST_GPU_SUBPIXEL_WINDOW, SST_GPU_SWEEP_POINTS,    SST_GPU_SWEEP_GATHER,    SST_GPU_SWEEP_PEAKS,
-    SST_GPU_SURFACE_ROWS,    SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_PROJECT,
-    SST_GPU_CARRY_CLOSE,     SST_GPU_CONVERT
-};
-
 static const struct sst_step *const steps[] = { &disparity_features_step,   &disparity_match_step,
                                                 &disparity_check_step,      &disparity_fill_step,
                                                 &disparity_background_step, &disparity_sweep_step,
@@ -52,7 +41,7 @@ int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_ru
     }
     d->shared = shared;
     d->user = (struct sst_runner_user){
-        .shaders = shaders, .count = ARRAY_LEN(shaders), .steps = steps, .step_count = ARRAY_LEN(steps), .work = "match"
+        .steps = steps, .step_count = ARRAY_LEN(steps), .work = "match"
     };
     err = sst_runner_join(shared, &d->user);
     if (err)

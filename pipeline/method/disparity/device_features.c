@@ -132,7 +132,7 @@ static bool keep(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result,
     struct sst_step_planes *p = sst_runner_planes(user->runner);
     struct gathered b = { .view = k->view, .width = k->width, .band = k->band, .result = { result, 0 }, .at = at };
 
-    if (g != sst_runner_device(user->runner) || p->of != run->lf || sst_gpu_prepare(g, SST_GPU_CONVERT) ||
+    if (g != sst_runner_device(user->runner) || p->of != run->lf ||
         !make_places(run, g, p))
         return false;
     k->kept = !sst_run_item(user, &disparity_features_step, &b, k->view);

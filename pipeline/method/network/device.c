@@ -183,8 +183,6 @@ void net_device_note_cpu(struct sst_network_device *d, const char *why)
 
 static struct sst_network_device *create(struct sst_runner *shared, const char *phrase)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8,  SST_GPU_NET_CONV, SST_GPU_NET_MOVE,
-                                                   SST_GPU_NET_RESIZE, SST_GPU_NET_POOL, SST_GPU_NET_UNIT };
     static const struct sst_step *const steps[] = { &step };
     struct sst_network_device *d = calloc(1, sizeof(*d));
 
@@ -193,9 +191,7 @@ static struct sst_network_device *create(struct sst_runner *shared, const char *
         return NULL;
     }
     d->shared = shared;
-    d->user = (struct sst_runner_user){ .shaders = shaders,
-                                        .count = ARRAY_LEN(shaders),
-                                        .steps = steps,
+    d->user = (struct sst_runner_user){ .steps = steps,
                                         .step_count = ARRAY_LEN(steps),
                                         .work = "run networks",
                                         .phrase = phrase,

@@ -1,6 +1,7 @@
 /* Random clear pictures of a small light field, on which steps are compared with the CPU: two surfaces and noise, seen
  * from around a viewpoint that has a camera, or from between cameras; every way to remove a pixel; as a whole and in
  * bands; rays from originals of corrected views. */
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -151,6 +152,7 @@ static int make_picture(struct sample *s, int i)
     err = err ? err : clear_init(c, s->renderer, cfg);
     c->as_others = i == 0;
     c->bins = i == 3 ? first_q6(&s->lf) + 720 : c->bins;
+    s->device.tested = UINT_MAX;
     c->device = &s->device;
     c->band_rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
     c->to = (struct clear_target){ &s->image[i], &s->weight[i], i > 1 ? &s->surface[i] : NULL, &s->support[i] };

@@ -19,7 +19,10 @@
 const struct sst_step *const sst_render_steps[SST_RENDER_STEPS] = { &render_picture_step, &render_verify_step,
                                                                     &clear_steps[CLEAR_STEP],
                                                                     &clear_steps[CLEAR_STEP_HOLES],
-                                                                    &clear_steps[CLEAR_STEP_SAMPLED] };
+                                                                    &clear_steps[CLEAR_STEP_SAMPLED],
+                                                                    &render_frames_step,
+                                                                    &render_sampled_step,
+                                                                    &render_jpeg_step };
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
@@ -85,17 +88,9 @@ static void note_success(struct render_device *d)
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
 static int join(struct render_device *d)
 {
-    static const enum sst_gpu_shader shaders[] = {
-        SST_GPU_BLEND,        SST_GPU_VERIFY_SHARE,  SST_GPU_VERIFY_RAYS,        SST_GPU_VERIFY_MODE,
-        SST_GPU_VERIFY_BLEND, SST_GPU_VERIFY_SCREEN, SST_GPU_VERIFY_UNEXPLAINED, SST_GPU_CLEAR_LAND,
-        SST_GPU_CLEAR_BLEND,  SST_GPU_CLEAR_SURFACE, SST_GPU_CLEAR_SAMPLE,       SST_GPU_HOLE_PULL,
-        SST_GPU_HOLE_PUSH
-    };
     int err;
 
-    d->user = (struct sst_runner_user){ .shaders = shaders,
-                                        .count = ARRAY_LEN(shaders),
-                                        .steps = sst_render_steps,
+    d->user = (struct sst_runner_user){ .steps = sst_render_steps,
                                         .step_count = 1,
                                         .work = "render",
                                         .drop = drop,

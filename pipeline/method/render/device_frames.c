@@ -122,7 +122,7 @@ static int prepare_jpeg(struct render_device *d, const struct device_taps *taps)
 
     for (int k = 0; k < taps->count; k++)
         any |= d->lf->views[taps->tap[k]->view].encoded != NULL;
-    err = any ? sst_gpu_prepare(d->gpu, SST_GPU_JPEG_RGB) : 0;
+    err = any ? device_prepare(d, &render_jpeg_step) : 0;
     d->frames.decodes = any && !err;
     return err == -ENOTSUP ? 0 : err;
 }
@@ -146,9 +146,9 @@ int device_make_frames(struct render_device *d, const struct device_taps *taps)
     }
     if (frame <= f->frame_bytes && places <= f->places_bytes && light <= f->light_bytes)
         return 0;
-    err = sst_gpu_prepare(d->gpu, SST_GPU_RECTIFY);
-    if (!err)
-        err = prepare_jpeg(d, taps);
+    err = device_prepare(d, &render_frames_step);
+    err = err ? err : device_prepare(d, &render_sampled_step);
+    err = err ? err : prepare_jpeg(d, taps);
     if (err)
         return err;
     device_drop(d);

@@ -156,7 +156,7 @@ SST_MUST_CHECK int sst_renderer_use_rectified(struct sst_renderer *r);
 
 struct sst_step;
 
-#define SST_RENDER_STEPS 5
+#define SST_RENDER_STEPS 8
 
 /** Steps of pictures on a device. One that differs from the CPU is not used: without the first one a device does not
  * render. */

@@ -1,6 +1,7 @@
 /* Random pictures of a small light field, on which steps are compared with the CPU: blocks of surfaces with labels,
  * with noise, unknown disparities and unlabeled pixels; a view that is partly invalid, views without labels or
  * confidences, and a view that is absent; raw frames of turned cameras with lenses and uneven light. */
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -272,6 +273,7 @@ static void *make(uint32_t seed, struct kind kind)
     err = err ? err : sst_renderer_create(&s->renderer, &s->lf, 1);
     if (!err && kind.frames > FRAMES_SAMPLED)
         err = sst_renderer_use_rectified(s->renderer);
+    s->device.tested = UINT_MAX;
     s->device.limit_bytes = seed % 2 ? UINT64_MAX : 0;
     s->device.chunk_views = seed % 2 ? 0 : 4;
     for (int i = 0; i < kind.pictures && !err; i++) {
