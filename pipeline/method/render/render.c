@@ -322,12 +322,11 @@ void render_mend_row(const struct sst_render_plan *p, struct sst_image *out, con
 {
     struct sst_ray rays[SST_MAX_VIEWS];
     double rgb[3];
-    int count;
 
     for (int i = 0; i < n; i++) {
         if (weight[i] >= SST_BLEND_FLOOR)
             continue;
-        count = sst_render_pixel_exact(p, x + i, y, rgb, rays);
+        (void)sst_render_pixel_exact(p, x + i, y, rgb, rays);
         for (int c = 0; c < 3; c++)
             sst_image_row(out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
     }
