@@ -1,9 +1,9 @@
 /* pipeline/gpu/clear.h - the shaders `clear_land` and `clear_blend`: the clear picture (design.md, 5.6).
  *
  * clear_land is clear_removed, clear_state and clear_land of pipeline/kernels/kernels.h for all views at once, and
- * gives the same numbers; landed rays are 0 before. clear_blend is clear_surface, clear_take and clear_blend for all pixels; it takes the same
- * rays at the same positions; the disparities of surfaces are the reference's, and colours, weights and support differ
- * from its by at most SST_GPU_CLEAR_LEVELS.
+ * gives the same numbers; landed rays are 0 before. clear_blend is clear_surface, clear_take and clear_blend for all
+ * pixels; it takes the same rays at the same positions; the disparities of surfaces are the same numbers, and
+ * colours, weights and support differ by at most SST_GPU_CLEAR_LEVELS.
  */
 #ifndef SST_PIPELINE_GPU_CLEAR_H
 #define SST_PIPELINE_GPU_CLEAR_H
@@ -62,8 +62,8 @@ enum sst_gpu_clear_blend_buffer {
     SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
     SST_GPU_CLEAR_PIXELS = 1,
     SST_GPU_CLEAR_LANDED = 2, /* with `sampled`: the colours of rays */
-    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
-                                 0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
+    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits, 0xFFFF:
+                                 none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
     SST_GPU_CLEAR_STATE = 4,  /* with `sampled`: struct sst_gpu_clear_state[rows * width]; else not read */
     SST_GPU_CLEAR_OUT = 5,    /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
     SST_GPU_CLEAR_BUFFERS

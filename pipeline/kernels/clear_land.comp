@@ -1,4 +1,4 @@
-// All rays of all views go to the viewpoint; the nearest one at each pixel stays: clear_removed, clear_state and clear_land
+// All rays of all views go to the viewpoint; the nearest one at each pixel stays: clear_removed, clear_state, clear_land
 // of kernels.h. Buffers and constants: pipeline/gpu/clear.h. Definition: clear_{removed,state,land}_ref.c.
 #version 450
 
@@ -80,5 +80,6 @@ void main()
         return;
     for (int i = 0; i < 9; i++)
         beside = beside || is_removed(k, x + i % 3 - 1, y + i / 3 - 1);
-    atomicMax(landed[(k * uint(rows) + uint(to_row)) * uint(pitch) + uint(to_x)], 2 * (d >> coarse) + 2 + (beside ? 0 : 1));
+    atomicMax(landed[(k * uint(rows) + uint(to_row)) * uint(pitch) + uint(to_x)],
+              2 * (d >> coarse) + 2 + (beside ? 0 : 1));
 }

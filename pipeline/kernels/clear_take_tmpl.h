@@ -1,6 +1,6 @@
 /* clear_take, clear_blend: rays that see a surface, and their colour. Positions of rays are nearly in line, so that
- * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops are
- * the fastest. */
+ * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops
+ * are the fastest. */
 #include "pipeline/kernels/simd.h"
 
 /* --- rays of a surface --- */

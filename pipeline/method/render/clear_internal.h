@@ -1,5 +1,5 @@
-/* pipeline/method/render/clear_internal.h - the clear picture, all in focus, without what stands in front (design.md,
- * 5.6): its definition on the CPU, and its steps on a device.
+/* pipeline/method/render/clear_internal.h - the clear picture, all in focus, without the foreground (design.md, 5.6):
+ * its definition on the CPU, and its steps on a device.
  *
  * Surface: every view's kept rays go to the viewpoint by their own disparity; of the rays that arrive at a pixel, the
  * nearest group within 3/4 px wins that has at least 2 views and a quarter of all that arrive.
@@ -66,7 +66,7 @@ struct clear {
     const struct sst_render_config *cfg;
     struct sst_render_plan plan;     /* views and frames */
     int threads;
-    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
+    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: disparities above are removed */
     int coarse;                      /* of struct sst_clear_view */
     size_t stride;                   /* of landed, elements: whole blocks */
     bool as_others;                  /* the camera at the viewpoint counts as the others do: it has too much noise */
@@ -95,7 +95,8 @@ void clear_fini(struct clear *c);
 /** Rectified views, or samplers, of frames that were pending. @return as render_need_frames() */
 SST_MUST_CHECK int clear_need_frames(struct clear *c);
 
-/** Definitions of the steps: `job` is an array of struct clear; with `filled` holes are filled, too. @return 0, -ENOMEM, -EBADMSG (a frame; logged) */
+/** Definitions of the steps: `job` is an array of struct clear; with `filled` holes are filled, too.
+ * @return 0, -ENOMEM, -EBADMSG (a frame; logged) */
 int clear_colour(void *job, int item, int worker);
 int clear_fill_picture(void *job, int item, int worker);
 
@@ -114,7 +115,7 @@ size_t clear_fill_bytes(int width, int height);
 /* --- landed.c: rays at the viewpoint, kept from one picture to the next ------------------------------------------- */
 
 /**
- * Send all rays of all views to the viewpoint, or only those that may land elsewhere than in the renderer's last
+ * Send all rays of all views to the viewpoint, or only the rays that may land elsewhere than in the renderer's last
  * picture (see struct sst_render_kept). Sets c->landed, the views' landed rays and c->change.
  *
  * @return 0 or -ENOMEM (not logged). c->landed has to be given back with landed_give_back() in either case.

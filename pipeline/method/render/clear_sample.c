@@ -33,7 +33,7 @@ static uint32_t next(uint32_t *state)
     return *state >> 8;
 }
 
-/* Slopes with noise, for places in frames may differ by 1/256 px from those of the CPU; below them rays that agree. */
+/* Slopes with noise, for places in frames may differ by 1/256 px from places of the CPU; below them rays that agree. */
 static void fill_image(struct sst_image *image, uint32_t *state)
 {
     for (int i = 0; i < 3 * HEIGHT; i++) {

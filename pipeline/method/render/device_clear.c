@@ -1,6 +1,6 @@
 /* Clear pictures on a device: rays land at the viewpoint, then the pixels are coloured. All views are there as a whole;
- * where memory does not hold them and their landed rays, the picture is made in bands of rows. Of each view only those
- * rows are uploaded from which rays may land in the band, with what such rays are made of.
+ * where memory does not hold them and their landed rays, the picture is made in bands of rows. Of each view only the
+ * rows are uploaded from which rays may land in the band, and the rows that such rays are made of.
  *
  * A ray of stored disparity q moves by floor(q b + c) rows, which is monotonic in q, so that the smallest and the
  * largest disparity bound from where rays come:
@@ -13,7 +13,7 @@
  *      end - least + BESIDE  .
  *
  * The colour of a ray is found less than a row from where its surface's disparity puts it, between two rows; and a ray
- * that comes from beside what is removed counts less. */
+ * from beside a removed pixel counts less. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -22,7 +22,7 @@
 #include "pipeline/gpu/clear_sample.h"
 #include "pipeline/method/render/clear_internal.h"
 
-#define BESIDE 3 /* rows around those from which rays land: neighbours, and pixels that colours are made of */
+#define BESIDE 3 /* rows around the rows from which rays land: neighbours, and pixels that colours are made of */
 
 _Static_assert(sizeof(struct sst_gpu_clear_view) == 40 && sizeof(struct sst_gpu_clear) <= 128,
                "the layout of clear_land.comp and clear_blend.comp");

@@ -183,12 +183,11 @@ struct device_verify {
     unsigned logged;            /* bits: reasons that were, live */
 };
 
-/** Clear pictures: their steps, and bands. */
+/** Fallback and bands of clear pictures. */
 struct device_clear {
-    bool noted; /* the fallback of a clear picture to the CPU was logged */
-    /* since the device was opened */
-    unsigned tested, refused; /* bits by enum clear_step */
-    int views, rows;          /* struct clear, `band_rows`, of a picture of this many views; 0: all had memory */
+    bool noted;      /* the fallback to the CPU was logged */
+    int views, rows; /* since the device was opened: struct clear, `band_rows`, of a picture of this many views; 0: all
+                        had memory */
 };
 
 struct render_device {
