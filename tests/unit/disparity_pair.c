@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/pair_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -194,7 +194,7 @@ static void specks_are_dropped(void **state SST_UNUSED)
                                                       : x >= 30 && x < 41 && y >= 20 && y < 31 ? 3000
                                                                                                : 500 + 2 * x);
     }
-    assert_int_equal(sst_disparity_drop_specks(&status, &disp, 121, 2), 0);
+    assert_int_equal(pair_drop_specks(&status, &disp, 121, 2), 0);
     for (int i = 0; i < 60 * 40; i++) {
         const bool gone = sst_map_u8_row(&status, i / 60)[i % 60] == SST_DISPARITY_OCCLUSION;
 
@@ -222,7 +222,7 @@ static void margins_continue_planes(void **state SST_UNUSED)
                                                   : x < 100          ? 640 + 6 * x + 3 * y
                                                                      : 640 + (x / 8 % 2) * 200);
     }
-    assert_int_equal(sst_disparity_extend_margins(&disp, &status, -15, 60, 2), 0);
+    assert_int_equal(pair_extend_margins(&disp, &status, -15, 60, 2), 0);
     for (int i = 0; i < 200 * 30; i++) {
         const int x = i % 200, y = i / 200, d = sst_map_u16_row(&disp, y)[x];
 
@@ -276,8 +276,7 @@ static void edges_follow_the_colours(void **state SST_UNUSED)
     sst_map_u16_row(&in, 3)[3] = SST_DISP_NONE;
     for (int y = 0; y < 97; y += 20)
         assert_int_equal(
-            sst_disparity_guided_median(&out, &in, &img, (struct sst_rows){ y, y + 20 < 97 ? y + 20 : 97 }, &scratch),
-            0);
+            pair_guided_median(&out, &in, &img, (struct sst_rows){ y, y + 20 < 97 ? y + 20 : 97 }, &scratch), 0);
     for (int i = 0; i < 101 * 97; i++) {
         const int x = i % 101, y = i / 101, d = sst_map_u16_row(&out, y)[x];
         const int want = square_at(x, y) == 640 ? 640 : 64 + x / 4;
@@ -314,8 +313,8 @@ static void holes_follow_the_colours(void **state SST_UNUSED)
         sst_map_u16_row(&disp, y)[x] = (uint16_t)(level ? 77 : hole ? 500 : square_at(x, y));
         sst_map_u8_row(&status, y)[x] = hole || level ? SST_DISPARITY_OCCLUSION : SST_DISPARITY_CORRECT;
     }
-    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, (struct sst_rows){ 0, 50 }, &scratch), 0);
-    assert_int_equal(sst_disparity_fill_alike(&disp, &status, &img, (struct sst_rows){ 50, 97 }, &scratch), 0);
+    assert_int_equal(pair_fill_alike(&disp, &status, &img, (struct sst_rows){ 0, 50 }, &scratch), 0);
+    assert_int_equal(pair_fill_alike(&disp, &status, &img, (struct sst_rows){ 50, 97 }, &scratch), 0);
     for (int i = 0; i < 101 * 97; i++) {
         const int x = i % 101, y = i / 101, d = sst_map_u16_row(&disp, y)[x];
         const bool hole = x >= 34 && x < 40 && y >= 30 && y < 50;

@@ -10,7 +10,7 @@
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
-#include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/pair_internal.h"
 
 /* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
 #define SHARED_BYTES ((size_t)3 << 29)
@@ -546,7 +546,7 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
     }
     err = check_config(&lf, cfg);
     if (!err && cfg->paths == 4 && !cfg->raw && cfg->fill && !(cfg->support_arm && cfg->support_after)) {
-        err = sst_disparity_pair(out, left, right, cfg);
+        err = pair_disparities(out, left, right, cfg);
         goto done;
     }
     err = err ? err : sst_disparity_lightfield(&lf, cfg, NULL, NULL);

@@ -42,8 +42,8 @@ struct sst_disparity_config {
     int support_tau;              /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
-    bool guided_holes; /* pairs: holes are filled with what looks like them (sst_disparity_fill_alike()) */
-    int guided_rounds; /* pairs: of sst_disparity_guided_median(), 0..SST_DISPARITY_MAX_ROUNDS */
+    bool guided_holes; /* pairs: holes are filled with what looks like them (pair_fill_alike()) */
+    int guided_rounds; /* pairs: of pair_guided_median(), 0..SST_DISPARITY_MAX_ROUNDS */
     bool raw;       /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
                        filling; their parameters are ignored */
     bool fill;      /* check and fill: the result is dense */

@@ -1,5 +1,5 @@
 /* Hypotheses of a view in the second pass (visible.c), and the semi-global optimisation over them along four paths. */
-#include "pipeline/method/disparity/visible_pass.h"
+#include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>
 #include <string.h>

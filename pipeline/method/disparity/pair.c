@@ -11,7 +11,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/pair_internal.h"
 #include "pipeline/method/disparity/visible.h"
 #include "pipeline/method/network/network.h"
 
@@ -344,16 +344,14 @@ static int alike_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
 
-    return sst_disparity_fill_alike(&p->disp[0], &p->status, &p->desc[0].image, band_of(p, index),
-                                    &p->worker[worker].rows);
+    return pair_fill_alike(&p->disp[0], &p->status, &p->desc[0].image, band_of(p, index), &p->worker[worker].rows);
 }
 
 static int median_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
 
-    return sst_disparity_guided_median(&p->raw[0], &p->disp[0], &p->desc[0].image, band_of(p, index),
-                                       &p->worker[worker].rows);
+    return pair_guided_median(&p->raw[0], &p->disp[0], &p->desc[0].image, band_of(p, index), &p->worker[worker].rows);
 }
 
 /* Edges and holes by the image's colours. */
@@ -375,12 +373,11 @@ static int follow_colours(struct pair *p)
  * farther of the confirmed pixels to both sides. */
 static int fill(struct pair *p)
 {
-    int err =
-        sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->smaller * p->smaller * p->rows), p->threads);
+    int err = pair_drop_specks(&p->status, &p->disp[0], SPECK / (p->smaller * p->smaller * p->rows), p->threads);
 
     err = err ? err
-              : sst_disparity_extend_margins(&p->disp[0], &p->status, p->shape.disp_min,
-                                             (p->shape.steps - 1) / p->shape.divisor, p->threads);
+              : pair_extend_margins(&p->disp[0], &p->status, p->shape.disp_min, (p->shape.steps - 1) / p->shape.divisor,
+                                    p->threads);
     if (err)
         return err;
     sst_fill_views(&p->disp[0], &p->status, &(struct sst_checked_views){ .count = 0 }, NULL);
@@ -458,8 +455,8 @@ static int deliver_job(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
-                       const struct sst_disparity_config *cfg)
+int pair_disparities(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
+                     const struct sst_disparity_config *cfg)
 {
     struct pair p = { .cfg = cfg,
                       .image = { left, right },

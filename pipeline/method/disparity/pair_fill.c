@@ -6,7 +6,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/pair_internal.h"
 
 #define JOINED_Q6 64 /* neighbours of one surface differ by a pixel at most */
 #define BAND      32 /* rows that one thread labels or extends at a time */
@@ -150,7 +150,7 @@ static int drop_job(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least, int threads)
+int pair_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least, int threads)
 {
     const size_t pixels = (size_t)disp_q6->width * (size_t)disp_q6->height;
     uint32_t *memory = sst_mem_alloc_raw(3 * pixels + (size_t)bands(disp_q6), sizeof(*memory));
@@ -283,8 +283,7 @@ static int extend_job(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range,
-                                 int threads)
+int pair_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range, int threads)
 {
     const int w = disp_q6->width;
     struct margins m = { disp_q6, status, sst_clamp_int(disp_min + range, 0, w - 1), sst_clamp_int(-disp_min, 0, w - 1),

@@ -7,7 +7,7 @@
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/method/disparity/pair.h"
+#include "pipeline/method/disparity/pair_internal.h"
 
 #define BIN_Q6    32 /* disparities are ranked in steps of half a pixel */
 #define BINS      (65536 / BIN_Q6)
@@ -172,8 +172,8 @@ static void pad_row(void *to, const void *from, int width, size_t size)
         memcpy(out + x * size, in + (size_t)(width - 1) * size, size);
 }
 
-int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u16 *in, const struct sst_image *img,
-                                struct sst_rows part, struct sst_mem_kept *scratch)
+int pair_guided_median(struct sst_map_u16 *out, const struct sst_map_u16 *in, const struct sst_image *img,
+                       struct sst_rows part, struct sst_mem_kept *scratch)
 {
     const size_t padded = padded_width(in->width), rows = (size_t)(part.y1 - part.y0) + 2 * SST_MEDIAN_REACH;
     const size_t pixels = rows * padded;
@@ -261,8 +261,8 @@ static int confirmed(const uint16_t *d, const uint8_t *ok, int x, int dir, int w
     return x >= 0 && x < width ? d[x] : -1;
 }
 
-int sst_disparity_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_image *img,
-                             struct sst_rows rows, struct sst_mem_kept *scratch)
+int pair_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_image *img,
+                    struct sst_rows rows, struct sst_mem_kept *scratch)
 {
     const struct holes holes = { disp_q6, status, img };
     struct votes *v = sst_mem_keep(scratch, sizeof(*v), 1);

@@ -11,7 +11,7 @@
 #include "base/mem.h"
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/surfaces.h"
-#include "pipeline/method/disparity/visible_pass.h"
+#include "pipeline/method/disparity/visible_internal.h"
 
 #define SAMPLED_ROWS       64  /* one in this many is tested whole, to measure what skipped hypotheses change */
 #define STRIP              128 /* columns that are tested together */

@@ -4,7 +4,7 @@
  * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in
  * space: seen from each view, the disparities where points gather are its candidates.
  */
-#include "pipeline/method/disparity/visible_pass.h"
+#include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>
 #include <stdlib.h>

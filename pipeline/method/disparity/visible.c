@@ -7,7 +7,7 @@
  */
 #include <string.h>
 
-#include "pipeline/method/disparity/visible_pass.h"
+#include "pipeline/method/disparity/visible_internal.h"
 
 static void add_counted(struct visible_pass *p, int k)
 {

@@ -195,8 +195,8 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
  */
 SST_MUST_CHECK int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads);
 
-/** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows that of the
- *  next row. A map without any known pixel stays. */
+/** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows the disparities
+ * of the next row. A map without any known pixel stays. */
 void sst_fill_background(struct sst_map_u16 *disp);
 
 /** A neighbouring view's disparities at offset b from the view under check. */
@@ -209,12 +209,12 @@ struct sst_checked_view {
 /** Neighbours of a view. */
 struct sst_checked_views {
     struct sst_checked_view view[SST_MAX_NEIGHBOURS]; /* the nearer ones first */
-    int count, near;                                  /* near: of them, one spacing away */
+    int count, near;                                  /* near: one spacing away, the first ones */
     double disp_min_px;                               /* disparity of stored value 0 */
 };
 
 /**
- * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
+ * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one view;
  * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1 (none: 0); else occlusion.
  *
  * @param status  out, enum sst_disparity_check

@@ -1,5 +1,5 @@
 /* The state of the second pass: pictures with depth codes, tests of a view, on the CPU and on a device, samples. */
-#include "pipeline/method/disparity/visible_pass.h"
+#include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>
 #include <math.h>

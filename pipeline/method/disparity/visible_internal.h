@@ -1,7 +1,7 @@
-/* pipeline/method/disparity/visible_pass.h - the second pass over the views of a light field, of which the sweep
+/* pipeline/method/disparity/visible_internal.h - the second pass over the views of a light field, of which the sweep
  * (sweep.c) and the tests of hypotheses (surfaces.c) are steps. */
-#ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
-#define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_PASS_H
+#ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
+#define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
 
 #include "pipeline/gpu/sweep.h"
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -9,7 +9,7 @@
 #define VISIBLE_CHANGE 40 /* penalty of a disparity other than the first pass's */
 #define VISIBLE_CHEAP  96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
 
-/** A view whose pixels have depth codes, with a margin. */
+/** Pixels of a view with depth codes, and a margin. */
 struct visible_packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
     ptrdiff_t stride;
@@ -76,7 +76,7 @@ struct visible_tests {
     struct sst_gpu_range views, pixels; /* struct sst_gpu_hypothesis_view[]; of all views, with depth codes */
 };
 
-/** Load view k and those that it is tested against. @param scratch  for the list of views */
+/** Load view k and the views that it is tested against. @param scratch  for the list of views */
 void visible_load(struct visible_tests *t, struct sst_run *r, const struct visible_pass *p, int k, int scratch);
 
 /** Functions of steps over the pass. */
