@@ -19,7 +19,7 @@ static inline bool render_opens(const char *name)
     return !err;
 }
 
-/** Dispatches before those of the first picture. */
+/** Dispatches before the first picture. */
 static inline int render_tests(void)
 {
     static int tests;

@@ -169,7 +169,7 @@ static int note(struct sst_gpu *g, int err)
     return err;
 }
 
-/* Variants whose comparison a device did not survive. */
+/* Variants that a device was lost with in their comparison. */
 static SST_ATOMIC(bool) deadly[SST_GPU_SHADERS];
 
 void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err)

@@ -12,7 +12,7 @@ struct KERNEL(clear_lanes) {
     __m512i across, down; /* bilinear weights: bytes 64 - f, f, 64 - f, f of the columns, int16 64 - f, f of the rows */
 };
 
-/* Some of the rays, whose pixels lie on two rows and within 64 columns from `column`. */
+/* Some of the rays, with pixels on two rows and within 64 columns from `column`. */
 struct KERNEL(clear_stretch) {
     __mmask16 rays;
     int column, row, next; /* next: the row below, or the same at the end of the picture */
@@ -52,7 +52,7 @@ static inline __mmask16 KERNEL(clear_lanes_init)(struct KERNEL(clear_lanes) * l,
     return _mm512_mask_cmp_ps_mask(rays, at_y, _mm512_set1_ps((float)(v->height - 1)), _CMP_LE_OQ);
 }
 
-/* The first of the rays, and those that lie near it. */
+/* The first of the rays, and the rays near it. */
 static inline void KERNEL(clear_next_stretch)(struct KERNEL(clear_stretch) * s, const struct sst_clear_view *v,
                                               const struct KERNEL(clear_lanes) * l, __mmask16 rays)
 {

@@ -1,5 +1,5 @@
 /* pipeline/kernels/place_patch.h - places of a rectified view in its raw frame as bicubics of row and column, both
- * fractional: what the shader clear_sample computes for each ray.
+ * fractional: the results of the shader clear_sample for each ray.
  */
 #ifndef SST_PIPELINE_KERNELS_PLACE_PATCH_H
 #define SST_PIPELINE_KERNELS_PLACE_PATCH_H

@@ -515,7 +515,7 @@ static bool is_left(const struct sst_run *r, int view)
     return r->step->wants(r->job, view) && !(r->done && r->done[view]);
 }
 
-/* What these need. */
+/* Maps that items on the CPU need. */
 static int make_host(const struct sst_run *r, int items)
 {
     for (int i = 0; i < items && r->step->host; i++) {

@@ -193,7 +193,7 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
 {
     static const struct {
         const char *fault;
-        int at; /* dispatch after those of the tests */
+        int at; /* dispatch after the dispatches of the tests */
         const char *why;
     } devices[] = {
         { "lost", 4, "the device is lost" },

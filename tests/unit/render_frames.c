@@ -69,7 +69,7 @@ static void failures_end_on_the_cpu(void **state SST_UNUSED)
 {
     static const struct {
         const char *fault;
-        int at; /* dispatch after those of the tests */
+        int at; /* dispatch after the dispatches of the tests */
         const char *why;
         int pictures, failures;
     } devices[] = {
@@ -393,7 +393,7 @@ static bool place_listed(int32_t xy_q8[2], const int32_t *list, int side, float 
     return true;
 }
 
-/* What the shader clear_sample computes. @param k, t  column and row from the first ones of the piece on */
+/* Results of the shader clear_sample. @param k, t  column and row from the first ones of the piece on */
 static bool place_patch(int32_t xy_q8[2], const struct sst_place_patch *patch, const int32_t *list, int side, float k,
                         float t, const int32_t most_q8[2])
 {

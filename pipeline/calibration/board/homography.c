@@ -49,7 +49,7 @@ static void accumulate(double a[64], double b[8], const double row[8], double ri
     }
 }
 
-/* Pairs of points, and what normalises them. */
+/* Pairs of points, and their normalisation. */
 struct points {
     const double (*from)[2], (*to)[2];
     const double *weight; /* NULL: all 1 */

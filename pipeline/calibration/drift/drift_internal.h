@@ -80,7 +80,7 @@ struct drift_search {
     bool loose;   /* DRIFT_MISFIT_LOOSE */
 };
 
-/** Two views, whose features are searched in the second. */
+/** Two views: features of the first are searched in the second. */
 struct drift_views {
     const struct drift_pyramid *a, *b;
     const struct drift_search *s;

@@ -353,7 +353,7 @@ int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map
     return err;
 }
 
-/* What one process measures for all. */
+/* The measurement of one process for all. */
 struct measured {
     struct disparity_run *run;
     const struct sst_visible_views *in;

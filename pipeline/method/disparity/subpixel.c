@@ -42,7 +42,7 @@ struct planes;
 struct pass {
     const struct sst_visible_views *in;
     int steps, views;
-    int gain_step;           /* pixels between those that gains are measured at */
+    int gain_step;           /* pixels between the places at which gains are measured */
     struct packed *view;     /* [in->count] */
     struct sst_map_u16 *out; /* [in->count]; without memory: not refined */
     struct planes *planes;   /* [threads] made by the first view of a thread */

@@ -57,7 +57,7 @@ static int cheapest(const uint16_t *cost, int count)
 }
 
 /* Count hypotheses that skipping left out in row y, and measure in some rows what that changes.
- * @param chosen  of a device, or NULL: the costs are those of the lists */
+ * @param chosen  of a device, or NULL: the costs of the lists */
 static void count_skipped(const struct tested *t, int y, const uint32_t *chosen)
 {
     struct visible_counted *counted = &t->p->counted[t->k];

@@ -102,7 +102,7 @@ struct sst_network_keeper {
     void *arg;
 };
 
-/** A run whose result is in bytes. */
+/** A run with a result in bytes. */
 struct sst_network_bytes {
     const float *in; /* [in_channels][height][width] */
     int width, height;

@@ -92,7 +92,7 @@ static bool is_conv(enum sst_gpu_shader shader)
            shader == SST_GPU_NET_CONV8_MATRIX;
 }
 
-/* Groups of a step whose constants are set. */
+/* Groups of a step with its constants set. */
 static void set_groups(struct step *s)
 {
     if (is_conv(s->shader)) {

@@ -20,7 +20,7 @@ struct process_place {
     int x, y;
 };
 
-/** Another view, whose labels are asked for. */
+/** Another view: its labels are wanted. */
 struct process_source {
     int view;
     struct sst_shift across, down; /* from a view's pixels to the other view's */
