@@ -172,9 +172,9 @@ static int tests_of_clear(void)
 
 /* A device that is lost at one dispatch after the other: within a band, while holes are filled, before and after a
  * merge, which the CPU then fills. */
-static void lose(const struct sst_lightfield *lf, uint64_t memory, int *filled_on_cpu)
+static void lose(const struct sst_lightfield *lf, int tests, uint64_t memory, int *filled_on_cpu)
 {
-    for (int at = tests_of_clear() + 1; at < tests_of_clear() + 66; at += 3) {
+    for (int at = tests + 1; at < tests + 66; at += 3) {
         struct sst_render_device_report report;
         char name[32];
 
@@ -193,6 +193,7 @@ static void lose(const struct sst_lightfield *lf, uint64_t memory, int *filled_o
 
 static void test_lost(void **state)
 {
+    const int tests = tests_of_clear(); /* with a light field of its own */
     struct sst_lightfield lf;
 
     (void)state;
@@ -200,7 +201,7 @@ static void test_lost(void **state)
     for (int parts = 0; parts < 2; parts++) {
         int filled_on_cpu = 0;
 
-        lose(&lf, parts ? 500 << 10 : 0, &filled_on_cpu);
+        lose(&lf, tests, parts ? 500 << 10 : 0, &filled_on_cpu);
         print_message("%d pictures were filled on the CPU\n", filled_on_cpu);
         assert_true(filled_on_cpu > 0);
     }
@@ -210,11 +211,12 @@ static void test_lost(void **state)
 /* Shaders that are refused leave only the holes to the CPU. */
 static void test_refused(void **state)
 {
+    const int tests = tests_of_clear();
     struct sst_lightfield lf;
 
     (void)state;
     field_init(&lf);
-    for (int at = tests_of_clear() - FILL / 2; at <= tests_of_clear(); at += FILL / 2) {
+    for (int at = tests - FILL / 2; at <= tests; at += FILL / 2) {
         struct sst_render_device_report report;
         char name[32];
 
