@@ -244,7 +244,8 @@ static void match_on_device(struct sst_run *r, void *job, int view)
     bands = run_match_rows(r, &in);
     if (sst_run_failed(r))
         return;
-    forget_unseen(&run->disp[view], &run->desc[view].seen);
+    if (run->cfg->raw) /* no filter, which does that on the device */
+        forget_unseen(&run->disp[view], &run->desc[view].seen);
     b->on_device++;
     b->in_bands += bands;
 }

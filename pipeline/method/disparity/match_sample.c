@@ -52,12 +52,12 @@ static size_t texel(const struct sst_view *v, int range, int x, int y)
            (size_t)((x + (int)lround(d * v->bx)) & (TEXTURE - 1));
 }
 
-/* Patches for support regions, with a texture and noise; some pixels do not count. */
+/* Patches for support regions, with a texture and noise; some pixels of some views do not count. */
 static int make_image(struct sst_view *v, const struct way *w, int k, const uint32_t *texture, uint32_t *state)
 {
     int err = sst_image_init(&v->image, w->width, w->height);
 
-    if (!err && k % 4 == 1)
+    if (!err && (k == 1 || (w->divisor > 1 && k % 4 == 0)))
         err = sst_map_u8_init(&v->valid, w->width, w->height);
     for (int y = 0; y < w->height && !err; y++) {
         for (int x = 0; x < w->width; x++) {
