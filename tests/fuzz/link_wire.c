@@ -66,20 +66,19 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     size--;
     while (size >= WIRE_SET_BYTES) {
         struct wire_frame frame[SST_CAMERAS_MAX];
-        const uint8_t *pictures;
-        struct wire_set set;
+        struct wire_set set = { .cameras = cameras };
         size_t used = WIRE_SET_BYTES + (size_t)cameras * WIRE_FRAME_BYTES;
 
         for (int i = 0; i < cameras && used <= size; i++)
             used += (uint32_t)wire_get_u64(data + WIRE_SET_BYTES + (size_t)i * WIRE_FRAME_BYTES + 4);
         if (used > size)
             used = size;
-        if (!wire_get_set(data, used, cameras, link_frame_most(WIDTH, HEIGHT), &set, frame, &pictures)) {
+        if (!wire_get_set(data, used, link_frame_most(WIDTH, HEIGHT), &set, frame)) {
             size_t bytes = 0;
 
             for (int i = 0; i < cameras; i++)
                 bytes += frame[i].bytes;
-            if (pictures + bytes != data + used)
+            if (set.data + bytes != data + used)
                 abort();
             name(n, &set, frame, now_ns);
             name(n, &set, frame, now_ns + 2 * PERIOD);
