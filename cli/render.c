@@ -281,7 +281,7 @@ const struct cli_command cli_render = {
         "(default) chooses the cheaper one. Of views that `sst process` has corrected raw samples the files, which\n"
         "makes clear pictures sharper by up to 3 dB, and is their default.\n"
         "\n"
-        "--device sums the rays on a GPU: gpu is the fastest one that passes its self-test, auto does without one\n"
+        "--device sums the rays on a GPU: gpu is the fastest one that can be opened, auto does without one\n"
         "where there is none; software devices are used only by name (lavapipe). `sst version` lists the devices.\n"
         "Pictures differ from the CPU's by one level at most. Steps that a device cannot do, or fails at, fall back\n"
         "to the CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once.\n"

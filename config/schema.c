@@ -317,7 +317,7 @@ static const struct sst_key keys[] = {
           "label key views only, and again after changes") },
     { KEY(
         "live", "device", TEXT, live.device, "cpu", PICTURE,
-        "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "
+        "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that can be opened; auto: "
         "such a GPU, if there is one; or a part of a device's name, which a software device needs. Work that it fails "
         "at falls back to the CPU") },
     { KEY("live", "device_memory_mb", INT, live.device_memory_mb, "0", PICTURE,

@@ -2,7 +2,7 @@
  * instead. It fails when it is asked to: scheduling, fallback and errors are tested anywhere.
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
- * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test).
+ * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong.
  * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. */
 #include <errno.h>
 #include <stdio.h>

@@ -311,7 +311,7 @@ void gpu_vulkan_time_done(struct gpu_vulkan_device *v, int b);
 /** Log it. */
 void gpu_vulkan_close_times(struct gpu_vulkan_device *v);
 
-/** Compile a shader, as struct gpu_ops has it; its self-test follows. @return 0, -ENOMEM, -EIO, -ENODEV */
+/** Compile a shader, as struct gpu_ops has it. @return 0, -ENOMEM, -EIO, -ENODEV */
 int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number);
 
 /** Make the cache of pipelines from what is stored for this driver, device and shaders. @return 0, -ENOMEM, -EIO */

@@ -3,7 +3,7 @@
  *
  * Numbers are floats, computed by the operations of subpixel_fit_row and subpixel_window_row of
  * pipeline/kernels/kernels.h in their order. Sums and products are rounded to the nearest number on every device that
- * passes the self-tests; quotients are found in whole numbers, as devices may round theirs in other
+ * passes the comparison with the CPU; quotients are found in whole numbers, as devices may round theirs in other
  * ways. So the results are the bytes of sst_disparity_subpixel(). Both shaders have groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_SUBPIXEL_H
