@@ -228,8 +228,9 @@ static void derive_plane(struct sst_run *r, int view, struct sst_gpu_range to)
 /* A map that this step has not changed yet. @return false: the device does not have it */
 static bool copy_before(struct sst_run *r, int view, struct sst_gpu_range to)
 {
+    const bool changed = r->step->changes >> SST_PLANE_MAP & 1 && r->done[view]; /* then items are views */
     const struct sst_gpu_range from =
-        r->done[view] ? (struct sst_gpu_range){ 0 } : sst_step_plane_find(&r->memory->planes, SST_PLANE_MAP, view);
+        changed ? (struct sst_gpu_range){ 0 } : sst_step_plane_find(&r->memory->planes, SST_PLANE_MAP, view);
 
     if (!from.buffer)
         return false;
