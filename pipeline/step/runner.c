@@ -115,7 +115,11 @@ static int prepare_locked(struct sst_runner *s, struct sst_runner_user *user)
     err = check_steps_locked(s, user);
     if (err && s->live)
         snprintf(s->why, sizeof(s->why), "the device `%.200s` cannot %s: %s", s->name, user->work, sst_gpu_error(err));
-    else if (err)
+    else if (err == -ENOTSUP && !strcmp(s->name, "auto")) {
+        sst_log_warning("%s cannot %s: %s; it is left to the CPU", s->info.name, user->work, sst_gpu_error(err));
+        user->given_up = true;
+        err = 0;
+    } else if (err)
         sst_log_error("the device `%s` cannot %s: %s; choose another --device", s->name, user->work,
                       sst_gpu_error(err));
     else
@@ -266,7 +270,7 @@ struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *us
         *err = s->live ? open_beside_locked(s, user) : open_locked(s);
     if (!*err)
         *err = prepare_locked(s, user);
-    return *err ? NULL : s->gpu;
+    return *err || user->given_up ? NULL : s->gpu;
 }
 
 const char *sst_runner_why(const struct sst_runner *s)

@@ -39,7 +39,7 @@ struct sst_runner_user {
     struct sst_step_report report; /* of sst_run(), under the lock */
     struct sst_runner_user *next;
     int64_t opening; /* in which its steps were compared */
-    bool given_up;   /* a live device computes something else: it is not opened again */
+    bool given_up;   /* a live device, or `auto`, computes something else: the work is left to the CPU */
 };
 
 /**
@@ -68,8 +68,9 @@ SST_MUST_CHECK int sst_runner_create_to_test(struct sst_runner **out, const char
 /** After its last user has left. NULL is fine. */
 void sst_runner_destroy(struct sst_runner *s);
 
-/** Compare the steps of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of
- * the device; logged, but of a live device, whose user joins all the same: it is to be reported then */
+/** Compare the steps of a kind of work. @return 0, also where the device is "auto" and refused: the work is left to the
+ * CPU; -ENOTSUP (a step is refused), or an error of the device; logged, but of a live device, whose user joins all the
+ * same: it is to be reported then */
 SST_MUST_CHECK int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user);
 
 /** Drop the buffers of the user. */
