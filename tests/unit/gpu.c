@@ -432,8 +432,8 @@ static void test_clear_refused(void **state)
     char name[32];
 
     (void)state;
-    field_init(&lf);
     snprintf(name, sizeof(name), "dummy:wrong=%d", self_tests(sums) + 1);
+    field_init(&lf);
     assert_int_equal(field_compare(&lf, name, 0, &report), 0);
     assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
     assert_int_equal(report.on_cpu, FIELD_CLEAR);
@@ -450,8 +450,8 @@ static void test_verify_refused(void **state)
     char name[32];
 
     (void)state;
-    field_init(&lf);
     snprintf(name, sizeof(name), "dummy:wrong=%d", self_tests(blends) + 1);
+    field_init(&lf);
     assert_int_equal(field_compare(&lf, name, 0, &report), 0);
     assert_int_equal(report.on_cpu, 0);
     assert_int_equal(report.failures, 0);
