@@ -212,7 +212,8 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
         const char *name = devices[d].at ? render_fault(devices[d].fault, devices[d].at) : "dummy:buffer=25";
 
         open_pair(&p, name, 0);
-        for (int set = 1; set < 40; set++) {
+        /* More sets where openings, on a thread of their own, take longer. */
+        for (int set = 1; set < 40 || (d < 2 && found < 3 && set < 400); set++) {
             compare(&p, &cfg);
             assert_true(sst_live_device(p.gpu.live, &report));
             assert_int_equal(report.pictures + report.on_cpu, set);
@@ -226,7 +227,7 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
                       (int)report.pictures, (int)report.on_cpu, (int)report.failures, lost, found);
         assert_non_null(strstr(report.failure, devices[d].why));
         /* Six where openings, on a thread of their own, take no longer than a picture. */
-        assert_true(d < 2 ? report.failures >= 3 && found >= 3 && report.pictures > report.on_cpu
+        assert_true(d < 2 ? report.failures >= 3 && found >= 3 && report.pictures >= 3 * found
                           : lost == 1 && !found && !report.pictures && report.failures >= 3 && report.failures <= 6);
         close_pair(&p);
     }
