@@ -396,7 +396,7 @@ int main(void)
         cmocka_unit_test(one_camera_is_never_ready),
         serial_test(no_texture_is_waited_out),
         cmocka_unit_test(cancel_ends_updates),
-        cmocka_unit_test(a_scene_at_rest_becomes_better_once),
+        serial_test(a_scene_at_rest_becomes_better_once),
         cmocka_unit_test(closing_does_not_wait_for_the_background),
     };
 

@@ -466,7 +466,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rectified_views_have_the_bytes_of_the_cpu),
         cmocka_unit_test(sampled_rays_are_those_of_the_cpu),
-        cmocka_unit_test(failures_end_on_the_cpu),
+        serial_test(failures_end_on_the_cpu),
         cmocka_unit_test(encoded_frames_are_decoded_where_they_are_needed),
         cmocka_unit_test(a_damaged_frame_is_an_error),
         serial_test(decoding_to_memory_gives_the_same_pixels),
