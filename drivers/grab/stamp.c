@@ -6,8 +6,8 @@
 
 #define AHEAD_NS     SST_MS           /* granularity of clocks: a stamp is not later than the arrival */
 #define SLACK_NS     (500 * SST_MS)   /* exposure, read-out and transfer take this and three frame periods at most */
-#define PROOF_NS     (2000 * SST_MS)  /* stamps that contradict the verdict for so long ... */
-#define PROOF_FRAMES 3                /* ... and on so many frames in a row reverse it */
+#define PROOF_NS     (2000 * SST_MS)  /* least time of stamps that contradict a verdict until it is reversed */
+#define PROOF_FRAMES 3                /* least number of such frames in a row, too */
 #define TRIAL_NS     (10000 * SST_MS) /* a foreign clock must be right for so long, twice as long each time ... */
 #define TRIAL_MAX_NS (3600000 * SST_MS)
 #define WALL_NS      (5000 * SST_MS) /* this near to the wall clock stamps are of it */

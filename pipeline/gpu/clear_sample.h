@@ -3,8 +3,8 @@
  *
  * After clear_land, clear_surface finds the surface of each pixel. Then clear_sample goes through the views one by one,
  * the nearest to the viewpoint first, as each reads a frame of its own: it replaces the view's landed rays with the
- * colours of those that see the surface. At last clear_blend, with `sampled`, makes the picture of them. The surfaces
- * are those of the CPU. A ray is interpolated once, at its place in the frame (pipeline/kernels/place_patch.h),
+ * colours of the rays that see the surface. At last clear_blend, with `sampled`, makes the picture of them. The
+ * surfaces equal the CPU's. A ray is interpolated once, at its place in the frame (pipeline/kernels/place_patch.h),
  * which may differ from the CPU's by 1/256 px; near the fold of a lens by more, or be missing.
  */
 #ifndef SST_PIPELINE_GPU_CLEAR_SAMPLE_H

@@ -1,5 +1,5 @@
-// The hypotheses of each pixel: its own disparity, the surfaces around it, those that other views project onto it and
-// surfaces that the sweep finds. Windows along columns end those of surface_rows. Buffers and constants:
+// The hypotheses of each pixel: its own disparity, the surfaces around it, surfaces that other views project onto
+// it and surfaces that the sweep finds. Windows of surface_rows are completed along columns. Buffers and constants:
 // pipeline/gpu/surfaces.h. Definition: sst_around_list() of pipeline/method/disparity/around.c.
 #version 450
 #extension GL_EXT_control_flow_attributes : require

@@ -167,7 +167,7 @@ static size_t row_bytes(const struct sst_share_map *m, struct shape shape)
     return shape.bytes;
 }
 
-#define RARE 16 /* one value in so many may differ by levels: more do only if a computation differs */
+#define RARE 16 /* values for each one that may differ by levels; a wrong computation changes more */
 
 /* Bytes that differ; `bytes` + 1: one by more than `levels`. */
 static size_t count_differing(const uint8_t *a, const uint8_t *b, size_t bytes, int levels)

@@ -10,8 +10,8 @@
 #include "pipeline/method/disparity/visible.h"
 
 #define STRIDE      4  /* pixels between samples, in units */
-#define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
-#define WEIGHT_MOST 100       /* ... and by how much it counts at most */
+#define DISTINCT    15 /* least difference of costs: the cheapest disparity and the cheapest one not next to it */
+#define WEIGHT_MOST 100       /* difference of costs above which the weight of a point does not grow */
 #define CELL        16        /* units: candidates are found per cell, ... */
 #define AROUND      2         /* ... from the points of this many cells around */
 #define GATHERED    6000      /* weight that makes a candidate */

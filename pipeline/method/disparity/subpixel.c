@@ -383,7 +383,7 @@ static void derive_luma(struct sst_run *r, void *job, int k, struct sst_gpu_rang
     SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
 }
 
-/* Lumas of the view and of those that it is compared with, and where these lie. @param views  out */
+/* Lumas of a view and of its neighbours. @param views  out, places and offsets of the neighbours */
 static struct sst_gpu_range load_lumas(struct sst_run *r, const struct pass *p, int k, struct sst_subpixel_fit *f,
                                        struct sst_gpu_range *views)
 {

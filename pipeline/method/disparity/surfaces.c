@@ -1,6 +1,6 @@
 /*
  * Tests of hypotheses, a round of the second pass (visible.c): each pixel has a few hypotheses, the surfaces around it,
- * those that other views project onto it and those that the sweep finds (around.c); their costs, the optimisation over
+ * surfaces projected from other views and surfaces of the sweep (around.c); their costs, the optimisation over
  * them (hypotheses.c) and the choice.
  */
 #include <errno.h>

@@ -44,15 +44,15 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
 /** Views that processes exchange together (sst_share_block()). */
 int sst_visible_block(const struct sst_visible_views *in);
 
-/* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
+/* Least views and range of the second pass. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
  * that can distinguish. */
 #define SST_VISIBLE_LEAST 6 /* views */
 #define SST_VISIBLE_RANGE 8 /* px */
 
 /**
- * The second pass (design.md, 5.7): choose each pixel's disparity again, among those of the surfaces around it, by its
- * colours in the views where it is visible. Of the matched views, or of the carried ones (`repair`); the maps of the
- * others stay and only hide what is behind them. Where a carried pixel's sources agree, it stays.
+ * The second pass (design.md, 5.7): choose each pixel's disparity again, among the surfaces around it, by its
+ * colours in the views where it is visible. Matched views are refined, or carried ones (`repair`); the maps of the
+ * other views stay and only occlude. Where a carried pixel's sources agree, it stays.
  *
  * @param rounds  1 or more: each starts from the maps of the last one
  * @return 0, -ENOMEM, -ECANCELED; the maps then are those of the last whole round
@@ -68,8 +68,8 @@ SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int
  */
 SST_MUST_CHECK int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads);
 
-/** Percent of a matched view's disparities that differ by more than 1 px from those carried to it from the other
- * matched views, which are farther from it than those that a carried view has. NaN: none to compare. */
+/** Percent of a matched view's disparities that differ by more than 1 px from disparities carried to it from the
+ * other matched views, which are farther away than the sources of a carried view. NaN: none to compare. */
 SST_MUST_CHECK int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k,
                                              double *percent);
 

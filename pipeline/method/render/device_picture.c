@@ -348,47 +348,26 @@ static void picture_maps(void *job, int item, struct sst_share_maps *out)
         sst_share_add_u8(out, p->valid);
 }
 
+/* The steps differ in their samples. */
+#define PICTURES                                                                                                       \
+    .wants = is_there, .cpu = render_picture_on_cpu, .device = picture_on_device, .writes = picture_maps,              \
+    .sample_free = render_sample_free
+
 const struct sst_step render_picture_step = { .name = "blending",
-                                              .wants = is_there,
-                                              .cpu = render_picture_on_cpu,
-                                              .device = picture_on_device,
-                                              .writes = picture_maps,
+                                              PICTURES,
                                               .sample = render_picture_sample,
-                                              .sample_free = render_sample_free,
                                               .levels = SST_GPU_BLEND_LEVELS };
-
 const struct sst_step render_frames_step = { .name = "rectification",
-                                             .wants = is_there,
-                                             .cpu = render_picture_on_cpu,
-                                             .device = picture_on_device,
-                                             .writes = picture_maps,
+                                             PICTURES,
                                              .sample = render_frames_sample,
-                                             .sample_free = render_sample_free,
                                              .seeds = 3 };
-
 const struct sst_step render_sampled_step = { .name = "sampling of frames",
-                                              .wants = is_there,
-                                              .cpu = render_picture_on_cpu,
-                                              .device = picture_on_device,
-                                              .writes = picture_maps,
+                                              PICTURES,
                                               .sample = render_sampled_sample,
-                                              .sample_free = render_sample_free,
                                               .seeds = 3,
                                               .levels = SST_GPU_BLEND_LEVELS };
-
-const struct sst_step render_jpeg_step = { .name = "colours of JPEG frames",
-                                           .wants = is_there,
-                                           .cpu = render_picture_on_cpu,
-                                           .device = picture_on_device,
-                                           .writes = picture_maps,
-                                           .sample = render_jpeg_sample,
-                                           .sample_free = render_sample_free };
-
+const struct sst_step render_jpeg_step = { .name = "colours of JPEG frames", PICTURES, .sample = render_jpeg_sample };
 const struct sst_step render_verify_step = { .name = "verification",
-                                             .wants = is_there,
-                                             .cpu = render_picture_on_cpu,
-                                             .device = picture_on_device,
-                                             .writes = picture_maps,
+                                             PICTURES,
                                              .sample = render_verify_sample,
-                                             .sample_free = render_sample_free,
                                              .levels = SST_GPU_BLEND_LEVELS };
