@@ -32,20 +32,29 @@ static void convolutions_equal_plain_loops(void **state SST_UNUSED)
 /* Sizes at which oneDNN would choose another algorithm for 1 thread than for 2, and for 16 than for 2. */
 static void convolutions_do_not_depend_on_threads(void **state SST_UNUSED)
 {
-    static const struct conv c = { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
-    static const int sizes[2][2] = { { 72, 96 }, { 240, 320 } }, threads[3] = { 2, 1, 16 };
+    static const struct {
+        struct conv c;
+        int size[2];
+    } cases[] = {
+        { { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 }, { 72, 96 } },
+        { { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 }, { 240, 320 } },
+        { { 128, 128, { 3, 3 }, { 1, 1 }, { 4, 4 }, { 4, 4, 4, 4 }, 1 }, { 47, 63 } }, /* of the small PSPNet */
+        { { 6, 9, { 3, 3 }, { 1, 1 }, { 9, 9 }, { 9, 9, 9, 9 }, 1 }, { 21, 23 } },
+    };
+    static const int threads[] = { 2, 1, 3, 16 };
 
-    for (int i = 0; i < 2; i++) {
-        float *w = random_floats(64 * 64 * 9);
-        struct image in = random_image(64, sizes[i][0], sizes[i][1]), out[3];
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const struct conv *c = &cases[i].c;
+        float *w = random_floats(c->oc * c->ic * 9);
+        struct image in = random_image(c->ic, cases[i].size[0], cases[i].size[1]), out[ARRAY_LEN(threads)];
         struct ow_buf graph = { 0 }, model;
 
-        ow_floats(&graph, "w", w, 64, 64, 3, 3);
-        ow_conv(&graph, &c, "x w", "y");
-        ow_value(&graph, 11, "x", 64);
-        ow_value(&graph, 12, "y", 64);
+        ow_floats(&graph, "w", w, c->oc, c->ic, 3, 3);
+        ow_conv(&graph, c, "x w", "y");
+        ow_value(&graph, 11, "x", c->ic);
+        ow_value(&graph, 12, "y", c->oc);
         model = ow_model(&graph, 11);
-        for (int k = 0; k < 3; k++) {
+        for (size_t k = 0; k < ARRAY_LEN(threads); k++) {
             struct ow_buf copy = { 0 };
             struct sst_network *net;
 
@@ -53,9 +62,11 @@ static void convolutions_do_not_depend_on_threads(void **state SST_UNUSED)
             assert_int_equal(open_model(&net, &copy, threads[k]), 0);
             out[k] = run_net(net, &in);
             sst_network_close(net);
-            assert_memory_equal(out[k].d, out[0].d, 64 * (size_t)(in.h * in.w) * sizeof(float));
+            assert_memory_equal(out[k].d, out[0].d, (size_t)(c->oc * in.h * in.w) * sizeof(float));
         }
-        free(w), free(in.d), free(model.p), free(out[0].d), free(out[1].d), free(out[2].d);
+        for (size_t k = 0; k < ARRAY_LEN(threads); k++)
+            free(out[k].d);
+        free(w), free(in.d), free(model.p);
     }
 }
 

@@ -27,9 +27,8 @@ enum sst_precision {
  * LpNormalization over channels (also x / |x| as exporters write it in single steps), Pad with zeros before Conv,
  * Identity, Dropout, Constant; and of the domain "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like;
  * align_corners). Image sizes are free: sst_network_in_size() returns H and W if the file fixes them. Of several
- * outputs the first one is used. The result is the same for any number of threads (tested), but for convolutions that
- * oneDNN computes as matrix products (seen with AVX2 alone: few channels, dilation 9), whose last digits differ from one
- * thread to several. It may differ in the last digits between machines, as oneDNN uses other code on other processors. Networks with other operators run on OpenCV's
+ * outputs the first one is used. The result is the same for any number of threads (tested); it may differ in the last
+ * digits between machines, as oneDNN uses other code on other processors. Networks with other operators run on OpenCV's
  * DNN, with a warning.
  *
  * A network listed in the manifest.json beside it must match its entry

@@ -347,8 +347,12 @@ static int run_steps(struct net_plan *p, int count)
     for (int i = 0; !err && i < count; i++) {
         const struct net_plan_step *s = &p->steps[i];
 
+        if (s->serial)
+            omp_set_num_threads(1);
         err = s->primitive ? net_plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
                            : run_own(p, s);
+        if (s->serial)
+            omp_set_num_threads(p->threads);
     }
     if (!err)
         err = net_plan_errno(dnnl_stream_wait(p->stream));

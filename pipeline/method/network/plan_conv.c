@@ -163,6 +163,30 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
     return conv_desc(p, op, automatic, q, pd);
 }
 
+/* True for a convolution as matrix products (with AVX2: large dilation), whose sums oneDNN splits by threads. */
+static bool splits_sums(const_dnnl_primitive_desc_t pd)
+{
+    const char *name = NULL;
+
+    return !dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, (void *)&name) && strstr(name, "gemm");
+}
+
+/* best_conv_desc() for one thread if the result depends on their number. @param serial  out: it runs on one thread */
+static int same_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
+                          dnnl_primitive_desc_t *pd, bool *serial)
+{
+    int err = best_conv_desc(p, op, q, pd);
+
+    *serial = !err && !q->scales && splits_sums(*pd);
+    if (!*serial || p->threads == 1)
+        return err;
+    dnnl_primitive_desc_destroy(*pd);
+    omp_set_num_threads(1);
+    err = best_conv_desc(p, op, q, pd);
+    omp_set_num_threads(p->threads);
+    return err;
+}
+
 /* --- 8 bits --------------------------------------------------------------------------------------- */
 
 void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *weights, float *scales)
@@ -342,15 +366,18 @@ int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
     struct quantised q = not_quantised;
     dnnl_primitive_desc_t pd;
     int residual = -1, err = 0;
+    bool serial = false;
 
     if (net_plan_conv_on_8_bits(p, op))
         err = quantise(p, op, &q, &residual);
     else if (op->residual)
         err = residual = net_plan_in_f32(p, op->in[1]);
     if (err >= 0)
-        err = best_conv_desc(p, op, &q, &pd);
+        err = same_conv_desc(p, op, &q, &pd, &serial);
     if (!err)
         err = add_step(p, op, &q, residual, pd);
+    if (!err)
+        p->steps[p->n_steps - 1].serial = serial;
     free(q.scales);
     free(q.weights);
     return err;

@@ -33,6 +33,7 @@ struct net_plan_tensor {
 struct net_plan_step {
     const struct sst_op *op;
     dnnl_primitive_t primitive; /* NULL: one of ops.h from tensor[0] to tensor[1] */
+    bool serial;                /* on one thread: the result depends on their number */
     int n_args;
     dnnl_exec_arg_t args[NET_PLAN_MAX_ARGS];
     int tensor[NET_PLAN_MAX_ARGS]; /* of args, -1 for weights, bias and scratch */
