@@ -279,7 +279,7 @@ $(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libss
 
 # The manual page of the configuration comes from the table of its keys; a test compares it with the committed one.
 # So do openapi.json and status.md from those of routes and fields.
-$(BUILD)/config_man $(BUILD)/api_tables: $(BUILD)/%: $(BUILD)/obj/scripts/%.o $(BUILD)/libsst.a
+$(BUILD)/api_tables: $(BUILD)/%: $(BUILD)/obj/scripts/%.o $(BUILD)/libsst.a
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
@@ -316,12 +316,12 @@ check-timing: deps ## tests that measure time, with their limits; one that a bus
 	JOBS=3 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
-built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/config_man $(BUILD)/api_tables
+built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/api_tables
 built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built fuzzers
 
-check-tests: built $(BUILD)/config_man $(BUILD)/api_tables
+check-tests: built $(BUILD)/api_tables
 	@$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
@@ -376,7 +376,7 @@ check-kernel: $(BUILD)/sst $(PLUGINS) $(GUEST_TESTS) ## boot a stock Debian kern
 # Statement and branch coverage by all tests but those that measure time; per folder to build-coverage/coverage.txt.
 coverage: deps ## measure which lines and branches the tests run, about a quarter of an hour
 	rm -rf build-coverage && mkdir build-coverage
-	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man build-coverage/api_tables
+	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/api_tables
 	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
 	$(PYTHON) scripts/coverage.py build-coverage | tee build-coverage/coverage.txt
 
@@ -474,10 +474,9 @@ install-built: ## the same without building
 uninstall: ## remove what install put there, changed configuration excepted
 	$(INSTALL) uninstall
 
-man: $(BUILD)/sst $(BUILD)/config_man $(BUILD)/api_tables ## write man pages, completions, openapi.json and status.md from their tables
+man: $(BUILD)/sst $(BUILD)/api_tables ## write man pages, completions, openapi.json and status.md from their tables
 	scripts/man.py --build $(BUILD)
-	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
-	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
+	scripts/config_man.py --build $(BUILD)
 	scripts/openapi.py --build $(BUILD)
 
 .PHONY: check-docs api-index release-check
@@ -499,4 +498,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

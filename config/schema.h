@@ -1,5 +1,5 @@
-/* config/schema.h - the table of all keys of sstd.yaml: source of parsing, defaults, reload classes and the manual
- * page. */
+/* config/schema.h - the table of all keys of sstd.yaml: source of parsing, defaults, reload classes and the manual page,
+ * which explains each as docs/man/keys.txt does. */
 #ifndef SST_CONFIG_SCHEMA_H
 #define SST_CONFIG_SCHEMA_H
 
@@ -53,8 +53,7 @@ struct sst_key {
     const struct sst_key *fields; /* lists of mappings: keys of one */
     int n_fields;
     enum sst_reload_class reload;
-    bool switches;    /* setting or removing the text needs a restart, whatever `reload` is for other changes */
-    const char *help; /* one clause */
+    bool switches; /* setting or removing the text needs a restart, whatever `reload` is for other changes */
 };
 
 #define SST_CONFIG_KEYS_MAX 192 /* keys at most */
@@ -74,9 +73,6 @@ extern const int sst_event_types_count;
 
 /** Names of the pixel formats that the pipeline reads, as in v4l2-ctl. */
 extern const char *const sst_format_names[8];
-
-/** Description of a section, one sentence. */
-const char *sst_schema_section_help(const char *section);
 
 /** Maximum size of a value as text: 16 arguments of 255 bytes with quotes and escapes. */
 #define SST_KEY_TEXT_MAX 16384
