@@ -155,7 +155,7 @@ SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 # Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
 PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so) \
            $(if $(filter 1,$(WITH_GPHOTO2)),$(BUILD)/libsst-gphoto.so)
-CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
+CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/commands.o
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
 TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,$(WITH_VULKAN)),$(BUILD)/device_lost.so)
@@ -210,7 +210,10 @@ $(BUILD)/shaders/%.spv: pipeline/kernels/%.comp $(wildcard pipeline/kernels/*.gl
 $(filter $(BUILD)/shaders/net_conv8%,$(SPIRV)): pipeline/kernels/net_conv8.glsl
 $(BUILD)/spirv.c: scripts/embed.sh $(SPIRV) $(BUILD)/flags
 	@scripts/embed.sh gpu_spirvs pipeline/gpu/gpu_internal.h $(SPIRV) >$@.new && mv $@.new $@
-$(BUILD)/obj/web.o $(BUILD)/obj/spirv.o: $(BUILD)/obj/%.o: $(BUILD)/%.c $(BUILD)/flags
+$(BUILD)/commands.c: scripts/commands.sh cli/commands.txt
+	@mkdir -p $(@D)
+	@scripts/commands.sh cli/commands.txt >$@.new && mv $@.new $@
+$(BUILD)/obj/web.o $(BUILD)/obj/spirv.o $(BUILD)/obj/commands.o: $(BUILD)/obj/%.o: $(BUILD)/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@

@@ -294,18 +294,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_batch = {
-    .name = "batch",
-    .usage = "SOURCE... -o DIR [--preset P] [--steps N] [--shard I/N]",
-    .summary = "process and render a campaign of light fields and recordings",
-    .detail =
-        "A source is a light field, a recording, or a folder with any of these. DIR gets a folder of each light field\n"
-        "and of each set: lightfield/ (a copy with its maps), clear.png, see-through.png, sweep.mp4 (or sweep/), and\n"
-        "the commands' reports as JSON; figures.csv has a line of each, also with errors where the source has a\n"
-        "truth/.\n"
-        "A repeated command skips finished pieces. --shard shares the work with other processes that see\n"
-        "the same folders, on this machine or a cluster (docs/use/cluster.md); --status shows how far it is.",
-    .example = "sst batch campaign -o results\n  sst batch campaign -o results --shard auto --threads 4\n"
-               "  sst batch campaign -o results --status",
-    .run = run,
-};
+const struct cli_command cli_batch = { "batch", run };

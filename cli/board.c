@@ -41,19 +41,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_board = {
-    .name = "board",
-    .usage = "BOARD -o FILE.svg|FILE.png [--dpi N]",
-    .summary = "draw a calibration board to print at true scale",
-    .detail =
-        "BOARD is as for sst calibrate:\n"
-        "  charuco:9x7:50mm:0.7[:4x4_50]      squares across x down, side of a square, marker in squares,\n"
-        "                                     dictionary of OpenCV\n"
-        "  aprilgrid:6x6:50mm:0.3[:bottom-up] tags across x down, side of a tag, gap in tags; bottom-up as Kalibr\n"
-        "                                     numbers them\n"
-        "  chessboard:10x7:25mm               squares; chessboard:9x6c:25mm counts inner corners\n"
-        "  or the path of a Kalibr target file\n"
-        "An SVG is in millimetres; a PNG rounds edges to dots. The white margin belongs to the board.",
-    .example = "sst board charuco:9x7:30mm:0.7 -o board.svg\n  sst board aprilgrid:6x6:25mm:0.3 -o grid.png --dpi 600",
-    .run = run,
-};
+const struct cli_command cli_board = { "board", run };

@@ -427,18 +427,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r == CLI_GO_ON ? calibrate(&o) : r;
 }
 
-const struct cli_command cli_calibrate = {
-    .name = "calibrate",
-    .usage = "SRC --board BOARD -o calib.yaml [options] | --live ... | --check LF",
-    .summary = "find lenses and poses of all cameras, or check them",
-    .detail =
-        "SRC: a recording; a folder with a folder of pictures per camera (rr_cc/NAME.jpg, the same NAME at the same\n"
-        "moment); a folder of left01.jpg right01.jpg ...; captures of a rig; or a file of corners. `sst board` draws\n"
-        "boards to print. `sst rectify LF --calib calib.yaml -o OUT` then makes light fields true.\n"
-        "docs/use/calibration.md explains every figure.",
-    .example = "sst calibrate boards.rec --board charuco:9x7:50mm:0.7 -o calib.yaml --report calib.html\n"
-               "  sst calibrate --live --board charuco:9x7:50mm:0.7 --keep boards.rec --coverage coverage.png -o "
-               "calib.yaml\n"
-               "  sst calibrate --check garden",
-    .run = run,
-};
+const struct cli_command cli_calibrate = { "calibrate", run };

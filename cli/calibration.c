@@ -195,22 +195,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(work(&q, show));
 }
 
-const struct cli_command cli_calibration = {
-    .name = "calibration",
-    .usage = "show IN [--json] | convert IN -o OUT [--from F] [--to F] [options]",
-    .summary = "show a calibration, or convert it to another format",
-    .detail =
-        "formats:\n"
-        "  sst            calib.yaml; a light field with a calibration is read, too\n"
-        "  opencv         a folder of rr_cc.yml, or one file of one camera (reads XML, JSON and ROS's too)\n"
-        "  opencv-stereo  a folder with intrinsics.yml and extrinsics.yml, of two cameras\n"
-        "  kalibr         camchain.yaml\n"
-        "  multical       calibration.json\n"
-        "  mrcal          a folder of rr_cc.cameramodel, or one file of one camera (written only)\n"
-        "The name of OUT suggests the format: *camchain* kalibr, *.json multical, *.cameramodel mrcal, *.yml and\n"
-        "folders opencv, other *.yaml sst. docs/integrate/calibration-formats.md lists the limits of each.",
-    .example = "sst calibration show calib.yaml\n"
-               "  sst calibration convert calib.yaml -o camchain.yaml\n"
-               "  sst calibration convert calibration.json -o calib.yaml --grid 6x6",
-    .run = run,
-};
+const struct cli_command cli_calibration = { "calibration", run };

@@ -323,16 +323,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(local(config, json));
 }
 
-const struct cli_command cli_cameras = {
-    .name = "cameras",
-    .usage = "[--all] [--json] | --local [--config FILE] [--json]",
-    .summary = "list connected cameras and their positions in the array",
-    .detail = "If a service runs: its grid, the frame rate of each camera, and which do not stream and why. Otherwise, "
-              "or\nwith --local or --config: V4L2 capture devices by USB port, with serial, port, driver, formats, "
-              "their position\nin the array by the configuration, and their state: free, busy (and the program that "
-              "uses them) or without\npermission; then still cameras over USB. Bind cameras by serial, or by port if "
-              "serials are missing or equal; "
-              "/dev/videoN depends on the\norder of plugging.",
-    .example = "sst cameras\n  sst cameras --config array.yaml",
-    .run = run,
-};
+const struct cli_command cli_cameras = { "cameras", run };

@@ -24,17 +24,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (argc > 1 && strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
         return cli_usage_error(cmd, "unknown kind of capture `%s`;%s use array or rig", argv[1],
                                sst_edit_hint(argv[1], (const char *const[]){ "array", "rig", NULL }));
-    printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cmd->summary);
+    printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cli_manual(cmd)->summary);
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
-        printf("  %-10s %s\n", kinds[i]->name + strlen("capture "), kinds[i]->summary);
-    printf("\n`sst capture KIND --help` explains one with an example.\n\nexample:\n  %s\n", cmd->example);
+        printf("  %-10s %s\n", kinds[i]->name + strlen("capture "), cli_manual(kinds[i])->summary);
+    printf("\n`sst capture KIND --help` explains one with an example.\n\nexample:\n  %s\n", cli_manual(cmd)->example);
     return argc > 1 ? CLI_OK : CLI_USAGE;
 }
 
-const struct cli_command cli_capture = {
-    .name = "capture",
-    .usage = "KIND ...",
-    .summary = "capture a light field from cameras",
-    .example = "sst capture array -n 10 -o garden.rec\n  sst capture rig --grid 6x6 --pitch 40mm -o garden",
-    .run = run,
-};
+const struct cli_command cli_capture = { "capture", run };

@@ -350,17 +350,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_capture_array = {
-    .name = "capture array",
-    .usage = "[-n N | --duration S] [-o DIR] [--config FILE] [--trigger SOURCE] [--rate HZ] [--json]",
-    .summary = "record framesets of all cameras of the array",
-    .detail = "A frameset (short: set) has one frame of every camera for one trigger; sets that miss a camera are kept "
-              "and\nname it. The camera's bytes are stored unchanged in Matroska segments "
-              "(docs/integrate/recordings.md); `sst "
-              "import\nrecording DIR -o LF` converts them to light fields. At the end every frame is accounted for: in "
-              "a set, late,\nduplicate, stray, corrupt, flagged by the driver, or dropped. config/sstd.yaml explains "
-              "the configuration.\nCtrl-C ends it properly.",
-    .example = "sst capture array -n 10 -o garden.rec\n"
-               "  sst capture array --config hedge.yaml --duration 600 -o hedge.rec --json",
-    .run = run,
-};
+const struct cli_command cli_capture_array = { "capture array", run };

@@ -456,18 +456,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_capture_rig = {
-    .name = "capture rig",
-    .usage = "--grid RxC --pitch P -o DIR [--bus BUS --profile NAME] [--camera ID] [--dry-run] [--resume]",
-    .summary = "step one camera over a grid with a motor rig",
-    .detail =
-        "For each view: move, wait until every axis stands still, settle, capture the first frame that starts "
-        "after that,\ncheck that nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C "
-        "stops the motors; the\nsame command resumes, also after a crash or a power cut: views are verified by "
-        "their hashes, damaged ones are\ncaptured again. A complete folder is a light field for `sst process`. With "
-        "--camera still, a still camera over USB:\nits files are stored unchanged, raw ones beside the views. "
-        "docs/use/rig.md lists the drives and how to add one.",
-    .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
-               "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",
-    .run = run,
-};
+const struct cli_command cli_capture_rig = { "capture rig", run };

@@ -69,11 +69,22 @@ int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...)
     return CLI_USAGE;
 }
 
+const struct cli_manual *cli_manual(const struct cli_command *cmd)
+{
+    const struct cli_manual *m = cli_manuals;
+
+    while (strcmp(m->name, cmd->name) != 0)
+        m++;
+    return m;
+}
+
 static void print_help(const struct cli_command *cmd, const struct cli_option *options, size_t n)
 {
-    printf("sst %s - %s\n\nusage: sst %s %s\n", cmd->name, cmd->summary, cmd->name, cmd->usage);
-    if (cmd->detail)
-        printf("\n%s\n", cmd->detail);
+    const struct cli_manual *m = cli_manual(cmd);
+
+    printf("sst %s - %s\n\nusage: sst %s %s\n", m->name, m->summary, m->name, m->usage);
+    if (m->detail)
+        printf("\n%s\n", m->detail);
     printf("\noptions:\n");
     for (size_t i = 0; i < n; i++) {
         char left[64];
@@ -85,7 +96,7 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
     }
     printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "log more", "-q, --quiet", "log errors only",
            "-h, --help", "show this help");
-    printf("\nexample:\n  %s\n", cmd->example);
+    printf("\nexample:\n  %s\n", m->example);
 }
 
 /* Machine-readable description: see CLI_DESCRIBE. */
@@ -93,9 +104,10 @@ static int describe(const struct cli_command *cmd, const struct cli_option *opti
 {
     static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed", "number or auto",
                                        "text", "text" };
+    const struct cli_manual *m = cli_manual(cmd);
     json_t *list = json_array();
-    json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", cmd->name, "usage", cmd->usage, "summary",
-                             cmd->summary, "detail", cmd->detail, "example", cmd->example, "options", list);
+    json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", m->name, "usage", m->usage, "summary", m->summary,
+                             "detail", m->detail, "example", m->example, "options", list);
 
     for (size_t i = 0; i < n; i++)
         (void)json_array_append_new(list,
@@ -319,9 +331,12 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
         return CLI_OK;
     }
     sst_log_set_level(quiet ? SST_LOG_ERROR : verbose ? SST_LOG_INFO : SST_LOG_WARNING);
-    if (n < n_min)
-        return cli_usage_error(cmd, "an argument is missing: sst %s %.*s%s", cmd->name, (int)strcspn(cmd->usage, "\n"),
-                               cmd->usage, strchr(cmd->usage, '\n') ? " ..." : "");
+    if (n < n_min) {
+        const char *usage = cli_manual(cmd)->usage;
+
+        return cli_usage_error(cmd, "an argument is missing: sst %s %.*s%s", cmd->name, (int)strcspn(usage, "\n"), usage,
+                               strchr(usage, '\n') ? " ..." : "");
+    }
     return check_outputs(cmd, options, n_options, positional, n);
 }
 

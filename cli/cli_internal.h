@@ -68,12 +68,20 @@ struct cli_option {
 
 struct cli_command {
     const char *name;
+    int (*run)(const struct cli_command *cmd, int argc, char **argv); /* exit code */
+};
+
+/** Texts of a command, made from cli/commands.txt. */
+struct cli_manual {
+    const char *name;
     const char *usage;   /* arguments after "sst NAME", e.g. "LF --focus D -o out.png" */
     const char *summary; /* one line for the list of commands */
     const char *detail;  /* more lines for --help, or NULL */
     const char *example; /* a command line that works, or several */
-    int (*run)(const struct cli_command *cmd, int argc, char **argv); /* exit code */
 };
+
+extern const struct cli_manual cli_manuals[]; /* the last has no name */
+const struct cli_manual *cli_manual(const struct cli_command *cmd);
 
 #define CLI_DESCRIBE "--describe"
 

@@ -228,18 +228,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_demo = {
-    .name = "demo",
-    .usage = "[--scene S] [--once] [--device D] [-o DIR]",
-    .summary = "see through things with no hardware: simulated array, service, live page",
-    .detail =
-        "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the\n"
-        "address of its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C\n"
-        "ends it.\n"
-        "In the scene hedge a person passes behind leaves once a minute: a visit, which is recorded.\n"
-        "--once renders a scene as an array sees it, computes labels and disparities, renders the scene behind the\n"
-        "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"
-        "prints. An earlier one in the folder is replaced.",
-    .example = "sst demo\n  sst demo --scene hedge\n  sst demo --scene pedestrian --once",
-    .run = run,
-};
+const struct cli_command cli_demo = { "demo", run };

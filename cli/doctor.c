@@ -97,13 +97,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return count(&doctor, DOCTOR_PROBLEM) ? CLI_INPUT : r;
 }
 
-const struct cli_command cli_doctor = {
-    .name = "doctor",
-    .usage = "[--config FILE] [-o DIR] [--json]",
-    .summary = "check permissions, cameras, bandwidth, lines, disk, clock and other hosts for capturing, and test GPUs",
-    .detail = "Checks all that the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
-              "one\nsentence with its remedy. Exit code 3 when there is a problem. `live` is the device on which the "
-              "service\ncomputes pictures (live.device).",
-    .example = "sst doctor --config array.yaml -o /var/lib/sst",
-    .run = run,
-};
+const struct cli_command cli_doctor = { "doctor", run };

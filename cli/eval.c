@@ -213,13 +213,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return measure(&a);
 }
 
-const struct cli_command cli_eval = {
-    .name = "eval",
-    .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--verify-rays W] [--threads N]",
-    .summary = "disparity, labels and see-through pictures against the truth",
-    .detail = "Measures against the truth in the folder: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
-              "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares\n"
-              "in percent. Missing figures are a dash, or null.",
-    .example = "sst scene bush -o LF && sst process LF && sst eval LF --truth LF/truth --json",
-    .run = run,
-};
+const struct cli_command cli_eval = { "eval", run };

@@ -143,12 +143,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_events = {
-    .name = "events",
-    .usage = "[--follow] [--after ID] [--type TYPE] [--json]",
-    .summary = "events of the service: cameras lost and found, recordings, storage",
-    .detail = "Times are UTC. Ids count from 1 at each start of the service. With --follow exit code 5 means that the\n"
-              "service ended.",
-    .example = "sst events --follow\n  sst events --type camera-lost --json",
-    .run = run,
-};
+const struct cli_command cli_events = { "events", run };

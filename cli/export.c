@@ -36,18 +36,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err ? err : cli_print_lightfield(cfg.dir, cfg.out));
 }
 
-const struct cli_command cli_export = {
-    .name = "export",
-    .usage = "FORMAT LF -o DST [options]",
-    .summary = "write a light field in another format",
-    .detail =
-        "formats:\n"
-        "  stanford    out_rr_cc_y_x_.png with the positions of the cameras, and positions.cfg\n"
-        "  hci         input_CamNNN.png, parameters.cfg and the disparity of each view as PFM\n"
-        "  colmap      images/ and a model without points in sparse/0, as text: lenses and poses in metres\n"
-        "  nerfstudio  images/ and transforms.json\n"
-        "A light field with a calibration gives colmap and nerfstudio its raw frames with their lenses, the others\n"
-        "rectified views. Without one, their cameras need focal length, spacing, and where the views converge.",
-    .example = "sst export hci scene.lf -o scene-hci",
-    .run = run,
-};
+const struct cli_command cli_export = { "export", run };

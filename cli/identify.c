@@ -412,13 +412,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_identify = {
-    .name = "identify",
-    .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
-    .summary = "take a picture of every camera to identify it",
-    .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all in the layout of "
-              "the\narray as DIR/identify.png. Hold something in front of a camera to find its picture.\n--write "
-              "proposes the `bind:` section of the configuration in the order of USB ports.",
-    .example = "sst identify --write bind.yaml",
-    .run = run,
-};
+const struct cli_command cli_identify = { "identify", run };

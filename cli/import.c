@@ -90,20 +90,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_import = {
-    .name = "import",
-    .usage = "FORMAT SRC ... -o LF [options]",
-    .summary = "make a light field from another format",
-    .detail = "formats:\n"
-              "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
-              "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
-              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels add external maps\n"
-              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents. Several: "
-              "of the\n"
-              "            hosts of one array, joined by trigger; sets are then counted from 0 over all",
-    .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
-               "  sst import recording night --sets 0,10-19 -o night.lf\n"
-               "  sst import recording night --sets 0 --calib calib.yaml -o true.lf\n"
-               "  sst import recording left/night right/night --sets first -o both.lf",
-    .run = run,
-};
+const struct cli_command cli_import = { "import", run };

@@ -25,7 +25,7 @@ static void usage(void)
 {
     printf("sst - see through things with a camera array\n\nusage: sst COMMAND ...\n\ncommands:\n");
     for (size_t i = 0; i < ARRAY_LEN(commands); i++)
-        printf("  %-11s %s\n", commands[i]->name, commands[i]->summary);
+        printf("  %-11s %s\n", commands[i]->name, cli_manual(commands[i])->summary);
     printf(
         "\n`sst COMMAND --help` explains a command with an example.\n\n"
         "exit codes: 0 success, 1 internal error, 2 usage, 3 input, 4 output, 5 missing part or model, or no service,\n"

@@ -183,13 +183,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return err && err != -ENOMEM && err != -ENOPKG ? CLI_INPUT : cli_exit_code(err);
 }
 
-const struct cli_command cli_models = {
-    .name = "models",
-    .usage = "[NAME | FILE.onnx] [--json]",
-    .summary = "installed networks, or the contents of one",
-    .detail = "Without an argument: every network in the search folders, its figures, and whether it can be used.\n"
-              "With one: its input, output, classes, layers and runner, or why it is refused (exit code 3).\n"
-              "docs/use/networks.md describes how to add a network of your own.",
-    .example = "sst models\n  sst models my-network.onnx",
-    .run = run,
-};
+const struct cli_command cli_models = { "models", run };

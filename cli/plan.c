@@ -115,14 +115,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_plan = {
-    .name = "plan",
-    .usage = "[--config FILE] [--format F --size WxH --rate R] [--json]",
-    .summary = "check whether USB has the bandwidth for all cameras",
-    .detail =
-        "Adds up the bandwidth that each camera reserves on each wire, as the kernel does, and reports which "
-        "cameras\nwould be refused and what to change. docs/use/hardware.md lists the assumptions. Exit code 3 when "
-        "a camera would\nbe refused.",
-    .example = "sst plan --format YUYV --size 640x480 --rate 10",
-    .run = run,
-};
+const struct cli_command cli_plan = { "plan", run };

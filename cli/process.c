@@ -554,33 +554,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_process = {
-    .name = "process",
-    .usage = "LF... [--preset P] [--labels DIR] [--disparity DIR] [--threads N] [--shard I/N]",
-    .summary = "labels and disparity for all views",
-    .detail =
-        "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-        "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-        "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
-        "(the same in two rounds on all views; fewer than 6 views: census and MC-CNN).\n"
-        "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
-        "balanced repairs them; ranges searches the disparities around a match at a quarter of the\n"
-        "size, unless that changes many pixels (by itself only where views are large, for memory); hypotheses\n"
-        "tests no other disparity where the first one explains the colours; labels runs the network on at\n"
-        "most one view in three if those show what the others see. Presets skip all that suits them;\n"
-        "`--skip none` computes everything.\n"
-        "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled, brighter or\n"
-        "darker in the corners and corrects significant errors, also whenever the light field is loaded later; the\n"
-        "views' files stay as they are. Views that cannot be of this scene are named in a warning.\n"
-        "--device labels and matches the views on a GPU, with the same maps: gpu is the fastest one that can be\n"
-        "opened, auto does without one where there is none; software devices are used only by name (lavapipe).\n"
-        "`sst version` lists the devices. Steps without a shader, or that a device fails at, fall back to\n"
-        "the CPU, logged and named in `device` of --json.\n"
-        "--shard lets several processes, on machines that share a folder, process many light fields: each is claimed\n"
-        "by one of them; a worker that ended leaves its light fields to others; ones done by the same options before\n"
-        "are skipped. The state lies in .process in each light field. With --split-views they share the views of each\n"
-        "light field, which suits few large ones.",
-    .example = "sst process garden --preset balanced\n  sst process campaign/*.lf --shard 2/4\n"
-               "  sst process campaign/*.lf --status",
-    .run = run,
-};
+const struct cli_command cli_process = { "process", run };

@@ -227,17 +227,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                            sst_edit_hint(action, names));
 }
 
-const struct cli_command cli_record = {
-    .name = "record",
-    .usage = "start|stop|list|export|download|delete [NAME] [--duration S] [--time T | --ago S] [-o FILE]",
-    .summary = "record with the service; list, fetch and delete recordings, snapshots and exports",
-    .detail =
-        "start begins with the sets still in memory (pre-roll), or extends the recording at work;\n"
-        "stop ends that recording. export makes a light field of the set nearest to a moment, for `sst process`\n"
-        "and `sst render`; start and export print the name of the result.\n"
-        "download fetches a recording as a playable video (-o FILE.mkv: the see-through view, or one --camera), or\n"
-        "anything stored as a whole (-o FILE.tar); delete removes it for good. list prints everything stored.",
-    .example = "sst record start --duration 60\n  sst record export --ago 30 -o then.tar && tar xf then.tar\n"
-               "  sst record download 2026-11-21T18-00-00Z --camera r0c5 -o gate.mkv",
-    .run = run,
-};
+const struct cli_command cli_record = { "record", run };

@@ -258,13 +258,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_recording = {
-    .name = "recording",
-    .usage = "DIR [--verify] [--json]",
-    .summary = "show the contents of a recording: sets, skew, gaps, damage",
-    .detail =
-        "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set is complete\n"
-        "when every camera's frame is present and good. Exit code 3 when a set is damaged or the index has lost sets.",
-    .example = "sst recording night --verify",
-    .run = run,
-};
+const struct cli_command cli_recording = { "recording", run };

@@ -137,14 +137,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_rectify = {
-    .name = "rectify",
-    .usage = "LF --calib FILE -o OUT [options]",
-    .summary = "rectify the views of a light field",
-    .detail =
-        "OUT holds the raw frames untouched beside the calibration; they are rectified on loading, in one resampling.\n"
-        "The views get the offsets that the calibration measured.",
-    .example = "sst rectify garden --calib calib.yaml -o garden.lf\n"
-               "  sst rectify garden.lf --bake --filter lanczos -o garden-png",
-    .run = run,
-};
+const struct cli_command cli_rectify = { "rectify", run };

@@ -68,11 +68,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return CLI_OK;
 }
 
-const struct cli_command cli_reload = {
-    .name = "reload",
-    .usage = "[--dry-run] [--json]",
-    .summary = "have the service read its configuration again",
-    .detail = "All changes are applied, or none. Exit code 3: refused, with the reason; the service goes on as before.",
-    .example = "sst reload --dry-run && sst reload",
-    .run = run,
-};
+const struct cli_command cli_reload = { "reload", run };

@@ -78,18 +78,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return make(name, &cfg, out, force);
 }
 
-const struct cli_command cli_scene = {
-    .name = "scene",
-    .usage =
-        "NAME -o LF [--photos DIR] [--masks DIR] [--kind NAME] [--cover PCT] [--noise SD] [--gain PCT] [--jpeg Q]\n"
-        "       [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
-    .summary = "make a simulated light field with exact truth",
-    .detail =
-        "Scenes: bush pedestrian transportation cell humvee cd-cases cat layers. Of `layers`, options not given "
-        "depend on the seed.\n"
-        "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, the\n"
-        "scene behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
-    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5\n"
-               "  sst scene layers -o leaves.lf --kind leaves --cover 50 --size 640x480",
-    .run = run,
-};
+const struct cli_command cli_scene = { "scene", run };

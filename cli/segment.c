@@ -335,21 +335,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_segment = {
-    .name = "segment",
-    .usage = "IMAGE... -o labels.png|DIR [--model NAME] [--hcsm | --epsilon-h V]",
-    .summary = "semantic labels of images",
-    .detail =
-        "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
-        "--prob and --entropy name folders, too. A damaged image is reported and left out. A photograph with an EXIF\n"
-        "orientation is turned upright first, and so are its results.\n"
-        "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose\n"
-        "label distribution has an entropy (natural log) at or above the threshold stay unlabeled.\n"
-        "Results have the image's size: the network's are enlarged with the image as a guide, so that labels end at its\n"
-        "edges. So also --prob is not the network's own output, not even at --scale 1 of an image of its size: at edges\n"
-        "neighbouring cells mix.\n"
-        "--device runs the network on a GPU; steps without a shader, or that it fails at, fall back to the CPU,\n"
-        "logged and counted in `device` of --json. Software devices are used only by name (lavapipe).",
-    .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
-    .run = run,
-};
+const struct cli_command cli_segment = { "segment", run };

@@ -92,10 +92,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_snapshot = {
-    .name = "snapshot",
-    .usage = "-o FILE.jpg [--of WHAT] | --keep [-o FILE.jpg|FILE.tar]",
-    .summary = "the service's picture of now",
-    .example = "sst snapshot -o now.jpg\n  sst snapshot --of r0c5 -o camera.jpg\n  sst snapshot --keep -o now.tar",
-    .run = run,
-};
+const struct cli_command cli_snapshot = { "snapshot", run };

@@ -336,11 +336,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return !err && failed ? CLI_INPUT : cli_exit_code(err);
 }
 
-const struct cli_command cli_status = {
-    .name = "status",
-    .usage = "[--watch] [--json]",
-    .summary = "how the service is: cameras, live picture, storage, recording",
-    .detail = "Exit code 0: the service answers; 3: it answers that it failed, and why; 5: none runs.",
-    .example = "sst status --watch\n  sst status --json | jq .capture.skew_us",
-    .run = run,
-};
+const struct cli_command cli_status = { "status", run };

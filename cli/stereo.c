@@ -96,14 +96,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_stereo = {
-    .name = "stereo",
-    .usage = "LEFT RIGHT --max-disparity N -o out.pfm [--preset P]",
-    .summary = "disparity of one rectified pair",
-    .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
-              "Disparities are searched around a match at a quarter of the size (--skip none: all disparities).\n"
-              "--device computes the features of --cost mccnn on a GPU; failures fall back to the CPU and are logged.\n"
-              "--raw skips everything after the matching cost, to compare costs and networks.",
-    .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
-    .run = run,
-};
+const struct cli_command cli_stereo = { "stereo", run };

@@ -281,16 +281,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return cli_exit_code(err);
 }
 
-const struct cli_command cli_sweep = {
-    .name = "sweep",
-    .usage = "LF [--from A --to B] [--steps N] [options] -o DIR|out.mp4",
-    .summary = "render a sweep over focus, cut or viewpoint as pictures or as a video",
-    .detail = "The focus moves from A to B in N pictures, by default from the farthest to the nearest disparity. A "
-              "folder gets 0000.png, 0001.png, ... and sweep.json with\n"
-              "the focus of each. --over cut moves the cut of clear pictures, from the foreground into the\n"
-              "scene; --over view-x or view-y moves the viewpoint, in spacings from the reference view, with --focus\n"
-              "or --method clear. The other options are as of `sst render`.",
-    .example = "sst sweep bush.lf --steps 60 --bounce -o sweep.mp4\n"
-               "  sst sweep bush.lf --method clear --over view-x --bounce -o around.mp4",
-    .run = run,
-};
+const struct cli_command cli_sweep = { "sweep", run };

@@ -109,11 +109,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return r;
 }
 
-const struct cli_command cli_topology = {
-    .name = "topology",
-    .usage = "[--json]",
-    .summary = "show the tree of USB controllers, hubs and cameras",
-    .detail = "Shows whether each hub can switch the power of its ports, which needs the permission to open it.",
-    .example = "sst topology --json",
-    .run = run,
-};
+const struct cli_command cli_topology = { "topology", run };

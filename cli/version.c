@@ -150,14 +150,4 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     return CLI_OK;
 }
 
-const struct cli_command cli_version = {
-    .name = "version",
-    .usage = "[--json]",
-    .summary = "version, CPU level, optional parts, models and devices",
-    .detail =
-        "Devices can be named by `--device` of other commands; `gpu` tries the first one first. shaders lists the\n"
-        "programs that run there. `sst doctor` tests devices. live.device lists the steps of the service on the\n"
-        "device that its configuration names, and on the CPU.",
-    .example = "sst version --json",
-    .run = run,
-};
+const struct cli_command cli_version = { "version", run };
