@@ -13,6 +13,7 @@
 #include <linux/videodev2.h>
 
 #include "capture/recording/recording.h"
+#include "pipeline/image/codec_formats.h"
 
 #define STAMP_MAX (INT64_MAX / 4) /* differences of stamps fit */
 #define VIEW_FILE (-1)            /* SST_VIDEO_PICTURES; other numbers are segments */
@@ -136,7 +137,7 @@ bool video_read_line(const char *text, struct video_line *out)
     return true;
 }
 
-/* Width and height of a JPEG picture, from its frame header. */
+/* Width and height of the first picture, from its header. */
 static int read_size(struct video *v)
 {
     uint8_t data[4096];
@@ -145,23 +146,12 @@ static int read_size(struct video *v)
     const int fd = err ? -1 : open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     const size_t want = v->frame[0].bytes < sizeof(data) ? v->frame[0].bytes : sizeof(data);
     const ssize_t got = fd < 0 ? -1 : pread(fd, data, want, v->frame[0].offset);
-    size_t n = got > 0 ? (size_t)got : 0, at = 2;
 
     if (fd >= 0)
         close(fd);
-    if (n < 4 || data[0] != 0xff || data[1] != 0xd8)
+    if (got <= 0)
         return -EBADMSG;
-    while (at + 9 <= n && data[at] == 0xff) {
-        const uint8_t marker = data[at + 1];
-
-        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
-            v->format.height = data[at + 5] << 8 | data[at + 6];
-            v->format.width = data[at + 7] << 8 | data[at + 8];
-            return 0;
-        }
-        at += 2 + (size_t)(data[at + 2] << 8 | data[at + 3]);
-    }
-    return -EBADMSG;
+    return sst_jpeg_size(&v->format.width, &v->format.height, data, (size_t)got, path);
 }
 
 /* The last picture of the removed part stays: it was visible where the rest begins. */
