@@ -263,24 +263,6 @@ static int deliver(const struct job *job)
     return err;
 }
 
-/* Outputs that cannot be written are reported before the pictures are processed. */
-static int check_outputs(const struct options *o)
-{
-    const char *const path[] = { o->out, o->report, o->coverage, o->corners };
-    int err = 0;
-
-    for (size_t i = 0; i < ARRAY_LEN(path) && !err; i++) {
-        struct sst_outfile out;
-
-        if (!path[i])
-            continue;
-        err = sst_outfile_open(&out, path[i]);
-        if (!err)
-            sst_outfile_abort(&out);
-    }
-    return err;
-}
-
 static int calibrate(const struct options *o)
 {
     struct job *job = calloc(1, sizeof(*job));
@@ -289,9 +271,7 @@ static int calibrate(const struct options *o)
     if (!job)
         return CLI_MEMORY;
     job->o = o;
-    err = check_outputs(o);
-    if (!err)
-        err = gather(job);
+    err = gather(job);
     if (!err && o->coverage)
         err = sst_gather_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
@@ -318,20 +298,6 @@ static int calibrate(const struct options *o)
 
 /* --- command line ------------------------------------------------------------------------------------------------- */
 
-/* Whether two outputs have the same name: the later one would replace the other. */
-static bool same_outputs(const struct options *o)
-{
-    const char *const path[] = { o->out, o->report, o->coverage, o->corners, o->keep };
-
-    for (size_t i = 0; i < ARRAY_LEN(path); i++) {
-        for (size_t j = 0; j < i; j++) {
-            if (path[i] && path[j] && !strcmp(path[i], path[j]))
-                return true;
-        }
-    }
-    return false;
-}
-
 static int check_options(const struct cli_command *cmd, const struct options *o)
 {
     if (o->live == (o->source != NULL))
@@ -351,8 +317,6 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
                                "%s has the corners, board and grid: it does not combine with --board, --grid, "
                                "--plain-names, --rig, --every, --max-frames and --max-blur",
                                o->source);
-    if (same_outputs(o))
-        return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep must have different names");
     if (o->picture)
         return cli_usage_error(cmd, "--picture belongs to --check");
     if (o->no_verify)

@@ -236,8 +236,9 @@ static int check_outputs(const struct cli_command *cmd, const struct cli_option 
             err = sst_path_check_keeps(path, inputs[k]);
         if (err)
             return cli_exit_code(err);
-        for (size_t k = 0; path && options[i].type == CLI_FILE && k < i; k++) {
-            if (options[k].type == CLI_FILE && output_of(&options[k]) && !strcmp(path, output_of(&options[k])))
+        for (size_t k = 0; path && k < i; k++) {
+            if ((options[i].type == CLI_FILE || options[k].type == CLI_FILE) && output_of(&options[k]) &&
+                !strcmp(path, output_of(&options[k])))
                 return cli_usage_error(cmd, "--%s and --%s are both %s", options[k].name, options[i].name, path);
         }
     }
