@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/text.h"
+#include "capture/array/capture.h"
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 #include "drivers/grab/grab.h"
@@ -265,24 +266,10 @@ void doctor_check_bandwidth(struct doctor *d)
 
 void doctor_check_trigger(struct doctor *d)
 {
-    const struct sst_array_config *a = d->cfg;
     struct sst_trigger_config cfg;
     char why[500];
 
-    sst_trigger_config_defaults(&cfg);
-    cfg.source = a->source == SST_CONFIG_GPIO       ? SST_TRIGGER_GPIO
-                 : a->source == SST_CONFIG_SOFTWARE ? SST_TRIGGER_SOFTWARE
-                 : a->source == SST_CONFIG_EXTERNAL ? SST_TRIGGER_EXTERNAL
-                                                    : SST_TRIGGER_FREE_RUN;
-    snprintf(cfg.chip, sizeof(cfg.chip), "%s", a->chip);
-    snprintf(cfg.loopback, sizeof(cfg.loopback), "%s", a->loopback);
-    cfg.lines = a->lines;
-    for (int i = 0; i < a->lines; i++) {
-        snprintf(cfg.line[i], sizeof(cfg.line[i]), "%s", a->line[i]);
-        cfg.delay_us[i] = a->delay_us[i];
-    }
-    cfg.active_low = a->active_low;
-    cfg.pulse_us = a->pulse_us;
+    sst_capture_trigger_config(&cfg, d->cfg);
     if (sst_trigger_check(&cfg, why, sizeof(why)))
         doctor_add(d, DOCTOR_PROBLEM, "trigger", "%s", why);
     else
