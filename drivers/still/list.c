@@ -1,5 +1,4 @@
-/* Still cameras on the bus: devices with an interface of the still image class, from sysfs. */
-#include <dirent.h>
+/* Still cameras on the bus: devices with an interface of the still image class. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,45 +9,6 @@
 #include "base/mem.h"
 #include "drivers/still/still.h"
 #include "drivers/usb/usb.h"
-
-#define DEVICES "/sys/bus/usb/devices"
-
-/** A hexadecimal attribute of an interface, or -1. */
-static int attribute(const char *interface, const char *name)
-{
-    char path[512], text[16] = "";
-    FILE *f;
-
-    snprintf(path, sizeof(path), DEVICES "/%.200s/%s", interface, name);
-    f = fopen(path, "re");
-    if (!f)
-        return -1;
-    if (!fgets(text, sizeof(text), f))
-        text[0] = 0;
-    fclose(f);
-    return text[0] ? (int)strtol(text, NULL, 16) : -1;
-}
-
-/** Still image class, still image capture device, PTP. */
-static bool is_ptp(const char *interface)
-{
-    return attribute(interface, "bInterfaceClass") == 6 && attribute(interface, "bInterfaceSubClass") == 1 &&
-           attribute(interface, "bInterfaceProtocol") == 1;
-}
-
-/** True if a device has such an interface: "1-2.3:1.0" of "1-2.3". */
-static bool has_ptp(const char *port)
-{
-    const size_t n = strlen(port);
-    DIR *dir = opendir(DEVICES);
-    bool found = false;
-
-    for (struct dirent *e = dir ? readdir(dir) : NULL; e && !found; e = readdir(dir))
-        found = !strncmp(e->d_name, port, n) && e->d_name[n] == ':' && is_ptp(e->d_name);
-    if (dir)
-        closedir(dir);
-    return found;
-}
 
 static void describe(struct sst_still_device *out, const struct sst_usb_device *d)
 {
@@ -77,7 +37,7 @@ int sst_still_list(struct sst_still_device **devices, int *count)
         return -ENOMEM;
     }
     for (int i = 0; i < total; i++)
-        if (!all[i].hub && has_ptp(all[i].port))
+        if (all[i].still)
             describe(&list[n++], &all[i]);
     free(all);
     *devices = list;

@@ -2,6 +2,7 @@
 #include "drivers/usb/usb_internal.h"
 
 enum { CONFIGURATION = 2, INTERFACE = 4, ENDPOINT = 5, COMPANION = 0x30, CLASS_VIDEO = 14, SUBCLASS_STREAMING = 2 };
+enum { CLASS_STILL = 6, SUBCLASS_CAPTURE = 1, PROTOCOL_PTP = 1 };
 enum { ISOCHRONOUS = 1, BULK = 2 };
 
 static int get16(const uint8_t *p)
@@ -49,4 +50,15 @@ int usb_parse_alts(struct sst_usb_alt alt[SST_USB_ALTS_MAX], const uint8_t *data
         }
     }
     return n;
+}
+
+bool usb_has_ptp(const uint8_t *data, size_t size)
+{
+    for (size_t at = 0; at + 9 <= size && data[at] >= 2; at += data[at]) {
+        const uint8_t *d = data + at;
+
+        if (d[1] == INTERFACE && d[5] == CLASS_STILL && d[6] == SUBCLASS_CAPTURE && d[7] == PROTOCOL_PTP)
+            return true;
+    }
+    return false;
 }

@@ -134,13 +134,14 @@ static void read_controller(struct sst_usb_device *d, const char *devices, const
         d->port_buses = sysfs_int(real, "vendor", 16, 0) == VENDOR_INTEL && strstr(d->maker, "xhci");
 }
 
-static void read_alts(struct sst_usb_device *d, const char *folder)
+static void read_descriptors(struct sst_usb_device *d, const char *folder)
 {
     uint8_t *data = malloc(DESCRIPTORS_MAX);
     const int n = data ? read_bytes(data, DESCRIPTORS_MAX, folder, "descriptors") : -ENOMEM;
 
     if (n > 0)
         d->alts = usb_parse_alts(d->alt, data, (size_t)n, d->speed_mbit);
+    d->still = n > 0 && usb_has_ptp(data, (size_t)n);
     free(data);
 }
 
@@ -169,7 +170,7 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
     if (!strncmp(name, "usb", 3))
         read_controller(d, devices, folder);
     else
-        read_alts(d, folder);
+        read_descriptors(d, folder);
     return 0;
 }
 

@@ -30,6 +30,7 @@ struct sst_usb_device {
     int vendor, product;
     char maker[SST_USB_TEXT_MAX], name[SST_USB_TEXT_MAX], serial[SST_USB_TEXT_MAX];
     char node[SST_USB_TEXT_MAX]; /* /dev/videoN of a camera; "" */
+    bool still;                  /* it has an interface of the still image class (PTP) */
     int alts;
     struct sst_usb_alt alt[SST_USB_ALTS_MAX]; /* of its video streaming interface */
 };

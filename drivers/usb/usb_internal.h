@@ -38,6 +38,9 @@ int sysfs_int(const char *folder, const char *attribute, int base, int missing);
  *  @return number of settings; parsing stops at damaged descriptors */
 int usb_parse_alts(struct sst_usb_alt alt[SST_USB_ALTS_MAX], const uint8_t *data, size_t size, int speed_mbit);
 
+/** True if the descriptors of a device have a PTP interface. */
+bool usb_has_ptp(const uint8_t *data, size_t size);
+
 /** Order of ports: by bus, parents before their children, numbers as numbers. */
 int usb_compare_ports(const char *a, const char *b);
 

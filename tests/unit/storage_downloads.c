@@ -94,7 +94,8 @@ static void lines_of_the_view_are_read_strictly(void **state)
 /* The view of a trimmed recording begins with the picture that was shown there. */
 static void a_trimmed_view_begins_where_the_rest_does(void **state)
 {
-    static const uint8_t jpeg[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 120, 0, 160, 1, 1, 0x11, 0, 0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0, 0xff, 0xd9, 'x' };
+    static const uint8_t jpeg[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 120, 0,  160, 1,    1,    0x11,
+                                    0,    0xff, 0xda, 0,    8, 1,  1, 0, 0,   63, 0,   0xff, 0xd9, 'x' };
     static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
                                   "\"t_ns\":5500000000,\"wall_ns\":1763748305500000000}";
     struct video whole = { .frame = NULL }, rest = { .frame = NULL };
@@ -404,7 +405,8 @@ static void a_video_needs_room(void **state)
 /* A picture of the view with this content, shown at a time. */
 static void show_at(struct bench *b, struct sst_slot *slot, int content, int64_t t_ns, int64_t wall_ns, int in_memory)
 {
-    static const uint8_t head[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 6, 0, 8, 1, 1, 0x11, 0, 0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0 };
+    static const uint8_t head[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 6, 0, 8,  1, 1,
+                                    0x11, 0,    0xff, 0xda, 0, 8,  1, 1, 0, 0, 63, 0 };
     uint8_t *data = malloc(sizeof(head) + 1);
 
     memcpy(data, head, sizeof(head));
