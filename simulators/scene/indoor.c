@@ -64,11 +64,11 @@ void build_transportation(struct sst_scene_world *w)
     shadow_at(w, bicycle.base, 90, 14);
     shadow_at(w, horse.base, 42, 13);
     sst_scene_begin(w, SST_LABEL_MOTORCYCLE, 0);
-    add_motorcycle(w, motorcycle);
+    add_model(w, "motorcycle", motorcycle);
     sst_scene_begin(w, SST_LABEL_BICYCLE, bit_bicycle);
-    add_bicycle(w, bicycle);
+    add_model(w, "bicycle", bicycle);
     sst_scene_begin(w, SST_LABEL_HORSE, bit_horse | bit_bicycle);
-    add_horse(w, horse);
+    add_model(w, "horse", horse);
 }
 
 /* --- humvee: toys behind leaves ----------------------------------------------------------------------------------- */
@@ -118,7 +118,7 @@ void build_humvee(struct sst_scene_world *w)
     shadow_at(w, car.base, 165, 95);
     shadow_at(w, man, 45, 30);
     sst_scene_begin(w, SST_LABEL_TOY, 0);
-    add_humvee(w, car);
+    add_model(w, "humvee", car);
     add_soldier(w, man, 0.125, -0.3);
     sst_scene_begin(w, SST_LABEL_TREE, leaves);
     for (int i = 0; i < 6; i++) {
@@ -188,9 +188,9 @@ void build_cat(struct sst_scene_world *w)
     shadow_at(w, cat.base, 190, 70);
     shadow_at(w, hen.base, 85, 45);
     sst_scene_begin(w, SST_LABEL_CAT, 0);
-    add_cat(w, cat);
+    add_model(w, "cat", cat);
     sst_scene_begin(w, SST_LABEL_HEN, bit);
-    add_hen(w, hen);
+    add_model(w, "hen", hen);
 }
 
 /* --- cell: a translucent layer of membranes over the layer of the nuclei ------------------------------------------ */

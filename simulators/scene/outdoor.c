@@ -4,26 +4,6 @@
 
 /* --- bush: a man on a sofa before a house, behind dense leaves ---------------------------------------------------- */
 
-static void add_sofa(struct sst_scene_world *w, struct sst_vec3 base)
-{
-    const struct sst_scene_material cloth = { paint_cloth, rgb_hex(0x8d3b34), rgb_hex(0xa9584a), 28, 3, NULL };
-    const struct sst_scene_material pillow = { paint_cloth, rgb_hex(0xc9b98a), rgb_hex(0x3e5a74), 70, 0, NULL };
-
-    sst_scene_begin(w, SST_LABEL_FURNITURE, 0);
-    add_box(w, vec3_add(base, vec3(0, -215, -40)), (struct axes){ vec3(880, 0, 0), vec3(0, 215, 0), vec3(0, 0, 340) },
-            cloth);
-    add_box(w, vec3_add(base, vec3(0, -450, 230)), (struct axes){ vec3(960, 0, 0), vec3(0, 450, 0), vec3(0, 0, 130) },
-            cloth);
-    for (int side = -1; side <= 1; side += 2) {
-        add_box(w, vec3_add(base, vec3(side * 940, -300, -20)),
-                (struct axes){ vec3(110, 0, 0), vec3(0, 300, 0), vec3(0, 0, 370) }, cloth);
-        add_limb(w, vec3_add(base, vec3(side * 940, -600, -380)), vec3_add(base, vec3(side * 940, -600, 330)), 125,
-                 cloth);
-        add_ball(w, vec3_add(base, vec3(side * 560, -640, 60)), vec3(260, 225, 100), pillow);
-        add_ball(w, vec3_add(base, vec3(side * 430, -430, -60)), vec3(440, 70, 300), cloth);
-    }
-}
-
 /* Clothes depend on the seed. */
 static struct sst_scene_material shirt(struct sst_scene_world *w, double scale_mm)
 {
@@ -72,7 +52,8 @@ void build_bush(struct sst_scene_world *w)
     sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
     sst_scene_add_floor(w, base.y, 300, wall.z, material(paint_slabs, 0x8d8678, 0xb9b2a2, 420));
     add_shadow(w, vec3(base.x, base.y, base.z - 60), 1150, 620);
-    add_sofa(w, base);
+    sst_scene_begin(w, SST_LABEL_FURNITURE, 0);
+    add_model(w, "sofa", (struct stand){ base, 1, 0 });
     add_sitter(w, base);
 
     sst_scene_begin(w, SST_LABEL_TREE, bush);

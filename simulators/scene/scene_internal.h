@@ -139,7 +139,7 @@ void hedge_person_draw(const struct hedge_canvas *c, const struct sst_hedge_pers
 /** The part of a person that the reference view, which is drawn, sees. */
 double hedge_person_seen(const struct hedge_canvas *c, const struct sst_hedge_person *p);
 
-/* --- models: toy models: animals, vehicles. --- */
+/* --- models: animals, vehicles, furniture. --- */
 
 /** A model stands at `base` on the ground, its front rotated by `yaw` rad from the picture's right towards the
  *  cameras; `scale` is model size over real size. */
@@ -148,12 +148,8 @@ struct stand {
     double scale, yaw;
 };
 
-void add_horse(struct sst_scene_world *w, struct stand at);
-void add_bicycle(struct sst_scene_world *w, struct stand at);
-void add_motorcycle(struct sst_scene_world *w, struct stand at);
-void add_humvee(struct sst_scene_world *w, struct stand at);
-void add_cat(struct sst_scene_world *w, struct stand at);
-void add_hen(struct sst_scene_world *w, struct stand at);
+/** Add a model of models.txt. */
+void add_model(struct sst_scene_world *w, const char *name, struct stand stand);
 
 /* --- raster: the renderer, shared by raster.c and layers.c. --- */
 
