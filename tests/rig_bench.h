@@ -15,7 +15,7 @@
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
 #include "simulators/rig/drive.h"
-#include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 
 #define BENCH_WIDTH       640
 #define BENCH_HEIGHT      64

@@ -17,7 +17,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "pipeline/image/codec.h"
-#include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 
 #define KILLS       3
 #define RUN_LIMIT_S 120

@@ -16,7 +16,7 @@
 
 #include <turbojpeg.h>
 
-#include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 
 #define BUFFERS 16 /* more than a test wants frames of: none is lost while we stand still */
 

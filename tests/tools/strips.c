@@ -10,7 +10,7 @@
 #include "capture/recording/recording.h"
 #include "pipeline/image/image.h"
 #include "pipeline/image/raw.h"
-#include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 
 static struct {
     int sets, frames, unread, mixed;

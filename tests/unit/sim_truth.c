@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 
 #include "simulators/scene/surfaces.h"
+#include "tests/strip_read.h"
 
 static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
 {

@@ -10,6 +10,7 @@
 
 #include "simulators/scene/world/settings.h"
 #include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 
 static const struct sst_sim_exposure example = {
     .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000, .gain = 1

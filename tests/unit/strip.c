@@ -3,7 +3,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "simulators/scene/world/world_internal.h"
+#include "tests/strip_read.h"
 #include "tests/test.h"
 
 #define WIDTH  640

@@ -1,13 +1,10 @@
 #include "simulators/scene/world/world_internal.h"
 
-#include <errno.h>
 #include <string.h>
 #include <zlib.h>
 
 #define GAIN_ONE  64
 #define CRC_AT    (SST_STRIP_BITS - 32)
-#define DARK      96 /* a cell's mean below is black, above LIGHT white; between: invalid */
-#define LIGHT     160
 #define POSE_BITS 24
 
 int strip_height(int width)
@@ -22,15 +19,6 @@ static void put(uint8_t *bits, int *at, int n, uint64_t value)
 {
     for (int i = n - 1; i >= 0; i--, (*at)++)
         bits[*at / 8] = (uint8_t)(bits[*at / 8] | (value >> i & 1) << (7 - *at % 8));
-}
-
-static uint64_t get(const uint8_t *bits, int *at, int n)
-{
-    uint64_t value = 0;
-
-    for (int i = 0; i < n; i++, (*at)++)
-        value = value << 1 | (bits[*at / 8] >> (7 - *at % 8) & 1);
-    return value;
 }
 
 static uint64_t clamped(int64_t value, int n)
@@ -72,46 +60,4 @@ void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_ex
             luma[(size_t)y * stride + (size_t)x] = white ? SST_STRIP_WHITE : SST_STRIP_BLACK;
         }
     }
-}
-
-/* Value of a cell: 1, 0, or -1 for neither. Its edges are ignored: scaling and JPEG soften them. */
-static int cell_of(const uint8_t *luma, size_t stride)
-{
-    int sum = 0;
-
-    for (int y = 2; y < 6; y++) {
-        for (int x = 2; x < 6; x++)
-            sum += luma[(size_t)y * stride + (size_t)x];
-    }
-    return sum < DARK * 16 ? 0 : sum > LIGHT * 16 ? 1 : -1;
-}
-
-int strip_read(const uint8_t *luma, size_t stride, int width, int height, struct sst_sim_exposure *out)
-{
-    const int cells = width / SST_STRIP_CELL;
-    uint8_t bits[SST_STRIP_BYTES] = { 0 };
-    struct sst_sim_exposure e = { 0 };
-    int at = 0;
-
-    if (cells < 1 || height < strip_height(width))
-        return -EBADMSG;
-    for (int i = 0; i < SST_STRIP_BITS; i++) {
-        const size_t x = (size_t)(i % cells) * SST_STRIP_CELL, y = (size_t)(i / cells) * SST_STRIP_CELL;
-        const int bit = cell_of(luma + y * stride + x, stride);
-
-        if (bit < 0)
-            return -EBADMSG;
-        bits[i / 8] = (uint8_t)(bits[i / 8] | bit << (7 - i % 8));
-    }
-    e.cam = (int)get(bits, &at, 8);
-    e.trigger = get(bits, &at, 40);
-    e.t_ns = (int64_t)get(bits, &at, 56);
-    e.exposure_us = (int)get(bits, &at, 20);
-    e.gain = (double)get(bits, &at, 12) / GAIN_ONE;
-    for (int i = 0; i < 3; i++)
-        e.pose_um[i] = (int32_t)((uint32_t)get(bits, &at, POSE_BITS) << (32 - POSE_BITS)) >> (32 - POSE_BITS);
-    if (get(bits, &at, 32) != crc32_z(0, bits, CRC_AT / 8))
-        return -EBADMSG;
-    *out = e;
-    return 0;
 }

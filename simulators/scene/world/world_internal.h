@@ -168,14 +168,6 @@ static inline bool strip_cell(const uint8_t bits[SST_STRIP_BYTES], int i)
 /** Draw the strip into luma. @param luma [strip_height(width)][stride] */
 void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *exposure);
 
-/**
- * Read a strip from decoded luma; the height may be the strip's alone.
- *
- * @return 0 or -EBADMSG (no strip, a cell neither black nor white, or the checksum is wrong)
- */
-SST_MUST_CHECK int strip_read(const uint8_t *luma, size_t stride, int width, int height,
-                              struct sst_sim_exposure *exposure);
-
 /* --- jpeg: frames as JPEG 4:2:2 with a restart after each row of blocks, and the strip drawn into them. --- */
 
 /** A frame's bytes and the position of the strip. */
