@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -21,32 +20,12 @@
 
 static int make_token(const char *path)
 {
-    uint8_t random[TOKEN_BYTES];
     char text[2 * TOKEN_BYTES + 2];
-    size_t done = 0;
-    ssize_t n;
-    int fd, err = 0;
 
-    while (done < sizeof(random)) {
-        n = getrandom(random + done, sizeof(random) - done, 0);
-        if (n < 0 && errno != EINTR)
-            return -errno;
-        done += n > 0 ? (size_t)n : 0;
-    }
-    for (int i = 0; i < TOKEN_BYTES; i++)
-        snprintf(text + 2 * i, 3, "%02x", random[i]);
-    text[2 * TOKEN_BYTES] = '\n';
-    /* O_EXCL: a link at this path is not followed. */
-    fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    if (fd < 0)
-        return -errno;
-    errno = 0;
-    if (write(fd, text, sizeof(text) - 1) != (ssize_t)sizeof(text) - 1 || fsync(fd))
-        err = errno ? -errno : -EIO;
-    close(fd);
-    if (err)
-        unlink(path);
-    return err;
+    if (!http_random_text(text, TOKEN_BYTES))
+        return -EIO;
+    strcat(text, "\n");
+    return http_write_private(path, text);
 }
 
 static int read_token(const char *path, char *out)

@@ -22,13 +22,12 @@ static bool is_hex(const char *text, size_t n)
     return strlen(text) == n && strspn(text, "0123456789abcdef") == n;
 }
 
-/* Tells whether the token is still the one of the login. FNV-1a: the file lies beside the token itself. */
-static uint64_t tag_of(const char *token)
+uint64_t http_hash(const void *data, size_t bytes)
 {
     uint64_t h = UINT64_C(14695981039346656037);
 
-    for (; *token; token++)
-        h = (h ^ (unsigned char)*token) * UINT64_C(1099511628211);
+    for (const uint8_t *p = data; bytes--; p++)
+        h = (h ^ *p) * UINT64_C(1099511628211);
     return h;
 }
 
@@ -40,8 +39,7 @@ static bool is_valid_locked(const struct http_sessions *s, const struct http_ses
 
 /* --- the file ----------------------------------------------------------------------------------------------------- */
 
-/* For the service alone from its creation on, unlike outputs of base/file.h. */
-static int write_private(const char *path, const char *text)
+int http_write_private(const char *path, const char *text)
 {
     char fresh[SST_PATH_MAX + 8];
     const size_t n = strlen(text);
@@ -99,7 +97,7 @@ static void save(struct http_sessions *s)
         text = text_locked(s);
     pthread_mutex_unlock(&s->lock);
     if (text)
-        err = write_private(s->path, text);
+        err = http_write_private(s->path, text);
     if (changes != s->written) {
         if (err && !s->failed)
             sst_log_warning("sessions %s cannot be written: %s; a restart of the service logs browsers out", s->path,
@@ -140,8 +138,8 @@ void http_sessions_init(struct http_sessions *s, const char *path, const char *c
     memset(s, 0, sizeof(*s));
     pthread_mutex_init(&s->lock, NULL);
     pthread_mutex_init(&s->writing, NULL);
-    s->tag[0] = tag_of(view);
-    s->tag[1] = tag_of(control);
+    s->tag[0] = http_hash(view, strlen(view)); /* of the login's token; the file lies beside the token itself */
+    s->tag[1] = http_hash(control, strlen(control));
     if (!path || snprintf(s->path, sizeof(s->path), "%s.sessions", path) >= (int)sizeof(s->path))
         s->path[0] = 0;
     if (s->path[0] && sst_path_exists(s->path) && !sst_file_read(s->path, FILE_MAX, &text, &bytes))
@@ -164,13 +162,13 @@ void http_sessions_fini(struct http_sessions *s)
 
 /* --- logging in and out ------------------------------------------------------------------------------------------- */
 
-static bool make_secret(char out[HTTP_SECRET + 1])
+bool http_random_text(char *out, size_t bytes)
 {
-    uint8_t random[HTTP_SECRET / 2];
+    uint8_t random[32];
 
-    if (getrandom(random, sizeof(random), 0) != (ssize_t)sizeof(random)) /* never less: it is small */
+    if (bytes > sizeof(random) || getentropy(random, bytes))
         return false;
-    for (size_t i = 0; i < sizeof(random); i++)
+    for (size_t i = 0; i < bytes; i++)
         snprintf(out + 2 * i, 3, "%02x", random[i]);
     return true;
 }
@@ -221,7 +219,7 @@ bool http_session_begin(struct http_sessions *s, enum sst_role role, const char 
     const int64_t now_ns = sst_clock_wall_ns();
     struct http_session new = { .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns };
 
-    if (!make_secret(secret))
+    if (!http_random_text(secret, HTTP_SECRET / 2))
         return false;
     memcpy(new.secret, secret, HTTP_SECRET + 1);
     copy_plain(new.address, sizeof(new.address), address);

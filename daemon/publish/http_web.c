@@ -31,16 +31,6 @@ static const char *type_of(const char *name)
     return "application/octet-stream";
 }
 
-/* FNV-1a of the content: the same file has the same tag after an update. */
-static uint64_t hash_of(const struct web_file *f)
-{
-    uint64_t h = 14695981039346656037u;
-
-    for (const uint8_t *p = f->data; p < f->end; p++)
-        h = (h ^ *p) * 1099511628211u;
-    return h;
-}
-
 static struct MHD_Response *empty(void)
 {
     return MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
@@ -92,7 +82,8 @@ int http_do_web(struct http_request *q, const char *file, bool redirect)
         f++;
     if (!f->name)
         return http_reply_error(q, MHD_HTTP_NOT_FOUND, "the page has no file %s", file);
-    snprintf(etag, sizeof(etag), "\"%016llx\"", (unsigned long long)hash_of(f));
+    /* The same file has the same tag after an update. */
+    snprintf(etag, sizeof(etag), "\"%016llx\"", (unsigned long long)http_hash(f->data, (size_t)(f->end - f->data)));
     same = match && http_etag_matches(match, etag);
     response =
         same ? empty()

@@ -126,6 +126,12 @@ struct http_sessions {
     bool failed;                                    /* under writing: they could not be written */
 };
 
+/** Write a file that is the service's alone from its creation on, unlike outputs of base/file.h. @return 0 or -errno */
+SST_MUST_CHECK int http_write_private(const char *path, const char *text);
+/** Random bytes, at most 32, as hexadecimal digits. @return false: there is no source of them */
+SST_MUST_CHECK bool http_random_text(char *out, size_t bytes);
+/** FNV-1a. */
+uint64_t http_hash(const void *data, size_t bytes);
 /** @param path  of the control token, beside which they are kept; NULL: nowhere */
 void http_sessions_init(struct http_sessions *s, const char *path, const char *control, const char *view);
 void http_sessions_fini(struct http_sessions *s);
