@@ -2,7 +2,6 @@
 #define _GNU_SOURCE /* pipe2 */
 #include <errno.h>
 #include <fcntl.h>
-#include <getopt.h>
 #include <malloc.h>
 #include <poll.h>
 #include <pthread.h>
@@ -21,7 +20,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "config/sstd.h"
+#include "config/program.h"
 #include "daemon/service/service.h"
 
 /* Memory that stays flat for months: threads come and go with clients, so there is no arena for each; and blocks from
@@ -31,15 +30,8 @@
 #define LARGE_BYTES (256 * 1024)
 #define TICK_MS     250
 #define STOP_MS     1100 /* then the process ends, whatever hangs; its memory goes after that */
-#define EXIT_USAGE  2
-#define EXIT_CONFIG 78 /* systemd does not start it again: RestartPreventExitStatus */
 #define STATUS_NS   INT64_C(1000000000)
 #define WATCHDOG_NS INT64_C(20000000000) /* progress is judged over this without a watchdog */
-
-struct options {
-    const char *config, *socket;
-    bool check;
-};
 
 /* --- systemd, where there is one ---------------------------------------------------------------------------------- */
 
@@ -212,9 +204,9 @@ static void serve(struct sst_service *service, int signals)
     }
 }
 
-static int run(const struct options *o, const struct sst_config *config)
+static int run(const struct sst_program *p, const struct sst_config *config)
 {
-    const struct sst_service_config cfg = { .path = o->config, .socket = o->socket, .socket_fd = activated_socket() };
+    const struct sst_service_config cfg = { .path = p->config, .socket = p->socket, .socket_fd = activated_socket() };
     struct sst_service *service;
     const int signals = catch_signals();
 
@@ -255,57 +247,18 @@ static const char help[] =
 
 int main(int argc, char **argv)
 {
-    static const struct option options[] = {
-        { "config", required_argument, NULL, 'c' },
-        { "check", no_argument, NULL, 'k' },
-        { "socket", required_argument, NULL, 's' },
-        { "verbose", no_argument, NULL, 'v' },
-        { "version", no_argument, NULL, 'V' },
-        { "help", no_argument, NULL, 'h' },
-        { NULL, 0, NULL, 0 },
-    };
-    struct options o = { 0 };
+    struct sst_program program = { .name = "sstd", .help = help, .checks = true };
     struct sst_config *config;
-    int c, err, level = SST_LOG_WARNING;
+    int status;
 
-    while ((c = getopt_long(argc, argv, "hv", options, NULL)) != -1) {
-        switch (c) {
-        case 'c':
-            o.config = optarg;
-            break;
-        case 'k':
-            o.check = true;
-            break;
-        case 's':
-            o.socket = optarg;
-            break;
-        case 'v':
-            level++;
-            break;
-        case 'V':
-            printf("sstd %s\n", SST_VERSION);
-            return EXIT_SUCCESS;
-        case 'h':
-            fputs(help, stdout);
-            return EXIT_SUCCESS;
-        default:
-            return EXIT_USAGE;
-        }
-    }
-    if (optind < argc) {
-        fprintf(stderr, "sst: error: sstd has no argument %s; see sstd --help\n", argv[optind]);
-        return EXIT_USAGE;
-    }
-    sst_log_set_level((enum sst_log_level)(level > SST_LOG_DEBUG ? SST_LOG_DEBUG : level));
-    sst_log_use_journal(getenv("JOURNAL_STREAM") != NULL);
     mallopt(M_ARENA_MAX, ARENAS);
     mallopt(M_MMAP_THRESHOLD, LARGE_BYTES);
     config = calloc(1, sizeof(*config));
     if (!config)
         return EXIT_FAILURE;
-    sst_config_defaults(config);
-    err = sst_config_read(config, o.config);
-    c = err ? EXIT_CONFIG : o.check ? EXIT_SUCCESS : run(&o, config);
+    status = sst_program_begin(&program, config, argc, argv);
+    if (status == SST_PROGRAM_GO_ON)
+        status = run(&program, config);
     free(config);
-    return c;
+    return status;
 }

@@ -2,7 +2,6 @@
 #include "publishers/publisher.h"
 
 #include <assert.h>
-#include <getopt.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
@@ -15,7 +14,6 @@
 #include "base/log.h"
 #include "base/thread.h"
 
-#define EXIT_USAGE    2
 #define WAIT_MAX_S    30
 #define JOIN_US       5000
 #define SAME_START_NS INT64_C(2000000000) /* two readings of the start of one service differ by less */
@@ -23,74 +21,20 @@
 
 /* --- begin -------------------------------------------------------------------------------------------------------- */
 
-static void print_help(const char *name, const char *what)
-{
-    printf("sst-%s [--config FILE] [--socket PATH] [-v]\n\n%s\n\n"
-           "  --config FILE   configuration of the service; /etc/sst/sstd.yaml, and conf.d/*.yaml beside it\n"
-           "  --socket PATH   control socket of the service instead of the configuration's\n"
-           "  -v, --verbose   log more (twice: everything)\n"
-           "      --version   print the version\n"
-           "  -h, --help      this\n\n"
-           "It follows each reload of the service, and waits while it is disabled in the configuration.\n",
-           name, what);
-}
-
-static int parse_options(struct sst_publisher *p, int argc, char **argv, int *level)
-{
-    static const struct option options[] = {
-        { "config", required_argument, NULL, 'c' }, { "socket", required_argument, NULL, 's' },
-        { "verbose", no_argument, NULL, 'v' },      { "version", no_argument, NULL, 'V' },
-        { "help", no_argument, NULL, 'h' },         { NULL, 0, NULL, 0 },
-    };
-    int c;
-
-    while ((c = getopt_long(argc, argv, "hv", options, NULL)) != -1) {
-        switch (c) {
-        case 'c':
-            p->config_path = optarg;
-            break;
-        case 's':
-            p->service.socket = optarg;
-            break;
-        case 'v':
-            ++*level;
-            break;
-        case 'V':
-            printf("sst-%s %s\n", p->name, SST_VERSION);
-            return EXIT_SUCCESS;
-        case 'h':
-            print_help(p->name, p->what);
-            return EXIT_SUCCESS;
-        default:
-            return EXIT_USAGE;
-        }
-    }
-    if (optind == argc)
-        return SST_PUBLISHER_GO_ON;
-    fprintf(stderr, "sst: error: sst-%s has no argument %s; see sst-%s --help\n", p->name, argv[optind], p->name);
-    return EXIT_USAGE;
-}
-
 int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, int argc, char **argv)
 {
-    char program[32];
-    int level = SST_LOG_WARNING, done;
+    struct sst_program program = { .name = p->program, .help = p->help };
+    const int done = sst_program_begin(&program, config, argc, argv);
 
-    snprintf(program, sizeof(program), "sst-%s", p->name);
-    done = parse_options(p, argc, argv, &level);
-    if (done != SST_PUBLISHER_GO_ON)
+    if (done != SST_PROGRAM_GO_ON)
         return done;
-    sst_log_set_level((enum sst_log_level)(level > SST_LOG_DEBUG ? SST_LOG_DEBUG : level));
-    sst_log_use_journal(getenv("JOURNAL_STREAM") != NULL);
-    sst_thread_name(program);
+    sst_thread_name(p->program);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGHUP, SIG_IGN);
-    sst_config_defaults(config);
-    if (sst_config_read(config, p->config_path))
-        return SST_PUBLISHER_EXIT_CONFIG;
-    snprintf(p->socket, sizeof(p->socket), "%s", p->service.socket ? p->service.socket : config->control.socket);
+    p->config_path = program.config;
+    snprintf(p->socket, sizeof(p->socket), "%s", program.socket ? program.socket : config->control.socket);
     p->service.socket = p->socket;
-    return SST_PUBLISHER_GO_ON;
+    return SST_PROGRAM_GO_ON;
 }
 
 int sst_publisher_start(struct sst_publisher *p, void *(*run)(void *), void *arg)

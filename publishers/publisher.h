@@ -5,17 +5,25 @@
 #include <pthread.h>
 
 #include "client/client.h"
-#include "config/sstd.h"
+#include "config/program.h"
 
-#define SST_PUBLISHER_GO_ON       (-1)
-#define SST_PUBLISHER_THREADS     4
-#define SST_PUBLISHER_STOP_NS     INT64_C(1800000000) /* least time that systemd gives them: TimeoutStopSec */
-#define SST_PUBLISHER_EXIT_CONFIG 78                  /* systemd does not start it again: RestartPreventExitStatus */
+#define SST_PUBLISHER_THREADS 4
+#define SST_PUBLISHER_STOP_NS INT64_C(1800000000) /* least time that systemd gives them: TimeoutStopSec */
+
+/** --help of a program, with a sentence. */
+#define SST_PUBLISHER_HELP(program, what)                                                                              \
+    program " [--config FILE] [--socket PATH] [-v]\n\n" what "\n\n"                                                    \
+            "  --config FILE   configuration of the service; /etc/sst/sstd.yaml, and conf.d/*.yaml beside it\n"        \
+            "  --socket PATH   control socket of the service instead of the configuration's\n"                         \
+            "  -v, --verbose   log more (twice: everything)\n"                                                         \
+            "      --version   print the version\n"                                                                    \
+            "  -h, --help      this\n\n"                                                                               \
+            "It follows each reload of the service, and waits while it is disabled in the configuration.\n"
 
 /** A program that publishes pictures and events of the service, as a client of its API. */
 struct sst_publisher {
-    const char *name;                  /* "rtsp": in messages and reports; the program is sst-NAME */
-    const char *what;                  /* one sentence for --help */
+    const char *name;                  /* "rtsp": in messages and reports */
+    const char *program, *help;        /* "sst-rtsp", and its --help */
     const char *config_path;           /* NULL: the default */
     char socket[SST_CONFIG_TEXT_MAX];  /* of the service */
     struct sst_client_service service; /* the same, for sst_client_open() */
@@ -26,8 +34,8 @@ struct sst_publisher {
 /**
  * Parse the command line, set up log and signals, and read the configuration.
  *
- * @param p  name and what are set, all else is zero @param config  out, as read
- * @return SST_PUBLISHER_GO_ON, or the exit status of the program
+ * @param p  name, program and help are set, all else is zero @param config  out, as read
+ * @return SST_PROGRAM_GO_ON, or the exit status of the program
  */
 int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, int argc, char **argv);
 

@@ -239,10 +239,13 @@ int main(int argc, char **argv)
         return EXIT_FAILURE;
     sigaction(SIGTERM, &act, NULL); /* first: the service may end at once */
     sigaction(SIGINT, &act, NULL);
-    m->publisher = (struct sst_publisher){ .name = "mqtt",
-                                           .what = "Publishes state, events and pictures of sstd at an MQTT broker." };
+    m->publisher = (struct sst_publisher){
+        .name = "mqtt",
+        .program = "sst-mqtt",
+        .help = SST_PUBLISHER_HELP("sst-mqtt", "Publishes state, events and pictures of sstd at an MQTT broker.")
+    };
     done = sst_publisher_begin(&m->publisher, m->config, argc, argv);
-    if (done != SST_PUBLISHER_GO_ON)
+    if (done != SST_PROGRAM_GO_ON)
         return done;
     mqtt_init(m);
     if (sst_publisher_start(&m->publisher, follow, m) || sst_publisher_start(&m->publisher, get_pictures, m))

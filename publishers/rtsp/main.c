@@ -209,11 +209,13 @@ int main(int argc, char **argv)
     sigset_t signals;
     int sig, done;
 
-    state.publisher =
-        (struct sst_publisher){ .name = "rtsp",
-                                .what = "Serves the pictures of sstd to video recorders as RTSP streams." };
+    state.publisher = (struct sst_publisher){
+        .name = "rtsp",
+        .program = "sst-rtsp",
+        .help = SST_PUBLISHER_HELP("sst-rtsp", "Serves the pictures of sstd to video recorders as RTSP streams.")
+    };
     done = sst_publisher_begin(&state.publisher, &state.config, argc, argv);
-    if (done != SST_PUBLISHER_GO_ON)
+    if (done != SST_PROGRAM_GO_ON)
         return done;
     state.argv = argv;
     sigemptyset(&signals);
