@@ -182,10 +182,12 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 ifneq (,$(filter aarch64%,$(TARGET)))
 $(BUILD)/obj/simulators/scene/scene.o $(BUILD)/obj/pipeline/calibration/photometric/photometric_fit.o: private CFLAGS_ALL += -fno-tree-loop-vectorize
 endif
-# The assembler includes the page of the calibration report, the models of scenes and the entities of Home Assistant.
+# Files that the assembler includes.
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 $(BUILD)/obj/simulators/scene/models.o: simulators/scene/models.txt
 $(BUILD)/obj/publishers/mqtt/discovery.o: publishers/mqtt/entities.json
+$(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
+$(BUILD)/obj/cli/status.o: cli/status.txt
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
 $(BUILD)/obj/client/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'

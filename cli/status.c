@@ -15,63 +15,9 @@
 
 /* --- lines -------------------------------------------------------------------------------------------------------- */
 
-/** Lines of text about an object of the status, each element of a list, or nothing where there is none. */
-struct line {
-    const char *of, *text; /* "": the whole status */
-};
-
-/* {member} is a text, a list, or a number without fraction; {member:%.1f} is converted by printf; forms of other names:
- * bytes, duration, and short for a sentence. [member?text] shows the text where the member is true, more than 0 or not
- * empty, [member!text] where it is not, [member+text] where it is more than 1, [member#text] where it is a number, and
- * [member=word?text] where it is this word. */
-static const struct line head_lines[] = {
-    { "", "[reason?: {reason}] (sst {version}, up {uptime_s:duration})\n" },
-    { "capture",
-      "  capture    {present} of {cameras} cameras at {rate_hz:%.1f} Hz, trigger {trigger.source}; {sets} sets"
-      "[complete_percent#, {complete_percent:%.4g} % complete][dropped?, {dropped} dropped]"
-      "[refused?, {refused} refused for want of memory]\n" },
-    { 0 },
-};
-
-static const struct line lines[] = {
-    { "capture.skew_us",
-      "[p50#  skew       p50 {p50} us, p99 {p99}, max {max}; limit {limit}[over?, exceeded by {over} sets]"
-      "[worst?; farthest off: {worst}]\n]" },
-    { "hosts",
-      "[head?  head       {head.address} [head.connected?connected][head.connected!NOT CONNECTED[head.reason?: "
-      "{head.reason}]]; of {frames.captured} frames {frames.dropped} dropped, {frames.away} while it was away\n"
-      "[head.connected?[datagrams.used!             pictures go over TLS[datagrams.reason?: {datagrams.reason}]\n"
-      "]]]" },
-    { "hosts.nodes",
-      "  node       {name} [connected?connected, {cameras} cameras, clock {clock_ms:%+.1f} ms, {slips} slips "
-      "put right][connected!NOT CONNECTED[reason?: {reason}]]\n" },
-    { "live",
-      "  live       [enabled!off][enabled?[ready!not ready[reason?: {reason}][reason! yet]; {sets} sets seen]"
-      "[ready?{rate_hz:%.1f} sets/s[demand=none?, as there are no viewers; one view is watched for changes]"
-      "[demand=events?, for events; there are no viewers]"
-      "[latency_ms.p50#, latency p50 {latency_ms.p50} ms, p99 {latency_ms.p99} ms]; {changed_percent:%.3g} % of the "
-      "scene changed[settling?; settling][focus_px#; focus {focus_px:%.4g} px]]]\n" },
-    { "noticed", "  noticed    {text:short}\n" },
-    { "live.device",
-      "  device     {name}[failing? FAILS]: {pictures} pictures, {on_cpu} on the CPU instead[reason?: {reason}]; "
-      "{failures} failures\n" },
-    { "live.device.labels",
-      "             labels[failing? FAIL]: {runs} runs of the network, {on_cpu} on the CPU instead"
-      "[reason?: {reason}]; {failures} failures\n" },
-    { "live.device", "[stages_on_cpu?             on the CPU: {stages_on_cpu}\n]" },
-    { "storage",
-      "[state?  storage    {state}: {used_bytes:bytes} used[quota_bytes? of {quota_bytes:bytes}], "
-      "{free_bytes:bytes} free in {dir}[recordings?; {recordings} recording[recordings+s][oldest? since {oldest}]]"
-      "[reason?; {reason}]\n]" },
-    { "storage.recording",
-      "  recording  [active!no (mode {mode})][active?{name}[why? ({why})]: {sets} sets since {since}"
-      "[dropped?; {dropped} sets LOST since the service started: the disk was too slow or full]]\n" },
-    { "certificate", "  TLS        certificate until {until:%.10s}, {days} days\n" },
-    { "clients", "  clients    {http} on HTTP, {streams} moving pictures, {rtsp} on RTSP; {requests} requests"
-                 "[refused?, {refused} refused]\n" },
-    { "process", "  process    {rss_bytes:bytes} of memory, {cpu_percent} % of a processor\n" },
-    { 0 },
-};
+/* What is printed, in its order. */
+__asm__(".section .rodata\nstatus_lines: .incbin \"cli/status.txt\"\n.byte 0\n.previous");
+extern const char status_lines[];
 
 static void print_list(const json_t *list)
 {
@@ -119,12 +65,13 @@ static bool holds(const json_t *o, const char *path, char operator, const char *
                           : text && !strcmp(text, word);
 }
 
-/** @return end: "" or the bracket that closes the text */
-static const char *print_text(const json_t *o, const char *t, bool shown)
+/** @param some  out: true if anything is printed @return end: "" or the bracket that closes the text */
+static const char *print_text(const json_t *o, const char *t, bool shown, bool *some)
 {
     char path[64], word[16] = "";
 
     for (; *t && *t != ']'; t++) {
+        *some |= shown && *t != '[';
         if (*t == '{') {
             (void)sscanf(t + 1, "%63[^:}]:%15[^}]", path, word);
             if (shown)
@@ -141,7 +88,7 @@ static const char *print_text(const json_t *o, const char *t, bool shown)
                 (void)sscanf(t, "%15[^?]", word);
                 t = strchr(t, '?') + 1;
             }
-            t = print_text(o, t, shown && holds(o, path, operator, word));
+            t = print_text(o, t, shown && holds(o, path, operator, word), some);
             word[0] = 0;
         } else if (shown) {
             putchar(*t);
@@ -150,16 +97,14 @@ static const char *print_text(const json_t *o, const char *t, bool shown)
     return t;
 }
 
-static void print_lines(const json_t *status, const struct line *line)
+static void print_line(const json_t *o, const char *text)
 {
-    for (; line->text; line++) {
-        const json_t *of = cli_member(status, line->of);
+    bool some = false;
 
-        for (size_t i = 0; i < json_array_size(of); i++)
-            print_text(json_array_get(of, i), line->text, true);
-        if (json_is_object(of))
-            print_text(of, line->text, true);
-    }
+    if (json_is_object(o))
+        print_text(o, text, true, &some);
+    if (some)
+        putchar('\n');
 }
 
 /* --- state and cameras -------------------------------------------------------------------------------------------- */
@@ -265,15 +210,28 @@ static void print_frames(const json_t *s)
 static void print_status(json_t *status, const json_t *cameras)
 {
     const double sets = cli_number(status, "capture.sets");
+    char of[64], text[2048];
 
     if (sets > 0)
         json_object_set_new(json_object_get(status, "capture"), "complete_percent",
                             json_real(100 * cli_number(status, "capture.complete") / sets));
     print_state(status);
-    print_lines(status, head_lines);
-    print_missing(cameras);
-    print_frames(status);
-    print_lines(status, lines);
+    for (const char *at = strstr(status_lines, "\n==="), *end; at; at = end) {
+        const char *name = at + 4 + (at[4] == ' '), *from = strchr(name, '\n') + 1;
+        const json_t *member;
+
+        end = strstr(from, "\n===");
+        snprintf(of, sizeof(of), "%.*s", (int)(from - 1 - name), name);
+        snprintf(text, sizeof(text), "%.*s", end ? (int)(end - from) : (int)strcspn(from, "\n"), from);
+        member = cli_member(status, of);
+        if (!strcmp(of, "(missing)"))
+            print_missing(cameras);
+        if (!strcmp(of, "(frames)"))
+            print_frames(status);
+        for (size_t i = 0; i < json_array_size(member); i++)
+            print_line(json_array_get(member, i), text);
+        print_line(member, text);
+    }
 }
 
 /* --- command -------------------------------------------------------------------------------------------------------

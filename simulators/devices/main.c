@@ -18,33 +18,8 @@
 #define EXIT_OUTPUT 4
 #define FAULTS_MAX 64
 
-static const char help[] =
-    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; exit with its status\n"
-    "       sst-sim [OPTIONS] --serve DIR               keep a session in DIR until 'sst-sim stop --dir DIR'\n"
-    "       sst-sim --join DIR -- COMMAND               run COMMAND in a session that is served\n"
-    "       sst-sim --parameters FILE [--world W]       write the true parameters of a world\n"
-    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or list all faults\n"
-    "       sst-sim status [--json]                     show the state of the session\n"
-    "       sst-sim stop                                end a served session\n"
-    "\n"
-    "Programs see /dev/video0 ... of an array as Linux would show them; V4L2 programs run unchanged.\n"
-    "\n"
-    "  --world W        scene or world file (default: pedestrian)\n"
-    "  --cache DIR      prepared worlds (default: ~/.cache/sst-sim)\n"
-    "  --usb NAME       wide: a controller for each camera (default); tight: all on one, behind hubs;\n"
-    "                   single-tt, multi-tt: full-speed cameras behind hubs with one translator, or one a port\n"
-    "  --triggers WHAT  rows: line TRIG<row> of chip sst-trigger exposes a row (default); one: TRIG0 exposes all\n"
-    "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sim_rig) carry the camera\n"
-    "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
-    "  --fault N=V      a fault from the start; may be repeated\n"
-    "  --parameters F   write the world's true parameters: F.json all, F.yaml as a calibration\n"
-    "  --truth FILE     write the true events: one JSON object a line for each exposure\n"
-    "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
-    "  --quiet          do not print these figures on standard error\n"
-    "  --dir DIR        for fault, status and stop: the session (default: the one this runs in, $SST_SIM_DIR)\n"
-    "\n"
-    "example: sst-sim -- v4l2-ctl -d /dev/video7 --stream-mmap --stream-count=20 --stream-to=frames.mjpeg\n"
-    "         sst-sim --fault camera.3.eio=0.1 -- sh -c 'ffmpeg -f v4l2 -i /dev/video3 -frames 50 out.mp4'\n";
+__asm__(".section .rodata\nsim_help: .incbin \"simulators/devices/help.txt\"\n.byte 0\n.previous");
+extern const char sim_help[];
 
 struct arguments {
     struct sim_options options;
@@ -121,7 +96,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
             a->faults[o->fault_count++] = optarg;
             break;
         case 'h':
-            (void)fputs(help, stdout);
+            (void)fputs(sim_help, stdout);
             return 1;
         default:
             return usage("unknown option or a value is missing") + 1;
