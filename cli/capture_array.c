@@ -252,8 +252,8 @@ static int capture(struct array_capture *a, struct sst_recorder_config *rec, boo
 }
 
 struct array_options {
-    const char *config, *dir, *format, *source;
-    int sets, grid[2], size[2];
+    const char *config, *dir, *format;
+    int source, sets, grid[2], size[2];
     double rate_hz, camera_hz, segment_s, sync_s;
     bool append, json;
 };
@@ -261,8 +261,6 @@ struct array_options {
 /* Options that override the configuration. */
 static int apply(const struct cli_command *cmd, const struct array_options *o, struct sst_array_config *c)
 {
-    static const char *const sources[] = { "gpio", "software", "free-run", "external" };
-
     if (o->grid[0] && c->bound && (o->grid[0] != c->rows || o->grid[1] != c->cols))
         return cli_usage_error(cmd, "--grid does not fit the cameras that the configuration binds to places");
     if (o->grid[0]) {
@@ -279,15 +277,8 @@ static int apply(const struct cli_command *cmd, const struct array_options *o, s
             return cli_usage_error(cmd, "--format %s: known are MJPEG YUYV GREY Y16 BGGR8 GBRG8 GRBG8 RGGB8",
                                    o->format);
     }
-    if (o->source) {
-        size_t i = 0;
-
-        while (i < ARRAY_LEN(sources) && strcmp(o->source, sources[i]))
-            i++;
-        if (i == ARRAY_LEN(sources))
-            return cli_usage_error(cmd, "--trigger %s: known are gpio, software, free-run and external", o->source);
-        c->source = (enum sst_config_source)i;
-    }
+    if (o->source >= 0)
+        c->source = (enum sst_config_source)o->source;
     if (c->source == SST_CONFIG_GPIO && !c->lines)
         return cli_usage_error(cmd, "a gpio trigger needs its lines: trigger: lines in the configuration");
     if (c->source == SST_CONFIG_EXTERNAL && !c->loopback[0])
@@ -304,7 +295,7 @@ static int apply(const struct cli_command *cmd, const struct array_options *o, s
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_recorder_config rec;
-    struct array_options o = { 0 };
+    struct array_options o = { .source = -1 };
     struct array_capture *a = calloc(1, sizeof(*a));
     int r;
 
@@ -322,7 +313,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
         { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG" },
-        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software, free-run or external", 0, 0, "gpio software free-run external" },
+        { "trigger", 0, CLI_WORD, &o.source, "SOURCE", "gpio, software, free-run or external", 0, 0,
+          "gpio software free-run external" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
         { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
         { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording" },

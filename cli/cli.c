@@ -6,12 +6,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/edit_distance.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 
 int cli_exit_code(int err)
 {
@@ -103,7 +105,7 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
 static int describe(const struct cli_command *cmd, const struct cli_option *options, size_t n)
 {
     static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed", "number or auto",
-                                       "text", "text" };
+                                       "text", "text", "text" };
     const struct cli_manual *m = cli_manual(cmd);
     json_t *list = json_array();
     json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", m->name, "usage", m->usage, "summary", m->summary,
@@ -147,19 +149,29 @@ bad:
                            o->type == CLI_SIZE ? "1000x750" : "6x6");
 }
 
-/* Refuse a value that is nearly one of the option's words; the command itself reports other faults of it. */
-static int check_word(const struct cli_command *cmd, const struct cli_option *o, const char *text)
+/* Find a value among the option's words. Of texts alone one that is nearly a word is refused; the command itself reports
+ * other faults of it. */
+static int read_word(const struct cli_command *cmd, const struct cli_option *o, const char *text)
 {
-    char words[256] = "", *word[33] = { NULL }, *rest = NULL;
+    char words[256] = "", list[256] = "", *word[33] = { NULL }, *rest = NULL;
     const char *near;
+    int n = 0;
 
     snprintf(words, sizeof(words), "%s", o->words ? o->words : "");
-    for (int n = 0; n < 32 && (word[n] = strtok_r(n ? NULL : words, " ", &rest)); n++)
-        ;
+    for (; n < 32 && (word[n] = strtok_r(n ? NULL : words, " ", &rest)); n++) {
+        if (o->type == CLI_WORD && !strcasecmp(text, word[n])) {
+            *(int *)o->value = (int)o->min + n;
+            return CLI_GO_ON;
+        }
+    }
     near = sst_edit_nearest(text, (const char *const *)word);
-    if (!near || !strcmp(near, text))
+    if (near && strcmp(near, text))
+        return cli_usage_error(cmd, "unknown --%s `%s`; did you mean `%s`? choose from %s", o->name, text, near, o->words);
+    if (o->type != CLI_WORD)
         return CLI_GO_ON;
-    return cli_usage_error(cmd, "unknown --%s `%s`; did you mean `%s`? choose from %s", o->name, text, near, o->words);
+    for (int i = 0; i < n; i++)
+        sst_text_add(list, sizeof(list), "%s%s", !i ? "" : i + 1 == n ? " or " : ", ", word[i]);
+    return cli_usage_error(cmd, "unknown --%s `%s`; use %s", o->name, text, list);
 }
 
 static int set_value(const struct cli_command *cmd, const struct cli_option *o, const char *text)
@@ -173,7 +185,9 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
         return CLI_GO_ON;
     case CLI_STRING:
         *(const char **)o->value = text;
-        return check_word(cmd, o, text);
+        return read_word(cmd, o, text);
+    case CLI_WORD:
+        return read_word(cmd, o, text);
     case CLI_FILE:
     case CLI_MADE:
         *(const char **)o->value = text;

@@ -53,6 +53,7 @@ enum cli_type {
     CLI_AUTO = 7,   /* double *: as CLI_DOUBLE, or "auto": NaN */
     CLI_FILE = 8,   /* const char **: a file to write; ... */
     CLI_MADE = 9,   /* const char **: a folder, or either, to make: refused at once where it cannot be */
+    CLI_WORD = 10,  /* int * or an enum: min for the first of `words`, one more for the next ... */
 };
 
 struct cli_option {
@@ -356,14 +357,19 @@ void cli_network_report_device(struct sst_network_device *d);
 /* --- matching: the option --precision of commands that run networks, and the matching options that `sst stereo` and
  * `sst process` share. --- */
 
-#define CLI_PRECISION_HELP "networks on f32 or int8 numbers; default: int8 where file and processor have it"
-
-/** @param name  f32 or int8; NULL leaves *out alone. @return 0 or -EINVAL, logged */
-SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
+/** Option for an enum sst_precision. */
+#define CLI_PRECISION_OPTION(value)                                                                                    \
+    {                                                                                                                  \
+        "precision", 0, CLI_WORD, &(value), "NAME",                                                                    \
+            "networks on f32 or int8 numbers; default: int8 where file and processor have it", SST_PRECISION_F32, 0,   \
+            "f32 int8"                                                                                                 \
+    }
 
 /** Options of the user; unset numbers keep the preset's values. */
 struct cli_matching {
-    const char *preset, *cost, *model, *precision;
+    const char *preset, *model;
+    enum sst_cost cost; /* 0: the preset's */
+    enum sst_precision precision;
     int paths, p1, p2, rounds, scale, threads;
     bool no_fill, pairs;
 };
@@ -377,10 +383,10 @@ struct cli_matching {
 #define CLI_PRESETS "preview balanced accurate"
 #define CLI_MATCHING_OPTIONS(m)                                                                                        \
     { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },  \
-        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0,                      \
-          "census mccnn both" },                                                                                       \
+        { "cost",          0, CLI_WORD,           &(m).cost, "NAME", "matching cost: census, mccnn or both",           \
+          SST_COST_CENSUS, 0, "census mccnn both" },                                                                   \
         { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost" },                    \
-        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0, "f32 int8" },                  \
+        CLI_PRECISION_OPTION((m).precision),                                                                           \
         { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
         { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },       \
         { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                  \

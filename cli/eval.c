@@ -182,7 +182,6 @@ static int measure(const struct args *a)
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct args a = { 0 };
-    const char *verify = "auto";
     int r;
 
     sst_render_config_defaults(&a.cfg);
@@ -195,7 +194,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             { "c1", 0, CLI_DOUBLE, &a.cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &a.cfg.c2, "C", "least label weight", 0, 1 },
             { "aperture", 0, CLI_DOUBLE, &a.cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
-            CLI_VERIFY_OPTION(verify),
+            CLI_VERIFY_OPTION(a.cfg.verify),
             CLI_NO_VERIFY_OPTION(a.no_verify),
             { "threads", 0, CLI_INT, &a.threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
@@ -206,9 +205,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!a.truth_dir)
         return cli_usage_error(cmd, "--truth DIR is missing");
-    r = cli_read_verify(&a.cfg.verify, verify, cmd);
-    if (r != CLI_GO_ON)
-        return r;
     a.threads = sst_thread_count(a.threads);
     return measure(&a);
 }

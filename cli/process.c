@@ -25,11 +25,12 @@
 
 /* Options of the command line beyond the matching. */
 struct wanted {
-    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align, *device;
+    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *device;
     int device_memory; /* MiB; 0: three quarters */
     struct sst_network_device *networks;
     double range_min, range_max;
     bool no_labels, no_verify, json;
+    int unaligned; /* 1: `align` is off */
     bool correct, several; /* of `align`; more than one light field */
 };
 
@@ -471,11 +472,9 @@ static int read_options(const struct cli_command *cmd, struct job *job, const st
                                w->model        ? "model"
                                : w->labels_dir ? "labels"
                                                : "hand-label");
-    if (strcmp(w->align, "auto") && strcmp(w->align, "off"))
-        return cli_usage_error(cmd, "--align is auto or off, not %s", w->align);
     if (job->split && !job->shard->count)
         return cli_usage_error(cmd, "--split-views belongs to --shard");
-    w->correct = cfg->align = !strcmp(w->align, "auto");
+    w->correct = cfg->align = !w->unaligned;
     r = cli_exit_code(cli_matching_config(&cfg->disparity, m, mccnn));
     if (r)
         return r;
@@ -495,7 +494,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_shard shard = CLI_SHARD_DEFAULTS;
     struct job job = {
         .cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress },
-        .w = { .align = "auto", .device = "cpu", .range_min = NAN, .range_max = NAN },
+        .w = { .device = "cpu", .range_min = NAN, .range_max = NAN },
         .shard = &shard,
     };
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
@@ -516,7 +515,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
         { "skip", 0, CLI_STRING, &job.w.skip, "LIST",
           "computations to do in part only: keys, ranges, hypotheses, labels, all or none" },
-        { "align", 0, CLI_STRING, &job.w.align, "WHEN",
+        { "align", 0, CLI_WORD, &job.w.unaligned, "WHEN",
           "auto: pictures that are displaced or have other gains are corrected; off: not", 0, 0, "auto off" },
         { "device", 0, CLI_STRING, &job.w.device, "D",
           "where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of "

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <strings.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -135,7 +134,7 @@ static void report(const struct picture *p, const struct render_input *in, const
                          100 - supported);
         return;
     }
-    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", a->method, "width", p->image.width, "height",
+    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", cli_render_method(a), "width", p->image.width, "height",
                      p->image.height);
     if (a->cfg.method == SST_RENDER_CLEAR)
         report_clear(root, p, a);
@@ -154,7 +153,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     if (a->cfg.method == SST_RENDER_SST) {
         const double confirmed = sst_renderer_confirmed(in->renderer);
 
-        json_object_set_new(root, "verify_rays", json_string(a->verify));
+        json_object_set_new(root, "verify_rays", json_string((const char *[]){ "off", "on", "auto" }[a->cfg.verify]));
         json_object_set_new(root, "confirmed_percent", cli_real_json(100 * confirmed));
     }
     if (sst_renderer_disparities(in->renderer, &lo, &hi))
@@ -184,7 +183,7 @@ static int read_pixel(const struct cli_command *cmd, const char *text, const str
 static int check_files(const struct cli_command *cmd, const struct render_args *a, double focus, const char *out,
                        const char *valid)
 {
-    const bool clear = !strcasecmp(a->method, "clear");
+    const bool clear = a->cfg.method == SST_RENDER_CLEAR;
 
     if (!isnan(focus) && clear)
         return cli_usage_error(cmd, "--focus has no effect with --method clear, which is in focus everywhere");

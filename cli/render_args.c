@@ -17,18 +17,11 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 {
     struct sst_render_config *cfg = &a->cfg;
 
-    *a = (struct render_args){ .method = "sst",
-                               .range = "object",
-                               .unsupported = "refocus",
-                               .sampling = "auto",
-                               .verify = "auto",
-                               .device = "cpu",
-                               .cut = NAN,
-                               .pictures = 1 };
+    *a = (struct render_args){ .device = "cpu", .cut = NAN, .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
-        { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default), refocus (all rays alike) or clear",
-          0, 0, "sst refocus clear" },
+        { "method", 'm', CLI_WORD, &cfg->method, "M", "sst (see-through, default), refocus (all rays alike) or clear",
+          0, 0, "refocus sst clear" },
         { "cut", 0, CLI_DOUBLE, &a->cut, "D", "clear: remove all nearer than D px per spacing (found by itself)", 0,
           0 },
         { "remove-label", 0, CLI_STRING, &a->remove_label, "NAME", "clear: remove objects with this label" },
@@ -39,13 +32,14 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           1e-6, INFINITY },
         { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1 (0.005)", 0, 1 },
         { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.02; 1: labels ignored)", 0, 1 },
-        { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object (default), percentile, minmax", 0,
-          0 },
+        { "range", 0, CLI_WORD, &cfg->range, "R", "depth range of a label: object (default), percentile, minmax", 0, 0,
+          "object percentile minmax" },
         { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
           0.5 },
-        { "unsupported", 0, CLI_STRING, &a->unsupported, "U",
-          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)", 0, 0, "refocus invalid" },
-        CLI_VERIFY_OPTION(a->verify),
+        { "unsupported", 0, CLI_WORD, &cfg->unsupported, "U",
+          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)", 0, 0,
+          "refocus invalid" },
+        CLI_VERIFY_OPTION(cfg->verify),
         { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
           INFINITY },
         { "f-stop", 0, CLI_DOUBLE, &a->f_stop, "N", "the same as 1/N of the widest aperture, N >= 1", 1, 1e6 },
@@ -56,8 +50,9 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           -SST_MAX_VIEWS, SST_MAX_VIEWS },
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
-        { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated or corrected views: straight from the files, from resampled views, or auto", 0, 0, "auto raw rectified" },
+        { "sampling", 0, CLI_WORD, &a->sampling, "S",
+          "calibrated or corrected views: straight from the files, from resampled views, or auto", 0, 0,
+          "auto raw rectified" },
         CLI_NO_VERIFY_OPTION(a->no_verify),
         { "device", 0, CLI_STRING, &a->device, "D",
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
@@ -74,34 +69,9 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
     memcpy(options, made, sizeof(made));
 }
 
-/* Index of a word in a list, or -1 with a usage error that names the list. */
-static int find_word(const struct cli_command *cmd, const char *option, const char *word, const char *const *words,
-                     int n)
+const char *cli_render_method(const struct render_args *a)
 {
-    char list[128] = "";
-
-    for (int i = 0; i < n; i++) {
-        if (!strcasecmp(word, words[i]))
-            return i;
-        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s",
-                 !i           ? ""
-                 : i + 1 == n ? " or "
-                              : ", ",
-                 words[i]);
-    }
-    cli_usage_error(cmd, "unknown --%s `%s`; use %s", option, word, list);
-    return -1;
-}
-
-int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd)
-{
-    static const char *const words[] = { "off", "on", "auto" };
-    const int found = find_word(cmd, "verify-rays", word, words, 3);
-
-    if (found < 0)
-        return CLI_USAGE;
-    *verify = (enum sst_render_verify)found;
-    return CLI_GO_ON;
+    return (const char *[]){ "refocus", "sst", "clear" }[a->cfg.method];
 }
 
 /* Skips; `views` and `tiles` of earlier versions equal `rays`. */
@@ -115,8 +85,9 @@ static int read_skips(struct render_args *a, const struct cli_command *cmd)
     if (r != CLI_GO_ON || !a->cfg.skip_rays)
         return r;
     if (a->cfg.method == SST_RENDER_CLEAR)
-        return cli_usage_error(cmd, "--skip %s has no effect with --method clear, which stops at the 16 nearest views "
-                                    "that see a pixel's surface anyway",
+        return cli_usage_error(cmd,
+                               "--skip %s has no effect with --method clear, which stops at the 16 nearest views "
+                               "that see a pixel's surface anyway",
                                a->skip);
     if (strcmp(a->device, "cpu"))
         return cli_usage_error(cmd, "--skip %s and --device %s contradict each other: devices sum all rays", a->skip,
@@ -124,28 +95,15 @@ static int read_skips(struct render_args *a, const struct cli_command *cmd)
     return CLI_GO_ON;
 }
 
-static int read_words(struct render_args *a, const struct cli_command *cmd)
+static int check_options(struct render_args *a, const struct cli_command *cmd)
 {
-    static const char *const methods[] = { "refocus", "sst", "clear" },
-                             *const ranges[] = { "object", "percentile", "minmax" },
-                             *const unsupported[] = { "refocus", "invalid" };
-    static const char *const samplings[] = { "auto", "raw", "rectified" };
-    const int method = find_word(cmd, "method", a->method, methods, 3);
-    const int range = method < 0 ? -1 : find_word(cmd, "range", a->range, ranges, 3);
-    const int fallback = range < 0 ? -1 : find_word(cmd, "unsupported", a->unsupported, unsupported, 2);
-
-    if (fallback < 0 || find_word(cmd, "sampling", a->sampling, samplings, 3) < 0 ||
-        cli_read_verify(&a->cfg.verify, a->verify, cmd) != CLI_GO_ON)
-        return CLI_USAGE;
-    if ((a->views_needed || a->remove_at) && !strcasecmp(a->sampling, "raw"))
+    if ((a->views_needed || a->remove_at) && a->sampling == RENDER_RAW)
         return cli_usage_error(cmd, "--explain and --remove-at need rectified views; leave out --sampling raw");
-    a->cfg.method = (enum sst_render_method)method;
-    a->cfg.range = (enum sst_label_range)range;
-    a->cfg.unsupported = (enum sst_render_unsupported)fallback;
     if (a->f_stop > 0 && isfinite(a->cfg.aperture))
         return cli_usage_error(cmd, "--aperture and --f-stop set the same value; use one of them");
     if (a->label && a->cfg.method != SST_RENDER_SST)
-        return cli_usage_error(cmd, "--label has no effect with --method %s, which focuses on no label", a->method);
+        return cli_usage_error(cmd, "--label has no effect with --method %s, which focuses on no label",
+                               cli_render_method(a));
     if (a->cfg.method != SST_RENDER_CLEAR && (!isnan(a->cut) || a->remove_label || a->remove_at))
         return cli_usage_error(cmd, "--cut, --remove-label and --remove-at need --method clear");
     return read_skips(a, cmd);
@@ -285,9 +243,8 @@ static int choose_sampling(struct render_input *in, struct render_args *a, const
     if (err)
         return cli_exit_code(err);
     set_aperture(&lf, a);
-    raw =
-        !strcasecmp(a->sampling, "raw") || (!strcasecmp(a->sampling, "auto") && !(a->views_needed && lf.calibration) &&
-                                            sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
+    raw = a->sampling == RENDER_RAW || (a->sampling == RENDER_AUTO && !(a->views_needed && lf.calibration) &&
+                                        sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
     if (raw && !lf.calibration && !lf.correction) {
         sst_log_error(
             "%s has neither a calibration nor a correction: its files are the views, not raw frames; leave out "
@@ -309,7 +266,7 @@ static int choose_sampling(struct render_input *in, struct render_args *a, const
 
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path)
 {
-    int r = read_words(a, cmd), err;
+    int r = check_options(a, cmd), err;
     unsigned what;
 
     if (r != CLI_GO_ON)
@@ -362,8 +319,7 @@ void cli_render_report_skips(const struct render_input *in, const char *out)
 
     if (!sst_renderer_skips(in->renderer, &s))
         return;
-    printf("%s: %.1f %% of the rays skipped, %.1f %% without weights", out, 100 * s.rays_skipped,
-           100 * s.rays_even);
+    printf("%s: %.1f %% of the rays skipped, %.1f %% without weights", out, 100 * s.rays_skipped, 100 * s.rays_even);
     if (s.sampled)
         printf("; error %.2f levels in %lld pixels rendered exactly as well", s.error_levels, (long long)s.sampled);
     printf("\n");
@@ -389,9 +345,9 @@ json_t *cli_render_device_json(const struct render_input *in)
     json_object_set_new(root, "why_verified_on_cpu", d.verified_on_cpu ? cli_text_json(d.why_verified) : json_null());
     json_object_set_new(root, "filled_on_cpu", json_integer((json_int_t)d.filled_on_cpu));
     json_object_set_new(root, "why_filled_on_cpu", d.filled_on_cpu ? cli_text_json(d.why_filled) : json_null());
-    json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
-                                           (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
-                                           (json_int_t)d.upload_bytes));
+    json_object_update_new(root,
+                           json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches", (json_int_t)d.dispatches,
+                                     "uploads", (json_int_t)d.uploads, "upload_bytes", (json_int_t)d.upload_bytes));
     json_object_set_new(root, "in_parts", json_integer((json_int_t)d.in_parts));
     json_object_set_new(root, "rectified", json_integer((json_int_t)d.rectified));
     json_object_set_new(root, "frames_ms", json_real((double)d.frames_ns * 1e-6));

@@ -10,9 +10,10 @@
 
 struct render_args {
     struct sst_render_config cfg;
-    const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
-    const char *remove_label, *remove_at;                                 /* of the clear method */
-    double cut;                                                           /* NaN: not given */
+    enum { RENDER_AUTO = 0, RENDER_RAW = 1, RENDER_RECTIFIED = 2 } sampling;
+    const char *label;                    /* as written */
+    const char *remove_label, *remove_at; /* of the clear method */
+    double cut;                           /* NaN: not given */
     bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, and is the focus found */
     int pictures;      /* to be rendered: `--sampling auto` depends on it */
     bool views_needed; /* rectified views are looked at besides */
@@ -37,16 +38,16 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
             0, 0                                                                                                       \
     }
 
-/** Value of `--verify-rays`. */
+/** The method's name. */
+const char *cli_render_method(const struct render_args *a);
+
+/** `--verify-rays`, for an enum sst_render_verify. */
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
-        "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
+        "verify-rays", 0, CLI_WORD, &(value), "W",                                                                     \
             "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off",  \
-            0, 0, "auto on off"                                                                                        \
+            0, 0, "off on auto"                                                                                        \
     }
-
-/** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */
-int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd);
 
 /** A light field ready to render. */
 struct render_input {
@@ -58,7 +59,7 @@ struct render_input {
 };
 
 /**
- * Read the words among the options, load the data that the method needs, as raw frames or rectified, find the label and
+ * Check the options, load the data that the method needs, as raw frames or rectified, find the label and
  * the removal of the clear method, and turn the f-stop into a radius.
  * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
  */

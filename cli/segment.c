@@ -17,7 +17,8 @@
 #include "pipeline/method/network/model_path.h"
 
 struct options {
-    const char *model, *precision, *output, *prob, *entropy, *scale, *device;
+    const char *model, *output, *prob, *entropy, *scale, *device;
+    enum sst_precision precision;
     double eps_h; /* below 0: unset */
     struct sst_segment_config layout;
     bool hcsm, json;
@@ -262,17 +263,15 @@ static int segment(const char *const *args, const struct options *o)
     struct sst_network_device *device = NULL;
     struct sst_segmenter *seg = NULL;
     struct inputs in = { 0 };
-    enum sst_precision precision = SST_PRECISION_AUTO;
     json_t *images = json_array();
     double load_ms;
-    int err = cli_precision(&precision, o->precision), printed;
+    int err, printed;
 
-    if (!err)
-        err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
+    err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
     if (!err)
         err = sst_network_device_open(&device, o->device, (uint64_t)o->device_memory << 20);
     if (!err)
-        err = sst_segmenter_open(&seg, path, precision, sst_thread_count(o->threads));
+        err = sst_segmenter_open(&seg, path, o->precision, sst_thread_count(o->threads));
     load_ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     if (!err)
         err = find_inputs(&in, args, o);
@@ -312,7 +311,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
         { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file" },
-        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0, "f32 int8" },
+        CLI_PRECISION_OPTION(o.precision),
         { "prob", 0, CLI_MADE, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
         { "entropy", 0, CLI_MADE, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold" },

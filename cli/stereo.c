@@ -67,7 +67,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (sst_text_ends(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
         return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     if (!raw && !m.cost && !m.model)
-        m.cost = "census"; /* as sst_disparity_stereo() takes it: needs no network to be installed */
+        m.cost = SST_COST_CENSUS; /* as sst_disparity_stereo() takes it: needs no network to be installed */
     err = cli_matching_config(&cfg, &m, model);
     if (!err) {
         r = cli_read_skips(cmd, skip, &(struct cli_skip){ "ranges", &cfg.skip_ranges }, 1);

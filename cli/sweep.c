@@ -2,7 +2,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/edit_distance.h"
 #include "base/file.h"
@@ -66,8 +65,8 @@ static json_t *describe(const struct sweep *s)
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, over_keys[s->over], value_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps, "frames",
-                     frames);
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", cli_render_method(&s->args), "fps", s->fps,
+                     "frames", frames);
 }
 
 static int write_description(const struct sweep *s, const char *dir)
@@ -187,31 +186,25 @@ static int check_output(const struct sweep *s, const char *path, const struct cl
         ending[i] = (char)tolower((unsigned char)dot[i + 1]);
     for (int i = 0; strlen(ending) > 2 && endings[i]; i++) {
         if (sst_edit_distance(ending, endings[i]) <= 1)
-            return cli_usage_error(cmd,
-                                   "-o %s looks like a file; a sweep makes a video that ends in .mp4, or a folder of PNG "
-                                   "files: for one of that name write %s/",
-                                   s->out, s->out);
+            return cli_usage_error(
+                cmd,
+                "-o %s looks like a file; a sweep makes a video that ends in .mp4, or a folder of PNG "
+                "files: for one of that name write %s/",
+                s->out, s->out);
     }
     return cli_exit_code(
         sst_path_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ path, NULL }));
 }
 
 /* Read the setting that changes; by default the focus, or the cut of clear pictures. */
-static int read_over(struct sweep *s, const char *word, double focus, const struct cli_command *cmd)
+static int read_over(struct sweep *s, int over, double focus, const struct cli_command *cmd)
 {
-    const bool clear = !strcasecmp(s->args.method, "clear");
+    const bool clear = s->args.cfg.method == SST_RENDER_CLEAR;
 
-    s->over = clear ? OVER_CUT : OVER_FOCUS;
-    for (int i = 0; word && i < OVERS; i++) {
-        if (!strcasecmp(word, over_names[i])) {
-            s->over = (enum over)i;
-            word = NULL;
-        }
-    }
-    if (word)
-        return cli_usage_error(cmd, "unknown --over `%s`; use focus, cut, view-x or view-y", word);
+    s->over = over >= 0 ? (enum over)over : clear ? OVER_CUT : OVER_FOCUS;
     if (clear ? s->over == OVER_FOCUS : s->over == OVER_CUT)
-        return cli_usage_error(cmd, "--over %s has no effect with --method %s", over_names[s->over], s->args.method);
+        return cli_usage_error(cmd, "--over %s has no effect with --method %s", over_names[s->over],
+                               cli_render_method(&s->args));
     if (!isnan(focus) && (clear || s->over == OVER_FOCUS))
         return cli_usage_error(cmd, clear ? "--focus has no effect with --method clear"
                                           : "--focus has no effect in a sweep over the focus");
@@ -224,15 +217,15 @@ static int read_over(struct sweep *s, const char *word, double focus, const stru
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sweep s = { .from = NAN, .to = NAN, .fps = 10, .steps = 20 };
-    const char *path, *over = NULL;
+    const char *path;
+    int over = -1;
     double focus = NAN;
     struct cli_option options[RENDER_OPTIONS + 8] = {
         { "from", 0, CLI_DOUBLE, &s.from, "A",
           "first focus (or cut), disparity in px per spacing; default: the whole range" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
-        { "over", 0, CLI_STRING, &over, "W",
-          "setting that changes: focus, cut, view-x or view-y (focus; clear: cut)", 0, 0,
-          "focus cut view-x view-y" },
+        { "over", 0, CLI_WORD, &over, "W", "setting that changes: focus, cut, view-x or view-y (focus; clear: cut)", 0,
+          0, "focus cut view-x view-y" },
         { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_MADE, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
@@ -271,10 +264,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!err && !s.args.json)
         cli_render_report_skips(&s.in, s.out);
     if (!err && s.args.json) {
-        cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o, s:o}", "output", s.out, "frames", frame_count(&s), "over",
-                                over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
-                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&s.in), "skip",
-                                cli_render_skips_json(&s.in, &s.args)),
+        cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o, s:o}", "output", s.out, "frames", frame_count(&s),
+                                "over", over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
+                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&s.in),
+                                "skip", cli_render_skips_json(&s.in, &s.args)),
                       JSON_INDENT(2));
     }
     cli_render_close(&s.in);

@@ -138,7 +138,7 @@ want 2 "png holds" stereo $left $right -m 30 --min-disparity -2 -o bad.png
 want 2 "must end" stereo $left $right -m 30 -o bad.exr
 want 2 "missing" stereo $left $right -o bad.pfm
 want 2 "use f32 or int8" stereo $left $right -m 9 --precision f16 -o bad.pfm
-want 2 "use f32 or int8" segment $left --precision INT8 -o bad.png
+want 2 "use f32 or int8" segment $left --precision f16 -o bad.png
 
 # --- inputs that are missing or damaged: exit 3, and the light field stays as it is ---
 for command in "process none" "render none --focus 3 -o bad.png" "sweep none --from 2 --to 3 -o bad" \
