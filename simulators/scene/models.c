@@ -22,8 +22,23 @@ static const struct {
     char name[16];
     sst_scene_paint_fn *paint;
 } paints[] = {
-    { "fbm", sst_scene_paint_fbm },     { "fur", paint_fur },     { "feather", paint_feather },
-    { "camouflage", paint_camouflage }, { "cloth", paint_cloth }, { "wheel", paint_wheel },
+    { "fbm", sst_scene_paint_fbm }, { "fur", paint_fur },
+    { "feather", paint_feather },   { "camouflage", paint_camouflage },
+    { "cloth", paint_cloth },       { "wheel", paint_wheel },
+    { "van", paint_van },           { "car", paint_car },
+    { "glass", paint_glass },
+};
+
+/* Patches with an outline. */
+static const struct {
+    char name[16];
+    sst_scene_mask_fn *mask;
+    int outline; /* which of the numbers it is; 4: of a circle */
+} patches[] = {
+    { "disc", mask_disc, 4 },
+    { "wheel", mask_wheel, 4 },
+    { "rounded", mask_rounded, 6 },
+    { "trapezoid", mask_trapezoid, 6 },
 };
 
 static struct sst_vec3 at(const struct model *m, const double v[3])
@@ -66,10 +81,17 @@ static void add_shape(const struct model *m, const char *shape, const struct sst
         add_ellipsoid(m->w, c, axes, *mat);
     } else if (strcmp(shape, "box") == 0) {
         add_box(m->w, c, axes, *mat);
-    } else {
-        s = sst_scene_add_patch(m->w, c, axes.u, vec3(0, v[3] * k, 0), *mat);
-        s->mask = strcmp(shape, "wheel") == 0 ? mask_wheel : mask_disc;
-        s->outline = v[4];
+    } else if (strcmp(shape, "shadow") == 0) {
+        add_shadow(m->w, c, v[3] * k, v[4] * k);
+    }
+    for (size_t i = 0; i < ARRAY_LEN(patches); i++) {
+        const bool circle = patches[i].outline == 4;
+
+        if (strcmp(patches[i].name, shape) != 0)
+            continue;
+        s = sst_scene_add_patch(m->w, c, axes.u, circle ? vec3(0, v[3] * k, 0) : vec3_add(axes.v, axes.w), *mat);
+        s->mask = patches[i].mask;
+        s->outline = v[patches[i].outline];
     }
 }
 

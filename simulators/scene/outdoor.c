@@ -74,66 +74,14 @@ void build_bush(struct sst_scene_world *w)
 
 /* --- pedestrian: a walker before a parked van, a house front behind ----------------------------------------------- */
 
-static void add_wheels(struct sst_scene_world *w, struct sst_vec3 rear, double half_track)
-{
-    const struct sst_scene_material rubber = material(sst_scene_paint_fbm, 0x17171a, 0x3a3a3e, 60);
-
-    for (int i = 0; i < 4; i++)
-        add_ball(w, vec3_add(rear, vec3(i & 1 ? half_track : -half_track, -310, i & 2 ? 3100 : 650)),
-                 vec3(130, 310, 310), rubber);
-}
-
-/* `rear` is on the road below the centre of the rear bumper. */
-static void add_plate(struct sst_scene_world *w, struct sst_vec3 rear, double up, const char *text)
+/* A model with its number plate. @param rear  on the road below the centre of the rear bumper */
+static void add_car(struct sst_scene_world *w, const char *model, struct sst_vec3 rear, double up, const char *text)
 {
     struct sst_scene_material plate = material(paint_text, 0xf3eecb, 0x15181c, 60);
 
+    add_model(w, model, (struct stand){ rear, 1, 0 });
     plate.text = text;
     sst_scene_add_patch(w, vec3_add(rear, vec3(0, -up, -12)), vec3(310, 0, 0), vec3(0, 84, 0), plate)->grain = 0.06f;
-}
-
-static void add_van(struct sst_scene_world *w, struct sst_vec3 rear, const char *text)
-{
-    const struct sst_scene_material paint = material(sst_scene_paint_fbm, 0xc9cbcc, 0xe9eaea, 300);
-    const struct sst_scene_material dark = material(sst_scene_paint_fbm, 0x26272a, 0x4a4b4f, 80);
-    struct sst_scene_surface *s;
-
-    add_shadow(w, vec3(rear.x, rear.y, rear.z + 1700), 1250, 2300);
-    add_box(w, vec3_add(rear, vec3(0, -1200, 2000)),
-            (struct axes){ vec3(930, 0, 0), vec3(0, 930, 0), vec3(0, 0, 1980) }, paint);
-    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -1200, 0)), vec3(950, 0, 0), vec3(0, 950, 0),
-                            material(paint_van, 0xe6e8e8, 0x2d2e31, 100));
-    s->mask = mask_rounded;
-    s->outline = 0.13;
-    add_box(w, vec3_add(rear, vec3(0, -360, -40)), (struct axes){ vec3(940, 0, 0), vec3(0, 95, 0), vec3(0, 0, 60) },
-            dark);
-    add_wheels(w, rear, 830);
-    add_plate(w, rear, 660, text);
-}
-
-static void add_car(struct sst_scene_world *w, struct sst_vec3 rear, unsigned light, unsigned dark, const char *text)
-{
-    const struct sst_scene_material paint = material(sst_scene_paint_fbm, dark, light, 300);
-    const struct sst_scene_material glass = material(sst_scene_paint_fbm, 0x1a2026, 0x55636e, 150);
-    struct sst_scene_surface *s;
-
-    add_shadow(w, vec3(rear.x, rear.y, rear.z + 1500), 1150, 2100);
-    add_box(w, vec3_add(rear, vec3(0, -590, 2000)), (struct axes){ vec3(870, 0, 0), vec3(0, 330, 0), vec3(0, 0, 1980) },
-            paint);
-    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -600, 0)), vec3(890, 0, 0), vec3(0, 370, 0),
-                            material(paint_car, light, 0x242528, 100));
-    s->mask = mask_rounded;
-    s->outline = 0.3;
-    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -1180, 480)), vec3(800, 0, 0), vec3(0, 240, -260),
-                            material(paint_glass, light, 0, 100));
-    s->mask = mask_trapezoid;
-    s->outline = 0.78;
-    add_box(w, vec3_add(rear, vec3(0, -1170, 1650)), (struct axes){ vec3(630, 0, 0), vec3(0, 250, 0), vec3(0, 0, 860) },
-            glass);
-    add_box(w, vec3_add(rear, vec3(0, -1430, 1650)), (struct axes){ vec3(640, 0, 0), vec3(0, 14, 0), vec3(0, 0, 900) },
-            paint);
-    add_wheels(w, rear, 770);
-    add_plate(w, rear, 560, text);
 }
 
 static void add_walker(struct sst_scene_world *w, struct sst_vec3 base, unsigned hide)
@@ -192,9 +140,9 @@ void build_pedestrian(struct sst_scene_world *w)
             material(sst_scene_paint_fbm, 0x3c4440, 0x78827c, 200));
 
     sst_scene_begin(w, SST_LABEL_CAR, cars);
-    add_van(w, rear, "SST 2036");
-    add_car(w, vec3_add(rear, vec3(-2650, 0, 500)), 0x3f6fa8, 0x27486f, "LF 6X6");
-    add_car(w, vec3_add(rear, vec3(2700, 0, 250)), 0x8a2f33, 0x5a1c20, "RAY 36");
+    add_car(w, "van", rear, 660, "SST 2036");
+    add_car(w, "blue-car", vec3_add(rear, vec3(-2650, 0, 500)), 560, "LF 6X6");
+    add_car(w, "red-car", vec3_add(rear, vec3(2700, 0, 250)), 560, "RAY 36");
     /* The walker leaves on the right and returns on the left. */
     walker.x += WALK_MM * (walk - floor(walk + 0.5));
     add_walker(w, walker, person | cars);
