@@ -320,12 +320,8 @@ struct sst_notices;
 json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted);
 /** {before, after} levels of 16-bit views, with a warning if some are lost; null: 8 bits. */
 json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
-/** Log one warning if the views are not plausible. */
-void cli_warn_judgement(const struct sst_judgement *j, const char *dir);
 /** Add plausible, implausible and views. */
 void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j);
-/** Log the faults of the pictures, and give them and their figures as members of JSON. */
-void cli_warn_notices(const struct sst_notices *n, const char *dir);
 void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n);
 /** Part of the line that `sst process` ends with; nothing if nothing was corrected. */
 void cli_print_align(const struct sst_align_report *a);

@@ -228,11 +228,6 @@ static int write_rays(const struct explanation *e, int x, int y)
     return err;
 }
 
-int cli_explain_check(const struct render_args *a, const char *dir, const char *path)
-{
-    return sst_path_check_output(dir, a->force, "explain.json", (const char *const[]){ path, NULL });
-}
-
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y)
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };

@@ -73,13 +73,15 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 
     cli_process_report_device(device);
     cli_network_report_device(w->networks);
-    cli_warn_judgement(&r->judgement, dir);
+    if (r->judgement.judged && !r->judgement.plausible)
+        sst_log_warning("%s: not plausible: %s", dir, r->judgement.sentence);
     levels = cli_levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
                         dir);
-    cli_warn_notices(&r->notices, dir);
+    for (int i = 0; i < r->notices.count; i++)
+        sst_log_warning("%s: %s", dir, r->notices.notice[i].text);
     if (sst_render_find_focus(lf, &focus_px) == -ENOMEM) {
         json_decref(levels);
         return -ENOMEM;

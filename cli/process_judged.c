@@ -60,12 +60,6 @@ json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)
                      lf->samples.white ? lf->samples.white : 65535);
 }
 
-void cli_warn_judgement(const struct sst_judgement *j, const char *dir)
-{
-    if (j->judged && !j->plausible)
-        sst_log_warning("%s: not plausible: %s", dir, j->sentence);
-}
-
 void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j)
 {
     json_t *views = json_array();
@@ -80,12 +74,6 @@ void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const stru
     json_object_set_new(root, "plausible", j->judged ? json_boolean(j->plausible) : json_null());
     json_object_set_new(root, "implausible", json_string(j->sentence));
     json_object_set_new(root, "views", views);
-}
-
-void cli_warn_notices(const struct sst_notices *n, const char *dir)
-{
-    for (int i = 0; i < n->count; i++)
-        sst_log_warning("%s: %s", dir, n->notice[i].text);
 }
 
 void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n)

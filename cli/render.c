@@ -44,11 +44,11 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
 /* Reason for which a picture cannot have more than 256 levels; NULL: none. */
 static const char *only_levels(const struct sst_lightfield *lf, int before, int after)
 {
-    return !before                              ? "its views have 8 bits"
-           : before == after                    ? "" /* none is lost */
-           : lf->calibration || lf->images_raw  ? "its views are rectified from raw frames"
-           : lf->correction                     ? "its views are corrected (`sst process --align off` leaves them alone)"
-                                                : NULL;
+    return !before                             ? "its views have 8 bits"
+           : before == after                   ? "" /* none is lost */
+           : lf->calibration || lf->images_raw ? "its views are rectified from raw frames"
+           : lf->correction                    ? "its views are corrected (`sst process --align off` leaves them alone)"
+                                               : NULL;
 }
 
 /* The picture in the samples of the views: of all their levels where that can be. */
@@ -75,7 +75,8 @@ static int write_samples(const struct picture *p, const struct render_input *in,
         err = sst_map_u16_init(&picture[c], in->lf.width, in->lf.height);
     if (err == -ENOMEM)
         sst_log_error("no memory for the samples of %d views", views);
-    err = err ? err : sst_render_deep(in->renderer, cfg, picture, &p->image, (const struct sst_map_u16(*)[3])deep, &coarse);
+    err = err ? err
+              : sst_render_deep(in->renderer, cfg, picture, &p->image, (const struct sst_map_u16(*)[3])deep, &coarse);
     if (!err && coarse)
         sst_log_info("%s: %.1f %% of the pixels have one of 256 levels: no ray shows them, or rays were verified", out,
                      100.0 * (double)coarse / ((double)in->lf.width * in->lf.height));
@@ -134,8 +135,8 @@ static void report(const struct picture *p, const struct render_input *in, const
                          100 - supported);
         return;
     }
-    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", cli_render_method(a), "width", p->image.width, "height",
-                     p->image.height);
+    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", cli_render_method(a), "width", p->image.width,
+                     "height", p->image.height);
     if (a->cfg.method == SST_RENDER_CLEAR)
         report_clear(root, p, a);
     else
@@ -208,9 +209,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "focus", 'f', CLI_AUTO, &focus, "D",
           "disparity to focus on, px per spacing, or auto: behind the foreground (default)" },
         { "output", 'o', CLI_FILE, &out, "FILE", "picture, .png or .jpg" },
-        { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
-        { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of support by rays: 255 seen, 64 filled, 0 none", 0,
-          0 },
+        { "samples", 0, CLI_FLAG, &samples, NULL,
+          "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
+        { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of support by rays: 255 seen, 64 filled, 0 none", 0, 0 },
         { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
         { "explain", 0, CLI_MADE, &explain, "DIR", "write maps and weights that explain the picture" },
         { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "pixel with the rays to explain (the centre)" },
@@ -226,7 +227,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         r = cli_usage_error(cmd, "--samples writes PNG; -o %s does not end in .png", out);
     if (r != CLI_GO_ON)
         return r;
-    err = explain ? cli_explain_check(&a, explain, path) : 0;
+    err = !explain ? 0 : sst_path_check_output(explain, a.force, "explain.json", (const char *const[]){ path, NULL });
     if (err)
         return cli_exit_code(err);
     a.cfg.focus_px = focus;
@@ -240,8 +241,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!err && explain)
             err = cli_render_explain(&in, &a, explain, pixel[0], pixel[1]);
         if (!err)
-            err = samples ? write_samples(&picture, &in, &a.cfg, out)
-                          : cli_write_picture(&picture.image, out);
+            err = samples                       ? write_samples(&picture, &in, &a.cfg, out)
+                  : cli_has_suffix(out, ".png") ? sst_image_write_png(&picture.image, out)
+                                                : sst_image_write_jpeg(&picture.image, out, 95);
         if (!err && valid)
             err = sst_map_u8_write_png(&picture.valid, valid, NULL);
         if (!err)

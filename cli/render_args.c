@@ -391,8 +391,3 @@ bool cli_has_suffix(const char *path, const char *suffix)
 
     return n > m && !strcasecmp(path + n - m, suffix);
 }
-
-int cli_write_picture(const struct sst_image *img, const char *path)
-{
-    return cli_has_suffix(path, ".png") ? sst_image_write_png(img, path) : sst_image_write_jpeg(img, path, 95);
-}

@@ -81,12 +81,6 @@ void cli_render_report_skips(const struct render_input *in, const char *out);
 /** Does the name end so (".png"), upper or lower case? */
 bool cli_has_suffix(const char *path, const char *suffix);
 
-/** PNG or JPEG by the name's ending, which the caller has checked. */
-int cli_write_picture(const struct sst_image *img, const char *path);
-
-/** Refuse (logged) a folder that cli_render_explain() could not make, before the picture is computed. @param path  light field */
-int cli_explain_check(const struct render_args *a, const char *dir, const char *path);
-
 /** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);
 

@@ -65,8 +65,10 @@ static void end(struct sst_download *d)
     e = o->video ? NULL : catalog_find(&s->catalog, o->name);
     if (e && e->readers > 0)
         e->readers--;
-    if (o->video)
-        video_file_close_locked(o->video);
+    if (o->video) {
+        o->video->readers--;
+        o->video->used_ns = sst_clock_now_ns();
+    }
     pthread_mutex_unlock(&s->lock);
     free(o);
 }

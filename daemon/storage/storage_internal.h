@@ -313,13 +313,12 @@ void store_remove_deleted(struct sst_storage *s);
  * Open a video, or have it made; waits for it for 0.2 s.
  *
  * @param e    a recording of the catalog; no longer valid on return
- * @param out  counts one more reader until video_file_close_locked(); its fd and bytes stay until then
+ * @param out  counts one more reader until that is taken back with used_ns, under lock; its fd and bytes stay until then
  * @return 0, -EINPROGRESS (ask again, within a minute), -EMFILE, and errors of making it: -ENOENT, -ENODATA (no frame),
  *         -ENOSPC, -EAGAIN (its beginning was removed meanwhile), -EBADMSG, -EIO ...
  */
 SST_MUST_CHECK int video_file_open_locked(struct sst_storage *s, struct store_entry *e, int row, int col,
                                           struct video_file **out);
-void video_file_close_locked(struct video_file *f);
 /** Bytes of all videos, with reserved ones. */
 int64_t video_files_bytes_locked(const struct sst_storage *s);
 void video_files_fini(struct sst_storage *s);

@@ -114,12 +114,6 @@ int video_file_open_locked(struct sst_storage *s, struct store_entry *entry, int
     return 0;
 }
 
-void video_file_close_locked(struct video_file *f)
-{
-    f->readers--;
-    f->used_ns = sst_clock_now_ns();
-}
-
 /* --- the thread --------------------------------------------------------------------------------------------------- */
 
 /* Files without readers are closed first. */

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <linux/videodev2.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
@@ -125,7 +126,8 @@ static struct sst_grab *create(const struct sst_grab_config *cfg, const struct s
         cam->binding = cfg->bindings[i];
         cam->number = -1;
         ladder_init(&cam->ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
-        grab_camera_name(cam->name, sizeof(cam->name), i, &cam->binding);
+        snprintf(cam->name, sizeof(cam->name), "camera %d (%s %s)", i, *cam->binding.serial ? "serial" : "port",
+                 *cam->binding.serial ? cam->binding.serial : cam->binding.port);
     }
     return g;
 }

@@ -38,9 +38,6 @@ SST_MUST_CHECK int grab_match(const struct sst_grab_binding *binding, const stru
 /** True for "1-2.3", false for the bus_info of a device that is not on USB. */
 bool grab_is_usb_port(const char *port);
 
-/** "camera 3 (serial A1)" or "camera 3 (port 1-2.4)" for messages. */
-void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *binding);
-
 /* --- devices: existing video nodes, and hotplug events. Only for drivers/grab. --- */
 
 #define SST_GRAB_NODES_MAX 1024

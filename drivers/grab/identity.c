@@ -14,11 +14,6 @@ int grab_node_order(const void *pa, const void *pb)
     return order ? order : (a->number > b->number) - (a->number < b->number);
 }
 
-void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *b)
-{
-    snprintf(out, size, "camera %d (%s %s)", cam, *b->serial ? "serial" : "port", *b->serial ? b->serial : b->port);
-}
-
 bool grab_is_usb_port(const char *port)
 {
     return isdigit((unsigned char)*port) && strchr(port, '-') && !port[strspn(port, "0123456789-.")];

@@ -119,7 +119,7 @@ static void on_message(struct mosquitto *client SST_UNUSED, void *arg, const str
     if (strcmp(message->topic + n + 1, "available") != 0)
         mqtt_on_command(m, message->topic + n + 1, message->payload, (size_t)message->payloadlen, message->retain);
     else if (message->payloadlen == 7 && !memcmp(message->payload, "offline", 7))
-        mqtt_on_offline(m);
+        m->online_due = true; /* such as the last will of a connection that died unnoticed */
 }
 
 /* --- connection --------------------------------------------------------------------------------------------------- */

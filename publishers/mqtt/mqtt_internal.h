@@ -139,8 +139,6 @@ bool mqtt_announce_step(struct mqtt *m);
 void mqtt_withdraw(struct mqtt *m);
 /** A retained announcement at the broker: a stale one of this array is removed. */
 void mqtt_on_announced(struct mqtt *m, const char *topic);
-/** Somebody said that we are offline, such as the last will of a connection that died unnoticed. */
-void mqtt_on_offline(struct mqtt *m);
 void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
 
 /* --- visits.c ----------------------------------------------------------------------------------------------------- */
@@ -152,8 +150,6 @@ extern const int mqtt_labels_count;
 int mqtt_zone_labels(const struct sst_zone *zone, const char **out);
 /** Publish the visitors in the zones: after connecting, and with other zones. */
 void mqtt_visits_begin(struct mqtt *m);
-/** The service begins anew: nobody is known to be there. */
-void mqtt_visits_forget(struct mqtt *m);
 /** An event's data. */
 void mqtt_on_visit(struct mqtt *m, const json_t *data);
 /** Publish that a visit crossed a line. */

@@ -201,8 +201,10 @@ static bool publish_event(struct mqtt *m, const char *text)
             mqtt_on_visit(m, json_object_get(o, "data"));
         if (!strcmp(type, "line"))
             mqtt_on_line(m, json_object_get(o, "data"));
-        if (done && !strcmp(type, "start"))
-            mqtt_visits_forget(m);
+        if (done && !strcmp(type, "start")) { /* the service begins anew: nobody is known to be there */
+            memset(m->visit, 0, sizeof(m->visit));
+            mqtt_visits_begin(m);
+        }
         m->state_changed = m->state_changed || changes_state(type);
     }
     json_decref(o);
@@ -346,11 +348,6 @@ static void publish_online(struct mqtt *m)
         m->online_due = false;
         m->online_ns = now_ns;
     }
-}
-
-void mqtt_on_offline(struct mqtt *m)
-{
-    m->online_due = true;
 }
 
 void mqtt_topics_begin(struct mqtt *m)

@@ -114,12 +114,6 @@ void mqtt_visits_begin(struct mqtt *m)
             publish_zone(m, i);
 }
 
-void mqtt_visits_forget(struct mqtt *m)
-{
-    memset(m->visit, 0, sizeof(m->visit));
-    mqtt_visits_begin(m);
-}
-
 /* Its picture is fetched when the one before has been; of more than fit the newest are. */
 static void want_picture(struct mqtt *m, const char *name, uint32_t zones)
 {

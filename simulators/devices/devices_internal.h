@@ -396,8 +396,6 @@ SST_MUST_CHECK int sim_session_ask(const char *dir, unsigned op, const char *tex
 
 /* --- wires: connections of the cameras: USB, trigger lines, rig. --- */
 
-struct sim_wires; /* opaque; simulator's thread */
-
 struct sim_wires_options {
     const char *usb;  /* layout of the tree, sst_sim_usb_layout(); NULL: the first */
     bool one_trigger; /* TRIG0 exposes all cameras; else one line per row */
@@ -412,14 +410,26 @@ struct sim_wires_config {
     struct sst_sim_world *world; /* borrowed */
 };
 
+#define SIM_TRIGGERS_MAX 16
+
+/** Simulator's thread. */
+struct sim_wires {
+    struct sim_wires_config cfg;
+    struct sim_sysfs *sysfs;
+    struct sim_usb_front *usb;
+    struct sim_gpio_front *gpio;
+    struct sim_rig *rig;     /* NULL: none */
+    struct sim_still *still; /* NULL: none */
+    struct sim_array *array; /* NULL until attached */
+    int rows, cols;
+    uint64_t edges[SIM_TRIGGERS_MAX];
+    struct sim_timer generator;
+    double generator_hz; /* 0: none */
+    uint64_t generated;  /* number of its last pulse, since the machine was booted */
+};
+
 /** Create /sys and the USB tree. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg);
-const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires);
-
-/** NULL: no rig. */
-struct sim_rig *sim_wires_rig(const struct sim_wires *wires);
-/** NULL: no still camera. */
-struct sim_still *sim_wires_still(const struct sim_wires *wires);
 
 /** Connect the cameras, create the GPIO chips and start the drives. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_wires_attach(struct sim_wires *wires, struct sim_array *array);

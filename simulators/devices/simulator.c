@@ -1,6 +1,7 @@
 /* World, server and devices: opened in order, closed in reverse; the session's control calls. */
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/usb_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -52,10 +53,10 @@ static json_t *status(const struct sim_simulator *sim)
     (void)json_object_set_new(all, "dir", json_string(sim_server_dir(sim->server)));
     (void)json_object_set_new(all, "faults", faults);
     (void)json_object_set_new(all, "cameras", sim_array_status(sim->array));
-    if (sim_wires_rig(sim->wires))
-        (void)json_object_set_new(all, "rig", sim_rig_status(sim_wires_rig(sim->wires)));
-    if (sim_wires_still(sim->wires))
-        (void)json_object_set_new(all, "still", sim_still_status(sim_wires_still(sim->wires)));
+    if (sim->wires->rig)
+        (void)json_object_set_new(all, "rig", sim_rig_status(sim->wires->rig));
+    if (sim->wires->still)
+        (void)json_object_set_new(all, "still", sim_still_status(sim->wires->still));
     return all;
 }
 
@@ -75,7 +76,7 @@ static int answer_status(const struct sim_simulator *sim, struct sim_request *r)
 
 static int set_fault(struct sim_simulator *sim, const char *text, char *message, size_t size)
 {
-    struct sim_rig *rig = sim_wires_rig(sim->wires);
+    struct sim_rig *rig = sim->wires->rig;
 
     if (rig && !strncmp(text, "rig.", 4))
         return sim_rig_fault(rig, text, message, size);
@@ -101,7 +102,7 @@ static int answer_faults(const struct sim_simulator *sim, struct sim_request *r)
 {
     size_t n = sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
 
-    if (sim_wires_rig(sim->wires))
+    if (sim->wires->rig)
         n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sim_rig_faults);
     r->out_bytes = (uint32_t)(n < SST_SIM_PAYLOAD_MAX ? n : SST_SIM_PAYLOAD_MAX - 1);
     return 0;
@@ -239,7 +240,7 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
         err = sim_array_open(&sim->array, &(struct sim_array_config){ .world = sim->world,
                                                                       .server = sim->server,
                                                                       .faults = sim->faults,
-                                                                      .usb = sim_wires_usb(sim->wires),
+                                                                      .usb = sim->wires->usb->usb,
                                                                       .truth = sim->options.truth });
     if (!err)
         err = sim_wires_attach(sim->wires, sim->array);

@@ -225,7 +225,7 @@ static void exposing(void *arg)
     plan(s);
     arm(s);
     if (*sim_usb_front_port(s->cfg.usb))
-        sim_usb_front_ready(s->cfg.usb);
+        usb_file_serve(&s->cfg.usb->shown[sst_sim_usb_still(s->cfg.usb->usb)]);
 }
 
 static int pipe_request(void *arg, const uint8_t setup[8], uint8_t *data)

@@ -117,11 +117,6 @@ void sim_usb_front_pipes(struct sim_usb_front *front, const struct sim_usb_pipes
     front->pipes = *pipes;
 }
 
-void sim_usb_front_ready(struct sim_usb_front *front)
-{
-    usb_file_serve(&front->shown[sst_sim_usb_still(front->usb)]);
-}
-
 void sim_usb_front_plug(struct sim_usb_front *front, bool plugged)
 {
     sst_sim_usb_plug(front->usb, sst_sim_usb_still(front->usb), plugged);

@@ -47,8 +47,6 @@ struct sim_usb_pipes {
 
 /** Set once, before programs run. */
 void sim_usb_front_pipes(struct sim_usb_front *front, const struct sim_usb_pipes *pipes);
-/** in() has something now: completes transfers that wait for it. */
-void sim_usb_front_ready(struct sim_usb_front *front);
 /** Plug or unplug the still camera; not from within its pipes. */
 void sim_usb_front_plug(struct sim_usb_front *front, bool plugged);
 /** Port of the still camera, "3-1"; "" while it is away. */

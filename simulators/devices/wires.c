@@ -13,23 +13,7 @@
 #include "base/log.h"
 #include "simulators/scene/world/settings.h"
 
-#define TRIGGERS_MAX     16
 #define UVC_HEADER_BYTES 12 /* header before the picture in each packet */
-
-struct sim_wires {
-    struct sim_wires_config cfg;
-    struct sim_sysfs *sysfs;
-    struct sim_usb_front *usb;
-    struct sim_gpio_front *gpio;
-    struct sim_rig *rig;     /* NULL: none */
-    struct sim_still *still; /* NULL: none */
-    struct sim_array *array; /* NULL until attached */
-    int rows, cols;
-    uint64_t edges[TRIGGERS_MAX];
-    struct sim_timer generator;
-    double generator_hz; /* 0: none */
-    uint64_t generated;  /* number of its last pulse, since the machine was booted */
-};
 
 /* --- bus to cameras ----------------------------------------------------------------------------------------------- */
 
@@ -178,21 +162,6 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     return 0;
 }
 
-const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires)
-{
-    return wires->usb->usb;
-}
-
-struct sim_rig *sim_wires_rig(const struct sim_wires *wires)
-{
-    return wires->rig;
-}
-
-struct sim_still *sim_wires_still(const struct sim_wires *wires)
-{
-    return wires->still;
-}
-
 static int open_still(struct sim_wires *w)
 {
     const struct sim_still_config cfg = { .world = w->cfg.world,
@@ -211,7 +180,7 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
     const struct sim_gpio_front_config gpio = {
         .sysfs = w->sysfs,
         .faults = w->cfg.faults,
-        .lines = w->cfg.options.one_trigger ? 1 : sst_min_int(w->rows, TRIGGERS_MAX),
+        .lines = w->cfg.options.one_trigger ? 1 : sst_min_int(w->rows, SIM_TRIGGERS_MAX),
         .seed = sst_sim_world_seed(w->cfg.world),
         .arg = w,
         .edge = edge,

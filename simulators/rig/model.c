@@ -321,13 +321,3 @@ uint16_t sim_axis_status(const struct sim_axis *axis)
     word |= axis->soft_hit ? SST_SIM_SOFT_LIMIT : 0u;
     return (uint16_t)word;
 }
-
-int32_t sim_axis_actual(const struct sim_axis *axis)
-{
-    return (int32_t)lround(axis->pos - axis->offset);
-}
-
-int32_t sim_axis_commanded(const struct sim_axis *axis)
-{
-    return (int32_t)lround(axis->cmd - axis->zero);
-}

@@ -1,4 +1,5 @@
 /* The register map of docs/use/rig.md and the Modbus function codes over it. */
+#include <math.h>
 #include <string.h>
 
 #include "simulators/rig/rig_internal.h"
@@ -40,7 +41,8 @@ static void read_holding(const struct sim_axis *a, uint16_t r[HOLDING_COUNT])
 
 static void read_input(const struct sim_axis *a, int unit, uint16_t r[INPUT_COUNT])
 {
-    const uint32_t actual = (uint32_t)sim_axis_actual(a), commanded = (uint32_t)sim_axis_commanded(a);
+    const uint32_t actual = (uint32_t)(int32_t)lround(a->pos - a->offset); /* of the encoder */
+    const uint32_t commanded = (uint32_t)(int32_t)lround(a->cmd - a->zero);
 
     memset(r, 0, INPUT_COUNT * sizeof(*r));
     r[0] = sim_axis_status(a);

@@ -92,8 +92,6 @@ double sim_axis_position(struct sim_axis *axis, int64_t t_ns);
 int sim_axis_control(struct sim_axis *axis, uint16_t word);
 
 uint16_t sim_axis_status(const struct sim_axis *axis);
-int32_t sim_axis_actual(const struct sim_axis *axis);    /* encoder, counts */
-int32_t sim_axis_commanded(const struct sim_axis *axis); /* counts */
 
 void sim_axis_alarm(struct sim_axis *axis, uint16_t code);
 /** Restart the drive: not homed, servo off, counters at 0 at the current position. */

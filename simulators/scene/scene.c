@@ -313,11 +313,6 @@ double sst_scene_focal_px(const struct sst_scene *s)
     return s->world.focal * s->cfg.width / 1000;
 }
 
-double sst_scene_spacing_mm(const struct sst_scene *s)
-{
-    return s->world.spacing_mm;
-}
-
 int sst_scene_occluder_count(const struct sst_scene *s)
 {
     return s->world.occluder_count;

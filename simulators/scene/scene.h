@@ -48,7 +48,6 @@ void sst_scene_destroy(struct sst_scene *scene);
 /** Disparity range over all views: the search range for `sst process`. */
 void sst_scene_range(const struct sst_scene *scene, double *min_px, double *max_px);
 double sst_scene_focal_px(const struct sst_scene *scene);
-double sst_scene_spacing_mm(const struct sst_scene *scene);
 
 int sst_scene_occluder_count(const struct sst_scene *scene);
 const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *scene, int index);

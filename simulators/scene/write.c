@@ -185,7 +185,7 @@ static int describe(struct sst_lightfield *lf, const struct sst_scene *s, const 
     lf->range_min_px = s->range_min_px;
     lf->range_max_px = s->range_max_px;
     lf->focal_px = sst_scene_focal_px(s);
-    lf->spacing_mm = sst_scene_spacing_mm(s);
+    lf->spacing_mm = s->world.spacing_mm;
     lf->infinity_known = true;
     lf->classes = sst_classes_default;
     snprintf(lf->files->source, sizeof(lf->files->source), "scene %s seed %llu", name, (unsigned long long)s->cfg.seed);

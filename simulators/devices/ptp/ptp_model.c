@@ -352,7 +352,7 @@ int sst_sim_ptp_out(struct sst_sim_ptp *p, const uint8_t *data, size_t bytes, in
     return 0;
 }
 
-static void forget(struct sst_sim_ptp *p)
+void sst_sim_ptp_released(struct sst_sim_ptp *p)
 {
     while (p->out)
         drop_phase(p);
@@ -376,16 +376,11 @@ int sst_sim_ptp_request(struct sst_sim_ptp *p, const uint8_t setup[8], uint8_t *
             drop_phase(p);
         return (int)room;
     case REQUEST_RESET:
-        forget(p);
+        sst_sim_ptp_released(p);
         return 0;
     default:
         return -EPIPE;
     }
-}
-
-void sst_sim_ptp_released(struct sst_sim_ptp *p)
-{
-    forget(p);
 }
 
 /* --- create and destroy ------------------------------------------------------------------------------------------- */
@@ -409,7 +404,7 @@ void sst_sim_ptp_destroy(struct sst_sim_ptp *p)
 {
     if (!p)
         return;
-    forget(p);
+    sst_sim_ptp_released(p);
     ptp_shot_fini(p);
     ptp_card_fini(&p->card);
     free(p);

@@ -63,11 +63,6 @@ int sim_photo_create(struct sim_photo **out, const struct sst_sim_settings *s)
     return 0;
 }
 
-void sim_photo_destroy(struct sim_photo *p)
-{
-    free(p);
-}
-
 static bool is_ideal(const struct sim_photo *p, const struct sim_exposing *e)
 {
     return !(p->vignetting > 0) && !(p->full_well > 0) && e->light == 1 && e->camera->gain[0] == 1 &&

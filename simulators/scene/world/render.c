@@ -298,7 +298,7 @@ void sim_stage_close(struct sim_stage *s)
 {
     if (!s)
         return;
-    sim_photo_destroy(s->photo);
+    free(s->photo);
     sst_scene_warp_fini(&s->warp);
     sst_scene_world_fini(&s->first);
     free(s->moving);

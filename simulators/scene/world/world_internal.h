@@ -262,7 +262,6 @@ void sim_light(struct sst_image *img, double factor);
 struct sim_photo; /* opaque; read-only after create */
 
 SST_MUST_CHECK int sim_photo_create(struct sim_photo **out, const struct sst_sim_settings *settings);
-void sim_photo_destroy(struct sim_photo *photo);
 
 struct sim_exposing {
     const struct sim_camera *camera;
