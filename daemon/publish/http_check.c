@@ -28,7 +28,8 @@ static bool host_is_ours(struct http_request *q, const char *host)
     return !strcmp(name, own) || (!strncmp(own, "::ffff:", 7) && !strcmp(name, own + 7));
 }
 
-bool http_is_live(const struct sst_route *route)
+/* About the live picture, so that /replay before its path is about the one that is played? */
+static bool is_live(const struct sst_route *route)
 {
     static const char *const starts[] = { "/api/v1/views", "/api/v1/labels", "/api/v1/tracks" };
     bool live = http_is_picture(route);
@@ -193,7 +194,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
 
     routes = sst_http_routes(&count);
     for (int i = 0; i < count; i++) {
-        if (!http_path_matches(routes[i].path, path, q->name) || (q->replay && !http_is_live(&routes[i])))
+        if (!http_path_matches(routes[i].path, path, q->name) || (q->replay && !is_live(&routes[i])))
             continue;
         q->route = &routes[i];
         q->index = i;

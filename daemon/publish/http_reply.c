@@ -94,7 +94,7 @@ int http_reply_text(struct http_request *q, int status, const char *type, char *
     return http_reply(q, status, response);
 }
 
-int http_reply_json(struct http_request *q, int status, json_t *body)
+static int reply_json(struct http_request *q, int status, json_t *body)
 {
     char *text = json_dumps(body, JSON_COMPACT | JSON_REAL_PRECISION(12));
     const size_t n = text ? strlen(text) : 0;
@@ -126,7 +126,7 @@ int http_reply_error(struct http_request *q, int status, const char *fmt, ...)
         if ((unsigned char)*c < 0x20 || (unsigned char)*c >= 0x7f)
             *c = '?';
     }
-    return http_reply_json(q, status, json_pack("{s:s}", "error", text));
+    return reply_json(q, status, json_pack("{s:s}", "error", text));
 }
 
 static const struct {
@@ -152,7 +152,7 @@ static const struct {
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what)
 {
     if (!err && out->body)
-        return http_reply_json(q, MHD_HTTP_OK, out->body);
+        return reply_json(q, MHD_HTTP_OK, out->body);
     json_decref(out->body);
     if (err == -EAGAIN || err == -EBUSY)
         q->retry_s = sst_max_int(q->retry_s, 1);

@@ -296,9 +296,6 @@ struct http_request {
 
 typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YES or MHD_NO */
 
-/** Is it about the live picture, so that /replay before its path is about the one that is played? */
-bool http_is_live(const struct sst_route *route);
-
 /** Check route, role and form of a request. @return -1: accepted; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method, const char *version);
 
@@ -332,7 +329,6 @@ const char *http_header(struct http_request *q, const char *name); /* the same *
 /* Answers (http_reply.c). Each adds the common headers and releases its arguments; MHD_YES or MHD_NO. */
 int http_reply(struct http_request *q, int status, struct MHD_Response *response);
 int http_reply_text(struct http_request *q, int status, const char *type, char *text);
-int http_reply_json(struct http_request *q, int status, json_t *body);
 int http_reply_error(struct http_request *q, int status, const char *fmt, ...) SST_PRINTF(3, 4);
 /** The result of a call of the API; releases `out`. @param what  for errors without a sentence */
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what);

@@ -249,8 +249,6 @@ int engine_lines_follow(struct live_engine *v, struct visit *a, const struct vis
 
 /* engine_cameras.c */
 void *engine_run_cameras(void *arg);
-/** Get the JPEG slot of a shared picture; created if there is none.  @return 0, -ENOMEM */
-int engine_share_locked(struct shared *s, struct sst_slot **out);
 bool engine_wanted(struct sst_slot *slot, int64_t used_ns);
 /** Does a client need a picture of a view, of labels or disparities, or an answer about one? */
 bool engine_seen_locked(const struct live_engine *v);

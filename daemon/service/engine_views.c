@@ -448,7 +448,8 @@ bool engine_seen_locked(const struct live_engine *v)
     return seen;
 }
 
-int engine_share_locked(struct shared *s, struct sst_slot **out)
+/* Get the JPEG slot of a shared picture; created if there is none. */
+static int share_locked(struct shared *s, struct sst_slot **out)
 {
     if (!s->slot && sst_slot_create(&s->slot))
         return -ENOMEM;
@@ -491,7 +492,7 @@ static int overlay_outlet_locked(struct live_engine *v, enum sst_livepicture_ove
 {
     const int64_t end_ns = end_of_wait();
     struct shared *s = &v->overlay[kind];
-    const int err = engine_share_locked(s, out);
+    const int err = share_locked(s, out);
 
     while (!err && !v->stop && v->state.ready && (v->behind || s->shown != v->update) && !sst_slot_clients(s->slot) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
@@ -510,7 +511,7 @@ static int camera_outlet_locked(struct live_engine *v, const char *name, struct 
     if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
         for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
             if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
-                err = engine_share_locked(&v->camera[i], out);
+                err = share_locked(&v->camera[i], out);
     free(layout);
     return err;
 }

@@ -110,7 +110,8 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
 
 /* --- event triggers ----------------------------------------------------------------------------------------------- */
 
-void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
+/* "motion in door", "Pedestrian in door", "motion". */
+static void trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
     snprintf(out, SST_STORE_WHY, "%s%.63s%s%.31s", w->visit ? w->label[0] ? "visit of " : "visit" : "",
              w->label[0] ? w->label
@@ -137,7 +138,7 @@ static void want_locked(struct sst_storage *s, const struct event_trigger *w)
 
     if (!e->armed) {
         *e = (struct store_want){ .armed = true, .begin_ns = w->begin_ns - s->settings.preroll_ns };
-        event_trigger_text(e->why, w);
+        trigger_text(e->why, w);
         memcpy(e->zone, w->zone, sizeof(e->zone));
         memcpy(e->label, w->label, sizeof(e->label));
     }
@@ -181,7 +182,7 @@ static void report(struct sst_storage *s, const struct change *t)
         json_object_set_new(data, "times", json_integer(w->times));
         json_object_set_new(data, "seconds", json_real(round((double)(w->last_ns - t->since_ns) * 1e-8) / 10));
     }
-    event_trigger_text(text, w);
+    trigger_text(text, w);
     sst_events_emit(s->events, SST_EVENT_INFO, w->label[0] ? "label" : "motion", data, "%s %s", text,
                     w->reported ? "began" : "ended");
 }

@@ -326,9 +326,6 @@ void video_files_fini(struct sst_storage *s);
 /** Bytes of everything in the catalog, and of videos made for downloads. */
 int64_t store_used_locked(const struct sst_storage *s);
 
-/** "motion in door", "Pedestrian in door", "motion". */
-void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w);
-
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *store_tracks(struct sst_storage *s);
 /** Settings of a recorder for the array, with the format of the set's frames. */

@@ -15,7 +15,8 @@
 #define PROBE_MS 2000
 #define SLICE_MS 100
 
-int grab_probe_node(struct grab_node *node)
+/* Open a node to see whether it captures pictures. @return descriptor or -errno, also in its `error` */
+static int probe_node(struct grab_node *node)
 {
     const int fd = node_open(&node->device);
 
@@ -37,7 +38,7 @@ int grab_node_number(const char *name)
 
 void grab_identify_off_usb(struct grab_node *node)
 {
-    const int fd = *node->device.port ? -1 : grab_probe_node(node);
+    const int fd = *node->device.port ? -1 : probe_node(node);
 
     if (fd >= 0)
         close(fd);
@@ -80,7 +81,7 @@ static void probe_run(struct grab_job *job)
 {
     struct v4l2_requestbuffers none = { .memory = V4L2_MEMORY_MMAP };
     struct sst_grab_device *d = &((struct probe *)job)->node.device;
-    const int fd = grab_probe_node(&((struct probe *)job)->node);
+    const int fd = probe_node(&((struct probe *)job)->node);
 
     if (fd < 0)
         return;

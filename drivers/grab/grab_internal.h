@@ -58,9 +58,6 @@ int grab_node_number(const char *name);
  * may hang. */
 void grab_identify_off_usb(struct grab_node *node);
 
-/** Open a node to see whether it captures pictures. @return descriptor or -errno, also in its `error` */
-int grab_probe_node(struct grab_node *node);
-
 struct grab_monitor; /* opaque; hotplug events */
 
 /** @return 0, -errno, logged. *out is NULL in a build without libudev: there are no events. */

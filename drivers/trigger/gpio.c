@@ -37,7 +37,8 @@ static int scan(struct gpio_listed **out)
     return n > 0 && !list ? -ENOMEM : sst_max_int(n, 0);
 }
 
-int gpio_list(struct gpio_listed **out)
+/* All GPIO chips by number. *out to free with free(). @return count, or -ENOMEM. Logs nothing. */
+static int find_chips(struct gpio_listed **out)
 {
     struct gpio_listed *list;
     const int n = WITH_GPIOD ? scan(&list) : -ENOSYS;
@@ -141,7 +142,8 @@ static void list_chips(const struct gpio_listed *list, int n, char *text, size_t
     }
 }
 
-void gpio_access_remedy(const char *path, char *text, size_t size)
+/* How to get the permission to open a GPIO chip, from the owner and mode of `path`. */
+static void access_remedy(const char *path, char *text, size_t size)
 {
     struct stat st;
     const struct group *group = stat(path, &st) ? NULL : getgrgid(st.st_gid);
@@ -196,7 +198,7 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
     for (int i = 0; i < n; i++) {
         if (list[i].error != EACCES && list[i].error != EPERM)
             continue;
-        gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
+        access_remedy(list[i].path, remedy, sizeof(remedy));
         snprintf(why, size, "no permission to open %s: %s", list[i].path, remedy);
         return -EACCES;
     }
@@ -279,13 +281,14 @@ static void say_both(const struct gpio_listed *a, const struct gpio_listed *b, c
         sst_text_add(why, size, ", or its device, which stays the same after a restart: %s or %s", first, second);
 }
 
-int gpio_find(struct trigger_chip **out, struct gpio_request *request, const struct gpio_wanted *wanted, char *why,
-              size_t size)
+/* Find the one chip that is wanted, and its lines; nothing is requested. @return as gpio_open() */
+static int find_wanted(struct trigger_chip **out, struct gpio_request *request, const struct gpio_wanted *wanted,
+                       char *why, size_t size)
 {
     struct gpio_request other;
     struct trigger_chip *found = NULL, *chip = NULL;
     struct gpio_listed *list = NULL;
-    int first = -1, err = 0, n = gpio_list(&list);
+    int first = -1, err = 0, n = find_chips(&list);
 
     if (n < 0) {
         snprintf(why, size,
@@ -343,7 +346,7 @@ int gpio_probe(const struct gpio_wanted *wanted, char *why, size_t size)
 {
     struct gpio_request request;
     struct trigger_chip *chip;
-    int err = gpio_find(&chip, &request, wanted, why, size);
+    int err = find_wanted(&chip, &request, wanted, why, size);
 
     if (err)
         return err;
@@ -359,7 +362,7 @@ int gpio_open(struct trigger_chip **out, const struct gpio_wanted *wanted, char 
 {
     struct trigger_chip *chip;
     struct gpio_request request;
-    int err = gpio_find(&chip, &request, wanted, why, size);
+    int err = find_wanted(&chip, &request, wanted, why, size);
 
     if (err)
         return err;

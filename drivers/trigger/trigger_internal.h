@@ -71,24 +71,14 @@ struct gpio_listed {
     int error; /* errno of opening it */
 };
 
-/** All GPIO chips by number. *out to free with free(). @return count, or -ENOMEM, -ENOSYS. Logs nothing. */
-SST_MUST_CHECK int gpio_list(struct gpio_listed **out);
-
-/** Find the one chip that `wanted` describes, and its lines; nothing is requested.
- *  @return 0, -ENODEV, -ENOTUNIQ (two chips match), -EACCES, -EINVAL, -ENOSYS; `why` gets one sentence. */
-SST_MUST_CHECK int gpio_find(struct trigger_chip **chip, struct gpio_request *request, const struct gpio_wanted *wanted,
-                             char *why, size_t why_size);
-
-/** Find, and request the lines. @return also -EBUSY (with the line and its consumer) */
+/** Find the one chip that `wanted` describes, and request its lines. @return 0, -ENODEV, -ENOTUNIQ (two chips match),
+ *  -EACCES, -EINVAL, -EBUSY (with the line and its consumer); `why` gets one sentence. */
 SST_MUST_CHECK int gpio_open(struct trigger_chip **chip, const struct gpio_wanted *wanted, char *why, size_t why_size);
 
 /** Like open, but requests nothing, and `why` also names the chip on success. */
 SST_MUST_CHECK int gpio_probe(const struct gpio_wanted *wanted, char *why, size_t why_size);
 
-/** How to get the permission to open a GPIO chip, from the owner and mode of `path`. */
-void gpio_access_remedy(const char *path, char *text, size_t size);
-
-/* --- pulse: timing of a pulse train, without I/O: ticks, steps of a pulse, clocks of edge stamps. --- */
+/* --- pulse: timing of a pulse train, without I/O: ticks, steps of a pulse. --- */
 
 /** One change of lines. */
 struct pulse_step {

@@ -84,7 +84,8 @@ static struct photo_point patch_at(const struct photo_texture *t, double x, doub
                                  p.y - (int)(cy * t->cell * t->step_y) };
 }
 
-void photo_texture_at(const struct photo_texture *t, double x, double y, float rgb[3])
+/* Colour 0..255 at a texel; the photo goes on mirrored beyond its edges. */
+static void texture_at(const struct photo_texture *t, double x, double y, float rgb[3])
 {
     if (t->quilt) {
         const struct photo_point p = patch_at(t, x, y);
@@ -148,7 +149,7 @@ void photo_sprite_set(struct photo_sprite *p, int i, double alpha, const struct 
 
     if (alpha < 1 / 510.0)
         return;
-    photo_texture_at(t, at[0], at[1], rgb);
+    texture_at(t, at[0], at[1], rgb);
     for (int c = 0; c < 3; c++)
         texel[c] = (uint8_t)(rgb[c] * alpha + 0.5);
     texel[3] = (uint8_t)(alpha * 255 + 0.5);

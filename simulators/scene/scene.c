@@ -58,7 +58,8 @@ static int check(const struct sst_scene_config *c)
     return 0;
 }
 
-void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_scene_raster *out)
+/* Raster settings of one view with all outputs NULL. */
+static void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_scene_raster *out)
 {
     *out = (struct sst_scene_raster){
         .world = &s->world,

@@ -20,9 +20,6 @@ struct sst_scene {
 /** Mask of the reference view: 255 where the occluder stands. @return 0 or -ENOMEM */
 SST_MUST_CHECK int scene_mask(const struct sst_scene *scene, int occluder, struct sst_map_u8 *mask);
 
-/** Raster settings of one view with all outputs NULL. */
-void scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_scene_raster *out);
-
 /* --- surfaces: the parts that only scenes of this folder use. --- */
 
 static inline struct sst_scene_rgb blend_rgb(struct sst_scene_rgb a, struct sst_scene_rgb b, float t)
@@ -247,9 +244,6 @@ struct photo_texture {
     double cell;                       /* of the quilt, texels */
     uint32_t seed;
 };
-
-/** Colour 0..255 at a texel; the photo goes on mirrored beyond its edges. */
-void photo_texture_at(const struct photo_texture *t, double x, double y, float rgb[3]);
 
 /* Sprites. */
 
