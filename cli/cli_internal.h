@@ -144,38 +144,6 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
     cli_stereo, cli_sweep, cli_topology, cli_version;
 
-/* --- calibrate_check: `sst calibrate --check`: is a light field's calibration still true? --- */
-
-struct cli_check {
-    const char *dir;
-    unsigned load;       /* SST_LOAD_UNVERIFIED, or 0 */
-    int threads;         /* 0: all processors */
-    const char *picture; /* PNG of the grid to write, or NULL */
-    bool json;
-};
-
-/**
- * Check a light-field folder and print the verdict and its tables, or one JSON object.
- *
- * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
- *         error), or the error of reading and writing
- */
-int cli_run_calibrate_check(const struct cli_command *cmd, const struct cli_check *args);
-
-/* --- calibrate_live: `sst calibrate --live`. --- */
-
-/**
- * Gather corners from the live array, with status lines on standard error.
- *
- * @param out, frameset  of sst_gather_live_run()
- * @param live      array, accepted and seconds; its callbacks are set here
- * @param record    folder of the recording to write, or NULL
- * @param coverage  picture to update, or NULL
- * @return 0, or the error of cameras, recorder or picture; logged
- */
-SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
-                                      struct sst_gather_live_config *live, const char *record, const char *coverage);
-
 /* --- child: programs that a command starts. --- */
 
 /**
@@ -220,12 +188,6 @@ const char *cli_bytes_text(char buffer[CLI_SHORT], double bytes);
 /** "2 d 03:04", "3:04:05", "12.5 s"; "?" for NaN. @return buffer */
 const char *cli_duration_text(char buffer[CLI_SHORT], double seconds);
 
-/* --- cameras: the service's cameras, shown to people. --- */
-
-/** The grid, then the cameras that do not stream and why; `all`: a line for each. @param answer  of GET /api/v1/cameras
- */
-void cli_print_grid(const json_t *answer, bool all);
-
 /* --- capture: the subcommands of sst capture. --- */
 
 /** Enter the properties of an opened array (sst_capture_open) in cfg, and open the recorder. Errors of
@@ -234,30 +196,6 @@ SST_MUST_CHECK int cli_open_recorder(struct sst_recorder **out, const struct sst
                                      struct sst_recorder_config *cfg);
 
 extern const struct cli_command cli_capture_array, cli_capture_rig;
-
-/* --- capture_still: the still camera of sst capture rig. --- */
-
-/** Options that override still: in the configuration; NULL: not given. */
-struct cli_still_options {
-    const char *files, *exposure, *aperture, *iso, *focus;
-};
-
-/** "still", "still:ID": the serial or port, "" where there is none; NULL: another camera. */
-const char *cli_still_selected(const char *camera);
-/** Refuse options of still cameras with another one. @return CLI_GO_ON or an exit code */
-int cli_still_check(const struct cli_command *cmd, const char *still, const struct cli_still_options *o);
-/** Apply the options to the configuration, and set the properties that the scan depends on. @return CLI_GO_ON or an
- * exit code */
-int cli_still_configure(const struct cli_command *cmd, const struct cli_still_options *o, const char *format,
-                        struct sst_array_config *array, struct sst_scan_config *cfg);
-/** Settings that a resumed capture must have, as text. */
-void cli_still_text(const struct sst_array_config *a, char *text, size_t size);
-void cli_still_config(struct sst_still_config *out, const struct sst_array_config *a, const char *camera, bool resumed,
-                      const SST_ATOMIC(bool) * cancel);
-/** Counters, battery and card. @return a new reference; NULL: no memory */
-json_t *cli_still_report(const struct sst_scan_still *still);
-/** The report as text; nothing of another camera. */
-void cli_still_print(const json_t *report);
 
 /* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
 
@@ -297,48 +235,11 @@ bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const c
 /** True if that node, of a list after sst_grab_select(), is that camera. */
 bool cli_is_node(const struct sst_config_camera *c, const struct sst_grab_device *device);
 
-/* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
-
-struct import_recording {
-    const char *const *dirs; /* [count] of one recording, or of several hosts' recordings */
-    int count;
-    const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
-    const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
-    bool allow_partial;
-};
-
-/** @return exit code; the sentence was printed. */
-int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args);
-
-/* --- process_judged: report of sst process about the pictures themselves --- */
-
-struct sst_align_report;
-struct sst_judgement;
-struct sst_notices;
-
-/** @param wanted  --align auto */
-json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted);
-/** {before, after} levels of 16-bit views, with a warning if some are lost; null: 8 bits. */
-json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
-/** Add plausible, implausible and views. */
-void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j);
-void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n);
-/** Part of the line that `sst process` ends with; nothing if nothing was corrected. */
-void cli_print_align(const struct sst_align_report *a);
-
 /* --- lightfield_line: one line about a light field, as `sst import` and `sst export` end with. --- */
 
 /** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
-
-/* --- process_device.c: work of the device in `sst process`. d zeroed: no device. --- */
-
-/** For `--json`; "cpu" without a device. */
-json_t *cli_process_device_json(const struct sst_disparity_device_report *d);
-
-/** Log the work of the device, and the steps that fell back to the CPU. */
-void cli_process_report_device(const struct sst_disparity_device_report *d);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 
@@ -405,22 +306,6 @@ struct cli_matching {
  */
 SST_MUST_CHECK int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m,
                                        char model_path[SST_PATH_MAX]);
-
-/* --- model_facts: facts about one network for `sst models`. --- */
-
-struct sst_manifest_entry;
-
-/**
- * One line of the list: file, folder, kind, bytes, precision, status (ok, hash mismatch, missing, unreadable), reason,
- * figures. Nothing is logged: a fault is the reason.
- *
- * @param entry  of the folder's manifest, or NULL
- * @return an object, to release with json_decref(); NULL without memory
- */
-json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
-
-/** Print all about one network. @return 0, or the error of opening it; logged. */
-SST_MUST_CHECK int cli_model_inspect(const char *path, bool json);
 
 /* --- places: which device sits where in the array, for commands that list cameras. --- */
 

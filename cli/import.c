@@ -1,7 +1,137 @@
+#include <errno.h>
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
+#include "capture/recording/lightfields.h"
 #include "cli/cli_internal.h"
+
+struct import_recording {
+    const char *const *dirs; /* [count] of one recording, or of several hosts' recordings */
+    int count;
+    const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
+    const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
+    bool allow_partial;
+};
+
+/* --- recordings --------------------------------------------------------------------------------------------------- */
+
+/* Numbers and ranges, each set once, in the order of recording. */
+static int choose_listed(const char *text, bool *chosen, int n)
+{
+    for (const char *p = text;; p++) {
+        char *end;
+        long from, to;
+
+        errno = 0;
+        from = to = strtol(p, &end, 10);
+        if (end == p || *p == '-' || *p == '+' || *p == ' ')
+            return -EINVAL;
+        if (*end == '-') {
+            p = end + 1;
+            to = strtol(p, &end, 10);
+            if (end == p || *p == '-' || *p == '+' || *p == ' ')
+                return -EINVAL;
+        }
+        if (errno || from > to || (*end && *end != ','))
+            return -EINVAL;
+        if (to >= n)
+            return -ERANGE;
+        for (long i = from; i <= to; i++)
+            chosen[i] = true;
+        if (!*end)
+            return 0;
+        p = end;
+    }
+}
+
+static int choose(const struct cli_command *cmd, const struct import_recording *args, int n, int *sets, int *count)
+{
+    bool *chosen = calloc((size_t)n, sizeof(*chosen));
+    int err = chosen ? 0 : -ENOMEM;
+
+    if (!err && args->sets && !strcmp(args->sets, "all"))
+        memset(chosen, 1, (size_t)n * sizeof(*chosen));
+    else if (!err && (!args->sets || !strcmp(args->sets, "first")))
+        chosen[0] = true;
+    else if (!err && !strcmp(args->sets, "last"))
+        chosen[n - 1] = true;
+    else if (!err)
+        err = choose_listed(args->sets, chosen, n);
+    *count = 0;
+    for (int i = 0; !err && i < n; i++) {
+        if (chosen[i])
+            sets[(*count)++] = i;
+    }
+    free(chosen);
+    if (err == -ERANGE)
+        return cli_usage_error(cmd, "--sets %s: %s has sets 0 to %d", args->sets, args->import->source, n - 1);
+    if (err == -EINVAL)
+        return cli_usage_error(cmd, "--sets %s is not a list such as 0,5-9, nor all, first or last", args->sets);
+    return err ? cli_exit_code(err) : CLI_GO_ON;
+}
+
+static int make(const struct cli_command *cmd, const struct import_recording *args,
+                const struct sst_recording *recording)
+{
+    const int n = sst_recording_sets(recording);
+    struct sst_lightfields_config cfg = {
+        .out = args->import->out,
+        .allow_partial = args->allow_partial,
+        .force = args->import->force,
+        .range_min_px = args->import->range_min_px,
+        .range_max_px = args->import->range_max_px,
+        .threads = args->import->threads,
+        .calibration = args->import->calibration,
+        .progress = cli_progress,
+        .progress_arg = (void *)(uintptr_t) "import",
+    };
+    int *sets, err, r;
+
+    if (!n) {
+        sst_log_error("%s holds no set; record some first", args->import->source);
+        return CLI_INPUT;
+    }
+    if (!args->sets && n > 1)
+        return cli_usage_error(cmd, "%s has %d sets; choose with --sets first, 0,5-9 or all", args->import->source, n);
+    sets = malloc((size_t)n * sizeof(*sets));
+    if (!sets)
+        return CLI_MEMORY;
+    r = choose(cmd, args, n, sets, &cfg.count);
+    if (r != CLI_GO_ON) {
+        free(sets);
+        return r;
+    }
+    cfg.sets = sets;
+    cfg.each = cfg.count > 1 || (args->sets && !strcmp(args->sets, "all"));
+    err = sst_recording_to_lightfields(recording, &cfg);
+    cli_progress_end();
+    if (!err && cfg.each)
+        printf("%s: %d light fields, %s/set-%06d to %s/set-%06d\n", args->import->out, cfg.count, args->import->out,
+               sets[0], args->import->out, sets[cfg.count - 1]);
+    free(sets);
+    if (!err && !cfg.each)
+        err = cli_print_lightfield(args->import->out, args->import->out);
+    return cli_exit_code(err);
+}
+
+static int run_recording(const struct cli_command *cmd, const struct import_recording *args)
+{
+    struct sst_recording *recording;
+    const int err = args->count > 1 ? sst_recording_open_joined(&recording, args->dirs, args->count)
+                                    : sst_recording_open(&recording, args->import->source);
+    int code;
+
+    if (err)
+        return cli_exit_code(err);
+    code = make(cmd, args, recording);
+    sst_recording_close(recording);
+    return code;
+}
+
+/* --- the command -------------------------------------------------------------------------------------------------- */
 
 #define RECORDINGS_MAX 16
 
@@ -29,8 +159,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "folder: external disparity rr_cc.pfm, px per spacing, inf unknown" },
         { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled" },
         { "prefer", 0, CLI_STRING, &prefer, "KIND",
-          "folder: jpeg (default) or raw: which files of views that have both; raw ones are developed",
-          0, 0, "jpeg raw" },
+          "folder: jpeg (default) or raw: which files of views that have both; raw ones are developed", 0, 0,
+          "jpeg raw" },
         { "sets", 0, CLI_STRING, &recording.sets, "LIST",
           "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each" },
         { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
@@ -61,7 +191,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         cfg.range_min_px = cfg.range_max_px = 0;
     if (strcmp(args[0], "recording") && args[2])
         return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
-    if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
+    if (!strcmp(args[0], "recording") &&
+        (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
         return cli_usage_error(cmd, "--grid, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
                                     "recording, which has its own grid and spacing");
     if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
@@ -85,7 +216,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         recording.count++;
     cfg.rows = grid[0];
     cfg.cols = grid[1];
-    r = strcmp(cfg.format, "recording") ? import_folder(&cfg) : cli_run_import_recording(cmd, &recording);
+    r = strcmp(cfg.format, "recording") ? import_folder(&cfg) : run_recording(cmd, &recording);
     sst_use_calibration_fini(&use);
     return r;
 }

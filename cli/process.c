@@ -18,10 +18,160 @@
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/parallax.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
 #include "pipeline/method/render/focus.h"
+
+/* --- report about the pictures themselves ------------------------------------------------------------------------- */
+
+/* @param wanted  --align auto */
+static json_t *align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted)
+{
+    json_t *views = json_array();
+
+    for (int k = 0; lf->correction && k < lf->rows * lf->cols; k++) {
+        const struct sst_correction *c = &lf->correction[k];
+
+        if (!sst_correction_is_none(c))
+            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:f, s:f}", "row",
+                                                   k / lf->cols, "col", k % lf->cols, "right_px", c->shift_x_px,
+                                                   "down_px", c->shift_y_px, "roll_deg", c->roll_deg, "scale", c->scale,
+                                                   "gain", c->gain[0], c->gain[1], c->gain[2], "falloff", c->falloff,
+                                                   "exponent", c->exponent));
+    }
+    return json_pack("{s:s, s:i, s:b, s:i, s:i, s:i, s:f, s:o, s:b, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode",
+                     wanted ? "auto" : "off", "moved", a->moved, "contradictory", (int)a->contradictory, "lit", a->lit,
+                     "faded", a->faded, "bent", a->bent, "worst_exponent", a->worst_exponent, "exponent_sigma",
+                     cli_real_json(a->exponent_sigma), "bent_kept", (int)a->bent_kept, "worst_falloff",
+                     cli_real_json(a->worst_falloff), "falloff_sigma", cli_real_json(a->falloff_sigma), "unmeasured",
+                     a->unmeasured, "worst_px", cli_real_json(a->worst_px), "worst_gain", cli_real_json(a->worst_gain),
+                     "sigma_px", cli_real_json(a->sigma_px), "gain_sigma", cli_real_json(a->gain_sigma), "views",
+                     views);
+}
+
+static void print_align(const struct sst_align_report *a)
+{
+    if (a->moved)
+        printf("%d views moved by up to %.2f px (sigma %.3f), ", a->moved, a->worst_px, a->sigma_px);
+    if (a->lit)
+        printf("the gains of %d views corrected by up to %.0f %% (sigma %.1f), ", a->lit, 100 * a->worst_gain,
+               100 * a->gain_sigma);
+    if (a->bent)
+        printf("the gammas of %d views corrected by up to %.0f %% (sigma %.1f), ", a->bent, 100 * a->worst_exponent,
+               100 * a->exponent_sigma);
+    if (a->faded)
+        printf("the fall-off of %d views corrected, up to %.0f %% of the light in the corners (sigma %.1f), ", a->faded,
+               100 * a->worst_falloff, 100 * a->falloff_sigma);
+    if (a->contradictory)
+        printf("displacements not corrected, as matches contradict each other (a fence or rows of windows), ");
+}
+
+/* {before, after} levels of 16-bit views, with a warning if some are lost; null: 8 bits. */
+static json_t *levels_json(const struct sst_lightfield *lf, const char *dir)
+{
+    int before, after;
+
+    if (sst_lightfield_levels(lf, dir, true, &before, &after) || !before)
+        return json_null();
+    return json_pack("{s:i, s:i, s:[i, i]}", "before", before, "after", after, "samples", lf->samples.black,
+                     lf->samples.white ? lf->samples.white : 65535);
+}
+
+/* Add plausible, implausible and views. */
+static void add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j)
+{
+    json_t *views = json_array();
+
+    for (int k = 0; j->judged && k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present)
+            json_array_append_new(views, json_pack("{s:i, s:i, s:b, s:s, s:o}", "row", k / lf->cols, "col",
+                                                   k % lf->cols, "plausible", j->view[k].fault == SST_VIEW_FINE,
+                                                   "fault", sst_judge_fault_name(j->view[k].fault), "confirmed_percent",
+                                                   cli_real_json(j->view[k].confirmed)));
+    }
+    json_object_set_new(root, "plausible", j->judged ? json_boolean(j->plausible) : json_null());
+    json_object_set_new(root, "implausible", json_string(j->sentence));
+    json_object_set_new(root, "views", views);
+}
+
+static void add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n)
+{
+    json_t *list = json_array(), *soft = json_array();
+
+    for (int i = 0; i < n->count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:s}", "what", n->notice[i].what, "text", n->notice[i].text));
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (n->soft_view[k])
+            json_array_append_new(soft, json_pack("{s:i, s:i}", "row", k / lf->cols, "col", k % lf->cols));
+    }
+    json_object_set_new(root, "noise_levels", json_real(n->noise_levels));
+    json_object_set_new(root, "edge_px", cli_real_json(n->edge_px));
+    json_object_set_new(root, "soft_views", soft);
+    json_object_set_new(root, "soft_px", json_real(n->soft_px));
+    json_object_set_new(root, "jpeg_quality", cli_real_json(n->jpeg_quality));
+    json_object_set_new(root, "jpeg_views", json_integer(n->jpeg_views));
+    json_object_set_new(root, "missing_views", json_integer(n->missing));
+    json_object_set_new(root, "skew_us", json_real(n->skew_us));
+    json_object_set_new(root, "noticed", list);
+}
+
+/* --- work of the device ------------------------------------------------------------------------------------------- */
+
+static json_t *device_json(const struct sst_disparity_device_report *d)
+{
+    json_t *root, *stages = json_array();
+
+    if (!*d->step.name) {
+        json_decref(stages);
+        return json_string("cpu");
+    }
+    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
+        if (d->step.stages_on_cpu >> i & 1)
+            json_array_append_new(stages, json_string(sst_disparity_stage_name((enum sst_disparity_stage)i)));
+    }
+    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->step.name), "driver",
+                     cli_text_json(d->step.driver), "views", (json_int_t)d->views, "on_cpu", (json_int_t)d->on_cpu,
+                     "tested", (json_int_t)d->tested, "tested_on_cpu", (json_int_t)d->tested_on_cpu, "failures",
+                     (json_int_t)d->step.failures, "why_cpu", *d->step.why ? cli_text_json(d->step.why) : json_null(),
+                     "stages_on_cpu", stages);
+    if (root)
+        json_object_update_new(
+            root,
+            json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "in_bands", (json_int_t)d->in_bands, "dispatches",
+                      (json_int_t)d->step.dispatches, "uploads", (json_int_t)d->step.uploads, "upload_bytes",
+                      (json_int_t)d->step.upload_bytes, "seconds", (double)d->step.total_ns * 1e-9, "upload_seconds",
+                      (double)d->step.upload_ns * 1e-9, "wait_seconds", (double)d->step.wait_ns * 1e-9,
+                      "download_seconds", (double)d->step.download_ns * 1e-9));
+    return root;
+}
+
+static void report_device(const struct sst_disparity_device_report *d)
+{
+    char stages[256] = "";
+
+    if (!*d->step.name)
+        return;
+    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
+        const size_t used = strlen(stages);
+
+        if (d->step.stages_on_cpu >> i & 1)
+            snprintf(stages + used, sizeof(stages) - used, "%s%s",
+                     used ? ", " : "; on the CPU: ", sst_disparity_stage_name((enum sst_disparity_stage)i));
+    }
+    if (d->on_cpu)
+        sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)d->on_cpu,
+                        (long long)(d->on_cpu + d->views), d->step.name, d->step.why);
+    else if (d->tested_on_cpu)
+        sst_log_warning("the hypotheses of %lld of %lld views were tested on the CPU instead of %s: %s",
+                        (long long)d->tested_on_cpu, (long long)(d->tested_on_cpu + d->tested), d->step.name,
+                        d->step.why);
+    else
+        sst_log_info("%lld views matched on %s%s", (long long)d->views, d->step.name, stages);
+}
+
+/* --- work --------------------------------------------------------------------------------------------------------- */
 
 /* Options of the command line beyond the matching. */
 struct wanted {
@@ -30,7 +180,7 @@ struct wanted {
     struct sst_network_device *networks;
     double range_min, range_max;
     bool no_labels, no_verify, json;
-    int unaligned; /* 1: `align` is off */
+    int unaligned;         /* 1: `align` is off */
     bool correct, several; /* of `align`; more than one light field */
 };
 
@@ -71,11 +221,11 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     double focus_px = NAN;
     json_t *root, *levels;
 
-    cli_process_report_device(device);
+    report_device(device);
     cli_network_report_device(w->networks);
     if (r->judgement.judged && !r->judgement.plausible)
         sst_log_warning("%s: not plausible: %s", dir, r->judgement.sentence);
-    levels = cli_levels_json(lf, dir);
+    levels = levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
@@ -98,7 +248,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         if (!isnan(r->coverage_refined))
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
-        cli_print_align(&r->align);
+        print_align(&r->align);
         print_skipped("views to match", r->skipped.views_skipped, "disparities off by more than 1 px",
                       r->skipped.views_error);
         print_skipped("disparities to search", r->skipped.ranges_skipped, "found elsewhere", r->skipped.ranges_error);
@@ -124,13 +274,13 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     if (root) {
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
-        cli_add_notices(root, lf, &r->notices);
-        cli_add_judgement(root, lf, &r->judgement);
+        add_notices(root, lf, &r->notices);
+        add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
-        json_object_set_new(root, "device", cli_process_device_json(device));
+        json_object_set_new(root, "device", device_json(device));
         json_object_set_new(root, "networks", cli_network_device_json(w->networks));
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
-        json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
+        json_object_set_new(root, "align", align_json(lf, &r->align, w->correct));
         json_object_set_new(root, "parallax",
                             r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
                                                                 : json_boolean(r->parallax == SST_PARALLAX_SEEN));
