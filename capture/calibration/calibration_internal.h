@@ -1,5 +1,4 @@
-/* capture/calibration/calibration_internal.h - board search in one picture, and recordings as a source; callers use
- * gather.h. */
+/* capture/calibration/calibration_internal.h - board search in one picture; callers use gather.h. */
 #ifndef SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 #define SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 
@@ -20,11 +19,6 @@ static inline int gather_selection_at(const struct sst_gather_selection *selecti
 
     return (int)((long long)i * some / gather_selection_count(selection, all)) * every;
 }
-
-/** A source that is a recording (gather_recorded.c). */
-SST_MUST_CHECK int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection);
-SST_MUST_CHECK int gather_recorded_read(const struct sst_gather_source *source, int view, int frame,
-                                        struct sst_image *out);
 
 /** The result of one picture; zeroed before use. */
 struct gather_result {

@@ -1,3 +1,4 @@
+#define _GNU_SOURCE /* posix_spawn_file_actions_addclosefrom_np */
 /* Thread of the hooks: it waits for an event, the end of a program, or the request to stop.
  *
  * Programs are killed with their groups. A process that a program starts in a session of its own becomes a child of
@@ -8,9 +9,11 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>
+#include <spawn.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,6 +27,62 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "daemon/publish/publish_internal.h"
+
+/* --- programs ----------------------------------------------------------------------------------------------------- */
+
+static int set_descriptors(posix_spawn_file_actions_t *files, const int *fd, int fds)
+{
+    int err = 0;
+
+    for (int i = 0; i < fds && !err; i++)
+        err = fd[i] < 0 ? posix_spawn_file_actions_addopen(files, i, "/dev/null", O_RDONLY, 0)
+                        : posix_spawn_file_actions_adddup2(files, fd[i], i);
+    return err ? err : posix_spawn_file_actions_addclosefrom_np(files, fds);
+}
+
+static int set_attributes(posix_spawnattr_t *attr)
+{
+    sigset_t none, all;
+    int err;
+
+    sigemptyset(&none);
+    sigfillset(&all);
+    err = posix_spawnattr_setpgroup(attr, 0);
+    err = err ? err : posix_spawnattr_setsigmask(attr, &none);
+    err = err ? err : posix_spawnattr_setsigdefault(attr, &all);
+    return err ? err
+               : posix_spawnattr_setflags(attr, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+}
+
+/*
+ * Start the program argv[0] as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with
+ * signals as usual.
+ *
+ * @param fd   [fds]; descriptors to become 0, 1 ...; none may be below its new number, except 2, standard error; -1:
+ *             /dev/null to read. All others are closed
+ * @param env  environ, or another one
+ * @return 0, or a negative errno, also if the program itself cannot be run. Thread: any
+ */
+static int spawn_program(pid_t *pid, char *const argv[], char *const env[], const int *fd, int fds)
+{
+    posix_spawn_file_actions_t files;
+    posix_spawnattr_t attr;
+    int err = posix_spawn_file_actions_init(&files);
+
+    if (err)
+        return -err;
+    err = posix_spawnattr_init(&attr);
+    if (!err) {
+        err = set_descriptors(&files, fd, fds);
+        err = err ? err : set_attributes(&attr);
+        err = err ? err : posix_spawn(pid, argv[0], &files, &attr, argv, env);
+        posix_spawnattr_destroy(&attr);
+    }
+    posix_spawn_file_actions_destroy(&files);
+    return -err;
+}
+
+/* --- hooks -------------------------------------------------------------------------------------------------------- */
 
 #define LIMIT_MS 30000
 #define CHECK_MS 20   /* between checks of running programs */

@@ -365,17 +365,4 @@ struct web_file {
 };
 extern const struct web_file web_files[]; /* up to one without a name */
 
-/* --- spawn: programs that the service starts. --- */
-
-/**
- * Start the program argv[0] as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with
- * signals as usual.
- *
- * @param fd   [fds]; descriptors to become 0, 1 ...; none may be below its new number, except 2, standard error; -1:
- *             /dev/null to read. All others are closed
- * @param env  environ, or another one
- * @return 0, or a negative errno, also if the program itself cannot be run. Thread: any
- */
-SST_MUST_CHECK int spawn_program(pid_t *pid, char *const argv[], char *const env[], const int *fd, int fds);
-
 #endif

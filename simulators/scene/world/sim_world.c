@@ -2,17 +2,131 @@
 #include "simulators/scene/world/sim_world.h"
 
 #include <errno.h>
+#include <linux/videodev2.h>
 #include <sha2.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <linux/videodev2.h>
-
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "pipeline/image/codec.h"
 #include "simulators/scene/world/world_internal.h"
+
+/* Key of a rendered frame. */
+struct sim_made_key {
+    int cam, frame;
+    int32_t pose_um[3];
+    uint32_t fourcc;
+    int width, height;
+    int light; /* exposure times gain relative to nominal, in 1/1024 */
+};
+
+/* --- frames that are rendered on demand --------------------------------------------------------------------------- */
+
+struct item {
+    struct sim_made_key key;
+    struct sim_jpeg frame;
+    uint64_t used;
+};
+
+struct shelf {
+    struct item *items;
+    int count, capacity;
+};
+
+struct sim_made {
+    struct shelf *shelves; /* one per camera, which keeps lookups short */
+    int cams;
+    size_t bytes, budget;
+    uint64_t clock;
+};
+
+/* @param budget_bytes  of all frames; the least recently used one is evicted first */
+static int made_create(struct sim_made **out, int cams, size_t budget_bytes)
+{
+    struct sim_made *m = calloc(1, sizeof(*m));
+
+    if (!m)
+        return -ENOMEM;
+    *m = (struct sim_made){ calloc((size_t)cams, sizeof(*m->shelves)), cams, 0, budget_bytes, 0 };
+    if (!m->shelves) {
+        free(m);
+        return -ENOMEM;
+    }
+    *out = m;
+    return 0;
+}
+
+static void made_destroy(struct sim_made *m)
+{
+    if (!m)
+        return;
+    for (int c = 0; c < m->cams; c++) {
+        for (int i = 0; i < m->shelves[c].count; i++)
+            free(m->shelves[c].items[i].frame.data);
+        free(m->shelves[c].items);
+    }
+    free(m->shelves);
+    free(m);
+}
+
+static bool same(const struct sim_made_key *a, const struct sim_made_key *b)
+{
+    return a->frame == b->frame && a->fourcc == b->fourcc && a->width == b->width && a->height == b->height &&
+           a->light == b->light && !memcmp(a->pose_um, b->pose_um, sizeof(a->pose_um));
+}
+
+/* The frame of a key, or NULL; valid until the next call. A packed frame has scan = rest = 0. */
+static const struct sim_jpeg *made_find(struct sim_made *m, const struct sim_made_key *key)
+{
+    const struct shelf *s = &m->shelves[key->cam];
+
+    for (int i = 0; i < s->count; i++) {
+        if (same(&s->items[i].key, key)) {
+            s->items[i].used = ++m->clock;
+            return &s->items[i].frame;
+        }
+    }
+    return NULL;
+}
+
+static void drop_oldest(struct sim_made *m)
+{
+    struct shelf *from = NULL;
+    int oldest = 0;
+
+    for (int c = 0; c < m->cams; c++) {
+        for (int i = 0; i < m->shelves[c].count; i++) {
+            if (!from || m->shelves[c].items[i].used < from->items[oldest].used) {
+                from = &m->shelves[c];
+                oldest = i;
+            }
+        }
+    }
+    m->bytes -= from->items[oldest].frame.bytes;
+    free(from->items[oldest].frame.data);
+    from->items[oldest] = from->items[--from->count];
+}
+
+/* Store a frame; takes ownership of its data, even on failure. @return 0 or -ENOMEM */
+static int made_keep(struct sim_made *m, const struct sim_made_key *key, const struct sim_jpeg *frame)
+{
+    struct shelf *s = &m->shelves[key->cam];
+
+    while (m->bytes && m->bytes + frame->bytes > m->budget)
+        drop_oldest(m);
+    if (!sst_mem_grow(&s->items, s->count, &s->capacity, sizeof(*s->items))) {
+        free(frame->data);
+        return -ENOMEM;
+    }
+    s->items[s->count++] = (struct item){ *key, *frame, ++m->clock };
+    m->bytes += frame->bytes;
+    return 0;
+}
+
+/* --- the world ---------------------------------------------------------------------------------------------------- */
 
 #define VERSION    3 /* part of the cache's key: increase it when the same settings give different bytes */
 #define SIZES_MAX  4
@@ -141,7 +255,7 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
     (void)!sst_sim_world_hold(w, 0);
     find_sizes(w);
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
-    err = w->luma ? sim_made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
+    err = w->luma ? made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
     if (!err && !w->settings.rig)
         err = open_loop(w, cache);
     if (err)
@@ -159,7 +273,7 @@ void sst_sim_world_close(struct sst_sim_world *w)
     if (!w)
         return;
     sim_loop_close(w->loop);
-    sim_made_destroy(w->made);
+    made_destroy(w->made);
     sim_stage_close(w->stage);
     free(w->luma);
     free(w);
@@ -290,14 +404,14 @@ static int native(struct sst_sim_world *w, const struct sim_made_key *wanted, st
     key.width = w->settings.width;
     key.height = w->settings.height;
     key.light = LIGHT_ONE;
-    found = sim_made_find(w->made, &key);
+    found = made_find(w->made, &key);
     if (found) {
         *out = *found;
         return 0;
     }
     e = (struct encoding){ &w->settings, out, key.frame };
     err = sim_stage_pose(w->stage, key.pose_um, key.frame, encode, &e);
-    return err ? err : sim_made_keep(w->made, &key, out);
+    return err ? err : made_keep(w->made, &key, out);
 }
 
 /* The slow path: decode, light, scale, encode or pack. */
@@ -327,7 +441,7 @@ static int make(struct sst_sim_world *w, const struct sim_made_key *key, struct 
             sim_pack(native_size ? &full : &small, key->fourcc, out->data);
     }
     if (!err)
-        err = sim_made_keep(w->made, key, out);
+        err = made_keep(w->made, key, out);
 
 done:
     sst_image_fini(&small);
@@ -376,7 +490,7 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
     key.light = (int)sst_clamp_double(light + 0.5, 0, 1 << 24);
     if (w->settings.rig)
         memcpy(key.pose_um, e->pose_um, sizeof(key.pose_um));
-    found = sim_made_find(w->made, &key);
+    found = made_find(w->made, &key);
     if (found)
         frame = *found;
     else if (fourcc == V4L2_PIX_FMT_MJPEG && key.light == LIGHT_ONE && width == w->settings.width &&

@@ -231,29 +231,6 @@ void sim_loop_close(struct sim_loop *loop);
 /** A frame; its data is borrowed and read-only. */
 struct sim_jpeg sim_loop_frame(const struct sim_loop *loop, int cam, int frame);
 
-/* --- made: cache of frames that are rendered on demand. --- */
-
-/** Key of a rendered frame. */
-struct sim_made_key {
-    int cam, frame;
-    int32_t pose_um[3];
-    uint32_t fourcc;
-    int width, height;
-    int light; /* exposure times gain relative to nominal, in 1/1024 */
-};
-
-struct sim_made; /* opaque; one thread at a time */
-
-/** @param budget_bytes  of all frames; the least recently used one is evicted first */
-SST_MUST_CHECK int sim_made_create(struct sim_made **out, int cams, size_t budget_bytes);
-void sim_made_destroy(struct sim_made *made);
-
-/** The frame of a key, or NULL; valid until the next call. A packed frame has scan = rest = 0. */
-const struct sim_jpeg *sim_made_find(struct sim_made *made, const struct sim_made_key *key);
-
-/** Store a frame; takes ownership of its data, even on failure. @return 0 or -ENOMEM */
-SST_MUST_CHECK int sim_made_keep(struct sim_made *made, const struct sim_made_key *key, const struct sim_jpeg *frame);
-
 /* --- photo: sensor model: exposure, gains, vignetting, noise. Bytes are sRGB, light is linear. --- */
 
 /** Multiply the light of a picture. */
