@@ -129,7 +129,7 @@ static void print_tables(const struct sst_drift *c)
     puts(" px per spacing");
 }
 
-/* --- the command -------------------------------------------------------------------------------------------------- */
+/* --- verdict ------------------------------------------------------------------------------------------------------ */
 
 static int write_picture(const struct sst_drift *c, const char *path)
 {
@@ -171,80 +171,7 @@ static int run_check(const struct cli_command *cmd, const struct check *args)
     return code;
 }
 
-/* --- cameras now -------------------------------------------------------------------------------------------------- */
-
-struct live {
-    struct sst_recorder *recorder; /* NULL: not recorded */
-    const char *coverage;          /* picture to update, or NULL */
-    int drawn;                     /* frames in it */
-};
-
-static struct sst_gather_live *running;
-
-static void on_signal(int sig)
-{
-    (void)sig;
-    if (running)
-        sst_gather_live_stop(running);
-}
-
-static int on_frameset(void *arg, const struct sst_frameset *set)
-{
-    struct live *l = arg;
-
-    return l->recorder ? sst_recorder_write(l->recorder, set) : 0;
-}
-
-static int on_status(void *arg, const struct sst_gather_status *s)
-{
-    struct live *l = arg;
-
-    if (!s->accepted) {
-        fprintf(stderr, "%d sets, and no camera has seen the board yet\n", s->framesets);
-        return 0;
-    }
-    fprintf(stderr, "%d of %d sets accepted, coverage %.0f %%; camera %d,%d (%s) lacks most: %s\n", s->accepted,
-            s->framesets, 100 * s->coverage, s->row, s->col, s->camera, s->missing[0] ? s->missing : "nothing");
-    if (!l->coverage || l->drawn == s->accepted)
-        return 0;
-    l->drawn = s->accepted;
-    return sst_gather_write_coverage(s->all, l->coverage);
-}
-
-static int run_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
-                    struct sst_gather_live_config *config, const char *record, const char *coverage)
-{
-    struct live l = { .coverage = coverage };
-    const struct sigaction act = { .sa_handler = on_signal };
-    struct sst_gather_live *live = NULL;
-    struct sst_recorder_config rec;
-    struct sigaction old[2];
-    int err, closed;
-
-    config->frameset = on_frameset;
-    config->status = on_status;
-    config->arg = &l;
-    err = sst_gather_live_open(&live, cfg, config);
-    if (!err && record) {
-        sst_recorder_config_defaults(&rec);
-        rec.dir = record;
-        err = cli_open_recorder(&l.recorder, config->array, &rec);
-    }
-    if (!err) {
-        running = live;
-        sigaction(SIGINT, &act, &old[0]);
-        sigaction(SIGTERM, &act, &old[1]);
-        err = sst_gather_live_run(live, out, frameset);
-        sigaction(SIGINT, &old[0], NULL);
-        sigaction(SIGTERM, &old[1], NULL);
-        running = NULL;
-    }
-    sst_gather_live_close(live);
-    closed = sst_recorder_close(l.recorder);
-    return err ? err : closed;
-}
-
-/* --- the command -------------------------------------------------------------------------------------------------- */
+/* --- options ------------------------------------------------------------------------------------------------------ */
 
 struct options {
     const char *source, *out, *board, *config, *keep, *lenses, *report, *coverage, *corners, *picture;
@@ -302,6 +229,79 @@ static int set_grid(struct sst_array_config *array, const int grid[2])
     return 0;
 }
 
+/* --- cameras now -------------------------------------------------------------------------------------------------- */
+
+struct live {
+    struct sst_recorder *recorder; /* NULL: not recorded */
+    const char *coverage;          /* picture to update, or NULL */
+    int drawn;                     /* frames in it */
+};
+
+static struct sst_gather_live *running;
+
+static void on_signal(int sig)
+{
+    (void)sig;
+    if (running)
+        sst_gather_live_stop(running);
+}
+
+static int on_frameset(void *arg, const struct sst_frameset *set)
+{
+    struct live *l = arg;
+
+    return l->recorder ? sst_recorder_write(l->recorder, set) : 0;
+}
+
+static int on_status(void *arg, const struct sst_gather_status *s)
+{
+    struct live *l = arg;
+
+    if (!s->accepted) {
+        fprintf(stderr, "%d sets, and no camera has seen the board yet\n", s->framesets);
+        return 0;
+    }
+    fprintf(stderr, "%d of %d sets accepted, coverage %.0f %%; camera %d,%d (%s) lacks most: %s\n", s->accepted,
+            s->framesets, 100 * s->coverage, s->row, s->col, s->camera, s->missing[0] ? s->missing : "nothing");
+    if (!l->coverage || l->drawn == s->accepted)
+        return 0;
+    l->drawn = s->accepted;
+    return sst_gather_write_coverage(s->all, l->coverage);
+}
+
+static int run_live(struct job *job, int **frameset, const struct sst_gather_config *cfg,
+                    struct sst_gather_live_config *config)
+{
+    struct live l = { .coverage = job->o->coverage };
+    const struct sigaction act = { .sa_handler = on_signal };
+    struct sst_gather_live *live = NULL;
+    struct sst_recorder_config rec;
+    struct sigaction old[2];
+    int err, closed;
+
+    config->frameset = on_frameset;
+    config->status = on_status;
+    config->arg = &l;
+    err = sst_gather_live_open(&live, cfg, config);
+    if (!err && job->o->keep) {
+        sst_recorder_config_defaults(&rec);
+        rec.dir = job->o->keep;
+        err = cli_open_recorder(&l.recorder, config->array, &rec);
+    }
+    if (!err) {
+        running = live;
+        sigaction(SIGINT, &act, &old[0]);
+        sigaction(SIGTERM, &act, &old[1]);
+        err = sst_gather_live_run(live, &job->gathered, frameset);
+        sigaction(SIGINT, &old[0], NULL);
+        sigaction(SIGTERM, &old[1], NULL);
+        running = NULL;
+    }
+    sst_gather_live_close(live);
+    closed = sst_recorder_close(l.recorder);
+    return err ? err : closed;
+}
+
 static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 {
     const struct options *o = job->o;
@@ -323,7 +323,7 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; coverage: " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
-        err = run_live(&job->gathered, &frameset, cfg, &live, o->keep, o->coverage);
+        err = run_live(job, &frameset, cfg, &live);
     }
     if (!err && o->keep) { /* pictures for the report: of the accepted framesets */
         err = sst_gather_source_open(&job->source, o->keep, &all);

@@ -184,6 +184,29 @@ struct wanted {
     bool correct, several; /* of `align`; more than one light field */
 };
 
+/* Work on each light field. */
+struct job {
+    struct sst_process_config cfg;
+    struct wanted w;
+    const char *preset;
+    const struct cli_shard *shard;
+    char *const *dir; /* of the light fields */
+    char **state;     /* of their claims */
+    const char *text; /* of the job */
+    bool split;       /* workers share views, not light fields */
+    struct sst_runner *device;
+};
+
+/* A light field during the computation of its maps. */
+struct computed {
+    const struct job *job;
+    const char *dir;
+    struct sst_lightfield lf;
+    struct sst_process_extras extras;
+    struct sst_process_report report;
+    struct sst_process_time load;
+};
+
 #define STEPS     ".process-views"   /* folder of a light field: maps that workers exchange */
 #define STATE     ".process"         /* folder of a light field: its claim by workers */
 #define JSON_MOST ((size_t)64 << 20) /* bytes of a lightfield.json */
@@ -213,10 +236,14 @@ static json_t *skipped_json(double percent, double error)
     return json_pack("{s:o, s:o}", "skipped_percent", cli_real_json(percent), "error_percent", cli_real_json(error));
 }
 
-static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
-                        struct sst_process_time load, struct sst_process_time saving, const char *dir,
-                        const struct wanted *w, const struct sst_disparity_device_report *device)
+static int print_report(const struct computed *c, struct sst_process_time saving,
+                        const struct sst_disparity_device_report *device)
 {
+    const struct sst_lightfield *lf = &c->lf;
+    const struct sst_process_report *r = &c->report;
+    const struct sst_process_time load = c->load;
+    const struct wanted *w = &c->job->w;
+    const char *dir = c->dir;
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
     json_t *root, *levels;
@@ -359,19 +386,6 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
     return r;
 }
 
-/* Work on each light field. */
-struct job {
-    struct sst_process_config cfg;
-    struct wanted w;
-    const char *preset;
-    const struct cli_shard *shard;
-    char *const *dir; /* of the light fields */
-    char **state;     /* of their claims */
-    const char *text; /* of the job */
-    bool split;       /* workers share views, not light fields */
-    struct sst_runner *device;
-};
-
 /* One opening of the device, for matching, and for networks where there are any. */
 static int open_devices(struct job *job)
 {
@@ -390,16 +404,6 @@ static void close_devices(struct job *job)
     sst_disparity_device_destroy(job->cfg.disparity.device);
     sst_runner_destroy(job->device);
 }
-
-/* A light field during the computation of its maps. */
-struct computed {
-    const struct job *job;
-    const char *dir;
-    struct sst_lightfield lf;
-    struct sst_process_extras extras;
-    struct sst_process_report report;
-    struct sst_process_time load;
-};
 
 /* Store the maps and report. */
 static int save(void *arg, int i SST_UNUSED, bool again)
@@ -420,7 +424,7 @@ static int save(void *arg, int i SST_UNUSED, bool again)
     if (c->job->device)
         sst_disparity_device_report(c->job->cfg.disparity.device, &device);
     if (!err)
-        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device);
+        err = print_report(c, saving, &device);
     if (c->job->w.networks)
         sst_network_device_clear_report(c->job->w.networks);
     return cli_exit_code(err);

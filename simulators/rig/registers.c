@@ -152,9 +152,11 @@ static int write_registers(struct sim_axis *a, unsigned first, unsigned count, c
 }
 
 /* @return 0 or an exception */
-static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size, uint8_t *reply, size_t *n)
+static int answer(struct sim_axis *a, const struct sim_query *q, uint8_t *reply, size_t *n)
 {
-    if (size < 5)
+    const uint8_t *pdu = q->pdu;
+
+    if (q->size < 5)
         return ILLEGAL_VALUE;
     memcpy(reply, pdu, 5); /* the reply to a write */
     *n = 5;
@@ -164,7 +166,7 @@ static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size,
         return answer_bits(a, pdu, reply, n);
     case 3:
     case 4:
-        return answer_registers(a, unit, pdu, reply, n);
+        return answer_registers(a, q->unit, pdu, reply, n);
     case 5:
         return write_coil(a, pdu);
     case 6:
@@ -172,7 +174,8 @@ static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size,
     case 8:
         return word(pdu + 1) ? ILLEGAL_FUNCTION : 0;
     case 16:
-        if (size < 6 || word(pdu + 3) < 1 || word(pdu + 3) > 123 || pdu[5] != 2 * word(pdu + 3) || size != 6u + pdu[5])
+        if (q->size < 6 || word(pdu + 3) < 1 || word(pdu + 3) > 123 || pdu[5] != 2 * word(pdu + 3) ||
+            q->size != 6u + pdu[5])
             return ILLEGAL_VALUE;
         return write_registers(a, word(pdu + 1), word(pdu + 3), pdu + 6);
     default:
@@ -194,27 +197,27 @@ static bool refuses_busy(struct sim_when *busy)
     return false;
 }
 
-size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
+size_t sim_drives_answer(struct sim_drives *bus, int64_t t_ns, const struct sim_query *q,
                          uint8_t reply[SST_SIM_PDU_MAX])
 {
-    struct sim_axis *a = &bus->axis[unit - 1];
+    struct sim_axis *a = &bus->axis[q->unit - 1];
     size_t n = 0;
     int exception = 0;
 
-    if (unit < 1 || unit > SST_SIM_AXES || size < 1)
+    if (q->unit < 1 || q->unit > SST_SIM_AXES || q->size < 1)
         return 0;
     sim_axis_advance(a, t_ns);
     if (sim_strikes(&bus->faults.exception))
         exception = bus->faults.exception_code;
-    if (!exception && is_write(pdu[0]) && refuses_busy(&bus->faults.busy))
+    if (!exception && is_write(q->pdu[0]) && refuses_busy(&bus->faults.busy))
         exception = BUSY;
     if (!exception)
-        exception = answer(a, unit, pdu, size, reply, &n);
-    if (!exception && is_write(pdu[0]) && sim_strikes(&bus->faults.acknowledge))
+        exception = answer(a, q, reply, &n);
+    if (!exception && is_write(q->pdu[0]) && sim_strikes(&bus->faults.acknowledge))
         exception = ACKNOWLEDGE;
     if (!exception)
         return n;
-    reply[0] = pdu[0] | 0x80;
+    reply[0] = q->pdu[0] | 0x80;
     reply[1] = (uint8_t)exception;
     return 2;
 }

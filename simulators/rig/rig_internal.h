@@ -121,14 +121,14 @@ struct sim_drives {
 /** True if this fault applies to the current reply; counts. */
 bool sim_strikes(struct sim_when *when);
 
-/**
- * Answer a request at t_ns.
- *
- * @param pdu    function code and data, without unit and checksum
- * @param reply  out
- * @return length of the reply; 0: no such unit
- */
-size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
+struct sim_query {
+    int unit;
+    const uint8_t *adu, *pdu; /* the whole message; function code and data, without unit and checksum */
+    size_t size;              /* of the PDU */
+};
+
+/** Answer a request at t_ns. @return length of the reply; 0: no such unit */
+size_t sim_drives_answer(struct sim_drives *bus, int64_t t_ns, const struct sim_query *q,
                          uint8_t reply[SST_SIM_PDU_MAX]);
 
 /** Size of a request's PDU on a serial line, from its first bytes, function code first; 0: not yet known. */

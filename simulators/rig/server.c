@@ -129,11 +129,12 @@ static void drop_line(struct sst_sim_drive *d, struct line *l)
 }
 
 /* Frame a reply with the active faults. Under lock. */
-static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const uint8_t *request, int unit,
-                               const uint8_t *pdu, size_t size)
+static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const struct sim_query *q, const uint8_t *pdu,
+                               size_t size)
 {
     struct sim_wire_faults *f = &d->bus.faults;
     uint8_t *out = l->out;
+    int unit = q->unit;
     size_t n = 0;
 
     if (sim_strikes(&f->wrong_unit))
@@ -156,7 +157,7 @@ static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const ui
         out[n + size + 2] = (uint8_t)(crc >> 8);
         n += size + 3;
     } else {
-        memcpy(out, request, 4); /* transaction, protocol */
+        memcpy(out, q->adu, 4); /* transaction, protocol */
         out[4] = 0;
         out[5] = (uint8_t)(size + 1);
         out[6] = (uint8_t)unit;
@@ -169,9 +170,7 @@ static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const ui
     l->due_ns = sst_clock_now_ns() + (sim_strikes(&f->late) ? (int64_t)f->late_ms * 1000000 : 0);
 }
 
-/* @param request  whole ADU; pdu points into it */
-static void serve(struct sst_sim_drive *d, struct line *l, const uint8_t *request, int unit, const uint8_t *pdu,
-                  size_t size)
+static void serve(struct sst_sim_drive *d, struct line *l, const struct sim_query *q)
 {
     uint8_t reply[SST_SIM_PDU_MAX];
     bool gone;
@@ -180,14 +179,14 @@ static void serve(struct sst_sim_drive *d, struct line *l, const uint8_t *reques
     pthread_mutex_lock(&d->lock);
     gone = sim_strikes(&d->bus.faults.disconnect);
     if (!gone)
-        n = sim_drives_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
+        n = sim_drives_answer(&d->bus, sst_clock_now_ns(), q, reply);
     if (!gone && !n && !l->serial) { /* a gateway reports that the target does not respond */
-        reply[0] = pdu[0] | 0x80;
+        reply[0] = q->pdu[0] | 0x80;
         reply[1] = 11;
         n = 2;
     }
     if (n && !sim_strikes(&d->bus.faults.silence))
-        frame_reply_locked(d, l, request, unit, reply, n);
+        frame_reply_locked(d, l, q, reply, n);
     pthread_mutex_unlock(&d->lock);
     if (gone)
         drop_line(d, l);
@@ -216,7 +215,7 @@ static bool handle_tcp(struct sst_sim_drive *d, struct line *l)
         return false;
     memcpy(request, l->in, n);
     consume(l, n);
-    serve(d, l, request, request[6], request + 7, n - 7);
+    serve(d, l, &(struct sim_query){ request[6], request, request + 7, n - 7 });
     return true;
 }
 
@@ -236,7 +235,7 @@ static bool handle_serial(struct sst_sim_drive *d, struct line *l)
         return false;
     }
     consume(l, n);
-    serve(d, l, request, request[0], request + 1, n - 3);
+    serve(d, l, &(struct sim_query){ request[0], request, request + 1, n - 3 });
     return true;
 }
 

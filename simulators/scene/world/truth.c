@@ -86,9 +86,9 @@ static json_t *world(const struct sst_sim_settings *s, const struct sim_stage *s
                     "scene", s->scene, "seed", (json_int_t)s->seed, "grid", "rows", s->rows, "cols", s->cols, "rig",
                     s->rig, "width", s->width, "height", s->height, "spacing_mm", o->spacing_mm, "reference",
                     (s->rows - 1) / 2 * s->cols + (s->cols - 1) / 2, "exposure_us", s->exposure_us, "loop", "frames",
-                    sim_stage_steps(stage), "rate_hz", s->rate_hz, "shutter", "kind",
-                    s->rolling ? "rolling" : "global", "line_us", s->rolling ? s->line_us : 0.0, "ideal", "focal_px",
-                    o->focal_px, "cx", o->cx, "cy", o->cy, "cameras", cameras);
+                    sim_stage_steps(stage), "rate_hz", s->rate_hz, "shutter", "kind", s->rolling ? "rolling" : "global",
+                    "line_us", s->rolling ? s->line_us : 0.0, "ideal", "focal_px", o->focal_px, "cx", o->cx, "cy",
+                    o->cy, "cameras", cameras);
     if (all && b->kind && json_object_set_new(all, "board", board(b))) {
         json_decref(all);
         return NULL;
@@ -122,7 +122,7 @@ static void turned(const double a[9], const double v[3], double out[3])
 
 /* A camera in another one's axes. @param at  their positions */
 static void fill_camera(struct sst_calib_camera *to, const struct sim_camera *c, const double at[3],
-                        const struct sim_camera *reference, const double reference_at[3], double vignetting)
+                        const struct sim_camera *reference, const double reference_at[3])
 {
     const double *k = c->distortion,
                  away[3] = { at[0] - reference_at[0], at[1] - reference_at[1], at[2] - reference_at[2] };
@@ -139,7 +139,6 @@ static void fill_camera(struct sst_calib_camera *to, const struct sim_camera *c,
     sst_rotation_between(c->rotation, reference->rotation, to->rotation);
     turned(reference->rotation, away, to->position_mm);
     memcpy(to->gain, c->gain, sizeof(to->gain));
-    to->falloff[0] = -vignetting;
 }
 
 /* Normalise gains to the mean camera's. */
@@ -204,7 +203,8 @@ static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, cons
         const double at[3] = { c->position_mm[0] + (s->rig ? step * (i % s->cols) : 0),
                                c->position_mm[1] + (s->rig ? step * (i / s->cols) : 0), c->position_mm[2] };
 
-        fill_camera(to, c, at, reference, reference_at, s->vignetting);
+        fill_camera(to, c, at, reference, reference_at);
+        to->falloff[0] = -s->vignetting;
         snprintf(to->name, sizeof(to->name), "SIM%04d", s->rig ? 0 : i);
         if (s->rig || i == calib->reference)
             memcpy(to->rotation, straight, sizeof(straight)); /* without the last bit's noise */
