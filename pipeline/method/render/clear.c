@@ -310,7 +310,8 @@ int clear_init(struct clear *c, struct sst_renderer *r, const struct sst_render_
     return err;
 }
 
-int clear_need_frames(struct clear *c)
+/* Rectified views, or samplers, of frames that were pending. @return as render_need_frames() */
+static int need_frames(struct clear *c)
 {
     const int err = render_need_frames(&c->plan, c->renderer);
 
@@ -322,7 +323,7 @@ int clear_need_frames(struct clear *c)
 /* Send all rays to the viewpoint. */
 static int land_rays(struct clear *c)
 {
-    int err = clear_need_frames(c);
+    int err = need_frames(c);
 
     err = err ? err : allocate(c);
     return err ? err : landed_make(c);

@@ -12,7 +12,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
 
-#include "pipeline/gpu/clear.h"
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/step/run.h"
 
@@ -92,9 +92,6 @@ struct clear {
 SST_MUST_CHECK int clear_init(struct clear *c, struct sst_renderer *r, const struct sst_render_config *cfg);
 void clear_fini(struct clear *c);
 
-/** Rectified views, or samplers, of frames that were pending. @return as render_need_frames() */
-SST_MUST_CHECK int clear_need_frames(struct clear *c);
-
 /** Definitions of the steps: `job` is an array of struct clear; with `filled` holes are filled, too.
  * @return 0, -ENOMEM, -EBADMSG (a frame; logged) */
 int clear_colour(void *job, int item, int worker);
@@ -129,66 +126,6 @@ int64_t landed_coloured_px(const struct clear *c);
 bool landed_colours(const struct clear *c, int x, int y);
 /** Is this picture continued by the next one? */
 bool landed_kept(const struct clear *c);
-
-/* --- device_clear.c, device_rays.c, device_holes.c: steps on a device --------------------------------------------- */
-
-enum clear_step {
-    CLEAR_STEP = 0,         /* pictures of rectified views */
-    CLEAR_STEP_SAMPLED = 1, /* rays are sampled from frames */
-    CLEAR_STEP_HOLES = 2,   /* holes of a picture with colours and weights */
-    CLEAR_STEPS
-};
-
-extern const struct sst_step clear_steps[CLEAR_STEPS];
-
-/** Scratch memory of the runner. */
-enum clear_scratch {
-    CLEAR_SCRATCH_VIEWS,
-    CLEAR_SCRATCH_COLOUR,
-    CLEAR_SCRATCH_DISP,
-    CLEAR_SCRATCH_VALID,
-    CLEAR_SCRATCH_MASKS,
-    CLEAR_SCRATCH_LANDED,
-    CLEAR_SCRATCH_STATE,
-    CLEAR_SCRATCH_SEEN,
-    CLEAR_SCRATCH_PICTURE,
-    CLEAR_SCRATCH_LEVELS
-};
-
-/** A picture, or a band of its rows, on a device. */
-struct clear_band {
-    struct clear *c;
-    struct render_device *d;
-    struct sst_gpu_clear push;
-    struct sst_gpu_clear_view view[SST_GPU_CLEAR_VIEWS];
-    int least[SST_GPU_CLEAR_VIEWS], most[SST_GPU_CLEAR_VIEWS]; /* rows that rays of a view move */
-    struct device_taps taps;
-    struct sst_gpu_range colour, disp, valid, masks, landed, state, seen, picture, levels;
-};
-
-/** Dispatch a shader over the pixels of a band. @param ranges  by binding */
-#define CLEAR_DISPATCH(r, b, shader, constants, rows, layers, ...)                                                     \
-    sst_run_dispatch(r, shader, constants,                                                                             \
-                     (const uint32_t[]){ (uint32_t)((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) /                 \
-                                             SST_GPU_CLEAR_GROUP_WIDTH,                                                \
-                                         (uint32_t)((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) /                         \
-                                             SST_GPU_CLEAR_GROUP_HEIGHT,                                               \
-                                         (uint32_t)(layers) },                                                         \
-                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
-                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
-
-/** Replace the landed rays of a band with their colours, sampled from frames. */
-void clear_sample_rays(struct sst_run *r, const struct clear_band *b);
-
-/** Fill the holes of a whole picture. @param picture  words as of enum sst_gpu_hole_buffer @param levels  of
- * clear_fill_bytes() bytes */
-void clear_fill_on_device(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture,
-                          struct sst_gpu_range levels);
-
-void clear_holes_on_device(struct sst_run *r, void *job, int item);
-
-/** Fetch colours and weights of rows top .. top+rows-1. @param picture  words of these rows */
-void clear_unpack(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture, int top, int rows);
 
 /* --- clear_sample.c: random pictures for sst_step_check() --------------------------------------------------------- */
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "pipeline/lightfield/correction.h"
-#include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 #define GRID     3
 #define VIEWS    (GRID * GRID)

@@ -12,17 +12,9 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 #define TEST_BYTES (1 << 20) /* more than a test of a step needs */
-
-const struct sst_step *const sst_render_steps[SST_RENDER_STEPS] = { &render_picture_step, &render_verify_step,
-                                                                    &clear_steps[CLEAR_STEP],
-                                                                    &clear_steps[CLEAR_STEP_HOLES],
-                                                                    &clear_steps[CLEAR_STEP_SAMPLED],
-                                                                    &render_frames_step,
-                                                                    &render_sampled_step,
-                                                                    &render_jpeg_step };
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
@@ -86,15 +78,12 @@ static void note_success(struct render_device *d)
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
-static int join(struct render_device *d)
+static int join(struct render_device *d, const struct sst_step *const *steps)
 {
     int err;
 
-    d->user = (struct sst_runner_user){ .steps = sst_render_steps,
-                                        .step_count = 1,
-                                        .work = "render",
-                                        .drop = drop,
-                                        .arg = d };
+    d->user =
+        (struct sst_runner_user){ .steps = steps, .step_count = 1, .work = "render", .drop = drop, .arg = d };
     err = sst_runner_join(d->runner, &d->user);
     if (err && !d->changes)
         return err;
@@ -136,7 +125,7 @@ void device_fini(struct render_device *d)
 }
 
 int render_device_create(struct render_device **out, const struct sst_lightfield *lf, struct sst_runner *runner,
-                         const struct sst_render_live *live)
+                         const struct sst_step *const *steps, const struct sst_render_live *live)
 {
     struct render_device *d = calloc(1, sizeof(*d));
     int err = d ? device_init(d, lf, live) : -ENOMEM;
@@ -146,7 +135,7 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
     if (err)
         sst_log_error("not enough memory for a device");
     else
-        err = join(d);
+        err = join(d, steps);
     if (!err)
         *out = d;
     else if (d)
@@ -240,23 +229,19 @@ bool render_device_picture(struct render_device *d, struct render_picture *p)
     return !err;
 }
 
-int device_prepare(struct render_device *d, const struct sst_step *step)
+int device_prepare(struct render_device *d, enum render_step step)
 {
-    size_t i = 0;
-    unsigned bit;
+    const unsigned bit = 1U << step;
     int err;
 
-    while (sst_render_steps[i] != step)
-        i++;
-    bit = 1U << i;
     /* Steps that pictures have needed are tested when a device is opened beside the work. */
-    if (d->user.steps_tested < i)
-        d->user.steps_tested = i;
+    if (d->user.steps_tested < step)
+        d->user.steps_tested = step;
     if (d->tested & bit)
         return d->refused & bit ? -ENOTSUP : 0;
     if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
         device_drop(d);
-    err = sst_step_check(&d->user, d->gpu, step);
+    err = sst_step_check(&d->user, d->gpu, d->user.steps[step]);
     d->tested |= !err || err == -ENOTSUP ? bit : 0;
     d->refused |= err == -ENOTSUP ? bit : 0;
     return err;
@@ -278,16 +263,16 @@ static void note_clear(struct render_device *d, int err)
 /* A device that cannot hold the picture, or computes it otherwise, is not to blame. */
 static int try_clear(struct render_device *d, struct clear *c)
 {
-    const struct sst_step *step = &clear_steps[c->sampled ? CLEAR_STEP_SAMPLED : CLEAR_STEP];
+    const enum render_step step = c->sampled ? RENDER_STEP_CLEAR_SAMPLED : RENDER_STEP_CLEAR;
     int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : device_prepare(d, step), holes = 0;
 
     if (!err && !c->cfg->merge)
-        holes = device_prepare(d, &clear_steps[CLEAR_STEP_HOLES]);
+        holes = device_prepare(d, RENDER_STEP_HOLES);
     c->device = d;
     c->fills = !holes && !c->cfg->merge;
     c->band_rows = d->clear.rows && c->count >= d->clear.views ? d->clear.rows : c->height;
     err = err || holes == -ENOTSUP || holes == -ENOMEM ? err : holes;
-    err = err ? err : sst_run_item(&d->user, step, c, 0);
+    err = err ? err : sst_run_item(&d->user, d->user.steps[step], c, 0);
     if (!err && c->band_rows < c->height) {
         d->clear.views = c->count;
         d->clear.rows = sst_max_int(c->band_rows, 2); /* which can be halved, without buffers of larger ones */
@@ -337,8 +322,8 @@ bool render_device_fill(struct render_device *d, struct clear *c)
     sst_runner_lock(d->runner);
     d->gpu = sst_runner_device(d->runner);
     if (d->gpu) {
-        err = device_prepare(d, &clear_steps[CLEAR_STEP_HOLES]);
-        err = err ? err : sst_run_item(&d->user, &clear_steps[CLEAR_STEP_HOLES], c, 0);
+        err = device_prepare(d, RENDER_STEP_HOLES);
+        err = err ? err : sst_run_item(&d->user, d->user.steps[RENDER_STEP_HOLES], c, 0);
         if (err && err != -ENOMEM && err != -ENOTSUP)
             fail(d, err, "");
     }

@@ -20,7 +20,7 @@
 
 #include "base/thread.h"
 #include "pipeline/gpu/clear_sample.h"
-#include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 #define BESIDE 3 /* rows around the rows from which rays land: neighbours, and pixels that colours are made of */
 
@@ -264,7 +264,7 @@ static void render_band(struct sst_run *r, struct clear_band *b, int most)
 
 /* --- a picture ---------------------------------------------------------------------------------------------------- */
 
-static void clear_on_device(struct sst_run *r, void *job, int item)
+void clear_on_device(struct sst_run *r, void *job, int item)
 {
     struct clear *c = (struct clear *)job + item;
     const int rows = sst_run_rows(r, c->band_rows, 1);
@@ -273,7 +273,7 @@ static void clear_on_device(struct sst_run *r, void *job, int item)
 
     c->device->gpu = sst_run_gpu(r);
     if (!whole && !c->sampled)
-        sst_run_fail(r, clear_need_frames(c));
+        sst_run_fail(r, render_need_frames(&c->plan, c->renderer));
     describe(&b, c);
     reserve(r, &b, rows, whole);
     if (!sst_run_failed(r) && (whole || c->sampled))
@@ -289,34 +289,3 @@ static void clear_on_device(struct sst_run *r, void *job, int item)
     c->band_rows = sst_run_failed(r) ? c->band_rows : rows;
     c->filled = b.levels.buffer && !sst_run_failed(r);
 }
-
-static bool is_picture(const void *job, int item)
-{
-    return ((const struct clear *)job)[item].lf;
-}
-
-static void written(void *job, int item, struct sst_share_maps *out)
-{
-    const struct clear_target *to = &((struct clear *)job)[item].to;
-
-    sst_share_add_image(out, to->image);
-    sst_share_add_u8(out, to->weight);
-    if (to->surface) {
-        sst_share_add_u16(out, to->surface);
-        sst_share_add_u8(out, to->support);
-    }
-}
-
-#define STEP(...)                                                                                                      \
-    {                                                                                                                  \
-        .wants = is_picture, .writes = written, .sample_free = clear_sample_free, __VA_ARGS__                          \
-    }
-
-const struct sst_step clear_steps[CLEAR_STEPS] = {
-    [CLEAR_STEP] = STEP(.name = "clear picture", .cpu = clear_colour, .device = clear_on_device,
-                        .levels = SST_GPU_CLEAR_LEVELS, .sample = clear_sample),
-    [CLEAR_STEP_SAMPLED] = STEP(.name = "clear picture of frames", .cpu = clear_colour, .device = clear_on_device,
-                                .levels = SST_GPU_CLEAR_LEVELS, .sample = clear_sample_frames),
-    [CLEAR_STEP_HOLES] = STEP(.name = "holes", .cpu = clear_fill_picture, .device = clear_holes_on_device,
-                              .sample = clear_sample_holes),
-};

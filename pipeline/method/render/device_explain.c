@@ -12,9 +12,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/kernels/verify_ref.h"
-#include "pipeline/method/render/render_internal.h"
-#include "pipeline/method/render/verify.h"
+#include "pipeline/method/render/device_internal.h"
 
 /* Stored disparities that pictures may have. */
 static size_t disp_values(const struct render_device *d, const struct device_batch *b)
@@ -45,7 +43,7 @@ static void find_reach(struct reach *r, const struct render_device *d, const str
 {
     const struct sst_render_plan *p = b->p;
     double least_px, most_px;
-    const bool any = explainer_reach(p->explainer, sst_verify_numbers(p).nearest_end, &least_px, &most_px);
+    const bool any = explainer_reach(p->explainer, p->numbers.nearest_end, &least_px, &most_px);
 
     *r = (struct reach){ .end = { 0 } };
     for (int k = 0; k < p->count; k++) {
@@ -264,7 +262,7 @@ static int dispatch_explained(struct render_device *d, const struct device_batch
     const struct device_chunk *c = v->split ? &v->near_views : &d->chunk[device_find_slot(d, b->p->tap[0].view)->chunk];
     struct sst_gpu_verify push = b->push;
 
-    push.nearest = sst_verify_numbers(b->p).nearest_end;
+    push.nearest = b->p->numbers.nearest_end;
     push.levels = explainer_levels(b->p->explainer);
     return device_dispatch_verify(
         d, shader, &push,

@@ -16,7 +16,7 @@
 #include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/rectify.h"
 #include "pipeline/kernels/place_patch.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 static size_t most(size_t a, size_t b)
 {
@@ -122,7 +122,7 @@ static int prepare_jpeg(struct render_device *d, const struct device_taps *taps)
 
     for (int k = 0; k < taps->count; k++)
         any |= d->lf->views[taps->tap[k]->view].encoded != NULL;
-    err = any ? device_prepare(d, &render_jpeg_step) : 0;
+    err = any ? device_prepare(d, RENDER_STEP_JPEG) : 0;
     d->frames.decodes = any && !err;
     return err == -ENOTSUP ? 0 : err;
 }
@@ -146,8 +146,8 @@ int device_make_frames(struct render_device *d, const struct device_taps *taps)
     }
     if (frame <= f->frame_bytes && places <= f->places_bytes && light <= f->light_bytes)
         return 0;
-    err = device_prepare(d, &render_frames_step);
-    err = err ? err : device_prepare(d, &render_sampled_step);
+    err = device_prepare(d, RENDER_STEP_FRAMES);
+    err = err ? err : device_prepare(d, RENDER_STEP_SAMPLED);
     err = err ? err : prepare_jpeg(d, taps);
     if (err)
         return err;

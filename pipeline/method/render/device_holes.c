@@ -2,7 +2,7 @@
 #include "base/thread.h"
 #include "pipeline/gpu/hole.h"
 #include "pipeline/kernels/pyramid_ref.h"
-#include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 _Static_assert(sizeof(struct sst_gpu_hole) == 20, "the layout of hole.glsl");
 

@@ -9,7 +9,7 @@
 
 #include "base/clock.h"
 #include "base/thread.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 _Static_assert(sizeof(struct sst_gpu_blend_view) == 64 && sizeof(struct sst_gpu_blend_label) == 8,
                "the layout of blend.comp");
@@ -49,7 +49,8 @@ static void begin_batch(struct device_batch *b, const struct render_device *d, c
         b->taps.tap[b->taps.count++] = &p->tap[k];
 }
 
-int device_make_bands(struct render_device *d)
+/* Buffers of a band of the picture, as many rows as fit: sums and results use at most a quarter of the memory. */
+static int make_bands(struct render_device *d)
 {
     const uint64_t row_bytes = (uint64_t)SUM_BYTES * (uint64_t)d->lf->width;
     const uint64_t quarter = sst_gpu_free_bytes(d->gpu) / 4;
@@ -76,7 +77,7 @@ int device_make_bands(struct render_device *d)
 /* What does not depend on the views. A larger table than before comes first again: views may use all the memory. */
 static int make_room(struct render_device *d, const struct sst_render_plan *p, const struct device_taps *taps)
 {
-    const size_t rows = sst_render_plan_table_rows(p);
+    const size_t rows = p->table_rows;
     int err;
 
     if (rows > d->table_rows)
@@ -85,7 +86,7 @@ static int make_room(struct render_device *d, const struct sst_render_plan *p, c
     if (!d->slots)
         device_drop_kept(d);
     if (!err)
-        err = device_make_bands(d);
+        err = make_bands(d);
     if (err || d->table)
         return err;
     d->table_rows = rows;
@@ -105,7 +106,7 @@ static int upload_labels(struct render_device *d, const struct sst_render_plan *
     }
     err = sst_gpu_upload(d->gpu, d->params, 0, label, sizeof(label));
     return err || !p->table ? err
-                            : sst_gpu_upload(d->gpu, d->table, 0, p->table, sst_render_plan_table_rows(p) * ROW_BYTES);
+                            : sst_gpu_upload(d->gpu, d->table, 0, p->table, p->table_rows * ROW_BYTES);
 }
 
 void device_batch_sent(struct render_device *d, struct device_batch *b)
@@ -288,9 +289,8 @@ static bool note_unverified(struct render_device *d, int err)
     return err == -EAGAIN || err == -ENOTSUP || err == -EOVERFLOW || err == -ENOMEM;
 }
 
-static void picture_on_device(struct sst_run *r, void *job, int item)
+void device_picture(struct sst_run *r, struct render_picture *p)
 {
-    struct render_picture *p = (struct render_picture *)job + item;
     struct render_device *d = p->device;
     const int64_t start_ns = sst_clock_now_ns();
     struct device_batch b;
@@ -303,13 +303,13 @@ static void picture_on_device(struct sst_run *r, void *job, int item)
     err = render_rows(d, &b, p->top, p->end);
     sst_run_fail(r, err);
     d->report.total_ns += err ? 0 : sst_clock_now_ns() - start_ns;
-    if (!err)
-        p->err = render_picture_finish(p, d->words.data, p->plan->verifier && !p->verify ? d->weights.data : NULL);
+    p->words = d->words.data;
+    p->weights = p->plan->verifier && !p->verify ? d->weights.data : NULL;
 }
 
 static int render(struct render_device *d, struct render_picture *p)
 {
-    return sst_run_item(&d->user, p->verify ? &render_verify_step : &render_picture_step, p, 0);
+    return sst_run_item(&d->user, d->user.steps[p->verify ? RENDER_STEP_VERIFY : RENDER_STEP_PICTURE], p, 0);
 }
 
 int device_render_picture(struct render_device *d, struct render_picture *p)
@@ -317,7 +317,7 @@ int device_render_picture(struct render_device *d, struct render_picture *p)
     int err;
 
     p->verify = p->plan->verifier && device_can_verify(d, p->plan);
-    err = p->verify ? device_prepare(d, &render_verify_step) : 0;
+    err = p->verify ? device_prepare(d, RENDER_STEP_VERIFY) : 0;
     if (!err)
         err = render(d, p);
     if (err == -EXDEV)
@@ -330,44 +330,3 @@ int device_render_picture(struct render_device *d, struct render_picture *p)
     }
     return err;
 }
-
-/* --- steps -------------------------------------------------------------------------------------------------------- */
-
-/* Samples have fewer pictures than items. */
-static bool is_there(const void *job, int item)
-{
-    return ((const struct render_picture *)job + item)->plan;
-}
-
-static void picture_maps(void *job, int item, struct sst_share_maps *out)
-{
-    struct render_picture *p = (struct render_picture *)job + item;
-
-    sst_share_add_image(out, p->out);
-    if (p->valid)
-        sst_share_add_u8(out, p->valid);
-}
-
-/* The steps differ in their samples. */
-#define PICTURES                                                                                                       \
-    .wants = is_there, .cpu = render_picture_on_cpu, .device = picture_on_device, .writes = picture_maps,              \
-    .sample_free = render_sample_free
-
-const struct sst_step render_picture_step = { .name = "blending",
-                                              PICTURES,
-                                              .sample = render_picture_sample,
-                                              .levels = SST_GPU_BLEND_LEVELS };
-const struct sst_step render_frames_step = { .name = "rectification",
-                                             PICTURES,
-                                             .sample = render_frames_sample,
-                                             .seeds = 3 };
-const struct sst_step render_sampled_step = { .name = "sampling of frames",
-                                              PICTURES,
-                                              .sample = render_sampled_sample,
-                                              .seeds = 3,
-                                              .levels = SST_GPU_BLEND_LEVELS };
-const struct sst_step render_jpeg_step = { .name = "colours of JPEG frames", PICTURES, .sample = render_jpeg_sample };
-const struct sst_step render_verify_step = { .name = "verification",
-                                             PICTURES,
-                                             .sample = render_verify_sample,
-                                             .levels = SST_GPU_BLEND_LEVELS };

@@ -6,7 +6,7 @@
 
 #include "pipeline/gpu/clear_sample.h"
 #include "pipeline/kernels/place_patch.h"
-#include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 _Static_assert(sizeof(struct sst_gpu_clear_sample) == 112 && sizeof(struct sst_gpu_clear_state) == 12 &&
                    sizeof(struct sst_place_patch) == 144,

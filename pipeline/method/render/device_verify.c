@@ -12,8 +12,7 @@
 #include <string.h>
 
 #include "pipeline/kernels/verify_ref.h"
-#include "pipeline/method/render/render_internal.h"
-#include "pipeline/method/render/verify.h"
+#include "pipeline/method/render/device_internal.h"
 
 _Static_assert(SST_GPU_VERIFY_VIEWS == SST_MAX_VIEWS &&
                    sizeof(((struct sst_gpu_verify_params *)0)->rarity) == SST_AGREE_BINS,
@@ -325,13 +324,13 @@ static int vote(struct render_device *d, struct device_batch *b)
 
 int device_verify_band(struct render_device *d, struct device_batch *b)
 {
-    const struct sst_verify_numbers numbers = sst_verify_numbers(b->p);
+    const struct sst_verify_numbers *numbers = &b->p->numbers;
     int err, end;
 
-    b->push.nearest = numbers.nearest;
-    b->push.all = numbers.all;
-    b->push.scale = numbers.scale;
-    b->push.most = numbers.most;
+    b->push.nearest = numbers->nearest;
+    b->push.all = numbers->all;
+    b->push.scale = numbers->scale;
+    b->push.most = numbers->most;
     b->push.doubt_step = SST_VERIFY_DOUBT_STEP;
     err = find_share(d, b);
     if (!err)

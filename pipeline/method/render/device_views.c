@@ -9,7 +9,7 @@
 
 #include "base/clock.h"
 #include "base/thread.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 #define PACK_ROWS 64 /* that a thread packs at once */
 

@@ -249,6 +249,11 @@ static void set_label_weights(struct sst_render_plan *p, const struct sst_render
     struct sst_columns within[256];
 
     sst_render_label_weights(p->table, p->range, within, &r->histogram, &p->cfg);
+    for (int i = 0; i < 256; i++) {
+        const size_t rows = (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS + 1;
+
+        p->table_rows = i && rows < p->table_rows ? p->table_rows : rows;
+    }
     set_ends(p, within);
 }
 
@@ -326,6 +331,7 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     err = sst_renderer_count(r);
     if (err)
         return err;
+    p->numbers = sst_verify_numbers(p);
     p->rarity = malloc(sizeof(r->rarity));
     p->verifier = calloc((size_t)threads, sizeof(struct sst_verifier *));
     for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
@@ -338,18 +344,6 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     }
     memcpy(p->rarity, r->rarity, sizeof(r->rarity));
     return 0;
-}
-
-size_t sst_render_plan_table_rows(const struct sst_render_plan *p)
-{
-    size_t rows = 1;
-
-    for (int i = 0; i < 256 && p->table; i++) {
-        const size_t row = (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS;
-
-        rows = row >= rows ? row + 1 : rows;
-    }
-    return rows;
 }
 
 /* Places of the views and weights: whatever is not finite here is a pixel that is wrong without saying so. */
@@ -366,7 +360,7 @@ static void check_border(const struct sst_render_plan *p)
         sst_border_floats("depth weights", b->power, ARRAY_LEN(b->power));
     }
     if (p->table)
-        sst_border_floats("label weights", p->table, sst_render_plan_table_rows(p) * SST_BLEND_COLUMNS);
+        sst_border_floats("label weights", p->table, p->table_rows * SST_BLEND_COLUMNS);
 }
 
 int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
@@ -385,7 +379,7 @@ int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r, 
 {
     int err = check_config(cfg);
 
-    *p = (struct sst_render_plan){ .lf = r->lf, .cfg = *cfg };
+    *p = (struct sst_render_plan){ .lf = r->lf, .cfg = *cfg, .table_rows = 1 };
     if (!err)
         err = fit_to_disparities(&p->cfg, r);
     if (!err)

@@ -149,6 +149,14 @@ static inline bool sst_render_tap_sees(const struct sst_render_tap *t, int x, in
     return top[0] && bottom[0] && (!(t->fx > 0) || (top[1] && bottom[1]));
 }
 
+/** Numbers that rays are verified with. */
+struct sst_verify_numbers {
+    float all;                /* sum of all apertures */
+    float scale, most;        /* as in struct sst_voting */
+    int nearest, nearest_end; /* largest stored disparities that do not end in front: of rays that make an occluder, and
+                                 of those that are explained or not */
+};
+
 struct sst_render_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;
@@ -160,11 +168,13 @@ struct sst_render_plan {
     struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; rows of label weights; NULL: they are all 1 */
+    size_t table_rows;             /* that labels use: labels without a range share rows; 1 without a table */
     struct sst_blend_range *range;            /* [256] owned; by label */
     uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
     struct sst_verifier **verifier; /* [verifiers], one per thread, owned; NULL: rays are not verified */
+    struct sst_verify_numbers numbers;
     uint8_t *rarity;                /* [SST_AGREE_BINS] owned */
     struct explainer *explainer;    /* owned; NULL: all rays vote */
     struct sst_map_u8 *agreed; /* out, borrowed: how surely a rendered pixel shows the surface in focus, 0..255: share
@@ -187,10 +197,6 @@ void sst_render_plan_sample(const struct sst_render_samples *to, const struct ss
 SST_MUST_CHECK int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r,
                                         const struct sst_render_config *cfg);
 void sst_render_plan_fini(struct sst_render_plan *p);
-
-/** Rows of `table` that its labels use: labels without a range share rows, and those beyond are not set. 1 without a
- * table. */
-size_t sst_render_plan_table_rows(const struct sst_render_plan *p);
 
 /* Sides of the cells that select parts of a picture, px: narrow runs cost more per pixel. */
 #define SST_RENDER_CELL_WIDTH  64

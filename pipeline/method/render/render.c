@@ -90,7 +90,7 @@ int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t m
 
     leave_device(r);
     err = sst_runner_create(&runner, name, memory_bytes);
-    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, NULL);
+    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, sst_render_steps, NULL);
 }
 
 int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
@@ -101,7 +101,7 @@ int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint6
 
     leave_device(r);
     err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
-    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, live);
+    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, sst_render_steps, live);
 }
 
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
@@ -489,13 +489,11 @@ static bool has_weak_pixels(const struct render_picture *pic)
     return weak;
 }
 
-int render_picture_finish(struct render_picture *pic, const uint32_t *words, const float *weights)
+int render_picture_finish(struct render_picture *pic)
 {
     int err = 0;
 
-    pic->words = words;
-    pic->weights = weights;
-    if (pic->own && pic->own->pending && (weights || has_weak_pixels(pic)))
+    if (pic->own && pic->own->pending && (pic->weights || has_weak_pixels(pic)))
         err = render_need_frames(pic->own, pic->renderer);
     return err ? err : render_bands(pic);
 }

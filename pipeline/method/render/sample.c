@@ -7,7 +7,7 @@
 
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/method/render/render_internal.h"
+#include "pipeline/method/render/device_internal.h"
 
 #define GRID  3
 #define VIEWS (GRID * GRID)

@@ -120,7 +120,7 @@ int sst_verifier_create(struct sst_verifier **out, const struct sst_render_plan 
     if (!v)
         return -ENOMEM;
     v->views = (size_t)p->count;
-    v->all = sst_verify_numbers(p).all;
+    v->all = p->numbers.all;
     v->memory = sst_mem_alloc(3 * 6 * n, 1);
     if (!v->memory) {
         free(v);
@@ -333,7 +333,6 @@ static void count_unexplained(struct sst_verifier *v, struct row *r, const struc
 static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, int x, int to, int y)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
-    const struct sst_verify_numbers numbers = sst_verify_numbers(p);
     struct row *r = &v->row[(y + 3) % 3]; /* the row above the picture is a row without rays */
     uint8_t *const mode[3] = { v->mode[0], v->mode[1], v->mode[2] };
     const size_t n = (size_t)(to - x), stride = (n + 63) / 64 * 64;
@@ -342,7 +341,7 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     memset(r->unexplained, 0, sizeof(r->unexplained));
     for (size_t k = 0; k < v->views; k++) {
         const struct sst_render_tap *t = &p->tap[k];
-        struct sst_voting voting = { p->rarity, 0, numbers.scale, numbers.most };
+        struct sst_voting voting = { p->rarity, 0, p->numbers.scale, p->numbers.most };
         uint8_t *colour = r->colour + k * 3 * stride, *vote = r->vote + k * stride;
         const struct sst_render_samples take = { { colour, colour + stride, colour + 2 * stride }, v->weight };
 
@@ -383,8 +382,7 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
     const struct row *const rows[3] = { &v->row[(y + 2) % 3], &v->row[y % 3], &v->row[(y + 1) % 3] };
     float sums[4][STRIDE] = { { 0 } };
     float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
-
-    const float most = 9 * (float)p->count * sst_verify_numbers(p).most;
+    const float most = 9 * (float)p->count * p->numbers.most;
 
     for (size_t k = 0; k < v->views; k++) {
         const uint16_t *const near[3] = { rows[0]->near + k * stride, rows[1]->near + k * stride,

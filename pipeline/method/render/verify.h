@@ -49,13 +49,7 @@ void sst_verifier_destroy(struct sst_verifier *v);
 void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to,
                 int y, int end, struct sst_image *out);
 
-/** What the verification of a picture is computed with. */
-struct sst_verify_numbers {
-    float all;                /* sum of all apertures */
-    float scale, most;        /* as in struct sst_voting */
-    int nearest, nearest_end; /* largest stored disparities that do not end in front: of rays that make an occluder, and
-                                 of those that are explained or not */
-};
+/** Numbers for the views and the focus of a plan. */
 struct sst_verify_numbers sst_verify_numbers(const struct sst_render_plan *p);
 
 /** Fraction of a pixel that the maps leave to votes: the product of the first two factors (SST_VERIFY_ON).
