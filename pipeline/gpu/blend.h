@@ -25,7 +25,8 @@ struct sst_gpu_blend_view {
     int32_t x0, x1, y0, y1; /* pixels of the picture whose rays lie inside the view */
     int32_t tap[4];         /* sst_blend_set_taps() */
     float aperture;
-    uint32_t first; /* its pixel (0, 0) in the buffers of pixels, disparities and valid pixels; a multiple of 4 */
+    uint32_t first; /* its pixel (0, 0) in the buffers of pixels, disparities and valid pixels, modulo 2^32, where they
+                       have only some rows of the view; a multiple of 4 */
     uint32_t flags; /* enum sst_gpu_blend_view_flag */
     uint32_t index; /* of pipeline/gpu/verify.h */
 };
@@ -44,9 +45,15 @@ struct sst_gpu_blend_label {
     uint32_t ends; /* sst_blend_support_fn */
 };
 
+/** Followed by struct sst_gpu_blend_view[]. */
+struct sst_gpu_blend_params {
+    struct sst_gpu_blend_label label[256];
+    uint8_t rarity[4096]; /* of colours, as in struct sst_voting; not read by `blend` */
+};
+
 /** Buffers, by binding. */
 enum sst_gpu_blend_buffer {
-    SST_GPU_BLEND_PARAMS = 0, /* struct sst_gpu_blend_label[256], then the views */
+    SST_GPU_BLEND_PARAMS = 0, /* struct sst_gpu_blend_params */
     SST_GPU_BLEND_PIXELS = 1, /* R, G, B, label from the lowest byte up; rows `pitch` pixels apart */
     SST_GPU_BLEND_DISP = 2,   /* uint16_t; not read by plans without weights */
     SST_GPU_BLEND_VALID = 3,  /* a byte each, 0: not valid; not read without SST_GPU_VIEW_VALID */

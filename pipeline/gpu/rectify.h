@@ -22,10 +22,9 @@ enum sst_gpu_rectify_buffer {
     SST_GPU_RECTIFY_LIST = 3,    /* int32_t pairs, for SST_PLACES_LISTED */
     SST_GPU_RECTIFY_LIGHT = 4, /* float: sst_gpu_rectify_light(), the fall-off's factors [light_rows][light_cols], their
                                   2.4th roots likewise; not read without SST_GPU_RECTIFY_LIT */
-    SST_GPU_RECTIFY_LABELS = 5, /* a byte each, rows `pitch` bytes apart; not read without SST_GPU_RECTIFY_LABELLED */
-    SST_GPU_RECTIFY_VALID = 6,  /* out, a byte each: 255, or 0 without a position in the frame */
+    SST_GPU_RECTIFY_VALID = 5, /* out, a byte each: 255, or 0 without a position in the frame */
     SST_GPU_RECTIFY_PIXELS =
-        7, /* out, and in for SST_GPU_RECTIFY_KEEP: R, G, B, label, as the shader `blend` reads them */
+        6, /* out, and in for SST_GPU_RECTIFY_KEEP: R, G, B, label, as the shader `blend` reads them */
     SST_GPU_RECTIFY_BUFFERS
 };
 
@@ -34,7 +33,7 @@ struct sst_gpu_rectify {
     int32_t raw_width, raw_height;
     int32_t taps;              /* 2, 4 or 6 */
     int32_t cell_shift, cells; /* pieces of 1 << cell_shift columns; the last one goes on to the end of the row */
-    uint32_t first;            /* pixel (0, 0) of the view in the last two buffers, a multiple of 4 */
+    uint32_t first;            /* pixel (0, 0) of the view in the last two buffers, a multiple of 4, modulo 2^32 */
     uint32_t flags;            /* enum sst_gpu_rectify_flag */
     int32_t light_shift, light_cols, light_rows; /* nodes of the fall-off, 1 << light_shift pixels apart */
     float part_x, part_y;                        /* pixel (x, y) is sampled at (x + part_x, y + part_y); 0..1 */
@@ -43,9 +42,8 @@ struct sst_gpu_rectify {
 };
 
 enum sst_gpu_rectify_flag {
-    SST_GPU_RECTIFY_LIT = 1,      /* light is corrected; else samples are only rounded */
-    SST_GPU_RECTIFY_LABELLED = 2, /* labels are stored with the colours ... */
-    SST_GPU_RECTIFY_KEEP = 4,     /* ... or those that are there are kept; neither: 0 */
+    SST_GPU_RECTIFY_LIT = 1,  /* light is corrected; else samples are only rounded */
+    SST_GPU_RECTIFY_KEEP = 2, /* labels that are there are kept; else they become 0 */
 };
 
 /** What does not depend on the factors in sst_light_code(), by sample: [2][SST_LIGHT_WHITE + 1]. */

@@ -21,21 +21,13 @@
 
 /* Structures have the layout of pipeline/kernels/verify_*.comp (std430). */
 
-/** Of verify_share and verify_rays, followed by struct sst_gpu_blend_view[], whose `index` is the view's place among
- * all of the picture. */
-struct sst_gpu_verify_params {
-    struct sst_gpu_blend_label label[256];
-    uint8_t rarity[4096]; /* of colours, as in struct sst_voting */
-};
-
 /** A view around another one: a point moves by bx, by pixels to it per pixel of disparity. */
 struct sst_gpu_verify_near {
     float bx, by;
     uint32_t view, zero;
 };
 
-/** A view of verify_screen and verify_unexplained, with those around it. `at.first` is modulo 2^32: where the buffers
- * have only some rows of a view, its pixel (0, 0) may lie before them. */
+/** A view of verify_screen and verify_unexplained, with the views around it. */
 struct sst_gpu_verify_view {
     struct sst_gpu_blend_view at;
     uint32_t around, zero[3];
@@ -67,7 +59,7 @@ struct sst_gpu_verify {
 
 /** Buffers, by binding. Planes follow each other. */
 enum sst_gpu_verify_share_buffer {
-    SST_GPU_SHARE_PARAMS = 0, /* struct sst_gpu_verify_params */
+    SST_GPU_SHARE_PARAMS = 0, /* struct sst_gpu_blend_params, with the place of each view among all of the picture */
     SST_GPU_SHARE_DISP = 1,   /* as of blend.h */
     SST_GPU_SHARE_SUMS = 2,   /* in: sums of weights in the fourth plane */
     SST_GPU_SHARE_OUT = 3,    /* in: of blend */
@@ -96,7 +88,7 @@ enum sst_gpu_verify_unexplained_buffer {
 };
 
 enum sst_gpu_verify_rays_buffer {
-    SST_GPU_RAYS_PARAMS = 0, /* struct sst_gpu_verify_params */
+    SST_GPU_RAYS_PARAMS = 0, /* as of verify_share */
     SST_GPU_RAYS_PIXELS = 1,
     SST_GPU_RAYS_DISP = 2,
     SST_GPU_RAYS_VALID = 3,

@@ -9,7 +9,7 @@ layout(local_size_x = 32, local_size_y = 4) in;
 
 #include "blend_view.glsl"
 
-layout(std430, binding = 0) readonly buffer Params { Label label[256]; View view[]; };
+layout(std430, binding = 0) readonly buffer Params { Label label[256]; uint rarity[1024]; View view[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };

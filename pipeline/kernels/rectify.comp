@@ -16,9 +16,8 @@ layout(std430, binding = 1) readonly buffer Frame { uint frame[]; };
 layout(std430, binding = 2) readonly buffer Cells { Places places[]; };
 layout(std430, binding = 3) readonly buffer List { int list[]; };
 layout(std430, binding = 4) readonly buffer Light { float light[]; };
-layout(std430, binding = 5) readonly buffer Labels { uint labels[]; };
-layout(std430, binding = 6) buffer Valid { uint valid[]; };
-layout(std430, binding = 7) buffer Pixels { uint pixel[]; };
+layout(std430, binding = 5) buffer Valid { uint valid[]; };
+layout(std430, binding = 6) buffer Pixels { uint pixel[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, raw_width, raw_height, taps, cell_shift, cells;
@@ -28,7 +27,7 @@ layout(std430, push_constant) uniform Constants {
     int top;
 };
 
-const uint LABELLED = 2, KEEP = 4;
+const uint KEEP = 2;
 const int LISTED = -1, OUTSIDE = int(0x80000000);
 
 float cubic(float k, float c0, float c1, float c2, float c3)
@@ -61,19 +60,16 @@ ivec2 place(int x, int y)
 void main()
 {
     const int x = 4 * int(gl_GlobalInvocationID.x), y = top + int(gl_GlobalInvocationID.y);
-    const uint row = uint(y) * uint(pitch), at = first + row + uint(x);
-    uint seen = 0, label = 0;
+    const uint at = first + uint(y) * uint(pitch) + uint(x);
+    uint seen = 0;
 
     if (x >= width || y >= height)
         return;
-    if ((flags & LABELLED) != 0)
-        label = labels[(row + uint(x)) >> 2];
     for (int i = 0; i < 4 && x + i < width; i++) {
         const ivec2 to = place(x + i, y);
-        uint rgb = 0, name = ((label >> (8 * i)) & 0xFF) << 24;
+        const uint name = (flags & KEEP) != 0 ? pixel[at + uint(i)] & 0xFF000000u : 0;
+        uint rgb = 0;
 
-        if ((flags & KEEP) != 0)
-            name = pixel[at + uint(i)] & 0xFF000000u;
         if (to.x != OUTSIDE) {
             rgb = finish(sample_at(to), x + i, y, part_x, part_y);
             seen |= 0xFFu << (8 * i);

@@ -114,7 +114,7 @@ struct sst_gpu_range sst_run_output(struct sst_run *r, enum sst_step_plane plane
  */
 int sst_run_rows(struct sst_run *r, int rows, int unit);
 
-#define SST_RUN_SCRATCH 16
+#define SST_RUN_SCRATCH 28
 
 /** Scratch memory, undefined at first. @param which  below SST_RUN_SCRATCH */
 struct sst_gpu_range sst_run_scratch(struct sst_run *r, int which, size_t bytes);

@@ -95,7 +95,7 @@ for f in 0000 0001 0002 0003; do
   close cal2/$f.png cal3/$f.png
 done
 "$sst" render cal --focus 9.3 --sampling rectified -o cal.png || fail "render of raw frames"
-for fault in lost=32:lost timeout=33:answer wrong=26:refused; do
+for fault in lost=40:lost timeout=41:answer wrong=34:refused; do
   "$sst" render cal --focus 9.3 --sampling rectified --device dummy:${fault%:*} -o fault.png --json >fault.json 2>err || fail "${fault%:*}: $(cat err)"
   cmp -s cal.png fault.png || fail "raw frames, ${fault%:*}: another picture"
   device fault.json "d['pictures'] == 0 and d['on_cpu'] == 1 and '${fault#*:}' in d['why_cpu']"
@@ -120,13 +120,13 @@ for known in yes no; do
 done
 
 # --- failures end on the CPU, counted and logged ---
-for fault in lost=25:lost timeout=25:answer; do
+for fault in lost=33:lost timeout=33:answer; do
   "$sst" render lf --device dummy:${fault%:*} -o fault.png --json >fault.json 2>err || fail "${fault%:*}: $(cat err)"
   cmp -s cpu1.png fault.png || fail "${fault%:*}: another picture"
   grep -q "1 of 1 pictures were rendered on the CPU instead of dummy: .*${fault#*:}" err || fail "${fault%:*}: $(cat err)"
   device fault.json "d['pictures'] == 0 and d['on_cpu'] == 1 and d['failures'] == 1 and '${fault#*:}' in d['why_cpu']"
 done
-"$sst" sweep lf --steps 5 --device dummy:lost=26 -o lost --json >lost.json 2>err || fail "lost: $(cat err)"
+"$sst" sweep lf --steps 5 --device dummy:lost=34 -o lost --json >lost.json 2>err || fail "lost: $(cat err)"
 device lost.json 'd["pictures"] == 3 and d["on_cpu"] == 2 and d["failures"] == 2'
 "$sst" render lf --method clear --device dummy --device-memory 4 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
 device clear.json 'd["on_cpu"] == 0 and d["in_parts"] == 1 and d["filled_on_cpu"] == 0 and d["why_filled_on_cpu"] is None'

@@ -147,7 +147,7 @@ static void test_frames(void **state)
     assert_int_equal(frames_make(&field), 0);
     assert_int_equal(frames_compare(&field, false, "lavapipe", 0, SST_GPU_BLEND_LEVELS, &report), 0);
     assert_int_equal(report.pictures, FRAMES_PICTURES - 1);
-    assert_int_equal(report.rectified, 12);
+    assert_int_equal(report.rectified, 6);
     assert_int_equal(report.failures, 0);
     assert_in_range(frames_compare(&field, true, "lavapipe", 0, SST_GPU_BLEND_LEVELS, &report), 0,
                     FRAMES_PICTURES * FRAMES_WIDTH * FRAMES_HEIGHT / 1000);

@@ -82,8 +82,8 @@ struct clear {
     void *rows; /* owned: scratch */
     /* on a device */
     struct render_device *device;
-    int band_rows; /* that it begins with, and had memory for */
-    bool fills;    /* holes are filled with the picture */
+    struct render_bands bands; /* that it begins with, and had memory for */
+    bool fills;                /* holes are filled with the picture */
 };
 
 #define CLEAR_ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */

@@ -154,7 +154,7 @@ static int make_picture(struct sample *s, int i)
     c->bins = i == 3 ? first_q6(&s->lf) + 720 : c->bins;
     s->device.tested = UINT_MAX;
     c->device = &s->device;
-    c->band_rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
+    c->bands.rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
     c->to = (struct clear_target){ &s->image[i], &s->weight[i], i > 1 ? &s->surface[i] : NULL, &s->support[i] };
     return err;
 }

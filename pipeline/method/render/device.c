@@ -20,18 +20,8 @@
 
 void device_drop(struct render_device *d)
 {
-    for (int i = 0; i < d->chunks; i++)
-        device_destroy_chunk(d, &d->chunk[i]);
-    sst_gpu_buffer_destroy(d->gpu, d->params);
-    sst_gpu_buffer_destroy(d->gpu, d->table);
-    sst_gpu_buffer_destroy(d->gpu, d->sums);
-    sst_gpu_buffer_destroy(d->gpu, d->out);
-    d->params = d->table = d->sums = d->out = NULL;
+    device_drop_views(d);
     device_drop_frames(d);
-    device_drop_verify(d);
-    d->chunks = d->slots = d->rows = 0;
-    d->table_rows = 0;
-    d->full = false;
 }
 
 /* Free all buffers: the device is closed, or other work needs the memory. */
@@ -40,7 +30,8 @@ static void drop(void *arg)
     struct render_device *d = arg;
 
     d->gpu = sst_runner_device(d->runner);
-    device_drop(d);
+    if (!d->held)
+        device_drop(d);
 }
 
 /* Of a device that was just opened. */
@@ -49,8 +40,16 @@ static void note_opening(struct render_device *d)
     d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
     d->tested = d->refused = 0;
-    d->clear = (struct device_clear){ .noted = d->clear.noted };
-    d->verify.small = d->verify.split = d->verify.cramped = false;
+    memset(d->bands, 0, sizeof(d->bands));
+    d->small = d->cramped = false;
+}
+
+void device_begin(struct render_device *d, struct sst_run *r)
+{
+    d->run = r;
+    d->gpu = sst_run_gpu(r);
+    d->turn++;
+    d->held = false;
 }
 
 /* Note that a picture is rendered on the CPU, and why. */
@@ -119,7 +118,7 @@ void device_fini(struct render_device *d)
     for (int i = 0; i < DEVICE_SPANS; i++)
         free(d->frames.ready[i].list.xy);
     free(d->frames.kept);
-    free(d->verify.cell);
+    free(d->frames.lit);
     free(d->chunk);
     free(d->slot);
 }
@@ -199,7 +198,7 @@ static void note_unverified(struct render_device *d)
         [DEVICE_UNVERIFIED_SMALL] = "a device needs room for the rays that it verifies",
         [DEVICE_UNVERIFIED_CRAMPED] = "what the maps explain needs room for some rows of all views, and its tables",
     };
-    const enum device_unverified why = d->verify.why;
+    const enum device_unverified why = d->why;
     const unsigned bit = 1U << why;
 
     d->report.verified_on_cpu++;
@@ -208,28 +207,16 @@ static void note_unverified(struct render_device *d)
         sst_text_add(d->report.why_verified, sizeof(d->report.why_verified),
                      ": raise %s, or use fewer or smaller views",
                      d->changes ? "live.device_memory_mb" : "--device-memory");
-    if (d->changes && !(d->verify.logged & bit))
+    if (d->changes && !(d->logged & bit))
         sst_log_warning("%s: %s; rays are verified on the CPU", d->user.report.name, d->report.why_verified);
-    d->verify.logged |= bit;
+    d->logged |= bit;
 }
 
-bool render_device_picture(struct render_device *d, struct render_picture *p)
-{
-    int err;
+/* --- steps -------------------------------------------------------------------------------------------------------- */
 
-    sst_runner_lock(d->runner);
-    err = may_try(d) ? device_render_picture(d, p) : 1;
-    if (err)
-        note_error(d, err);
-    else
-        note_success(d);
-    if (!err && p->plan->verifier && !p->verify)
-        note_unverified(d);
-    sst_runner_unlock(d->runner);
-    return !err;
-}
-
-int device_prepare(struct render_device *d, enum render_step step)
+/* Test a step at its first picture since the device was opened, after dropping views that leave too little memory.
+ * @return 0, -ENOTSUP (refused), or an error of the device */
+static int prepare(struct render_device *d, enum render_step step)
 {
     const unsigned bit = 1U << step;
     int err;
@@ -247,6 +234,89 @@ int device_prepare(struct render_device *d, enum render_step step)
     return err;
 }
 
+/* The steps of views that are made from frames, if any is. */
+static int prepare_frames(struct render_device *d, const struct sst_render_plan *p)
+{
+    bool any = false, encoded = false;
+    int err;
+
+    for (int k = 0; k < p->count; k++) {
+        any |= p->tap[k].frame != NULL;
+        encoded |= p->tap[k].frame && d->lf->views[p->tap[k].view].encoded;
+    }
+    if (!any)
+        return 0;
+    err = prepare(d, RENDER_STEP_FRAMES);
+    err = err ? err : prepare(d, RENDER_STEP_SAMPLED);
+    if (err || !encoded)
+        return err;
+    err = prepare(d, RENDER_STEP_JPEG);
+    return err == -ENOTSUP ? 0 : err; /* the CPU makes the colours */
+}
+
+/* Render an item in bands as pictures of no more views had memory for. @param bands  of the item, which the step sets
+ * @return as sst_run_item() */
+static int run(struct render_device *d, enum render_step step, void *job, const struct sst_render_plan *p,
+               struct render_bands *bands)
+{
+    const int unit = step == RENDER_STEP_CLEAR || step == RENDER_STEP_CLEAR_SAMPLED ? 1 : SST_RENDER_CELL_HEIGHT;
+    struct device_bands *known = &d->bands[step];
+    int err;
+
+    *bands = known->views && p->count >= known->views ? known->bands : (struct render_bands){ d->lf->height, false };
+    err = sst_run_item(&d->user, d->user.steps[step], job, 0);
+    if (err || (bands->rows == d->lf->height && !bands->split))
+        return err;
+    *known = (struct device_bands){ p->count, *bands };
+    known->bands.rows = sst_max_int(bands->rows, 2 * unit); /* which can be halved, without buffers of larger ones */
+    return 0;
+}
+
+/* --- pictures of rays --------------------------------------------------------------------------------------------- */
+
+/* Note why rays are not verified on the device. @return false: it failed for another reason */
+static bool note_reason(struct render_device *d, const struct sst_render_plan *p, int err)
+{
+    d->small = d->small || (err == -ENOMEM && !p->explainer);
+    d->cramped = d->cramped || (err == -ENOMEM && p->explainer);
+    d->why = err == -EAGAIN    ? DEVICE_UNVERIFIED_WEIGHTS
+             : err == -ENOTSUP ? DEVICE_UNVERIFIED_REFUSED
+             : p->explainer    ? DEVICE_UNVERIFIED_CRAMPED
+                               : DEVICE_UNVERIFIED_SMALL;
+    return err == -EAGAIN || err == -ENOTSUP || err == -ENOMEM;
+}
+
+static int try_picture(struct render_device *d, struct render_picture *p)
+{
+    int err = prepare_frames(d, p->plan);
+
+    if (err)
+        return err;
+    p->verify = p->plan->verifier && device_can_verify(d, p->plan);
+    err = p->verify ? prepare(d, RENDER_STEP_VERIFY) : 0;
+    err = err || !p->verify ? err : run(d, RENDER_STEP_VERIFY, p, p->plan, &p->bands);
+    if (err && !note_reason(d, p->plan, err))
+        return err;
+    p->verify = p->verify && !err;
+    return p->verify ? 0 : run(d, RENDER_STEP_PICTURE, p, p->plan, &p->bands);
+}
+
+bool render_device_picture(struct render_device *d, struct render_picture *p)
+{
+    int err;
+
+    sst_runner_lock(d->runner);
+    err = may_try(d) ? try_picture(d, p) : 1;
+    if (err)
+        note_error(d, err);
+    else
+        note_success(d);
+    if (!err && p->plan->verifier && !p->verify)
+        note_unverified(d);
+    sst_runner_unlock(d->runner);
+    return !err;
+}
+
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
 /* Note a clear picture that is rendered on the CPU; live that is logged once. */
@@ -255,31 +325,28 @@ static void note_clear(struct render_device *d, int err)
     note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
                 : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
                                   : sst_gpu_error(err));
-    if (d->changes && !d->clear.noted)
+    if (d->changes && !d->clear_logged)
         sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->user.report.name, d->report.why);
-    d->clear.noted = true;
+    d->clear_logged = true;
 }
 
 /* A device that cannot hold the picture, or computes it otherwise, is not to blame. */
 static int try_clear(struct render_device *d, struct clear *c)
 {
     const enum render_step step = c->sampled ? RENDER_STEP_CLEAR_SAMPLED : RENDER_STEP_CLEAR;
-    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : device_prepare(d, step), holes = 0;
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare(d, step), holes = 0;
 
     if (!err && !c->cfg->merge)
-        holes = device_prepare(d, RENDER_STEP_HOLES);
+        holes = prepare(d, RENDER_STEP_HOLES);
     c->device = d;
     c->fills = !holes && !c->cfg->merge;
-    c->band_rows = d->clear.rows && c->count >= d->clear.views ? d->clear.rows : c->height;
     err = err || holes == -ENOTSUP || holes == -ENOMEM ? err : holes;
-    err = err ? err : sst_run_item(&d->user, d->user.steps[step], c, 0);
-    if (!err && c->band_rows < c->height) {
-        d->clear.views = c->count;
-        d->clear.rows = sst_max_int(c->band_rows, 2); /* which can be halved, without buffers of larger ones */
-        d->report.in_parts++;
-    }
-    if (!err)
+    err = err ? err : prepare_frames(d, &c->plan);
+    err = err ? err : run(d, step, c, &c->plan, &c->bands);
+    if (!err) {
+        d->report.in_parts += c->bands.rows < c->height;
         return 0;
+    }
     if (err == -EOVERFLOW || err == -ENOTSUP || err == -ENOMEM)
         note_clear(d, err);
     else
@@ -322,7 +389,7 @@ bool render_device_fill(struct render_device *d, struct clear *c)
     sst_runner_lock(d->runner);
     d->gpu = sst_runner_device(d->runner);
     if (d->gpu) {
-        err = device_prepare(d, RENDER_STEP_HOLES);
+        err = prepare(d, RENDER_STEP_HOLES);
         err = err ? err : sst_run_item(&d->user, d->user.steps[RENDER_STEP_HOLES], c, 0);
         if (err && err != -ENOMEM && err != -ENOTSUP)
             fail(d, err, "");

@@ -39,6 +39,7 @@ static void describe_view(struct clear_band *b, int k)
     b->least[k] = sst_min_int(move[0], move[1]);
     b->most[k] = sst_max_int(move[0], move[1]);
     b->taps.tap[k] = b->c->view[k].tap;
+    b->taps.wanted[k] = true;
 }
 
 static void describe(struct clear_band *b, struct clear *c)
@@ -69,42 +70,19 @@ static void describe(struct clear_band *b, struct clear *c)
         describe_view(b, k);
 }
 
-/* Put all views into one chunk. @return -ENOMEM: they do not fit into one, or into the memory */
-static int gather_views(struct clear_band *b)
+/* Put all views into one chunk. */
+static void gather(struct clear_band *b)
 {
-    struct render_device *d = b->d;
-    const struct device_slot *first = NULL;
-    int err = d->slots ? 0 : device_grow(d);
+    const struct device_chunk *c;
 
-    for (int i = 0, n = 0; i < d->slots && !err && n < b->c->count; i++) {
-        n += !d->slot[i].chunk;
-        err = i + 1 == d->slots && n < b->c->count ? -ENOMEM : 0;
-    }
-    for (int k = 0; k < b->c->count && !err; k++) {
-        struct device_slot *s = device_find_slot(d, b->taps.tap[k]->view);
-
-        s = s ? s : device_free_slot(d);
-        first = first ? first : s;
-        if (!s || s->chunk != first->chunk)
-            err = -ENOMEM;
-        if (!err)
-            err = device_ready_frames(d, &b->taps, k);
-        if (!err)
-            err = device_place_view(d, s, b->taps.tap[k], false, b->c->threads);
-        if (!err) {
-            s->used = ++d->turn;
-            s->pending = true;
-            b->view[k].first = (uint32_t)((size_t)s->index * device_view_pixels(d));
-        }
-    }
-    for (int i = 0; i < d->slots; i++)
-        d->slot[i].pending = false;
-    if (err)
-        return err;
-    b->colour.buffer = d->chunk[first->chunk].pixels;
-    b->disp.buffer = d->chunk[first->chunk].disp;
-    b->valid.buffer = d->chunk[first->chunk].valid;
-    return 0;
+    if (!device_gather(b->d, &b->taps, true))
+        sst_run_fail(b->d->run, -ENOMEM);
+    if (sst_run_failed(b->d->run))
+        return;
+    c = b->taps.place[0].chunk;
+    b->colour.buffer = c->pixels;
+    b->disp.buffer = c->disp;
+    b->valid.buffer = c->valid;
 }
 
 /* --- bands -------------------------------------------------------------------------------------------------------- */
@@ -120,19 +98,19 @@ static void reserve(struct sst_run *r, struct clear_band *b, int rows, bool whol
         pixels += (size_t)sst_min_int(c->height, rows + b->most[k] - b->least[k] + 2 * BESIDE) * pitch;
     if (whole)
         pixels = (size_t)(c->lf->rows * c->lf->cols) * device_view_pixels(b->d);
-    b->landed = sst_run_scratch(r, CLEAR_SCRATCH_LANDED, 4 * (size_t)c->count * (size_t)rows * pitch);
-    b->picture = sst_run_scratch(r, CLEAR_SCRATCH_PICTURE, 4 * n);
-    b->seen = b->push.merged ? sst_run_scratch(r, CLEAR_SCRATCH_SEEN, 4 * n) : b->picture;
-    b->state = c->sampled ? sst_run_scratch(r, CLEAR_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
+    b->landed = sst_run_scratch(r, DEVICE_SCRATCH_LANDED, 4 * (size_t)c->count * (size_t)rows * pitch);
+    b->picture = sst_run_scratch(r, DEVICE_SCRATCH_PICTURE, 4 * n);
+    b->seen = b->push.merged ? sst_run_scratch(r, DEVICE_SCRATCH_SEEN, 4 * n) : b->picture;
+    b->state = c->sampled ? sst_run_scratch(r, DEVICE_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
     if (c->cfg->remove)
-        b->masks = sst_run_scratch(r, CLEAR_SCRATCH_MASKS, pixels);
+        b->masks = sst_run_scratch(r, DEVICE_SCRATCH_MASKS, pixels);
     if (c->fills && rows == c->height)
-        b->levels = sst_run_scratch(r, CLEAR_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height));
+        b->levels = sst_run_scratch(r, DEVICE_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height));
     if (whole)
         return;
-    b->colour = sst_run_scratch(r, CLEAR_SCRATCH_COLOUR, 4 * pixels);
-    b->disp = sst_run_scratch(r, CLEAR_SCRATCH_DISP, 2 * pixels);
-    b->valid = sst_run_scratch(r, CLEAR_SCRATCH_VALID, pixels);
+    b->colour = sst_run_scratch(r, DEVICE_SCRATCH_COLOUR, 4 * pixels);
+    b->disp = sst_run_scratch(r, DEVICE_SCRATCH_DISP, 2 * pixels);
+    b->valid = sst_run_scratch(r, DEVICE_SCRATCH_VALID, pixels);
 }
 
 /* Rows of the views that a band needs. @return of the largest part of a view */
@@ -148,7 +126,7 @@ static int place_band(struct clear_band *b, int top, int rows, bool whole)
 
         v->top = whole ? 0 : sst_clamp_int(top - b->most[k] - BESIDE, 0, c->height);
         v->end = whole ? c->height : sst_clamp_int(top + rows - b->least[k] + BESIDE, v->top, c->height);
-        v->first = whole ? v->first : first;
+        v->first = whole ? b->taps.place[k].first : first;
         v->flags = ((whole && t->frame) || t->v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
                    (t->v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
                    (c->cfg->remove && c->cfg->remove[t->view].data ? SST_GPU_CLEAR_MASK : 0U);
@@ -160,41 +138,41 @@ static int place_band(struct clear_band *b, int top, int rows, bool whole)
     return most;
 }
 
-static int upload_mask(struct clear_band *b, int k)
+static void upload_mask(struct clear_band *b, int k)
 {
     const struct sst_gpu_clear_view *v = &b->view[k];
     const struct sst_map_u8 *mask = &b->c->cfg->remove[b->taps.tap[k]->view];
     const size_t pitch = (size_t)b->push.pitch, n = (size_t)(v->end - v->top) * pitch;
     uint8_t *memory = sst_mem_keep(&b->d->packed, n, 1);
 
-    if (!memory)
-        return -ENOMEM;
-    for (int y = v->top; y < v->end; y++)
+    for (int y = v->top; memory && y < v->end; y++)
         memcpy(memory + (size_t)(y - v->top) * pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
-    return sst_gpu_upload(b->d->gpu, b->masks.buffer, v->first, memory, n);
+    sst_run_fail(b->d->run, memory ? 0 : -ENOMEM);
+    sst_run_write(b->d->run, (struct sst_gpu_range){ b->masks.buffer, v->first }, memory, n);
 }
 
-static int upload_view(struct clear_band *b, int k)
+static void upload_view(struct clear_band *b, int k)
 {
-    const struct device_chunk to = { .pixels = b->colour.buffer, .disp = b->disp.buffer, .valid = b->valid.buffer };
+    const struct device_chunk chunk = { .pixels = b->colour.buffer, .disp = b->disp.buffer, .valid = b->valid.buffer };
+    const struct sst_gpu_clear_view *v = &b->view[k];
+    const struct device_place to = { &chunk, v->first - (uint32_t)(v->top * b->push.pitch), v->top, v->end };
     const struct sst_render_tap *t = b->taps.tap[k];
-    const struct device_rows rows = { .v = t->v,
-                                      .top = b->view[k].top,
-                                      .end = b->view[k].end,
-                                      .colours = !(b->c->sampled && t->frame),
-                                      .labels = b->push.remove_label };
 
+    device_upload_rows(b->d, &to, t->v,
+                       (b->c->sampled && t->frame ? 0U : DEVICE_COLOURS) | (b->push.remove_label ? DEVICE_LABELS : 0U),
+                       b->c->threads);
     b->d->report.uploads++;
-    return device_upload_rows(b->d, &to, b->view[k].first, &rows, b->c->threads);
 }
 
 static void upload_views(struct sst_run *r, struct clear_band *b, bool whole)
 {
     for (int k = 0; k < b->c->count && !sst_run_failed(r); k++) {
-        if (!whole && b->view[k].top < b->view[k].end)
-            sst_run_fail(r, upload_view(b, k));
-        if (!sst_run_failed(r) && b->view[k].flags & SST_GPU_CLEAR_MASK && b->view[k].top < b->view[k].end)
-            sst_run_fail(r, upload_mask(b, k));
+        if (b->view[k].top == b->view[k].end)
+            continue;
+        if (!whole)
+            upload_view(b, k);
+        if (b->view[k].flags & SST_GPU_CLEAR_MASK)
+            upload_mask(b, k);
     }
 }
 
@@ -245,7 +223,7 @@ static void render_band(struct sst_run *r, struct clear_band *b, int most)
 {
     const size_t landed = (size_t)b->c->count * (size_t)b->push.rows * (size_t)b->push.pitch;
     const struct sst_gpu_range views =
-        sst_run_upload(r, CLEAR_SCRATCH_VIEWS, b->view, (size_t)b->c->count * sizeof(b->view[0]));
+        sst_run_upload(r, DEVICE_SCRATCH_VIEWS, b->view, (size_t)b->c->count * sizeof(b->view[0]));
 
     sst_run_fill(r, b->landed, 0, landed, 0);
     if (most)
@@ -267,25 +245,26 @@ static void render_band(struct sst_run *r, struct clear_band *b, int most)
 void clear_on_device(struct sst_run *r, void *job, int item)
 {
     struct clear *c = (struct clear *)job + item;
-    const int rows = sst_run_rows(r, c->band_rows, 1);
+    const int rows = sst_run_rows(r, c->bands.rows, 1);
     const bool whole = rows == c->height && !c->sampled;
     struct clear_band b = { 0 };
 
-    c->device->gpu = sst_run_gpu(r);
+    device_begin(c->device, r);
     if (!whole && !c->sampled)
         sst_run_fail(r, render_need_frames(&c->plan, c->renderer));
     describe(&b, c);
     reserve(r, &b, rows, whole);
-    if (!sst_run_failed(r) && (whole || c->sampled))
-        sst_run_fail(r, device_make_frames(b.d, &b.taps));
-    if (!sst_run_failed(r) && whole)
-        sst_run_fail(r, gather_views(&b));
+    if (whole || c->sampled)
+        device_reserve_frames(b.d, &b.taps);
+    if (whole && !sst_run_failed(r))
+        gather(&b);
     for (int top = 0; top < c->height && !sst_run_failed(r); top += rows) {
         const int most = place_band(&b, top, sst_min_int(rows, c->height - top), whole);
 
         upload_views(r, &b, whole);
         render_band(r, &b, most);
     }
-    c->band_rows = sst_run_failed(r) ? c->band_rows : rows;
+    b.d->held = false;
+    c->bands.rows = sst_run_failed(r) ? c->bands.rows : rows;
     c->filled = b.levels.buffer && !sst_run_failed(r);
 }

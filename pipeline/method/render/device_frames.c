@@ -1,5 +1,5 @@
 /* Views that a device makes from raw frames: a frame is written to mapped memory, copied, and resampled into the view's
- * slot by the shader `rectify`. Of a JPEG file the CPU decodes the samples; the shader `jpeg_rgb` makes colours of
+ * place by the shader `rectify`. Of a JPEG file the CPU decodes the samples; the shader `jpeg_rgb` makes colours of
  * them.
  *
  * The CPU decodes several frames at once, one in each span, and computes the places of their pixels: cubics along
@@ -7,7 +7,7 @@
  * picture, as far from whole positions as its rays are; the frames then stay on the device as far as they fit. */
 #include <assert.h>
 #include <errno.h>
-#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -23,7 +23,7 @@ static size_t most(size_t a, size_t b)
     return a > b ? a : b;
 }
 
-/* --- buffers ------------------------------------------------------------------------------------------------------ */
+/* --- memory ------------------------------------------------------------------------------------------------------- */
 
 void device_drop_kept(struct render_device *d)
 {
@@ -33,64 +33,18 @@ void device_drop_kept(struct render_device *d)
     }
 }
 
+static void drop_spans(struct render_device *d)
+{
+    struct device_frames *f = &d->frames;
+
+    while (f->spans)
+        sst_gpu_span_destroy(d->gpu, f->ready[--f->spans].span);
+}
+
 void device_drop_frames(struct render_device *d)
 {
-    struct device_frames *f = &d->frames;
-
-    sst_gpu_buffer_destroy(d->gpu, f->frame);
-    sst_gpu_buffer_destroy(d->gpu, f->samples);
-    sst_gpu_buffer_destroy(d->gpu, f->places);
-    sst_gpu_buffer_destroy(d->gpu, f->list);
-    sst_gpu_buffer_destroy(d->gpu, f->light);
-    sst_gpu_buffer_destroy(d->gpu, f->labels);
-    sst_gpu_buffer_destroy(d->gpu, f->weights);
-    f->frame = f->samples = f->places = f->list = f->light = f->labels = f->weights = NULL;
     device_drop_kept(d);
-    for (int i = 0; i < f->spans; i++) {
-        sst_gpu_span_destroy(d->gpu, f->ready[i].span);
-        f->ready[i].span = NULL;
-        f->ready[i].tap = NULL;
-    }
-    f->spans = 0;
-    f->frame_bytes = f->places_bytes = f->light_bytes = f->list_bytes = 0;
-}
-
-/* What all views share: weights of the filter, and the table of light. */
-static int upload_constants(struct render_device *d, const struct sst_rectify_tables *t)
-{
-    const size_t n = (size_t)SST_RESAMPLE_PHASES * (size_t)t->taps;
-    float *light = sst_mem_keep(&d->packed, most(SST_GPU_RECTIFY_LIGHT_FLOATS, n), 4);
-    int32_t *weight = (int32_t *)(void *)light;
-    int err;
-
-    if (!light)
-        return -ENOMEM;
-    sst_gpu_rectify_light(light);
-    err = sst_gpu_upload(d->gpu, d->frames.light, 0, light, SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(*light));
-    for (size_t i = 0; i < n; i++)
-        weight[i] = t->weight[i];
-    return err ? err : sst_gpu_upload(d->gpu, d->frames.weights, 0, weight, n * sizeof(*weight));
-}
-
-static int create_buffers(struct render_device *d, size_t frame, size_t places, size_t light, int taps)
-{
-    struct device_frames *f = &d->frames;
-    int err = sst_gpu_buffer_create(d->gpu, &f->frame, frame);
-
-    if (!err && f->decodes)
-        err = sst_gpu_buffer_create(d->gpu, &f->samples, frame);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &f->places, places);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &f->light, light);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &f->labels, device_view_pixels(d));
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &f->list, 8);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &f->weights, sizeof(int32_t) * SST_RESAMPLE_PHASES * (size_t)taps);
-    f->list_bytes = 8;
-    return err;
+    drop_spans(d);
 }
 
 static size_t places_bytes(const struct sst_rectify_tables *t)
@@ -114,26 +68,35 @@ static size_t light_nodes(const struct sst_rectify_tables *t)
     return t->falloff ? (size_t)t->light_cols * (size_t)t->light_rows : 0;
 }
 
-/* Whether frames are JPEG files of which the device can make colours; where it refuses, the CPU does. */
-static int prepare_jpeg(struct render_device *d, const struct device_taps *taps)
+/* Tables that all views share: weights of the filter, and light. @param nodes  of a view's fall-off at most */
+static void upload_constants(struct render_device *d, const struct sst_rectify_tables *t, size_t nodes)
 {
-    bool any = false;
-    int err;
+    const size_t n = (size_t)SST_RESAMPLE_PHASES * (size_t)t->taps, light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(float);
+    struct device_frames *f = &d->frames;
+    int32_t *weight = (int32_t *)(void *)sst_run_words(d->run, n);
 
-    for (int k = 0; k < taps->count; k++)
-        any |= d->lf->views[taps->tap[k]->view].encoded != NULL;
-    err = any ? device_prepare(d, RENDER_STEP_JPEG) : 0;
-    d->frames.decodes = any && !err;
-    return err == -ENOTSUP ? 0 : err;
+    for (size_t i = 0; weight && i < n; i++)
+        weight[i] = t->weight[i];
+    f->weights = sst_run_upload(d->run, DEVICE_SCRATCH_WEIGHTS, weight, n * sizeof(*weight));
+    f->light = sst_run_scratch(d->run, DEVICE_SCRATCH_LIGHT, light + 2 * nodes * sizeof(float));
+    if (!nodes)
+        return;
+    if (!f->lit) {
+        f->lit = malloc(light);
+        if (f->lit)
+            sst_gpu_rectify_light(f->lit);
+    }
+    sst_run_fail(d->run, f->lit ? 0 : -ENOMEM);
+    sst_run_write(d->run, f->light, f->lit, light);
 }
 
-int device_make_frames(struct render_device *d, const struct device_taps *taps)
+void device_reserve_frames(struct render_device *d, const struct device_taps *taps)
 {
     struct device_frames *f = &d->frames;
     struct sst_rectify_tables t = { 0 };
-    size_t frame = 0, places = 0, light = 0;
-    int err;
+    size_t frame = 0, places = 0, nodes = 0;
 
+    f->decodes = false;
     for (int i = 0; i < DEVICE_SPANS; i++)
         f->ready[i].tap = NULL; /* of another plan */
     for (int k = 0; k < taps->count; k++) {
@@ -141,52 +104,32 @@ int device_make_frames(struct render_device *d, const struct device_taps *taps)
             continue;
         sst_rectify_map_tables(&t, taps->tap[k]->frame->map, render_frame_filter(d->lf));
         frame = most(frame, frame_bytes(&t));
-        places = most(places, most(places_bytes(&t), patches_bytes(&t)));
-        light = most(light, (SST_GPU_RECTIFY_LIGHT_FLOATS + 2 * light_nodes(&t)) * sizeof(float));
+        places = most(places, taps->rays ? patches_bytes(&t) : places_bytes(&t));
+        nodes = most(nodes, light_nodes(&t));
+        f->decodes |= d->lf->views[taps->tap[k]->view].encoded && !(d->refused >> RENDER_STEP_JPEG & 1);
     }
-    if (frame <= f->frame_bytes && places <= f->places_bytes && light <= f->light_bytes)
-        return 0;
-    err = device_prepare(d, RENDER_STEP_FRAMES);
-    err = err ? err : device_prepare(d, RENDER_STEP_SAMPLED);
-    err = err ? err : prepare_jpeg(d, taps);
-    if (err)
-        return err;
-    device_drop(d);
-    err = create_buffers(d, frame, places, light, t.taps);
-    if (!err)
-        err = upload_constants(d, &t);
-    if (err)
-        return err;
+    if (!frame)
+        return;
+    if (frame + places > f->span_bytes) {
+        drop_spans(d);
+        f->span_bytes = frame + places;
+    }
     f->frame_bytes = frame;
     f->places_bytes = places;
-    f->light_bytes = light;
-    return 0;
+    f->frame = sst_run_scratch(d->run, DEVICE_SCRATCH_FRAME, frame);
+    if (f->decodes)
+        f->samples = sst_run_scratch(d->run, DEVICE_SCRATCH_SAMPLES, frame);
+    f->places = sst_run_scratch(d->run, DEVICE_SCRATCH_PLACES, places);
+    f->list = sst_run_scratch(d->run, DEVICE_SCRATCH_LIST, 8);
+    upload_constants(d, &t, nodes);
 }
 
 /* --- frames in mapped memory -------------------------------------------------------------------------------------- */
 
-static double part_x(const struct sst_render_tap *t, bool sampled)
+/* True if a frame has to be there for the view of a tap. */
+static bool needs_frame(const struct render_device *d, const struct device_taps *taps, int k)
 {
-    return sampled ? t->fx : 0;
-}
-
-static double part_y(const struct sst_render_tap *t, bool sampled)
-{
-    return sampled ? t->fy : 0;
-}
-
-/* True if the pixels of a slot are those of the tap. */
-static bool holds(const struct device_slot *s, const struct sst_render_tap *t, bool sampled)
-{
-    return s->view == t->view && !(fabs(s->part_x - part_x(t, sampled)) > 0) &&
-           !(fabs(s->part_y - part_y(t, sampled)) > 0);
-}
-
-static bool is_placed(struct render_device *d, const struct sst_render_tap *t, bool sampled)
-{
-    const struct device_slot *s = device_find_slot(d, t->view);
-
-    return s && holds(s, t, sampled);
+    return taps->tap[k]->frame && taps->wanted[k] && !device_holds(d, taps, k);
 }
 
 struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t)
@@ -198,42 +141,15 @@ struct device_frame *device_find_frame(struct render_device *d, const struct sst
     return NULL;
 }
 
-/* Where the parts of a span begin: frame, places, labels, disparities. */
-static size_t labels_at(const struct render_device *d)
-{
-    return d->frames.frame_bytes + d->frames.places_bytes;
-}
-
-static size_t disp_at(const struct render_device *d)
-{
-    return labels_at(d) + device_view_pixels(d);
-}
-
 /* At least one, and as many as fit up to n. */
-static int make_spans(struct render_device *d, int n)
+static void make_spans(struct render_device *d, int n)
 {
     struct device_frames *f = &d->frames;
-    const size_t bytes = disp_at(d) + 2 * device_view_pixels(d);
     int err = 0;
 
     for (; f->spans < n && !err; f->spans += !err)
-        err = sst_gpu_span_create(d->gpu, &f->ready[f->spans].span, bytes);
-    return err == -ENOMEM && f->spans ? 0 : err;
-}
-
-static void write_maps(const struct render_device *d, struct device_frame *f)
-{
-    const struct sst_view *v = f->tap->v;
-    uint8_t *span = sst_gpu_span_data(f->span);
-    const size_t width = (size_t)d->lf->width, pitch = (size_t)d->pitch;
-
-    for (int y = 0; y < d->lf->height; y++) {
-        if (v->label.data)
-            memcpy(span + labels_at(d) + (size_t)y * pitch, sst_map_u8_row(&v->label, y), width);
-        if (v->disp.data)
-            memcpy(span + disp_at(d) + 2 * (size_t)y * pitch, sst_map_u16_row(&v->disp, y), 2 * width);
-    }
-    f->with_maps = true;
+        err = sst_gpu_span_create(d->gpu, &f->ready[f->spans].span, f->span_bytes);
+    sst_run_fail(d->run, err == -ENOMEM && f->spans ? 0 : err);
 }
 
 /* Write a frame to its span: the samples of a JPEG, if the device makes colours of such, else colours. */
@@ -268,55 +184,62 @@ static int ready_frame(void *arg, int index, int worker SST_UNUSED)
         return err ? err : sst_rectify_map_patches(map, (struct sst_place_patch *)(void *)places, &f->list);
     for (int y = 0; y < t.height && !err; y++)
         err = sst_rectify_map_cells(map, f->part_x, y + f->part_y, places + (size_t)y * (size_t)t.cells, &f->list);
-    if (!err && f->with_maps)
-        write_maps(d, f);
     return err;
 }
 
-int device_ready_frames(struct render_device *d, const struct device_taps *taps, int from)
+void device_ready_frames(struct render_device *d, const struct device_taps *taps, int k)
 {
     struct device_frames *f = &d->frames;
     const int64_t start_ns = sst_clock_now_ns();
     char text[SST_LOG_MAX] = "", *before;
     int n = 0, err;
 
-    if (!taps->tap[from]->frame || (!taps->rays && is_placed(d, taps->tap[from], taps->sampled)) ||
-        device_find_frame(d, taps->tap[from]))
-        return 0;
-    err = make_spans(d, sst_min_int(sst_min_int(taps->threads, DEVICE_SPANS), taps->count - from));
-    if (!err)
-        err = sst_gpu_wait(d->gpu); /* spans may be read until then */
-    if (err)
-        return err;
-    for (int k = from; k < taps->count && n < f->spans; k++) {
+    if (sst_run_failed(d->run) || !needs_frame(d, taps, k) || device_find_frame(d, taps->tap[k]))
+        return;
+    make_spans(d, sst_min_int(sst_min_int(taps->threads, DEVICE_SPANS), taps->count - k));
+    if (!sst_run_failed(d->run))
+        sst_run_fail(d->run, sst_gpu_wait(d->gpu)); /* spans may be read until then */
+    if (sst_run_failed(d->run))
+        return;
+    for (; k < taps->count && n < f->spans; k++) {
         const struct sst_render_tap *t = taps->tap[k];
 
-        if (!t->frame || (!taps->rays && is_placed(d, t, taps->sampled)) ||
-            (k > from && (t->x0 >= t->x1 || t->y0 >= t->y1)))
+        if (!needs_frame(d, taps, k))
             continue;
         f->ready[n].tap = t;
-        f->ready[n].part_x = part_x(t, taps->sampled);
-        f->ready[n].part_y = part_y(t, taps->sampled);
+        f->ready[n].part_x = taps->sampled ? t->fx : 0;
+        f->ready[n].part_y = taps->sampled ? t->fy : 0;
         f->ready[n].loaded = !f->kept[t->view];
-        f->ready[n].rays = taps->rays;
-        f->ready[n++].with_maps = !taps->rays && !device_find_slot(d, t->view);
+        f->ready[n++].rays = taps->rays;
     }
     for (int i = n; i < f->spans; i++)
         f->ready[i].tap = NULL;
     before = sst_log_hold_errors(text); /* the CPU meets the same error, and logs it */
     err = sst_parallel_for(n, taps->threads, ready_frame, d);
     sst_log_hold_errors(before);
-    for (int i = 0; i < n && err; i++)
-        f->ready[i].tap = NULL;
+    sst_run_fail(d->run, err);
     d->report.frames_ns += sst_clock_now_ns() - start_ns;
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
-    return err;
 }
 
 /* --- a view ------------------------------------------------------------------------------------------------------- */
 
+/* Copy from a span. */
+static void upload_span(struct render_device *d, struct sst_gpu_range to, const struct device_frame *f, size_t from,
+                        size_t bytes)
+{
+    if (!sst_run_failed(d->run))
+        sst_run_fail(d->run, sst_gpu_upload_span(d->gpu, to.buffer, to.offset, f->span, from, bytes));
+    d->report.upload_bytes += (int64_t)bytes;
+}
+
+static uint32_t groups(int n, int of)
+{
+    return (uint32_t)((n + of - 1) / of);
+}
+
 /* The pixels of a frame from the samples of a JPEG. */
-static int make_colours(struct render_device *d, const struct sst_jpeg_planes *p, struct sst_gpu_buffer *frame)
+static void make_colours(struct render_device *d, const struct sst_jpeg_planes *p, struct sst_gpu_range frame)
 {
     struct sst_gpu_jpeg push = { .width = p->width,
                                  .height = p->height,
@@ -325,172 +248,106 @@ static int make_colours(struct render_device *d, const struct sst_jpeg_planes *p
                                  .down = p->down,
                                  .chroma_width = p->chroma_width,
                                  .chroma_height = p->chroma_height };
-    const struct sst_gpu_work work = {
-        .shader = SST_GPU_JPEG_RGB,
-        .push = &push,
-        .buffer = { d->frames.samples, frame },
-        .groups = { (uint32_t)(p->width + SST_GPU_JPEG_GROUP_WIDTH - 1) / SST_GPU_JPEG_GROUP_WIDTH,
-                    (uint32_t)(p->height + SST_GPU_JPEG_GROUP_HEIGHT - 1) / SST_GPU_JPEG_GROUP_HEIGHT, 1 },
-    };
+    const uint32_t of[3] = { groups(p->width, SST_GPU_JPEG_GROUP_WIDTH), groups(p->height, SST_GPU_JPEG_GROUP_HEIGHT),
+                             1 };
 
     for (int i = 0; i < p->count; i++) {
         push.at[i] = (uint32_t)p->at[i];
         push.stride[i] = (uint32_t)p->stride[i];
     }
-    d->report.dispatches++;
-    return sst_gpu_dispatch(d->gpu, &work);
+    sst_run_dispatch(d->run, SST_GPU_JPEG_RGB, &push, of, (const struct sst_gpu_range[]){ d->frames.samples, frame },
+                     SST_GPU_JPEG_BUFFERS);
 }
 
 /* Copy a frame to the device: to stay there, if other pictures may need it and there is room, else to where the next
- * one goes too. @param keep  views have the room that they need */
-static int upload_frame(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t,
-                        bool keep, struct sst_gpu_buffer **source)
+ * one goes too. @param keep  views have the room that they need @return where it is */
+static struct sst_gpu_range upload_frame(struct render_device *d, const struct device_frame *f,
+                                         const struct sst_rectify_tables *t, bool keep)
 {
     struct sst_gpu_buffer **kept = &d->frames.kept[f->tap->view];
-    int err;
+    struct sst_gpu_range to = { *kept, 0 };
 
-    *source = *kept ? *kept : d->frames.frame;
     if (!f->loaded)
-        return 0;
+        return to;
     if (keep && !*kept && sst_gpu_free_bytes(d->gpu) / 2 > frame_bytes(t)) {
-        err = sst_gpu_buffer_create(d->gpu, kept, frame_bytes(t));
-        if (err && err != -ENOMEM)
-            return err;
+        const int err = sst_gpu_buffer_create(d->gpu, kept, frame_bytes(t));
+
         if (err)
             *kept = NULL;
-        else
-            *source = *kept;
+        sst_run_fail(d->run, err == -ENOMEM ? 0 : err);
     }
+    to = *kept ? (struct sst_gpu_range){ *kept, 0 } : d->frames.frame;
     d->report.uploads++;
-    d->report.upload_bytes += (int64_t)(f->encoded ? f->layout.bytes : frame_bytes(t));
-    if (!f->encoded)
-        return sst_gpu_upload_span(d->gpu, *source, 0, f->span, 0, frame_bytes(t));
-    err = sst_gpu_upload_span(d->gpu, d->frames.samples, 0, f->span, 0, f->layout.bytes);
-    return err ? err : make_colours(d, &f->layout, *source);
+    upload_span(d, f->encoded ? d->frames.samples : to, f, 0, f->encoded ? f->layout.bytes : frame_bytes(t));
+    if (f->encoded)
+        make_colours(d, &f->layout, to);
+    return to;
 }
 
 /* Places of the pixels, and factors of light. */
-static int upload_tables(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t)
+static void upload_tables(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t)
 {
-    struct device_frames *to = &d->frames;
     const size_t listed = f->list.count * 2 * sizeof(*f->list.xy), nodes = light_nodes(t) * sizeof(*t->falloff);
-    const size_t light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(*t->falloff);
-    const size_t places = f->rays ? patches_bytes(t) : places_bytes(t);
-    int err = 0;
+    struct sst_gpu_range light = d->frames.light;
 
-    if (listed > to->list_bytes) {
-        sst_gpu_buffer_destroy(d->gpu, to->list);
-        to->list = NULL;
-        to->list_bytes = 0;
-        err = sst_gpu_buffer_create(d->gpu, &to->list, listed);
-        to->list_bytes = err ? 0 : listed;
-    }
-    if (!err)
-        err = sst_gpu_upload_span(d->gpu, to->places, 0, f->span, to->frame_bytes, places);
-    if (!err && listed)
-        err = sst_gpu_upload(d->gpu, to->list, 0, f->list.xy, listed);
-    if (!err && nodes)
-        err = sst_gpu_upload(d->gpu, to->light, light, t->falloff, nodes);
-    if (!err && nodes)
-        err = sst_gpu_upload(d->gpu, to->light, light + nodes, t->falloff_root, nodes);
-    d->report.upload_bytes += (int64_t)(places + listed + 2 * nodes);
-    return err;
+    upload_span(d, d->frames.places, f, d->frames.frame_bytes, f->rays ? patches_bytes(t) : places_bytes(t));
+    if (listed)
+        d->frames.list = sst_run_upload(d->run, DEVICE_SCRATCH_LIST, f->list.xy, listed);
+    if (!nodes)
+        return;
+    light.offset = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(*t->falloff);
+    sst_run_write(d->run, light, t->falloff, nodes);
+    light.offset += nodes;
+    sst_run_write(d->run, light, t->falloff_root, nodes);
 }
 
-static int upload_maps(struct render_device *d, const struct device_slot *s, const struct device_frame *f)
+struct sst_gpu_range device_upload_rays(struct render_device *d, const struct device_frame *f,
+                                        const struct sst_rectify_tables *t)
 {
-    const struct sst_view *v = f->tap->v;
-    const size_t pixels = device_view_pixels(d), at = (size_t)s->index * pixels;
-    int err = 0;
+    const struct sst_gpu_range source = upload_frame(d, f, t, !d->slots || d->slots == d->lf->rows * d->lf->cols);
 
-    if (v->label.data)
-        err = sst_gpu_upload_span(d->gpu, d->frames.labels, 0, f->span, labels_at(d), pixels);
-    if (!err && v->disp.data)
-        err = sst_gpu_upload_span(d->gpu, d->chunk[s->chunk].disp, 2 * at, f->span, disp_at(d), 2 * pixels);
-    d->report.upload_bytes += (int64_t)(pixels * ((v->label.data ? 1U : 0) + (v->disp.data ? 2U : 0)));
-    return err;
+    upload_tables(d, f, t);
+    return source;
 }
 
-/* @param keep  labels are in the slot */
-static int dispatch(struct render_device *d, const struct device_slot *s, const struct device_frame *f,
-                    const struct sst_rectify_tables *t, struct sst_gpu_buffer *source, bool keep)
+void device_make_rows(struct render_device *d, const struct device_taps *taps, int k, const struct device_place *to,
+                      bool mapped)
 {
-    const struct device_chunk *c = &d->chunk[s->chunk];
-    struct sst_gpu_rectify push = {
-        .width = t->width,
-        .height = t->height,
-        .pitch = d->pitch,
-        .raw_width = t->raw_width,
-        .raw_height = t->raw_height,
-        .taps = t->taps,
-        .cell_shift = t->cell_shift,
-        .cells = t->cells,
-        .first = (uint32_t)((size_t)s->index * device_view_pixels(d)),
-        .flags = (t->falloff ? SST_GPU_RECTIFY_LIT : 0U) | (keep                    ? SST_GPU_RECTIFY_KEEP
-                                                            : f->tap->v->label.data ? SST_GPU_RECTIFY_LABELLED
-                                                                                    : 0U),
-        .light_shift = t->light_shift,
-        .light_cols = t->light_cols,
-        .light_rows = t->light_rows,
-        .part_x = (float)f->part_x,
-        .part_y = (float)f->part_y,
-    };
-    const struct sst_gpu_work work = {
-        .shader = SST_GPU_RECTIFY,
-        .push = &push,
-        .buffer = { d->frames.weights, source, d->frames.places, d->frames.list, d->frames.light, d->frames.labels,
-                    c->valid, c->pixels },
-        .groups = { (uint32_t)(t->width + SST_GPU_RECTIFY_GROUP_WIDTH - 1) / SST_GPU_RECTIFY_GROUP_WIDTH,
-                    (uint32_t)(t->height + SST_GPU_RECTIFY_GROUP_HEIGHT - 1) / SST_GPU_RECTIFY_GROUP_HEIGHT, 1 },
-    };
+    const struct sst_render_tap *tap = taps->tap[k];
+    const struct device_frame *f = device_find_frame(d, tap);
+    const struct device_chunk *c = to->chunk;
+    struct sst_gpu_rectify push = { .pitch = d->pitch, .first = to->first, .top = to->top };
+    struct sst_rectify_tables t;
+    struct sst_gpu_range source;
 
-    memcpy(push.gain, t->gain, sizeof(push.gain));
-    memcpy(push.gain_root, t->gain_root, sizeof(push.gain_root));
-    d->report.dispatches++;
-    return sst_gpu_dispatch(d->gpu, &work);
-}
-
-int device_upload_rays(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t,
-                       struct sst_gpu_buffer **source)
-{
-    const int64_t start_ns = sst_clock_now_ns();
-    int err = upload_frame(d, f, t, !d->slots || d->slots == d->lf->rows * d->lf->cols, source);
-
-    if (!err)
-        err = upload_tables(d, f, t);
-    d->report.upload_ns += sst_clock_now_ns() - start_ns;
-    return err;
-}
-
-int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled)
-{
-    const bool keep = s->view == t->view;
-    struct device_frame *f = device_find_frame(d, t);
-    const int64_t start_ns = sst_clock_now_ns();
-    struct sst_rectify_tables tables;
-    struct sst_gpu_buffer *source;
-    int err;
-
-    if (holds(s, t, sampled))
-        return 0;
+    if (sst_run_failed(d->run))
+        return;
     assert(f);
-    s->view = DEVICE_NO_VIEW; /* half a view is none */
-    sst_rectify_map_tables(&tables, t->frame->map, render_frame_filter(d->lf));
-    if (!keep && !f->with_maps) /* it was there, and gave way to another one */
-        write_maps(d, f);
-    err = upload_frame(d, f, &tables, sampled && d->slots == d->lf->rows * d->lf->cols, &source);
-    if (!err)
-        err = upload_tables(d, f, &tables);
-    if (!err && !keep)
-        err = upload_maps(d, s, f);
-    if (!err)
-        err = dispatch(d, s, f, &tables, source, keep);
-    if (err)
-        return err;
-    s->view = t->view;
-    s->part_x = f->part_x;
-    s->part_y = f->part_y;
+    sst_rectify_map_tables(&t, tap->frame->map, render_frame_filter(d->lf));
+    if (!mapped)
+        device_upload_rows(d, to, tap->v, tap->v->label.data ? DEVICE_LABELS : 0, taps->threads);
+    source = upload_frame(d, f, &t, taps->sampled && taps->slots == d->lf->rows * d->lf->cols);
+    upload_tables(d, f, &t);
+    push.width = t.width;
+    push.height = t.height;
+    push.raw_width = t.raw_width;
+    push.raw_height = t.raw_height;
+    push.taps = t.taps;
+    push.cell_shift = t.cell_shift;
+    push.cells = t.cells;
+    push.flags = (t.falloff ? SST_GPU_RECTIFY_LIT : 0U) | (tap->v->label.data ? SST_GPU_RECTIFY_KEEP : 0U);
+    push.light_shift = t.light_shift;
+    push.light_cols = t.light_cols;
+    push.light_rows = t.light_rows;
+    push.part_x = (float)f->part_x;
+    push.part_y = (float)f->part_y;
+    memcpy(push.gain, t.gain, sizeof(push.gain));
+    memcpy(push.gain_root, t.gain_root, sizeof(push.gain_root));
+    sst_run_dispatch(d->run, SST_GPU_RECTIFY, &push,
+                     (const uint32_t[]){ groups(t.width, SST_GPU_RECTIFY_GROUP_WIDTH),
+                                         groups(to->end - to->top, SST_GPU_RECTIFY_GROUP_HEIGHT), 1 },
+                     (const struct sst_gpu_range[]){ d->frames.weights, source, d->frames.places, d->frames.list,
+                                                     d->frames.light, { c->valid, 0 }, { c->pixels, 0 } },
+                     SST_GPU_RECTIFY_BUFFERS);
     d->report.rectified++;
-    d->report.upload_ns += sst_clock_now_ns() - start_ns;
-    return 0;
 }

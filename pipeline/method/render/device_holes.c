@@ -80,8 +80,8 @@ void clear_holes_on_device(struct sst_run *r, void *job, int item)
     if (!p.word)
         return;
     sst_run_fail(r, sst_parallel_for(c->height, c->threads, pack_row, &p));
-    picture = sst_run_upload(r, CLEAR_SCRATCH_PICTURE, p.word, 4 * n);
+    picture = sst_run_upload(r, DEVICE_SCRATCH_PICTURE, p.word, 4 * n);
     clear_fill_on_device(r, c, picture,
-                         sst_run_scratch(r, CLEAR_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height)));
+                         sst_run_scratch(r, DEVICE_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height)));
     clear_unpack(r, c, picture, 0, c->height);
 }

@@ -43,35 +43,31 @@ static struct sst_gpu_clear_sample describe(const struct clear_band *b, int k, c
     return push;
 }
 
-/* Have the frame of a view on the device, with its tables. */
-static int place_frame(const struct clear_band *b, int k, struct sst_rectify_tables *t, struct sst_gpu_buffer **source)
+/* Have the frame of a view on the device, with its tables. @return where it is */
+static struct sst_gpu_range place_frame(const struct clear_band *b, int k, struct sst_rectify_tables *t)
 {
     const struct sst_render_tap *tap = b->taps.tap[k];
-    const int err = device_ready_frames(b->d, &b->taps, k);
     const struct device_frame *f;
 
-    if (err)
-        return err;
+    sst_rectify_map_tables(t, tap->frame->map, render_frame_filter(b->d->lf));
+    device_ready_frames(b->d, &b->taps, k);
+    if (sst_run_failed(b->d->run))
+        return (struct sst_gpu_range){ NULL, 0 };
     f = device_find_frame(b->d, tap);
     assert(f);
-    sst_rectify_map_tables(t, tap->frame->map, render_frame_filter(b->d->lf));
-    return device_upload_rays(b->d, f, t, source);
+    return device_upload_rays(b->d, f, t);
 }
 
 static void sample_view(struct sst_run *r, const struct clear_band *b, int k)
 {
     const struct device_frames *f = &b->d->frames;
     const bool framed = b->taps.tap[k]->frame;
-    struct sst_gpu_buffer *source = b->colour.buffer;
-    struct sst_gpu_clear_sample push;
     struct sst_rectify_tables t;
+    const struct sst_gpu_range source = framed ? place_frame(b, k, &t) : b->colour;
+    const struct sst_gpu_clear_sample push = describe(b, k, framed ? &t : NULL);
 
-    sst_run_fail(r, framed ? place_frame(b, k, &t, &source) : 0);
-    if (sst_run_failed(r))
-        return;
-    push = describe(b, k, framed ? &t : NULL);
-    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_SAMPLE, &push, b->push.rows, 1, { f->weights, 0 }, { source, 0 },
-                   { f->places, 0 }, { f->list, 0 }, { f->light, 0 }, b->state, b->landed);
+    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_SAMPLE, &push, b->push.rows, 1, f->weights, source, f->places, f->list, f->light,
+                   b->state, b->landed);
 }
 
 void clear_sample_rays(struct sst_run *r, const struct clear_band *b)

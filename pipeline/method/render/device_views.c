@@ -1,8 +1,8 @@
 /* Views on a device: the light field lies there in chunks, each a set of buffers with the pixels of several views.
  *
- * What does not fit is replaced while a picture is made, the views that were used least recently first. Of a light
- * field that changes, rows of tiles with a later serial number than the view's on the device are uploaded again when a
- * picture needs the view. */
+ * A picture has its views there together, in place of the least recently used ones, or it is made in bands
+ * (device_band.c). Of a light field that changes, rows of tiles with a later serial number than the view's on the
+ * device are uploaded again when a picture needs the view. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -18,48 +18,44 @@ size_t device_view_pixels(const struct render_device *d)
     return (size_t)d->pitch * (size_t)d->lf->height;
 }
 
-int device_create_chunk(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident)
-{
-    int err;
+/* --- chunks ------------------------------------------------------------------------------------------------------- */
 
-    *c = (struct device_chunk){ NULL };
-    err = sst_gpu_buffer_create(d->gpu, &c->pixels, 4 * pixels);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
-    if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
-    if (!err && confident)
-        err = sst_gpu_buffer_create(d->gpu, &c->confidence, pixels);
-    if (err)
-        device_destroy_chunk(d, c);
-    return err;
-}
-
-void device_destroy_chunk(struct render_device *d, struct device_chunk *c)
+static void destroy_chunk(struct render_device *d, struct device_chunk *c)
 {
     sst_gpu_buffer_destroy(d->gpu, c->pixels);
     sst_gpu_buffer_destroy(d->gpu, c->disp);
     sst_gpu_buffer_destroy(d->gpu, c->valid);
     sst_gpu_buffer_destroy(d->gpu, c->confidence);
-    *c = (struct device_chunk){ NULL };
+}
+
+void device_drop_views(struct render_device *d)
+{
+    for (int i = 0; i < d->chunks; i++)
+        destroy_chunk(d, &d->chunk[i]);
+    d->chunks = d->slots = 0;
+    d->full = false;
 }
 
 /* A chunk of n views, with their slots. */
 static int add_chunk(struct render_device *d, int n)
 {
-    const int err = device_create_chunk(d, &d->chunk[d->chunks], (size_t)n * device_view_pixels(d), d->doubts);
+    const size_t pixels = (size_t)n * device_view_pixels(d);
+    struct device_chunk *c = &d->chunk[d->chunks];
+    int err;
 
-    if (err)
+    *c = (struct device_chunk){ NULL };
+    err = sst_gpu_buffer_create(d->gpu, &c->pixels, 4 * pixels);
+    err = err ? err : sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
+    err = err ? err : sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
+    err = err || !d->doubts ? err : sst_gpu_buffer_create(d->gpu, &c->confidence, pixels);
+    if (err) {
+        destroy_chunk(d, c);
         return err;
+    }
     for (int i = 0; i < n; i++)
         d->slot[d->slots++] = (struct device_slot){ .chunk = d->chunks, .index = i, .view = DEVICE_NO_VIEW };
     d->chunks++;
     return 0;
-}
-
-bool device_make_room(struct render_device *d)
-{
-    return d->runner && sst_runner_make_room(d->runner, &d->user);
 }
 
 /* Views that there is memory for. */
@@ -68,37 +64,42 @@ static int count_room(const struct render_device *d)
     return (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d)));
 }
 
-int device_grow(struct render_device *d)
+/* More room: a chunk of as many views as fit, or half of them, and so on. */
+static void grow(struct render_device *d)
 {
     const size_t bytes = 4 * device_view_pixels(d);
     int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
 
     n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
     n = d->chunk_views ? sst_min_int(n, d->chunk_views) : n;
-    if (count_room(d) < n)
-        (void)device_make_room(d);
+    if (count_room(d) < n && d->runner)
+        (void)sst_runner_make_room(d->runner, &d->user);
     n = sst_min_int(n, count_room(d));
     for (; n > 0 && err == -ENOMEM; n /= 2)
         err = add_chunk(d, n);
     d->full = err == -ENOMEM;
-    return err;
+    sst_run_fail(d->run, d->full ? 0 : err);
 }
+
+/* --- uploads ------------------------------------------------------------------------------------------------------ */
 
 struct packing {
     const struct sst_view *v;
-    const struct device_rows *rows;
+    const struct device_place *to;
+    unsigned parts;
     int width, pitch;
-    uint32_t *pixels;
+    uint32_t *pixels; /* NULL here and below: not there, or not wanted */
     uint16_t *disp;
-    uint8_t *valid, *confidence; /* confidence: NULL if it is not wanted */
+    uint8_t *valid, *confidence;
 };
 
 static void pack_pixels(uint32_t *to, const struct packing *p, int y)
 {
     const struct sst_image *img = &p->v->image;
-    const uint8_t *label = p->v->label.data && p->rows->labels ? sst_map_u8_row(&p->v->label, y) : NULL;
+    const uint8_t *label =
+        p->v->label.data && p->parts & DEVICE_LABELS ? sst_map_u8_row(&p->v->label, y) : NULL;
 
-    if (p->rows->colours) {
+    if (p->parts & DEVICE_COLOURS) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
 
         for (int x = 0; x < p->width; x++)
@@ -112,17 +113,17 @@ static void pack_pixels(uint32_t *to, const struct packing *p, int y)
 static int pack_rows(void *arg, int index, int worker SST_UNUSED)
 {
     const struct packing *p = arg;
-    const int from = p->rows->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->rows->end);
+    const int from = p->to->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->to->end);
     const size_t width = (size_t)p->width;
 
     for (int y = from; y < end; y++) {
-        const size_t at = (size_t)(y - p->rows->top) * (size_t)p->pitch;
+        const size_t at = (size_t)(y - p->to->top) * (size_t)p->pitch;
 
         if (p->pixels)
             pack_pixels(p->pixels + at, p, y);
-        if (p->v->disp.data)
+        if (p->disp)
             memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
-        if (p->v->valid.data)
+        if (p->valid)
             memcpy(p->valid + at, sst_map_u8_row(&p->v->valid, y), width);
         if (p->confidence)
             memcpy(p->confidence + at, sst_map_u8_row(&p->v->confidence, y), width);
@@ -130,46 +131,41 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-int device_upload_rows(struct render_device *d, const struct device_chunk *c, size_t at, const struct device_rows *rows,
-                       int threads)
+void device_upload_rows(struct render_device *d, const struct device_place *to, const struct sst_view *v,
+                        unsigned parts, int threads)
 {
-    const struct sst_view *v = rows->v;
-    const size_t n = (size_t)(rows->end - rows->top) * (size_t)d->pitch;
-    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
-    struct packing p = { .v = v, .rows = rows, .width = d->lf->width, .pitch = d->pitch };
+    const size_t n = (size_t)(to->end - to->top) * (size_t)d->pitch;
+    const size_t at = (uint32_t)(to->first + (uint32_t)(to->top * d->pitch));
     const int64_t start_ns = sst_clock_now_ns();
-    int err;
+    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
+    struct packing p = { .v = v, .to = to, .parts = parts, .width = d->lf->width, .pitch = d->pitch };
 
-    if (!memory)
-        return -ENOMEM;
-    p.pixels = rows->colours || rows->labels ? (uint32_t *)(void *)memory : NULL;
-    p.disp = (uint16_t *)(void *)(memory + 4 * n);
-    p.valid = memory + 6 * n;
-    p.confidence = c->confidence && v->confidence.data ? memory + 7 * n : NULL;
-    err = sst_parallel_for((rows->end - rows->top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
-    if (!err && p.pixels)
-        err = sst_gpu_upload(d->gpu, c->pixels, 4 * at, p.pixels, 4 * n);
-    if (!err && v->disp.data)
-        err = sst_gpu_upload(d->gpu, c->disp, 2 * at, p.disp, 2 * n);
-    if (!err && v->valid.data)
-        err = sst_gpu_upload(d->gpu, c->valid, at, p.valid, n);
-    if (!err && p.confidence)
-        err = sst_gpu_upload(d->gpu, c->confidence, at, p.confidence, n);
-    if (err)
-        return err;
-    d->report.upload_bytes += (int64_t)(n * ((p.pixels ? 4U : 0) + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0) +
-                                             (p.confidence ? 1U : 0)));
+    if (!memory) {
+        sst_run_fail(d->run, -ENOMEM);
+        return;
+    }
+    p.pixels = parts ? (uint32_t *)(void *)memory : NULL;
+    p.disp = v->disp.data ? (uint16_t *)(void *)(memory + 4 * n) : NULL;
+    p.valid = v->valid.data ? memory + 6 * n : NULL;
+    p.confidence = to->chunk->confidence && v->confidence.data ? memory + 7 * n : NULL;
+    sst_run_fail(d->run, sst_parallel_for((to->end - to->top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
-    return 0;
+    if (p.pixels)
+        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->pixels, 4 * at }, p.pixels, 4 * n);
+    if (p.disp)
+        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->disp, 2 * at }, p.disp, 2 * n);
+    if (p.valid)
+        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->valid, at }, p.valid, n);
+    if (p.confidence)
+        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->confidence, at }, p.confidence, n);
 }
 
-/* Upload the rows top .. end-1 of a view to its slot. */
-static int upload_rows(struct render_device *d, const struct device_slot *s, int view, int top, int end, int threads)
-{
-    const size_t at = (size_t)s->index * device_view_pixels(d) + (size_t)top * (size_t)d->pitch;
+/* --- slots -------------------------------------------------------------------------------------------------------- */
 
-    return device_upload_rows(d, &d->chunk[s->chunk], at,
-                              &(struct device_rows){ &d->lf->views[view], top, end, true, true }, threads);
+/* Rows of the view in a slot. */
+static struct device_place place_of(const struct render_device *d, const struct device_slot *s, int top, int end)
+{
+    return (struct device_place){ &d->chunk[s->chunk], (uint32_t)((size_t)s->index * device_view_pixels(d)), top, end };
 }
 
 /* Which maps a view has, as bits. */
@@ -206,108 +202,128 @@ static void note_version(const struct render_device *d, struct device_slot *s)
     }
 }
 
-static int upload_view(struct render_device *d, struct device_slot *s, int view, int threads)
+/* True if rows of a view in a slot, as it was there, need not be uploaded. @param row  of tiles */
+static bool is_current(const struct render_device *d, const struct device_slot *s, int view, int row)
 {
-    int err;
-
-    s->view = DEVICE_NO_VIEW; /* half a view is none */
-    err = upload_rows(d, s, view, 0, d->lf->height, threads);
-    if (err)
-        return err;
-    s->view = view;
-    d->report.uploads++;
-    if (d->changes)
-        note_version(d, s);
-    return 0;
+    if (s->view != view)
+        return false;
+    return !d->changes || (s->since == *d->live.since && s->maps == maps_of(&d->lf->views[view]) &&
+                           !(fabs(s->disp_min_px - d->lf->disp_min_px) > 0) &&
+                           row_serial(&d->live, view, row) <= s->serial);
 }
 
-/* Upload what changed of the view in a slot, by rows of tiles. */
-static int refresh_view(struct render_device *d, struct device_slot *s, int threads)
+/* Upload the rows of tiles of a view that the slot lacks. */
+static void upload_view(struct render_device *d, struct device_slot *s, int view, int threads)
 {
-    const struct sst_render_live *live = &d->live;
-    const int view = s->view;
+    const struct device_slot was = *s;
+    const int rows = d->changes ? d->live.tile_rows : 1, height = d->changes ? d->live.tile : d->lf->height;
     bool any = false;
-    int err = 0;
 
-    if (!d->changes)
-        return 0;
-    if (s->since != *live->since || s->maps != maps_of(&d->lf->views[view]) ||
-        fabs(s->disp_min_px - d->lf->disp_min_px) > 0)
-        return upload_view(d, s, view, threads);
-    s->view = DEVICE_NO_VIEW;
-    for (int row = 0, end; row < live->tile_rows && !err; row = end + 1) {
-        for (end = row; end < live->tile_rows && row_serial(live, view, end) > s->serial; end++)
+    s->view = DEVICE_NO_VIEW; /* half a view is none */
+    for (int row = 0, end; row < rows && !sst_run_failed(d->run); row = end + 1) {
+        struct device_place to;
+
+        for (end = row; end < rows && !is_current(d, &was, view, end); end++)
             ;
         if (end == row)
             continue;
         any = true;
-        err = upload_rows(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height), threads);
+        to = place_of(d, s, row * height, sst_min_int(end * height, d->lf->height));
+        device_upload_rows(d, &to, &d->lf->views[view], DEVICE_COLOURS | DEVICE_LABELS, threads);
     }
-    if (err)
-        return err;
+    if (sst_run_failed(d->run))
+        return;
     s->view = view;
     d->report.uploads += any;
-    note_version(d, s);
-    return 0;
+    if (d->changes)
+        note_version(d, s);
 }
 
-/* Confidences of a view that is made from a frame, if they are wanted. */
-static int upload_confidence(struct render_device *d, struct device_slot *s, int view)
+static struct device_slot *find_slot(const struct render_device *d, int view, int slots)
 {
-    const struct sst_map_u8 *map = &d->lf->views[view].confidence;
-    const size_t n = device_view_pixels(d);
-    uint8_t *memory;
-    int err;
-
-    if (!d->doubts || !map->data || s->confident == view + 1)
-        return 0;
-    s->confident = 0;
-    memory = sst_mem_keep(&d->packed, n, 1);
-    if (!memory)
-        return -ENOMEM;
-    for (int y = 0; y < map->height; y++)
-        memcpy(memory + (size_t)y * (size_t)d->pitch, sst_map_u8_row(map, y), (size_t)map->width);
-    err = sst_gpu_upload(d->gpu, d->chunk[s->chunk].confidence, (size_t)s->index * n, memory, n);
-    if (err)
-        return err;
-    s->confident = view + 1;
-    d->report.upload_bytes += (int64_t)n;
-    return 0;
-}
-
-int device_place_view(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled,
-                      int threads)
-{
-    const int view = t->view;
-
-    if (t->frame) {
-        const int err = device_place_frame(d, s, t, sampled);
-
-        return err ? err : upload_confidence(d, s, view);
-    }
-    return s->view == view ? refresh_view(d, s, threads) : upload_view(d, s, view, threads);
-}
-
-struct device_slot *device_find_slot(struct render_device *d, int view)
-{
-    for (int i = 0; i < d->slots; i++) {
+    for (int i = 0; i < slots; i++) {
         if (d->slot[i].view == view)
             return &d->slot[i];
     }
     return NULL;
 }
 
-struct device_slot *device_free_slot(struct render_device *d)
+bool device_holds(const struct render_device *d, const struct device_taps *taps, int k)
+{
+    const struct sst_render_tap *t = taps->tap[k];
+    const struct device_slot *s = find_slot(d, t->view, taps->slots);
+
+    return s && !(fabs(s->part_x - (taps->sampled ? t->fx : 0)) > 0) &&
+           !(fabs(s->part_y - (taps->sampled ? t->fy : 0)) > 0);
+}
+
+/* A free slot, else the one that was used least recently. There is one that this item does not use. */
+static struct device_slot *free_slot(struct render_device *d, int slots)
 {
     struct device_slot *oldest = NULL;
 
-    for (int i = 0; i < d->slots; i++) {
+    for (int i = 0; i < slots; i++) {
         struct device_slot *s = &d->slot[i];
 
-        if (s->view == DEVICE_NO_VIEW)
+        if (s->view == DEVICE_NO_VIEW && s->used != d->turn)
             return s;
-        if (!s->pending && (!oldest || s->used < oldest->used))
+        if (s->used != d->turn && (!oldest || s->used < oldest->used))
             oldest = s;
     }
     return oldest;
+}
+
+static void place_view(struct render_device *d, struct device_slot *s, const struct device_taps *taps, int k)
+{
+    const struct sst_render_tap *t = taps->tap[k];
+    const bool mapped = s->view == t->view;
+
+    if (!t->frame) {
+        upload_view(d, s, t->view, taps->threads);
+    } else if (!device_holds(d, taps, k)) {
+        device_ready_frames(d, taps, k);
+        s->view = DEVICE_NO_VIEW;
+        device_make_rows(d, taps, k, &taps->place[k], mapped);
+        if (sst_run_failed(d->run))
+            return;
+        s->view = t->view;
+        s->part_x = taps->sampled ? t->fx : 0;
+        s->part_y = taps->sampled ? t->fy : 0;
+    }
+}
+
+bool device_gather(struct render_device *d, struct device_taps *taps, bool one)
+{
+    int n = 0, slots = 0;
+
+    for (int k = 0; k < taps->count; k++)
+        n += taps->wanted[k];
+    if (!d->slots)
+        device_drop_kept(d);
+    while (d->slots < sst_max_int(n, 1) && !d->full && !sst_run_failed(d->run))
+        grow(d);
+    while (slots < d->slots && !(one && d->slot[slots].chunk))
+        slots++;
+    if (slots < sst_max_int(n, 1)) /* a dispatch names buffers even where there are no rays */
+        return false;
+    d->held = true;
+    taps->slots = slots;
+    for (int k = 0; k < taps->count; k++) {
+        struct device_slot *s = taps->wanted[k] ? find_slot(d, taps->tap[k]->view, slots) : NULL;
+
+        if (s)
+            s->used = d->turn;
+    }
+    for (int k = 0; k < taps->count && !sst_run_failed(d->run); k++) {
+        struct device_slot *s = taps->wanted[k] ? find_slot(d, taps->tap[k]->view, slots) : NULL;
+
+        taps->place[k] = k ? taps->place[k - 1] : (struct device_place){ &d->chunk[0], 0, 0, 0 };
+        if (!taps->wanted[k])
+            continue;
+        s = s ? s : free_slot(d, slots);
+        s->used = d->turn;
+        taps->place[k] = place_of(d, s, 0, d->lf->height);
+        place_view(d, s, taps, k);
+    }
+    return true;
 }

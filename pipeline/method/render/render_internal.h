@@ -77,8 +77,8 @@ SST_MUST_CHECK int render_device_create(struct render_device **out, const struct
                                         const struct sst_render_live *live);
 void render_device_destroy(struct render_device *d);
 
-/** Steps of pictures, in the order in which pictures need them: a device that is opened again tests those up to the
- * last one that was needed. */
+/** Steps of pictures, in the order in which pictures need them: a device that is opened again is tested up to the last
+ * step that was needed. */
 enum render_step {
     RENDER_STEP_PICTURE = 0,       /* rays are blended */
     RENDER_STEP_VERIFY = 1,        /* and verified */
@@ -88,6 +88,12 @@ enum render_step {
     RENDER_STEP_FRAMES = 5,        /* views are made from frames */
     RENDER_STEP_SAMPLED = 6,       /* rays are sampled from frames */
     RENDER_STEP_JPEG = 7,          /* frames are made from the samples of JPEG files */
+};
+
+/** How a device makes a picture. */
+struct render_bands {
+    int rows;   /* of a band: the whole picture, or fewer where memory lacks */
+    bool split; /* of the views only rows are there */
 };
 
 /** A picture: item of the steps that are no clear pictures. */
@@ -103,6 +109,7 @@ struct render_picture {
     struct render_device *device;
     int top, end;         /* rows that have cells, top a multiple of SST_RENDER_CELL_HEIGHT */
     bool verify;          /* rays are verified there, too */
+    struct render_bands bands; /* that it begins with, and had memory for */
     const uint32_t *words; /* its pixels: [height * width] R, G, B, enum sst_gpu_blend_pixel; NULL: the CPU's */
     const float *weights;  /* [height * width] sums of weights, if rays are verified on the CPU; else NULL */
     int err;               /* of the CPU, after the device */

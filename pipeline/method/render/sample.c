@@ -19,6 +19,7 @@ struct kind {
     int width, height, pictures;
     struct sst_render_config (*config)(int);
     enum frames frames;
+    int chunk_views; /* that lie in one buffer; 0: all */
 };
 
 struct sample {
@@ -26,7 +27,8 @@ struct sample {
     struct render_device device;
     struct sst_lightfield lf;
     struct sst_renderer *renderer;
-    int count; /* of pictures with a plan */
+    bool split; /* pictures are made in bands, of rows of the views */
+    int count;  /* of pictures with a plan */
     struct sst_render_plan plan[MOST];
     struct sst_image image[MOST];
     struct sst_map_u8 valid[MOST];
@@ -227,7 +229,8 @@ static int add_picture(struct sample *s, int i, const struct sst_render_config *
                                              .valid = &s->valid[i],
                                              .device = &s->device,
                                              .end = s->lf.height,
-                                             .verify = cfg->verify != SST_VERIFY_OFF };
+                                             .verify = cfg->verify != SST_VERIFY_OFF,
+                                             .bands = { s->split ? 8 : s->lf.height, s->split } };
     return 0;
 }
 
@@ -251,7 +254,6 @@ void render_sample_free(void *job)
     free(s);
 }
 
-/* Views lie in one buffer, or in several. */
 static void *make(uint32_t seed, struct kind kind)
 {
     struct sample *s = calloc(1, sizeof(*s));
@@ -274,8 +276,9 @@ static void *make(uint32_t seed, struct kind kind)
     if (!err && kind.frames > FRAMES_SAMPLED)
         err = sst_renderer_use_rectified(s->renderer);
     s->device.tested = UINT_MAX;
-    s->device.limit_bytes = seed % 2 ? UINT64_MAX : 0;
-    s->device.chunk_views = seed % 2 ? 0 : 4;
+    s->split = seed % 2 == 0;
+    s->device.limit_bytes = s->split ? 0 : UINT64_MAX;
+    s->device.chunk_views = kind.chunk_views;
     for (int i = 0; i < kind.pictures && !err; i++) {
         const struct sst_render_config cfg = kind.config(i);
 
@@ -290,25 +293,25 @@ static void *make(uint32_t seed, struct kind kind)
 
 void *render_picture_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 45, 13, 8, picture_config, FRAMES_NONE });
+    return make(seed, (struct kind){ 45, 13, 8, picture_config, FRAMES_NONE, 4 });
 }
 
 void *render_verify_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 77, 21, 4, verify_config, FRAMES_NONE });
+    return make(seed, (struct kind){ 77, 21, 4, verify_config, FRAMES_NONE, 0 });
 }
 
 void *render_frames_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_RECTIFIED });
+    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_RECTIFIED, 0 });
 }
 
 void *render_sampled_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 61, 35, 2, sampled_config, FRAMES_SAMPLED });
+    return make(seed, (struct kind){ 61, 35, 2, sampled_config, FRAMES_SAMPLED, 0 });
 }
 
 void *render_jpeg_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_JPEG });
+    return make(seed, (struct kind){ 61, 35, VIEWS, rectified_config, FRAMES_JPEG, 0 });
 }
