@@ -81,8 +81,7 @@ static int join(struct render_device *d, const struct sst_step *const *steps)
 {
     int err;
 
-    d->user =
-        (struct sst_runner_user){ .steps = steps, .step_count = 1, .work = "render", .drop = drop, .arg = d };
+    d->user = (struct sst_runner_user){ .steps = steps, .step_count = 1, .work = "render", .drop = drop, .arg = d };
     err = sst_runner_join(d->runner, &d->user);
     if (err && !d->changes)
         return err;

@@ -47,8 +47,8 @@ static size_t find_reach(struct reach *r, const struct device_batch *b, int from
     const struct sst_render_plan *p = b->p;
     const int beside = b->verify, height = b->d->lf->height;
     double least_px, most_px;
-    const bool any = b->verify && p->explainer &&
-                     explainer_reach(p->explainer, p->numbers.nearest_end, &least_px, &most_px);
+    const bool any =
+        b->verify && p->explainer && explainer_reach(p->explainer, p->numbers.nearest_end, &least_px, &most_px);
 
     *r = (struct reach){ .end = { 0 } };
     for (int k = 0; k < p->count; k++) {

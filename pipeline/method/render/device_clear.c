@@ -101,7 +101,8 @@ static void reserve(struct sst_run *r, struct clear_band *b, int rows, bool whol
     b->landed = sst_run_scratch(r, DEVICE_SCRATCH_LANDED, 4 * (size_t)c->count * (size_t)rows * pitch);
     b->picture = sst_run_scratch(r, DEVICE_SCRATCH_PICTURE, 4 * n);
     b->seen = b->push.merged ? sst_run_scratch(r, DEVICE_SCRATCH_SEEN, 4 * n) : b->picture;
-    b->state = c->sampled ? sst_run_scratch(r, DEVICE_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
+    b->state =
+        c->sampled ? sst_run_scratch(r, DEVICE_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
     if (c->cfg->remove)
         b->masks = sst_run_scratch(r, DEVICE_SCRATCH_MASKS, pixels);
     if (c->fills && rows == c->height)

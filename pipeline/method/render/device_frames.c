@@ -71,7 +71,8 @@ static size_t light_nodes(const struct sst_rectify_tables *t)
 /* Tables that all views share: weights of the filter, and light. @param nodes  of a view's fall-off at most */
 static void upload_constants(struct render_device *d, const struct sst_rectify_tables *t, size_t nodes)
 {
-    const size_t n = (size_t)SST_RESAMPLE_PHASES * (size_t)t->taps, light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(float);
+    const size_t n = (size_t)SST_RESAMPLE_PHASES * (size_t)t->taps,
+                 light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(float);
     struct device_frames *f = &d->frames;
     int32_t *weight = (int32_t *)(void *)sst_run_words(d->run, n);
 
@@ -346,8 +347,13 @@ void device_make_rows(struct render_device *d, const struct device_taps *taps, i
     sst_run_dispatch(d->run, SST_GPU_RECTIFY, &push,
                      (const uint32_t[]){ groups(t.width, SST_GPU_RECTIFY_GROUP_WIDTH),
                                          groups(to->end - to->top, SST_GPU_RECTIFY_GROUP_HEIGHT), 1 },
-                     (const struct sst_gpu_range[]){ d->frames.weights, source, d->frames.places, d->frames.list,
-                                                     d->frames.light, { c->valid, 0 }, { c->pixels, 0 } },
+                     (const struct sst_gpu_range[]){ d->frames.weights,
+                                                     source,
+                                                     d->frames.places,
+                                                     d->frames.list,
+                                                     d->frames.light,
+                                                     { c->valid, 0 },
+                                                     { c->pixels, 0 } },
                      SST_GPU_RECTIFY_BUFFERS);
     d->report.rectified++;
 }

@@ -65,7 +65,7 @@ struct device_frame {
 /** Frames that views are made from. */
 struct device_frames {
     struct sst_gpu_range frame, samples, places, list, light, weights; /* scratch memory of the item in work */
-    bool decodes;                 /* samples of JPEG files become colours there */
+    bool decodes;                                                      /* samples of JPEG files become colours there */
     struct sst_gpu_buffer **kept; /* [views] frames that stay on the device; owned, its elements of gpu */
     size_t frame_bytes, places_bytes, span_bytes; /* the parts of a span; room in a span */
     struct device_frame ready[DEVICE_SPANS];
@@ -98,13 +98,13 @@ struct render_device {
     bool changes; /* lf does, as `live` has it */
     struct sst_render_live live;
     /* under the lock of runner */
-    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    struct sst_run *run; /* the item in work */
-    int64_t opening;     /* that the fields below are noted of */
-    uint64_t limit_bytes; /* that its buffers may use */
+    struct sst_gpu *gpu;      /* NULL: it failed, or was not opened again yet */
+    struct sst_run *run;      /* the item in work */
+    int64_t opening;          /* that the fields below are noted of */
+    uint64_t limit_bytes;     /* that its buffers may use */
     unsigned tested, refused; /* bits: steps since the device was opened */
     struct device_bands bands[SST_RENDER_STEPS];
-    bool small, cramped; /* there is no room for rays to verify, or for explanations: not tried again */
+    bool small, cramped;        /* there is no room for rays to verify, or for explanations: not tried again */
     enum device_unverified why; /* of the last picture */
     unsigned logged;            /* bits: reasons that were, live */
     bool clear_logged;          /* the fallback of clear pictures to the CPU was, live */
@@ -304,14 +304,13 @@ struct clear_band {
 
 /** Dispatch a shader over the pixels of a band. @param ranges  by binding */
 #define CLEAR_DISPATCH(r, b, shader, constants, rows, layers, ...)                                                     \
-    sst_run_dispatch(r, shader, constants,                                                                             \
-                     (const uint32_t[]){ (uint32_t)((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) /                 \
-                                             SST_GPU_CLEAR_GROUP_WIDTH,                                                \
-                                         (uint32_t)((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) /                         \
-                                             SST_GPU_CLEAR_GROUP_HEIGHT,                                               \
-                                         (uint32_t)(layers) },                                                         \
-                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
-                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+    sst_run_dispatch(                                                                                                  \
+        r, shader, constants,                                                                                          \
+        (const uint32_t[]){ (uint32_t)((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,   \
+                            (uint32_t)((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT,          \
+                            (uint32_t)(layers) },                                                                      \
+        (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                                 \
+        sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
 
 /** Replace the landed rays of a band with their colours, sampled from frames. */
 void clear_sample_rays(struct sst_run *r, const struct clear_band *b);

@@ -112,9 +112,9 @@ static void reserve(struct device_batch *b, int rows)
     const size_t n = (size_t)rows * (size_t)b->d->lf->width;
     struct sst_run *r = b->d->run;
 
-    b->params = sst_run_scratch(r, DEVICE_SCRATCH_PARAMS,
-                                sizeof(struct sst_gpu_blend_params) +
-                                    (size_t)b->p->count * sizeof(struct sst_gpu_blend_view));
+    b->params =
+        sst_run_scratch(r, DEVICE_SCRATCH_PARAMS,
+                        sizeof(struct sst_gpu_blend_params) + (size_t)b->p->count * sizeof(struct sst_gpu_blend_view));
     b->table = sst_run_scratch(r, DEVICE_SCRATCH_TABLE, b->p->table_rows * ROW_BYTES);
     b->sums = sst_run_scratch(r, DEVICE_SCRATCH_SUMS, 16 * n);
     b->out = sst_run_scratch(r, DEVICE_SCRATCH_OUT, 4 * n);

@@ -56,7 +56,8 @@ bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
 /* As many rows as a quarter of the memory and the largest buffer hold; LEAST_ROWS even if they need more. */
 static int find_rows(const struct device_batch *b, int rows)
 {
-    const double width = b->d->lf->width, count = b->p->count, row_bytes = width * (4 * count + 4 * ceil(count / 2) + 8);
+    const double width = b->d->lf->width, count = b->p->count,
+                 row_bytes = width * (4 * count + 4 * ceil(count / 2) + 8);
     const double most = fmax((double)b->d->limit_bytes / 4 / row_bytes, LEAST_ROWS);
     const double largest = (double)sst_gpu_get_info(b->d->gpu)->buffer_bytes / (4 * width * count);
 
@@ -131,8 +132,8 @@ static void find_open(struct device_batch *b)
 
 /* --- explanations by the maps ------------------------------------------------------------------------------------- */
 
-/* Places of all views and of their neighbours, and disparities in pixels by the stored value, as explainer_contradicts()
- * has them. */
+/* Places of all views and of their neighbours, and disparities in pixels by the stored value, as
+ * explainer_contradicts() has them. */
 static void upload_explained(struct device_batch *b)
 {
     struct sst_gpu_verify_view *view;
@@ -151,23 +152,24 @@ static void upload_explained(struct device_batch *b)
     sst_run_write(b->d->run, b->disp_px, px, disp_values(b) * sizeof(*px));
 }
 
-/* Close cells of which the maps explain most rays, or sum up unexplained rays. @param last  the last buffer of the shader
+/* Close cells of which the maps explain most rays, or sum up unexplained rays. @param last  the last buffer of the
+ * shader
  * @param height  of a group */
 static void explain(struct device_batch *b, enum sst_gpu_shader shader, struct sst_gpu_range last, int rows, int height)
 {
     const struct device_chunk *c = b->taps.place[0].chunk;
-    const uint32_t of[3] = { shader == SST_GPU_VERIFY_SCREEN ? (uint32_t)cell_cols(b)
-                                                             : (uint32_t)(b->push.blend.width +
-                                                                          SST_GPU_VERIFY_GROUP_WIDTH - 1) /
-                                                                   SST_GPU_VERIFY_GROUP_WIDTH,
+    const uint32_t of[3] = { shader == SST_GPU_VERIFY_SCREEN
+                                 ? (uint32_t)cell_cols(b)
+                                 : (uint32_t)(b->push.blend.width + SST_GPU_VERIFY_GROUP_WIDTH - 1) /
+                                       SST_GPU_VERIFY_GROUP_WIDTH,
                              (uint32_t)((rows + height - 1) / height), 1 };
     struct sst_gpu_verify push = b->push;
 
     push.nearest = b->p->numbers.nearest_end;
     push.levels = explainer_levels(b->p->explainer);
     sst_run_dispatch(b->d->run, shader, &push, of,
-                     (const struct sst_gpu_range[]){ b->around, { c->pixels, 0 }, { c->disp, 0 }, { c->valid, 0 },
-                                                     b->disp_px, b->share, last },
+                     (const struct sst_gpu_range[]){
+                         b->around, { c->pixels, 0 }, { c->disp, 0 }, { c->valid, 0 }, b->disp_px, b->share, last },
                      SST_GPU_SCREEN_BUFFERS);
 }
 
@@ -211,8 +213,7 @@ void device_verify_band(struct device_batch *b)
         explain(b, SST_GPU_VERIFY_SCREEN, b->cells_at, end - b->push.from, SST_RENDER_CELL_HEIGHT);
     }
     while (b->push.from < end && !sst_run_failed(b->d->run)) {
-        b->push.to =
-            b->vote_rows == b->d->lf->height ? end : sst_min_int(b->push.from + b->vote_rows - 2, end);
+        b->push.to = b->vote_rows == b->d->lf->height ? end : sst_min_int(b->push.from + b->vote_rows - 2, end);
         vote(b);
         b->push.from = b->push.to;
     }

@@ -96,8 +96,7 @@ struct packing {
 static void pack_pixels(uint32_t *to, const struct packing *p, int y)
 {
     const struct sst_image *img = &p->v->image;
-    const uint8_t *label =
-        p->v->label.data && p->parts & DEVICE_LABELS ? sst_map_u8_row(&p->v->label, y) : NULL;
+    const uint8_t *label = p->v->label.data && p->parts & DEVICE_LABELS ? sst_map_u8_row(&p->v->label, y) : NULL;
 
     if (p->parts & DEVICE_COLOURS) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
@@ -207,9 +206,9 @@ static bool is_current(const struct render_device *d, const struct device_slot *
 {
     if (s->view != view)
         return false;
-    return !d->changes || (s->since == *d->live.since && s->maps == maps_of(&d->lf->views[view]) &&
-                           !(fabs(s->disp_min_px - d->lf->disp_min_px) > 0) &&
-                           row_serial(&d->live, view, row) <= s->serial);
+    return !d->changes ||
+           (s->since == *d->live.since && s->maps == maps_of(&d->lf->views[view]) &&
+            !(fabs(s->disp_min_px - d->lf->disp_min_px) > 0) && row_serial(&d->live, view, row) <= s->serial);
 }
 
 /* Upload the rows of tiles of a view that the slot lacks. */

@@ -169,17 +169,17 @@ struct sst_render_plan {
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; rows of label weights; NULL: they are all 1 */
     size_t table_rows;             /* that labels use: labels without a range share rows; 1 without a table */
-    struct sst_blend_range *range;            /* [256] owned; by label */
-    uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
+    struct sst_blend_range *range; /* [256] owned; by label */
+    uint32_t ends[256];            /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
     struct sst_verifier **verifier; /* [verifiers], one per thread, owned; NULL: rays are not verified */
     struct sst_verify_numbers numbers;
-    uint8_t *rarity;                /* [SST_AGREE_BINS] owned */
-    struct explainer *explainer;    /* owned; NULL: all rays vote */
-    struct sst_map_u8 *agreed; /* out, borrowed: how surely a rendered pixel shows the surface in focus, 0..255: share
-                                  of its rays by the maps, or where votes replaced it share of all possible votes, times
-                                  24; NULL: not wanted */
+    uint8_t *rarity;             /* [SST_AGREE_BINS] owned */
+    struct explainer *explainer; /* owned; NULL: all rays vote */
+    struct sst_map_u8 *agreed;   /* out, borrowed: how surely a rendered pixel shows the surface in focus, 0..255: share
+                                    of its rays by the maps, or where votes replaced it share of all possible votes, times
+                                    24; NULL: not wanted */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */

@@ -33,7 +33,8 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 /** Differences of colours that do not agree, once prepared; sum of R, G, B. */
 int explainer_levels(const struct explainer *e);
 
-/** Stored disparities of the views are below, or unknown; of a light field that changes only those that were counted. */
+/** Stored disparities of the views are below, or unknown; of a light field that changes only those that were counted.
+ */
 int explainer_bins(const struct explainer *e);
 
 /** Disparities, in pixels, of rays whose stored disparity is above `nearest`. @return false: there are none */
@@ -107,19 +108,19 @@ struct render_picture {
     struct sst_map_u8 *valid;
     /* on a device */
     struct render_device *device;
-    int top, end;         /* rows that have cells, top a multiple of SST_RENDER_CELL_HEIGHT */
-    bool verify;          /* rays are verified there, too */
+    int top, end;              /* rows that have cells, top a multiple of SST_RENDER_CELL_HEIGHT */
+    bool verify;               /* rays are verified there, too */
     struct render_bands bands; /* that it begins with, and had memory for */
-    const uint32_t *words; /* its pixels: [height * width] R, G, B, enum sst_gpu_blend_pixel; NULL: the CPU's */
-    const float *weights;  /* [height * width] sums of weights, if rays are verified on the CPU; else NULL */
-    int err;               /* of the CPU, after the device */
+    const uint32_t *words;     /* its pixels: [height * width] R, G, B, enum sst_gpu_blend_pixel; NULL: the CPU's */
+    const float *weights;      /* [height * width] sums of weights, if rays are verified on the CPU; else NULL */
+    int err;                   /* of the CPU, after the device */
 };
 
 /** Job of a step: a picture on the CPU. @param arg  struct render_picture [] @return 0, -ENOMEM, -EBADMSG */
 int render_picture_on_cpu(void *arg, int item, int worker);
 
-/** Make the picture from the words of a device: weak pixels, and rays to be verified, are the CPU's. @return 0, -ENOMEM,
- * -EBADMSG */
+/** Make the picture from the words of a device: weak pixels, and rays to be verified, are the CPU's. @return 0,
+ * -ENOMEM, -EBADMSG */
 SST_MUST_CHECK int render_picture_finish(struct render_picture *pic);
 
 /** Render a picture on the device, with p->err. @return false: not done, which is counted, and logged where the device
