@@ -70,19 +70,18 @@ static void describe(struct clear_band *b, struct clear *c)
         describe_view(b, k);
 }
 
-/* Put all views into one chunk. */
-static void gather(struct clear_band *b)
+/* Place the rows of the views that a band needs. @return pixels */
+static size_t place_rows(struct clear_band *b, int top, int rows)
 {
-    const struct device_chunk *c;
+    const int height = b->c->height;
 
-    if (!device_gather(b->d, &b->taps, true))
-        sst_run_fail(b->d->run, -ENOMEM);
-    if (sst_run_failed(b->d->run))
-        return;
-    c = b->taps.place[0].chunk;
-    b->colour.buffer = c->pixels;
-    b->disp.buffer = c->disp;
-    b->valid.buffer = c->valid;
+    for (int k = 0; k < b->c->count; k++) {
+        struct device_place *p = &b->taps.place[k];
+
+        p->top = sst_clamp_int(top - b->most[k] - BESIDE, 0, height);
+        p->end = sst_clamp_int(top + rows - b->least[k] + BESIDE, p->top, height);
+    }
+    return device_place_rows(b->d, &b->taps, &b->views);
 }
 
 /* --- bands -------------------------------------------------------------------------------------------------------- */
@@ -92,51 +91,25 @@ static void reserve(struct sst_run *r, struct clear_band *b, int rows, bool whol
 {
     const struct clear *c = b->c;
     const size_t pitch = (size_t)b->push.pitch, n = (size_t)rows * (size_t)c->width;
-    size_t pixels = 0;
+    size_t pixels = whole ? (size_t)(c->lf->rows * c->lf->cols) * device_view_pixels(b->d) : 0;
 
-    for (int k = 0; k < c->count; k++)
-        pixels += (size_t)sst_min_int(c->height, rows + b->most[k] - b->least[k] + 2 * BESIDE) * pitch;
-    if (whole)
-        pixels = (size_t)(c->lf->rows * c->lf->cols) * device_view_pixels(b->d);
+    for (int top = 0; top < c->height && !whole; top += rows) {
+        const size_t band = place_rows(b, top, rows);
+
+        pixels = band > pixels ? band : pixels;
+    }
     b->landed = sst_run_scratch(r, DEVICE_SCRATCH_LANDED, 4 * (size_t)c->count * (size_t)rows * pitch);
     b->picture = sst_run_scratch(r, DEVICE_SCRATCH_PICTURE, 4 * n);
     b->seen = b->push.merged ? sst_run_scratch(r, DEVICE_SCRATCH_SEEN, 4 * n) : b->picture;
     b->state =
         c->sampled ? sst_run_scratch(r, DEVICE_SCRATCH_STATE, n * sizeof(struct sst_gpu_clear_state)) : b->landed;
     if (c->cfg->remove)
-        b->masks = sst_run_scratch(r, DEVICE_SCRATCH_MASKS, pixels);
+        b->masks = sst_run_scratch(r, DEVICE_SCRATCH_MASKS, pixels + 4);
     if (c->fills && rows == c->height)
         b->levels = sst_run_scratch(r, DEVICE_SCRATCH_LEVELS, clear_fill_bytes(c->width, c->height));
-    if (whole)
-        return;
-    b->colour = sst_run_scratch(r, DEVICE_SCRATCH_COLOUR, 4 * pixels);
-    b->disp = sst_run_scratch(r, DEVICE_SCRATCH_DISP, 2 * pixels);
-    b->valid = sst_run_scratch(r, DEVICE_SCRATCH_VALID, pixels);
-}
-
-/* Rows of the views that a band needs. @return of the largest part of a view */
-static int place_band(struct clear_band *b, int top, int rows, bool whole)
-{
-    const struct clear *c = b->c;
-    uint32_t first = 0;
-    int most = 0;
-
-    for (int k = 0; k < c->count; k++) {
-        struct sst_gpu_clear_view *v = &b->view[k];
-        const struct sst_render_tap *t = b->taps.tap[k];
-
-        v->top = whole ? 0 : sst_clamp_int(top - b->most[k] - BESIDE, 0, c->height);
-        v->end = whole ? c->height : sst_clamp_int(top + rows - b->least[k] + BESIDE, v->top, c->height);
-        v->first = whole ? b->taps.place[k].first : first;
-        v->flags = ((whole && t->frame) || t->v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
-                   (t->v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
-                   (c->cfg->remove && c->cfg->remove[t->view].data ? SST_GPU_CLEAR_MASK : 0U);
-        first += (uint32_t)((v->end - v->top) * b->push.pitch);
-        most = sst_max_int(most, v->end - v->top);
-    }
-    b->push.top = top;
-    b->push.rows = rows;
-    return most;
+    device_reserve_frames(b->d, &b->taps);
+    if (!whole)
+        device_reserve_rows(b->d, &b->views, pixels, false);
 }
 
 static void upload_mask(struct clear_band *b, int k)
@@ -152,29 +125,34 @@ static void upload_mask(struct clear_band *b, int k)
     sst_run_write(b->d->run, (struct sst_gpu_range){ b->masks.buffer, v->first }, memory, n);
 }
 
-static void upload_view(struct clear_band *b, int k)
+/* Upload the views, or rows that a band needs. @return rows of the largest part of a view */
+static int upload_band(struct clear_band *b, int top, int rows, bool whole)
 {
-    const struct device_chunk chunk = { .pixels = b->colour.buffer, .disp = b->disp.buffer, .valid = b->valid.buffer };
-    const struct sst_gpu_clear_view *v = &b->view[k];
-    const struct device_place to = { &chunk, v->first - (uint32_t)(v->top * b->push.pitch), v->top, v->end };
-    const struct sst_render_tap *t = b->taps.tap[k];
+    const struct clear *c = b->c;
+    int most = 0;
 
-    device_upload_rows(b->d, &to, t->v,
-                       (b->c->sampled && t->frame ? 0U : DEVICE_COLOURS) | (b->push.remove_label ? DEVICE_LABELS : 0U),
-                       b->c->threads);
-    b->d->report.uploads++;
-}
-
-static void upload_views(struct sst_run *r, struct clear_band *b, bool whole)
-{
-    for (int k = 0; k < b->c->count && !sst_run_failed(r); k++) {
-        if (b->view[k].top == b->view[k].end)
-            continue;
-        if (!whole)
-            upload_view(b, k);
-        if (b->view[k].flags & SST_GPU_CLEAR_MASK)
-            upload_mask(b, k);
+    b->push.top = top;
+    b->push.rows = rows;
+    if (!whole) {
+        (void)place_rows(b, top, rows);
+        device_upload_placed(b->d, &b->taps, DEVICE_COLOURS | (b->push.remove_label ? DEVICE_LABELS : 0U));
     }
+    for (int k = 0; k < c->count; k++) {
+        const struct device_place *p = &b->taps.place[k];
+        const struct sst_render_tap *t = b->taps.tap[k];
+        struct sst_gpu_clear_view *v = &b->view[k];
+
+        v->top = p->top;
+        v->end = p->end;
+        v->first = p->first + (uint32_t)(p->top * b->push.pitch);
+        v->flags = ((t->frame && !c->sampled) || t->v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
+                   (t->v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
+                   (c->cfg->remove && c->cfg->remove[t->view].data ? SST_GPU_CLEAR_MASK : 0U);
+        if (v->flags & SST_GPU_CLEAR_MASK && v->top < v->end)
+            upload_mask(b, k);
+        most = sst_max_int(most, v->end - v->top);
+    }
+    return most;
 }
 
 /* Rows of the picture from words. */
@@ -223,17 +201,18 @@ static void unpack_seen(struct sst_run *r, const struct clear_band *b)
 static void render_band(struct sst_run *r, struct clear_band *b, int most)
 {
     const size_t landed = (size_t)b->c->count * (size_t)b->push.rows * (size_t)b->push.pitch;
+    const struct sst_gpu_range *v = b->views.plane;
     const struct sst_gpu_range views =
         sst_run_upload(r, DEVICE_SCRATCH_VIEWS, b->view, (size_t)b->c->count * sizeof(b->view[0]));
 
     sst_run_fill(r, b->landed, 0, landed, 0);
     if (most)
-        CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_LAND, &b->push, most, b->c->count, views, b->colour, b->disp, b->valid,
-                       b->masks.buffer ? b->masks : b->valid, b->landed);
+        CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_LAND, &b->push, most, b->c->count, views, v[DEVICE_PIXELS], v[DEVICE_DISP],
+                       v[DEVICE_VALID], b->masks.buffer ? b->masks : v[DEVICE_VALID], b->landed);
     if (b->c->sampled)
         clear_sample_rays(r, b);
-    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_BLEND, &b->push, b->push.rows, 1, views, b->colour, b->landed, b->seen, b->state,
-                   b->picture);
+    CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_BLEND, &b->push, b->push.rows, 1, views, v[DEVICE_PIXELS], b->landed, b->seen,
+                   b->state, b->picture);
     if (b->levels.buffer)
         clear_fill_on_device(r, b->c, b->picture, b->levels);
     clear_unpack(r, b->c, b->picture, b->push.top, b->push.rows);
@@ -251,18 +230,17 @@ void clear_on_device(struct sst_run *r, void *job, int item)
     struct clear_band b = { 0 };
 
     device_begin(c->device, r);
-    if (!whole && !c->sampled)
-        sst_run_fail(r, render_need_frames(&c->plan, c->renderer));
     describe(&b, c);
     reserve(r, &b, rows, whole);
-    if (whole || c->sampled)
-        device_reserve_frames(b.d, &b.taps);
-    if (whole && !sst_run_failed(r))
-        gather(&b);
+    if (whole && !sst_run_failed(r)) {
+        if (device_gather(b.d, &b.taps, true))
+            b.views = *b.taps.place[0].chunk;
+        else
+            sst_run_fail(r, -ENOMEM);
+    }
     for (int top = 0; top < c->height && !sst_run_failed(r); top += rows) {
-        const int most = place_band(&b, top, sst_min_int(rows, c->height - top), whole);
+        const int some = sst_min_int(rows, c->height - top), most = upload_band(&b, top, some, whole);
 
-        upload_views(r, &b, whole);
         render_band(r, &b, most);
     }
     b.d->held = false;

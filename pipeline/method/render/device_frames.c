@@ -311,13 +311,34 @@ struct sst_gpu_range device_upload_rays(struct render_device *d, const struct de
     return source;
 }
 
+struct sst_gpu_rectify device_describe_frame(const struct render_device *d, const struct sst_rectify_tables *t)
+{
+    struct sst_gpu_rectify push = { .width = t->width,
+                                    .height = t->height,
+                                    .pitch = d->pitch,
+                                    .raw_width = t->raw_width,
+                                    .raw_height = t->raw_height,
+                                    .taps = t->taps,
+                                    .cell_shift = t->cell_shift,
+                                    .cells = t->cells,
+                                    .flags = t->falloff ? SST_GPU_RECTIFY_LIT : 0U,
+                                    .light_shift = t->light_shift,
+                                    .light_cols = t->light_cols,
+                                    .light_rows = t->light_rows };
+
+    memcpy(push.gain, t->gain, sizeof(push.gain));
+    memcpy(push.gain_root, t->gain_root, sizeof(push.gain_root));
+    return push;
+}
+
 void device_make_rows(struct render_device *d, const struct device_taps *taps, int k, const struct device_place *to,
                       bool mapped)
 {
     const struct sst_render_tap *tap = taps->tap[k];
     const struct device_frame *f = device_find_frame(d, tap);
     const struct device_chunk *c = to->chunk;
-    struct sst_gpu_rectify push = { .pitch = d->pitch, .first = to->first, .top = to->top };
+    const bool labelled = tap->v->label.data;
+    struct sst_gpu_rectify push;
     struct sst_rectify_tables t;
     struct sst_gpu_range source;
 
@@ -326,34 +347,20 @@ void device_make_rows(struct render_device *d, const struct device_taps *taps, i
     assert(f);
     sst_rectify_map_tables(&t, tap->frame->map, render_frame_filter(d->lf));
     if (!mapped)
-        device_upload_rows(d, to, tap->v, tap->v->label.data ? DEVICE_LABELS : 0, taps->threads);
+        device_upload_rows(d, to, tap->v, labelled ? DEVICE_LABELS : 0, taps->threads);
     source = upload_frame(d, f, &t, taps->sampled && taps->slots == d->lf->rows * d->lf->cols);
     upload_tables(d, f, &t);
-    push.width = t.width;
-    push.height = t.height;
-    push.raw_width = t.raw_width;
-    push.raw_height = t.raw_height;
-    push.taps = t.taps;
-    push.cell_shift = t.cell_shift;
-    push.cells = t.cells;
-    push.flags = (t.falloff ? SST_GPU_RECTIFY_LIT : 0U) | (tap->v->label.data ? SST_GPU_RECTIFY_KEEP : 0U);
-    push.light_shift = t.light_shift;
-    push.light_cols = t.light_cols;
-    push.light_rows = t.light_rows;
+    push = device_describe_frame(d, &t);
+    push.first = to->first;
+    push.top = to->top;
+    push.flags |= labelled ? SST_GPU_RECTIFY_KEEP : 0U;
     push.part_x = (float)f->part_x;
     push.part_y = (float)f->part_y;
-    memcpy(push.gain, t.gain, sizeof(push.gain));
-    memcpy(push.gain_root, t.gain_root, sizeof(push.gain_root));
     sst_run_dispatch(d->run, SST_GPU_RECTIFY, &push,
                      (const uint32_t[]){ groups(t.width, SST_GPU_RECTIFY_GROUP_WIDTH),
                                          groups(to->end - to->top, SST_GPU_RECTIFY_GROUP_HEIGHT), 1 },
-                     (const struct sst_gpu_range[]){ d->frames.weights,
-                                                     source,
-                                                     d->frames.places,
-                                                     d->frames.list,
-                                                     d->frames.light,
-                                                     { c->valid, 0 },
-                                                     { c->pixels, 0 } },
+                     (const struct sst_gpu_range[]){ d->frames.weights, source, d->frames.places, d->frames.list,
+                                                     d->frames.light, c->plane[DEVICE_VALID], c->plane[DEVICE_PIXELS] },
                      SST_GPU_RECTIFY_BUFFERS);
     d->report.rectified++;
 }

@@ -24,10 +24,11 @@ struct device_slot {
 
 #define DEVICE_PIXEL_BYTES 7U /* of a pixel of a view: colour and label, disparity, valid; one more with confidence */
 
+enum device_plane { DEVICE_PIXELS, DEVICE_DISP, DEVICE_VALID, DEVICE_CONFIDENCE, DEVICE_PLANES };
+
 /** Buffers of pixels, rows `pitch` pixels apart. */
 struct device_chunk {
-    struct sst_gpu_buffer *pixels, *disp, *valid;
-    struct sst_gpu_buffer *confidence; /* NULL: not wanted */
+    struct sst_gpu_range plane[DEVICE_PLANES]; /* the last one without a buffer: not wanted */
 };
 
 /** Rows top .. end - 1 of a view in a chunk. */
@@ -133,13 +134,9 @@ enum device_scratch {
     DEVICE_SCRATCH_LIST,
     DEVICE_SCRATCH_LIGHT,
     DEVICE_SCRATCH_WEIGHTS,
-    /* rows of the views of a band */
-    DEVICE_SCRATCH_COLOUR,
-    DEVICE_SCRATCH_DISP,
-    DEVICE_SCRATCH_VALID,
-    DEVICE_SCRATCH_CONFIDENCE,
+    DEVICE_SCRATCH_BAND,
     /* pictures of rays, and their verification */
-    DEVICE_SCRATCH_PARAMS,
+    DEVICE_SCRATCH_PARAMS = DEVICE_SCRATCH_BAND + DEVICE_PLANES,
     DEVICE_SCRATCH_TABLE,
     DEVICE_SCRATCH_SUMS,
     DEVICE_SCRATCH_OUT,
@@ -197,6 +194,18 @@ enum device_part { DEVICE_COLOURS = 1, DEVICE_LABELS = 2 };
 void device_upload_rows(struct render_device *d, const struct device_place *to, const struct sst_view *v,
                         unsigned parts, int threads);
 
+/* Where the views do not fit together: rows of each, one view behind the other. */
+
+/** Place rows taps->place[k].top .. end - 1; of views that are made from frames these become whole groups. @return
+ * their pixels */
+size_t device_place_rows(const struct render_device *d, struct device_taps *taps, const struct device_chunk *c);
+
+/** Memory for rows of so many pixels. */
+void device_reserve_rows(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident);
+
+/** Upload the rows that were placed. @param parts  enum device_part */
+void device_upload_placed(struct render_device *d, const struct device_taps *taps, unsigned parts);
+
 /* --- device_frames.c ---------------------------------------------------------------------------------------------- */
 
 void device_drop_frames(struct render_device *d);
@@ -212,6 +221,9 @@ void device_ready_frames(struct render_device *d, const struct device_taps *taps
 
 /** The frame of a tap in mapped memory, or NULL. */
 struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t);
+
+/** Constants for a frame. */
+struct sst_gpu_rectify device_describe_frame(const struct render_device *d, const struct sst_rectify_tables *t);
 
 /** Copy a frame and its tables to the device, to sample rays from it. @return where the frame is */
 struct sst_gpu_range device_upload_rays(struct render_device *d, const struct device_frame *f,
@@ -299,7 +311,8 @@ struct clear_band {
     struct sst_gpu_clear_view view[SST_GPU_CLEAR_VIEWS];
     int least[SST_GPU_CLEAR_VIEWS], most[SST_GPU_CLEAR_VIEWS]; /* rows that rays of a view move */
     struct device_taps taps;
-    struct sst_gpu_range colour, disp, valid, masks, landed, state, seen, picture, levels;
+    struct device_chunk views; /* all of them, or rows */
+    struct sst_gpu_range masks, landed, state, seen, picture, levels;
 };
 
 /** Dispatch a shader over the pixels of a band. @param ranges  by binding */

@@ -165,7 +165,8 @@ static void blend(struct device_batch *b)
     device_begin_runs(b);
     while ((c = device_next_run(b)) != NULL)
         DEVICE_DISPATCH(b, SST_GPU_BLEND, &b->push.blend, b->push.blend.rows, SST_GPU_BLEND_GROUP_HEIGHT, b->params,
-                        { c->pixels, 0 }, { c->disp, 0 }, { c->valid, 0 }, b->table, b->sums, b->out);
+                        c->plane[DEVICE_PIXELS], c->plane[DEVICE_DISP], c->plane[DEVICE_VALID], b->table, b->sums,
+                        b->out);
 }
 
 static void render_band(struct device_batch *b, int top, int rows)

@@ -2,7 +2,6 @@
  * its view. Views take their turn, the nearest to the viewpoint first, as rays that are not in their frame leave room
  * for others; so one frame at a time has to be there. */
 #include <assert.h>
-#include <string.h>
 
 #include "pipeline/gpu/clear_sample.h"
 #include "pipeline/kernels/place_patch.h"
@@ -12,35 +11,21 @@ _Static_assert(sizeof(struct sst_gpu_clear_sample) == 112 && sizeof(struct sst_g
                    sizeof(struct sst_place_patch) == 144,
                "the layout of clear_sample.comp");
 
-/* What a view's rays are sampled with. @param t  NULL: it has no frame */
+/* Constants of a view. @param t  NULL: it has no frame */
 static struct sst_gpu_clear_sample describe(const struct clear_band *b, int k, const struct sst_rectify_tables *t)
 {
     const struct sst_gpu_clear_view *v = &b->view[k];
-    struct sst_gpu_clear_sample push = { .frame = { .width = b->push.width,
-                                                    .height = b->push.height,
-                                                    .pitch = b->push.pitch,
-                                                    .flags = SST_GPU_SAMPLE_PLAIN },
-                                         .bx = v->bx,
-                                         .by = v->by,
-                                         .top = b->push.top,
-                                         .rows = b->push.rows,
-                                         .view = (uint32_t)k };
+    const struct sst_gpu_rectify plain = {
+        .width = b->push.width, .height = b->push.height, .pitch = b->push.pitch, .flags = SST_GPU_SAMPLE_PLAIN
+    };
 
-    if (!t)
-        return push;
-    push.frame.raw_width = t->raw_width;
-    push.frame.raw_height = t->raw_height;
-    push.frame.taps = t->taps;
-    push.frame.cell_shift = t->cell_shift;
-    push.frame.cells = t->cells;
-    push.frame.flags = t->falloff ? SST_GPU_RECTIFY_LIT : 0U;
-    push.frame.light_shift = t->light_shift;
-    push.frame.light_cols = t->light_cols;
-    push.frame.light_rows = t->light_rows;
-    memcpy(push.frame.gain, t->gain, sizeof(push.frame.gain));
-    memcpy(push.frame.gain_root, t->gain_root, sizeof(push.frame.gain_root));
-    push.cell_rows = t->cell_rows;
-    return push;
+    return (struct sst_gpu_clear_sample){ .frame = t ? device_describe_frame(b->d, t) : plain,
+                                          .bx = v->bx,
+                                          .by = v->by,
+                                          .top = b->push.top,
+                                          .rows = b->push.rows,
+                                          .cell_rows = t ? t->cell_rows : 0,
+                                          .view = (uint32_t)k };
 }
 
 /* Have the frame of a view on the device, with its tables. @return where it is */
@@ -63,7 +48,7 @@ static void sample_view(struct sst_run *r, const struct clear_band *b, int k)
     const struct device_frames *f = &b->d->frames;
     const bool framed = b->taps.tap[k]->frame;
     struct sst_rectify_tables t;
-    const struct sst_gpu_range source = framed ? place_frame(b, k, &t) : b->colour;
+    const struct sst_gpu_range source = framed ? place_frame(b, k, &t) : b->views.plane[DEVICE_PIXELS];
     const struct sst_gpu_clear_sample push = describe(b, k, framed ? &t : NULL);
 
     CLEAR_DISPATCH(r, b, SST_GPU_CLEAR_SAMPLE, &push, b->push.rows, 1, f->weights, source, f->places, f->list, f->light,

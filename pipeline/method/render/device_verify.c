@@ -104,7 +104,7 @@ static void find_share(struct device_batch *b)
     device_begin_runs(b);
     while ((c = device_next_run(b)) != NULL)
         DEVICE_DISPATCH(b, SST_GPU_VERIFY_SHARE, &b->push, b->push.blend.rows, SST_GPU_VERIFY_GROUP_HEIGHT, b->params,
-                        { c->disp, 0 }, b->sums, b->out, b->share, b->cells_at);
+                        c->plane[DEVICE_DISP], b->sums, b->out, b->share, b->cells_at);
 }
 
 /* The rows of the band that have open cells: none if from = to. */
@@ -168,8 +168,8 @@ static void explain(struct device_batch *b, enum sst_gpu_shader shader, struct s
     push.nearest = b->p->numbers.nearest_end;
     push.levels = explainer_levels(b->p->explainer);
     sst_run_dispatch(b->d->run, shader, &push, of,
-                     (const struct sst_gpu_range[]){
-                         b->around, { c->pixels, 0 }, { c->disp, 0 }, { c->valid, 0 }, b->disp_px, b->share, last },
+                     (const struct sst_gpu_range[]){ b->around, c->plane[DEVICE_PIXELS], c->plane[DEVICE_DISP],
+                                                     c->plane[DEVICE_VALID], b->disp_px, b->share, last },
                      SST_GPU_SCREEN_BUFFERS);
 }
 
@@ -185,8 +185,9 @@ static void vote(struct device_batch *b)
     device_begin_runs(b);
     while ((c = device_next_run(b)) != NULL)
         DEVICE_DISPATCH(b, SST_GPU_VERIFY_RAYS, &b->push, rows, SST_GPU_VERIFY_GROUP_HEIGHT, b->params,
-                        { c->pixels, 0 }, { c->disp, 0 }, { c->valid, 0 }, b->table,
-                        { c->confidence ? c->confidence : c->valid, 0 }, b->share, b->rays);
+                        c->plane[DEVICE_PIXELS], c->plane[DEVICE_DISP], c->plane[DEVICE_VALID], b->table,
+                        c->plane[c->plane[DEVICE_CONFIDENCE].buffer ? DEVICE_CONFIDENCE : DEVICE_VALID], b->share,
+                        b->rays);
     if (b->p->explainer)
         explain(b, SST_GPU_VERIFY_UNEXPLAINED, b->totals, rows, SST_GPU_VERIFY_GROUP_HEIGHT);
     DEVICE_DISPATCH(b, SST_GPU_VERIFY_MODE, &b->push, rows, SST_GPU_VERIFY_GROUP_HEIGHT, b->share, b->rays, b->near,

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/thread.h"
+#include "pipeline/gpu/rectify.h"
 #include "pipeline/method/render/device_internal.h"
 
 #define PACK_ROWS 64 /* that a thread packs at once */
@@ -20,12 +21,12 @@ size_t device_view_pixels(const struct render_device *d)
 
 /* --- chunks ------------------------------------------------------------------------------------------------------- */
 
+static const size_t plane_bytes[DEVICE_PLANES] = { 4, 2, 1, 1 }; /* of a pixel */
+
 static void destroy_chunk(struct render_device *d, struct device_chunk *c)
 {
-    sst_gpu_buffer_destroy(d->gpu, c->pixels);
-    sst_gpu_buffer_destroy(d->gpu, c->disp);
-    sst_gpu_buffer_destroy(d->gpu, c->valid);
-    sst_gpu_buffer_destroy(d->gpu, c->confidence);
+    for (int i = 0; i < DEVICE_PLANES; i++)
+        sst_gpu_buffer_destroy(d->gpu, c->plane[i].buffer);
 }
 
 void device_drop_views(struct render_device *d)
@@ -41,13 +42,11 @@ static int add_chunk(struct render_device *d, int n)
 {
     const size_t pixels = (size_t)n * device_view_pixels(d);
     struct device_chunk *c = &d->chunk[d->chunks];
-    int err;
+    int err = 0;
 
-    *c = (struct device_chunk){ NULL };
-    err = sst_gpu_buffer_create(d->gpu, &c->pixels, 4 * pixels);
-    err = err ? err : sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
-    err = err ? err : sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
-    err = err || !d->doubts ? err : sst_gpu_buffer_create(d->gpu, &c->confidence, pixels);
+    *c = (struct device_chunk){ .plane = { { NULL, 0 } } };
+    for (int i = 0; i < DEVICE_PLANES - !d->doubts && !err; i++)
+        err = sst_gpu_buffer_create(d->gpu, &c->plane[i].buffer, plane_bytes[i] * pixels);
     if (err) {
         destroy_chunk(d, c);
         return err;
@@ -88,9 +87,7 @@ struct packing {
     const struct device_place *to;
     unsigned parts;
     int width, pitch;
-    uint32_t *pixels; /* NULL here and below: not there, or not wanted */
-    uint16_t *disp;
-    uint8_t *valid, *confidence;
+    uint8_t *plane[DEVICE_PLANES]; /* NULL: not there, or not wanted */
 };
 
 static void pack_pixels(uint32_t *to, const struct packing *p, int y)
@@ -118,14 +115,14 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
     for (int y = from; y < end; y++) {
         const size_t at = (size_t)(y - p->to->top) * (size_t)p->pitch;
 
-        if (p->pixels)
-            pack_pixels(p->pixels + at, p, y);
-        if (p->disp)
-            memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
-        if (p->valid)
-            memcpy(p->valid + at, sst_map_u8_row(&p->v->valid, y), width);
-        if (p->confidence)
-            memcpy(p->confidence + at, sst_map_u8_row(&p->v->confidence, y), width);
+        if (p->plane[DEVICE_PIXELS])
+            pack_pixels((uint32_t *)(void *)p->plane[DEVICE_PIXELS] + at, p, y);
+        if (p->plane[DEVICE_DISP])
+            memcpy(p->plane[DEVICE_DISP] + 2 * at, sst_map_u16_row(&p->v->disp, y), 2 * width);
+        if (p->plane[DEVICE_VALID])
+            memcpy(p->plane[DEVICE_VALID] + at, sst_map_u8_row(&p->v->valid, y), width);
+        if (p->plane[DEVICE_CONFIDENCE])
+            memcpy(p->plane[DEVICE_CONFIDENCE] + at, sst_map_u8_row(&p->v->confidence, y), width);
     }
     return 0;
 }
@@ -134,7 +131,9 @@ void device_upload_rows(struct render_device *d, const struct device_place *to, 
                         unsigned parts, int threads)
 {
     const size_t n = (size_t)(to->end - to->top) * (size_t)d->pitch;
-    const size_t at = (uint32_t)(to->first + (uint32_t)(to->top * d->pitch));
+    const size_t first = (uint32_t)(to->first + (uint32_t)(to->top * d->pitch));
+    const bool there[DEVICE_PLANES] = { parts, v->disp.data, v->valid.data,
+                                        v->confidence.data && to->chunk->plane[DEVICE_CONFIDENCE].buffer };
     const int64_t start_ns = sst_clock_now_ns();
     uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
     struct packing p = { .v = v, .to = to, .parts = parts, .width = d->lf->width, .pitch = d->pitch };
@@ -143,20 +142,59 @@ void device_upload_rows(struct render_device *d, const struct device_place *to, 
         sst_run_fail(d->run, -ENOMEM);
         return;
     }
-    p.pixels = parts ? (uint32_t *)(void *)memory : NULL;
-    p.disp = v->disp.data ? (uint16_t *)(void *)(memory + 4 * n) : NULL;
-    p.valid = v->valid.data ? memory + 6 * n : NULL;
-    p.confidence = to->chunk->confidence && v->confidence.data ? memory + 7 * n : NULL;
+    for (int i = 0; i < DEVICE_PLANES; memory += plane_bytes[i++] * n)
+        p.plane[i] = there[i] ? memory : NULL;
     sst_run_fail(d->run, sst_parallel_for((to->end - to->top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
-    if (p.pixels)
-        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->pixels, 4 * at }, p.pixels, 4 * n);
-    if (p.disp)
-        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->disp, 2 * at }, p.disp, 2 * n);
-    if (p.valid)
-        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->valid, at }, p.valid, n);
-    if (p.confidence)
-        sst_run_write(d->run, (struct sst_gpu_range){ to->chunk->confidence, at }, p.confidence, n);
+    for (int i = 0; i < DEVICE_PLANES; i++) {
+        const struct sst_gpu_range at = { to->chunk->plane[i].buffer, plane_bytes[i] * first };
+
+        if (p.plane[i])
+            sst_run_write(d->run, at, p.plane[i], plane_bytes[i] * n);
+    }
+}
+
+/* --- rows --------------------------------------------------------------------------------------------------------- */
+
+size_t device_place_rows(const struct render_device *d, struct device_taps *taps, const struct device_chunk *c)
+{
+    const int unit = SST_GPU_RECTIFY_GROUP_HEIGHT;
+    size_t at = 0;
+
+    for (int k = 0; k < taps->count; k++) {
+        struct device_place *p = &taps->place[k];
+
+        if (taps->tap[k]->frame && !taps->rays)
+            p->end = sst_min_int(p->top + (p->end - p->top + unit - 1) / unit * unit, d->lf->height);
+        p->chunk = c;
+        p->first = (uint32_t)at - (uint32_t)(p->top * d->pitch);
+        taps->wanted[k] = taps->rays || p->top < p->end;
+        at += (size_t)(p->end - p->top) * (size_t)d->pitch;
+    }
+    return at;
+}
+
+void device_reserve_rows(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident)
+{
+    for (int i = 0; i < DEVICE_PLANES - !confident; i++)
+        c->plane[i] = sst_run_scratch(d->run, DEVICE_SCRATCH_BAND + i, plane_bytes[i] * (pixels + 4));
+}
+
+void device_upload_placed(struct render_device *d, const struct device_taps *taps, unsigned parts)
+{
+    for (int k = 0; k < taps->count && !sst_run_failed(d->run); k++) {
+        const struct sst_render_tap *t = taps->tap[k];
+
+        if (taps->place[k].top == taps->place[k].end)
+            continue;
+        if (t->frame && !taps->rays) {
+            device_ready_frames(d, taps, k);
+            device_make_rows(d, taps, k, &taps->place[k], false);
+        } else {
+            device_upload_rows(d, &taps->place[k], t->v, parts & ~(t->frame ? DEVICE_COLOURS : 0U), taps->threads);
+            d->report.uploads++;
+        }
+    }
 }
 
 /* --- slots -------------------------------------------------------------------------------------------------------- */
