@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "pipeline/method/render/render.h"
+#include "pipeline/method/render/device_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 
@@ -86,56 +86,27 @@ static inline void field_fini(struct sst_lightfield *lf)
 /* Ways to render that use different parts of the shader, and of the CPU after it. */
 static inline struct sst_render_config field_config(int i)
 {
-    struct sst_render_config cfg;
+    struct sst_render_config cfg = sample_config(i == 10 ? 6 : i == 8 ? 7 : i > 6 ? 4 : i);
 
-    sst_render_config_defaults(&cfg);
     cfg.threads = 2;
-    cfg.verify = SST_VERIFY_OFF;
-    cfg.focus_px = i % 2 ? 1.37 : 4;
     switch (i) {
-    case 0: /* whole sums */
-        cfg.method = SST_RENDER_REFOCUS;
-        break;
-    case 1: /* apertures alone; views of a part of the array, from beside it */
-        cfg.method = SST_RENDER_REFOCUS;
-        cfg.aperture_soft = true;
-        cfg.aperture = 1.3;
-        cfg.view_bx = 0.4;
-        break;
-    case 2: /* depth alone */
-        cfg.c2 = 1;
-        break;
-    case 3: /* labels alone */
-        cfg.sigma_px = INFINITY;
-        break;
     case 5:
         cfg.focus_label = 2;
-        cfg.range = SST_RANGE_MINMAX;
-        cfg.unsupported = SST_UNSUPPORTED_INVALID;
-        break;
-    case 6: /* weights that underflow: single pixels are made on the CPU */
-        cfg.c1 = cfg.c2 = 0;
-        cfg.sigma_px = 0.05;
         break;
     case 7: /* verified rays */
+    case 10: /* the same, where weights underflow */
         cfg.verify = SST_VERIFY_ON;
         cfg.focus_px = -1.5;
         break;
-    case 8: /* most rays outside their views */
+    case 8:
         cfg.focus_px = 6.5;
-        cfg.max_views = 5;
         break;
     case 9: /* rays verified where the maps do not explain them */
         cfg.verify = SST_VERIFY_AUTO;
         cfg.focus_px = -1.5;
         break;
-    case 10: /* verified rays, where weights underflow */
-        cfg.c1 = cfg.c2 = 0;
-        cfg.sigma_px = 0.05;
-        cfg.verify = SST_VERIFY_ON;
-        cfg.focus_px = -1.5;
-        break;
     case 11: /* by depth, at the place of a camera */
+        cfg.focus_px = 1.37;
         cfg.method = SST_RENDER_CLEAR;
         cfg.cut_px = 5;
         break;
@@ -147,7 +118,7 @@ static inline struct sst_render_config field_config(int i)
         cfg.view_by = -0.2;
         cfg.rays = 3;
         break;
-    default: /* 4: as it comes */
+    default:
         break;
     }
     return cfg;

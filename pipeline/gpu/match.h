@@ -16,7 +16,6 @@
 
 #define SST_GPU_MATCH_PASSES  49152 /* of the loops of sgm_path: docs/design/gpu.md, Rules */
 #define SST_GPU_MATCH_STEPS   576   /* of a view at most, with the padding of its last tile */
-#define SST_GPU_MATCH_LAYERS  16    /* of the census: phases */
 #define SST_GPU_FEATURE_WORDS 16    /* of a pixel: four components of its features each */
 
 /** A part of a view's volume: costs [rows][pitch][nd] of pixels (left, top) .. (left + pitch - 1, top + rows - 1). */

@@ -43,7 +43,6 @@ struct sst_gpu_net_tensor {
 #define SST_GPU_NET_MATRIX     128 /* pixels of a group of net_conv8_matrix */
 #define SST_GPU_NET_MATRIX_OUT 64  /* channels of it */
 #define SST_GPU_NET_SLAB     8   /* words of a pixel that are multiplied at once; weights are padded to a multiple */
-#define SST_GPU_NET_EXACT    512 /* products of bytes whose sum is exact in a float */
 #define SST_GPU_NET_UNFUSED  0   /* of residual_mode: the residual times its scale is rounded, then added */
 #define SST_GPU_NET_FUSED    1   /* ... is rounded once, with the sum */
 #define SST_GPU_NET_NONE     2   /* there is none */

@@ -60,6 +60,8 @@ static void load_maps(struct neighbours *to, struct sst_run *r, const struct dis
     }
 }
 
+#define SHARED .wants = is_present, .source = run_source, .changes = 1U << SST_PLANE_MAP, .sample_free = free_sample
+
 /* --- check -------------------------------------------------------------------------------------------------------- */
 
 static void checked_maps(void *arg, int view, struct sst_share_maps *out)
@@ -101,14 +103,11 @@ static void *check_sample(uint32_t seed)
 
 const struct sst_step disparity_check_step = { .name = "check",
                                                .stages = 1U << SST_DISPARITY_STAGE_CHECK,
-                                               .wants = is_present,
-                                               .source = run_source,
+                                               SHARED,
                                                .cpu = run_check,
                                                .device = check_on_device,
                                                .writes = checked_maps,
-                                               .changes = 1U << SST_PLANE_MAP,
-                                               .sample = check_sample,
-                                               .sample_free = free_sample };
+                                               .sample = check_sample };
 
 int run_check_views(struct disparity_run *run, int threads)
 {
@@ -175,14 +174,11 @@ static void *fill_sample(uint32_t seed)
 const struct sst_step disparity_fill_step = { .name = "filling",
                                               .stages =
                                                   1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                              .wants = is_present,
-                                              .source = run_source,
+                                              SHARED,
                                               .cpu = run_fill,
                                               .device = fill_on_device,
                                               .writes = filled_maps,
-                                              .changes = 1U << SST_PLANE_MAP,
-                                              .sample = fill_sample,
-                                              .sample_free = free_sample };
+                                              .sample = fill_sample };
 
 int run_fill_views(struct disparity_run *run, int threads)
 {
@@ -224,21 +220,13 @@ static void rest_maps(void *arg, int view, struct sst_share_maps *out)
     sst_share_add_u16(out, &run->disp[view]);
 }
 
-static void *background_sample(uint32_t seed)
-{
-    return disparity_sample(seed, false, seed % 2);
-}
-
 const struct sst_step disparity_background_step = { .name = "background",
                                                     .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                                    .wants = is_present,
-                                                    .source = run_source,
+                                                    SHARED,
                                                     .cpu = fill_rest,
                                                     .device = fill_rest_on_device,
                                                     .writes = rest_maps,
-                                                    .changes = 1U << SST_PLANE_MAP,
-                                                    .sample = background_sample,
-                                                    .sample_free = free_sample };
+                                                    .sample = check_sample };
 
 int run_fill_background(struct disparity_run *run, int threads)
 {

@@ -1,7 +1,6 @@
 /* Random clear pictures of a small light field, on which steps are compared with the CPU: two surfaces and noise, seen
  * from around a viewpoint that has a camera, or from between cameras; every way to remove a pixel; as a whole and in
  * bands; rays from originals of corrected views. */
-#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,16 +21,8 @@ struct sample {
     struct sst_image image[PICTURES];
     struct sst_map_u8 weight[PICTURES], support[PICTURES], masks[VIEWS];
     struct sst_map_u16 surface[PICTURES];
-    struct sst_lightfield lf;
-    struct sst_renderer *renderer;
-    struct render_device device;
+    struct sample_field field;
 };
-
-static uint32_t next(uint32_t *state)
-{
-    *state = *state * 1664525U + 1013904223U;
-    return *state >> 8;
-}
 
 /* Slopes with noise, for places in frames may differ by 1/256 px from places of the CPU; below them rays that agree. */
 static void fill_image(struct sst_image *image, uint32_t *state)
@@ -41,7 +32,7 @@ static void fill_image(struct sst_image *image, uint32_t *state)
             const int wave = (x + i / 3) % 16, slope = (wave < 8 ? wave : 16 - wave) * 24;
 
             sst_image_row(image, i % 3, i / 3)[x] =
-                (uint8_t)(i < 2 * HEIGHT ? slope + (int)(next(state) % 32) : 90 + (int)(next(state) % 6));
+                (uint8_t)(i < 2 * HEIGHT ? slope + (int)(sample_next(state) % 32) : 90 + (int)(sample_next(state) % 6));
         }
     }
 }
@@ -57,37 +48,34 @@ static void fill_maps(struct sst_view *v, struct sst_map_u8 *mask, uint32_t firs
 {
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
-            const uint32_t r = next(state), surface = first + (x / 16 % 2 ? 700 : 300);
+            const uint32_t r = sample_next(state), surface = first + (x / 16 % 2 ? 700 : 300);
 
-            sst_map_u16_row(&v->disp, y)[x] =
-                (uint16_t)(r % 29 == 0 ? SST_DISP_NONE : r % 31 == 0 ? first + r % 1600 : surface + r % 30);
+            sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(r % 29 == 0   ? SST_DISP_NONE
+                                                         : r % 31 == 0 ? first + r % 1600
+                                                                       : surface + r % 30);
             if (v->label.data)
-                sst_map_u8_row(&v->label, y)[x] = next(state) % 40 ? 1 : 3;
+                sst_map_u8_row(&v->label, y)[x] = sample_next(state) % 40 ? 1 : 3;
             if (v->valid.data)
-                sst_map_u8_row(&v->valid, y)[x] = next(state) % 8 ? 255 : 0;
+                sst_map_u8_row(&v->valid, y)[x] = sample_next(state) % 8 ? 255 : 0;
             if (mask->data)
-                sst_map_u8_row(mask, y)[x] = next(state) % 12 ? 0 : 255;
+                sst_map_u8_row(mask, y)[x] = sample_next(state) % 12 ? 0 : 255;
         }
     }
 }
 
 static int fill_view(struct sample *s, int k, bool framed, uint32_t *state)
 {
-    struct sst_view *v = &s->lf.views[k];
-    int err = sst_image_init(&v->image, WIDTH, HEIGHT);
+    struct sst_view *v = &s->field.lf.views[k];
+    int err = sample_view_init(v, &s->field.lf, k);
 
-    v->present = true;
     v->bx = k == 4 ? 0 : (k % GRID - 1) * 0.31 + 0.05;
     v->by = k == 4 ? 0 : (k / GRID - 1) * 0.37;
-    err = err ? err : sst_map_u16_init(&v->disp, WIDTH, HEIGHT);
-    err = err || k == 2 ? err : sst_map_u8_init(&v->label, WIDTH, HEIGHT);
-    err = err || k != 1 ? err : sst_map_u8_init(&v->valid, WIDTH, HEIGHT);
     err = err || k == 6 ? err : sst_map_u8_init(&s->masks[k], WIDTH, HEIGHT);
     err = err || !framed || k % 3 == 2 ? err : sst_image_init(&v->original, WIDTH, HEIGHT);
     if (err)
         return err;
     fill_image(&v->image, state);
-    fill_maps(v, &s->masks[k], (uint32_t)first_q6(&s->lf), state);
+    fill_maps(v, &s->masks[k], (uint32_t)first_q6(&s->field.lf), state);
     if (v->original.plane[0])
         fill_image(&v->original, state);
     return 0;
@@ -96,16 +84,16 @@ static int fill_view(struct sample *s, int k, bool framed, uint32_t *state)
 /* Turned and shifted originals of uneven light. */
 static int correct(struct sample *s)
 {
-    s->lf.correction = calloc(VIEWS, sizeof(*s->lf.correction));
-    if (!s->lf.correction)
+    s->field.lf.correction = calloc(VIEWS, sizeof(*s->field.lf.correction));
+    if (!s->field.lf.correction)
         return -1;
     for (int k = 0; k < VIEWS; k++) {
-        s->lf.correction[k] = sst_correction_none();
-        s->lf.correction[k].shift_x_px = 0.7 * k - 2.3;
-        s->lf.correction[k].shift_y_px = 1.4 - 0.3 * k;
-        s->lf.correction[k].roll_deg = 0.4 * k;
-        s->lf.correction[k].gain[0] = k % 2 ? 1.25 : 1;
-        s->lf.correction[k].falloff = k % 2 ? -0.3 : 0;
+        s->field.lf.correction[k] = sst_correction_none();
+        s->field.lf.correction[k].shift_x_px = 0.7 * k - 2.3;
+        s->field.lf.correction[k].shift_y_px = 1.4 - 0.3 * k;
+        s->field.lf.correction[k].roll_deg = 0.4 * k;
+        s->field.lf.correction[k].gain[0] = k % 2 ? 1.25 : 1;
+        s->field.lf.correction[k].falloff = k % 2 ? -0.3 : 0;
     }
     return 0;
 }
@@ -114,19 +102,15 @@ static int correct(struct sample *s)
 static int make_field(struct sample *s, uint32_t seed, bool framed)
 {
     uint32_t state = seed * 7919;
-    int err = sst_lightfield_init(&s->lf, GRID, GRID);
+    int err = sample_field_init(&s->field, WIDTH, HEIGHT);
 
-    s->lf.width = WIDTH;
-    s->lf.height = HEIGHT;
-    s->lf.disp_min_px = (seed % 2 ? -3.125 : -300.125) + 1e-8;
-    s->lf.range_min_px = seed % 2 ? 0 : s->lf.disp_min_px;
-    s->lf.range_max_px = seed % 2 ? 0 : s->lf.disp_min_px + 600;
+    s->field.lf.disp_min_px = (seed % 2 ? -3.125 : -300.125) + 1e-8;
+    s->field.lf.range_min_px = seed % 2 ? 0 : s->field.lf.disp_min_px;
+    s->field.lf.range_max_px = seed % 2 ? 0 : s->field.lf.disp_min_px + 600;
     for (int k = 0; k < VIEWS && !err; k++)
         err = fill_view(s, k, framed, &state);
-    if (!err && framed)
-        err = correct(s);
-    err = err ? err : device_init(&s->device, &s->lf, NULL);
-    return err ? err : sst_renderer_create(&s->renderer, &s->lf, 1);
+    err = err || !framed ? err : correct(s);
+    return err ? err : sst_renderer_create(&s->field.renderer, &s->field.lf, 1);
 }
 
 /* At the camera; between cameras, of few rays, in bands; without a label; without masks, in many bands. */
@@ -149,11 +133,10 @@ static int make_picture(struct sample *s, int i)
     err = err ? err : sst_map_u8_init(&s->weight[i], WIDTH, HEIGHT);
     err = err ? err : sst_map_u8_init(&s->support[i], WIDTH, HEIGHT);
     err = err ? err : sst_map_u16_init(&s->surface[i], WIDTH, HEIGHT);
-    err = err ? err : clear_init(c, s->renderer, cfg);
+    err = err ? err : clear_init(c, s->field.renderer, cfg);
     c->as_others = i == 0;
-    c->bins = i == 3 ? first_q6(&s->lf) + 720 : c->bins;
-    s->device.tested = UINT_MAX;
-    c->device = &s->device;
+    c->bins = i == 3 ? first_q6(&s->field.lf) + 720 : c->bins;
+    c->device = &s->field.device;
     c->bands.rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
     c->to = (struct clear_target){ &s->image[i], &s->weight[i], i > 1 ? &s->surface[i] : NULL, &s->support[i] };
     return err;
@@ -192,7 +175,9 @@ void *clear_sample_holes(uint32_t seed)
         fill_image(&s->image[i], &state);
         for (int k = 0; k < WIDTH * HEIGHT; k++)
             sst_map_u8_row(&s->weight[i], k / WIDTH)[k % WIDTH] =
-                (uint8_t)(k % WIDTH < 24 + 9 * i || (i == 3 && k % 97) ? 0 : k % 3 ? next(&state) & 0xFF : 255);
+                (uint8_t)(k % WIDTH < 24 + 9 * i || (i == 3 && k % 97) ? 0
+                          : k % 3                                      ? sample_next(&state) & 0xFF
+                                                                       : 255);
     }
     return s;
 }
@@ -212,10 +197,6 @@ void clear_sample_free(void *job)
     }
     for (int k = 0; k < VIEWS; k++)
         sst_map_u8_fini(&s->masks[k]);
-    if (s->device.gpu)
-        device_drop(&s->device);
-    device_fini(&s->device);
-    sst_renderer_destroy(s->renderer);
-    sst_lightfield_fini(&s->lf);
+    sample_field_fini(&s->field);
     free(s);
 }

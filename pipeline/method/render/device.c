@@ -111,7 +111,6 @@ int device_init(struct render_device *d, const struct sst_lightfield *lf, const 
 
 void device_fini(struct render_device *d)
 {
-    sst_mem_kept_fini(&d->packed);
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->weights);
     for (int i = 0; i < DEVICE_SPANS; i++)

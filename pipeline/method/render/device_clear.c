@@ -117,11 +117,10 @@ static void upload_mask(struct clear_band *b, int k)
     const struct sst_gpu_clear_view *v = &b->view[k];
     const struct sst_map_u8 *mask = &b->c->cfg->remove[b->taps.tap[k]->view];
     const size_t pitch = (size_t)b->push.pitch, n = (size_t)(v->end - v->top) * pitch;
-    uint8_t *memory = sst_mem_keep(&b->d->packed, n, 1);
+    uint8_t *memory = (void *)sst_run_words(b->d->run, n / sizeof(uint32_t));
 
     for (int y = v->top; memory && y < v->end; y++)
         memcpy(memory + (size_t)(y - v->top) * pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
-    sst_run_fail(b->d->run, memory ? 0 : -ENOMEM);
     sst_run_write(b->d->run, (struct sst_gpu_range){ b->masks.buffer, v->first }, memory, n);
 }
 

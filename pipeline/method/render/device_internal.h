@@ -122,7 +122,7 @@ struct render_device {
     bool doubts;     /* chunks have confidences */
     int chunk_views; /* of a chunk at most; 0: any number */
     /* host memory, reused */
-    struct sst_mem_kept packed, words, weights;
+    struct sst_mem_kept words, weights;
 };
 
 /** Scratch memory of the runner. */
@@ -293,6 +293,27 @@ void device_upload_cells(struct device_batch *b);
 void device_verify_band(struct device_batch *b);
 
 /* --- sample.c: random pictures of a small light field, for sst_step_check() --- */
+
+/** A random light field, and a device for it. */
+struct sample_field {
+    struct sst_lightfield lf;
+    struct sst_renderer *renderer; /* NULL at first: it is created for the whole light field */
+    struct render_device device;
+};
+
+/** 3x3 views without pictures. @return 0 or an error; sample_field_fini() follows in either case */
+SST_MUST_CHECK int sample_field_init(struct sample_field *f, int width, int height);
+void sample_field_fini(struct sample_field *f);
+
+/** A picture, a disparity map and, by chance of their number, labels and valid pixels of a view. @return 0 or an error
+ */
+SST_MUST_CHECK int sample_view_init(struct sst_view *v, const struct sst_lightfield *lf, int k);
+
+/** Random bits: 24. */
+uint32_t sample_next(uint32_t *state);
+
+/** A way to render, 0..8: each uses other parts of the shader, and of the CPU after it. */
+struct sst_render_config sample_config(int i);
 
 void *render_picture_sample(uint32_t seed);
 void *render_verify_sample(uint32_t seed);

@@ -135,13 +135,11 @@ void device_upload_rows(struct render_device *d, const struct device_place *to, 
     const bool there[DEVICE_PLANES] = { parts, v->disp.data, v->valid.data,
                                         v->confidence.data && to->chunk->plane[DEVICE_CONFIDENCE].buffer };
     const int64_t start_ns = sst_clock_now_ns();
-    uint8_t *memory = sst_mem_keep(&d->packed, n, DEVICE_PIXEL_BYTES + 1);
+    uint8_t *memory = (void *)sst_run_words(d->run, (DEVICE_PIXEL_BYTES + 1) * n / sizeof(uint32_t));
     struct packing p = { .v = v, .to = to, .parts = parts, .width = d->lf->width, .pitch = d->pitch };
 
-    if (!memory) {
-        sst_run_fail(d->run, -ENOMEM);
+    if (!memory)
         return;
-    }
     for (int i = 0; i < DEVICE_PLANES; memory += plane_bytes[i++] * n)
         p.plane[i] = there[i] ? memory : NULL;
     sst_run_fail(d->run, sst_parallel_for((to->end - to->top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p));

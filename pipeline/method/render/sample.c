@@ -24,9 +24,7 @@ struct kind {
 
 struct sample {
     struct render_picture picture[MOST]; /* first: the job of the step */
-    struct render_device device;
-    struct sst_lightfield lf;
-    struct sst_renderer *renderer;
+    struct sample_field field;
     bool split; /* pictures are made in bands, of rows of the views */
     int count;  /* of pictures with a plan */
     struct sst_render_plan plan[MOST];
@@ -34,53 +32,80 @@ struct sample {
     struct sst_map_u8 valid[MOST];
 };
 
-static uint32_t next(uint32_t *state)
+/* --- light fields ------------------------------------------------------------------------------------------------- */
+
+uint32_t sample_next(uint32_t *state)
 {
     *state = *state * 1664525U + 1013904223U;
     return *state >> 8;
 }
 
+int sample_field_init(struct sample_field *f, int width, int height)
+{
+    int err = sst_lightfield_init(&f->lf, GRID, GRID);
+
+    f->lf.width = width;
+    f->lf.height = height;
+    f->device.tested = UINT_MAX;
+    return err ? err : device_init(&f->device, &f->lf, NULL);
+}
+
+void sample_field_fini(struct sample_field *f)
+{
+    if (f->device.gpu)
+        device_drop(&f->device);
+    device_fini(&f->device);
+    sst_renderer_destroy(f->renderer);
+    sst_lightfield_fini(&f->lf);
+}
+
+int sample_view_init(struct sst_view *v, const struct sst_lightfield *lf, int k)
+{
+    int err = sst_image_init(&v->image, lf->width, lf->height);
+
+    v->present = true;
+    err = err ? err : sst_map_u16_init(&v->disp, lf->width, lf->height);
+    err = err || k == 3 ? err : sst_map_u8_init(&v->label, lf->width, lf->height);
+    return err || k != 1 ? err : sst_map_u8_init(&v->valid, lf->width, lf->height);
+}
+
 static void set_pixel(struct sst_view *v, const struct sst_lightfield *lf, int x, int y, uint32_t *state)
 {
     const int block = (x / 7 + y / 5 * 2) % 3;
-    const double disp_px = block * 3 - 2 + (double)(next(state) % 64) / 64;
+    const double disp_px = block * 3 - 2 + (double)(sample_next(state) % 64) / 64;
 
     for (int c = 0; c < 3; c++)
-        sst_image_row(&v->image, c, y)[x] = (uint8_t)(block * 80 + (int)(next(state) % 90));
-    sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(next(state) % 9 ? sst_disp_q6(lf, disp_px) : SST_DISP_NONE);
+        sst_image_row(&v->image, c, y)[x] = (uint8_t)(block * 80 + (int)(sample_next(state) % 90));
+    sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(sample_next(state) % 9 ? sst_disp_q6(lf, disp_px) : SST_DISP_NONE);
     if (v->label.data)
         sst_map_u8_row(&v->label, y)[x] = block > 0; /* a device has room for few weights by label */
     if (v->valid.data)
-        sst_map_u8_row(&v->valid, y)[x] = next(state) % 17 > 3 ? 255 : 0;
+        sst_map_u8_row(&v->valid, y)[x] = sample_next(state) % 17 > 3 ? 255 : 0;
     if (v->confidence.data)
-        sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)next(state);
+        sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)sample_next(state);
 }
 
 static int fill_view(struct sst_lightfield *lf, int k, uint32_t *state)
 {
     struct sst_view *v = &lf->views[k];
-    const int width = lf->width, height = lf->height;
-    int err = 0;
+    int err;
 
     v->bx = k % GRID - 1 + (k % 4 - 2) * 0.013;
     v->by = k / GRID - 1 - (k % 5 - 2) * 0.017;
-    v->present = k != 5;
-    if (!v->present)
+    if (k == 5)
         return 0;
-    err = sst_image_init(&v->image, width, height);
-    err = err ? err : sst_map_u16_init(&v->disp, width, height);
-    err = err || k == 3 ? err : sst_map_u8_init(&v->label, width, height);
-    err = err || k != 1 ? err : sst_map_u8_init(&v->valid, width, height);
-    err = err || k == 6 ? err : sst_map_u8_init(&v->confidence, width, height);
-    for (int y = 0; y < height && !err; y++) {
-        for (int x = 0; x < width; x++)
+    err = sample_view_init(v, lf, k);
+    err = err || k == 6 ? err : sst_map_u8_init(&v->confidence, lf->width, lf->height);
+    for (int y = 0; y < lf->height && !err; y++) {
+        for (int x = 0; x < lf->width; x++)
             set_pixel(v, lf, x, y, state);
     }
     return err;
 }
 
-/* Each uses other parts of the shader, and of the CPU after it. */
-static struct sst_render_config picture_config(int i)
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+struct sst_render_config sample_config(int i)
 {
     struct sst_render_config cfg;
 
@@ -92,7 +117,7 @@ static struct sst_render_config picture_config(int i)
     case 0: /* whole sums */
         cfg.method = SST_RENDER_REFOCUS;
         break;
-    case 1: /* apertures alone, from beside the array */
+    case 1: /* apertures alone; views of a part of the array, from beside it */
         cfg.method = SST_RENDER_REFOCUS;
         cfg.aperture_soft = true;
         cfg.aperture = 1.3;
@@ -104,16 +129,16 @@ static struct sst_render_config picture_config(int i)
     case 3: /* labels alone */
         cfg.sigma_px = INFINITY;
         break;
-    case 4:
+    case 5:
         cfg.focus_label = 1;
         cfg.range = SST_RANGE_MINMAX;
         cfg.unsupported = SST_UNSUPPORTED_INVALID;
         break;
-    case 5: /* weights that underflow: single pixels are made on the CPU */
+    case 6: /* weights that underflow: single pixels are made on the CPU */
         cfg.c1 = cfg.c2 = 0;
         cfg.sigma_px = 0.05;
         break;
-    case 6: /* most rays outside their views */
+    case 7: /* most rays outside their views */
         cfg.focus_px = 5.5;
         cfg.max_views = 5;
         break;
@@ -169,7 +194,7 @@ static int make_frame(struct sst_view *v, enum frames frames, int k, uint32_t *s
             const int wave = (x + i / 3) % 32;
 
             sst_image_row(&v->image, i % 3, i / 3)[x] =
-                (uint8_t)((wave < 16 ? wave : 32 - wave) * 12 + i % 3 * 20 + (int)(next(state) % 20));
+                (uint8_t)((wave < 16 ? wave : 32 - wave) * 12 + i % 3 * 20 + (int)(sample_next(state) % 20));
         }
     }
     if (frames != FRAMES_JPEG)
@@ -216,21 +241,21 @@ static int calibrate(struct sst_lightfield *lf, uint32_t seed)
 
 static int add_picture(struct sample *s, int i, const struct sst_render_config *cfg)
 {
-    int err = sst_image_init(&s->image[i], s->lf.width, s->lf.height);
+    int err = sst_image_init(&s->image[i], s->field.lf.width, s->field.lf.height);
 
-    err = err ? err : sst_map_u8_init(&s->valid[i], s->lf.width, s->lf.height);
-    err = err ? err : sst_render_plan_init(&s->plan[i], s->renderer, cfg);
+    err = err ? err : sst_map_u8_init(&s->valid[i], s->field.lf.width, s->field.lf.height);
+    err = err ? err : sst_render_plan_init(&s->plan[i], s->field.renderer, cfg);
     if (err)
         return err;
     s->count++;
-    s->picture[i] = (struct render_picture){ .renderer = s->renderer,
+    s->picture[i] = (struct render_picture){ .renderer = s->field.renderer,
                                              .plan = &s->plan[i],
                                              .out = &s->image[i],
                                              .valid = &s->valid[i],
-                                             .device = &s->device,
-                                             .end = s->lf.height,
+                                             .device = &s->field.device,
+                                             .end = s->field.lf.height,
                                              .verify = cfg->verify != SST_VERIFY_OFF,
-                                             .bands = { s->split ? 8 : s->lf.height, s->split } };
+                                             .bands = { s->split ? 8 : s->field.lf.height, s->split } };
     return 0;
 }
 
@@ -246,11 +271,7 @@ void render_sample_free(void *job)
         sst_image_fini(&s->image[i]);
         sst_map_u8_fini(&s->valid[i]);
     }
-    if (s->device.gpu)
-        device_drop(&s->device);
-    device_fini(&s->device);
-    sst_renderer_destroy(s->renderer);
-    sst_lightfield_fini(&s->lf);
+    sample_field_fini(&s->field);
     free(s);
 }
 
@@ -258,27 +279,23 @@ static void *make(uint32_t seed, struct kind kind)
 {
     struct sample *s = calloc(1, sizeof(*s));
     uint32_t state = seed * 7919;
-    int err = s ? sst_lightfield_init(&s->lf, GRID, GRID) : -1;
+    int err = s ? sample_field_init(&s->field, kind.width, kind.height) : -1; /* no multiple of a cell or a group */
 
     if (!s)
         return NULL;
-    s->lf.width = kind.width; /* no multiple of a cell or a group */
-    s->lf.height = kind.height;
-    s->lf.ref_view = VIEWS / 2;
-    s->lf.disp_min_px = -3;
+    s->field.lf.ref_view = VIEWS / 2;
+    s->field.lf.disp_min_px = -3;
     for (int k = 0; k < VIEWS && !err; k++)
-        err = fill_view(&s->lf, k, &state);
-    err = err || !kind.frames ? err : calibrate(&s->lf, seed);
+        err = fill_view(&s->field.lf, k, &state);
+    err = err || !kind.frames ? err : calibrate(&s->field.lf, seed);
     for (int k = 0; k < VIEWS && kind.frames && !err; k++)
-        err = s->lf.views[k].present ? make_frame(&s->lf.views[k], kind.frames, k, &state) : 0;
-    err = err ? err : device_init(&s->device, &s->lf, NULL);
-    err = err ? err : sst_renderer_create(&s->renderer, &s->lf, 1);
+        err = s->field.lf.views[k].present ? make_frame(&s->field.lf.views[k], kind.frames, k, &state) : 0;
+    err = err ? err : sst_renderer_create(&s->field.renderer, &s->field.lf, 1);
     if (!err && kind.frames > FRAMES_SAMPLED)
-        err = sst_renderer_use_rectified(s->renderer);
-    s->device.tested = UINT_MAX;
+        err = sst_renderer_use_rectified(s->field.renderer);
     s->split = seed % 2 == 0;
-    s->device.limit_bytes = s->split ? 0 : UINT64_MAX;
-    s->device.chunk_views = kind.chunk_views;
+    s->field.device.limit_bytes = s->split ? 0 : UINT64_MAX;
+    s->field.device.chunk_views = kind.chunk_views;
     for (int i = 0; i < kind.pictures && !err; i++) {
         const struct sst_render_config cfg = kind.config(i);
 
@@ -293,7 +310,7 @@ static void *make(uint32_t seed, struct kind kind)
 
 void *render_picture_sample(uint32_t seed)
 {
-    return make(seed, (struct kind){ 45, 13, 8, picture_config, FRAMES_NONE, 4 });
+    return make(seed, (struct kind){ 45, 13, 8, sample_config, FRAMES_NONE, 4 });
 }
 
 void *render_verify_sample(uint32_t seed)
