@@ -79,34 +79,18 @@ static void set_up(struct sst_gpu *g, const struct sst_gpu_config *cfg)
     gpu_verdicts_open(g);
 }
 
-/* The first real device. */
-static int open_real(struct sst_gpu **out, const struct sst_gpu_info *info, const int *order, int n,
-                     const struct sst_gpu_config *cfg)
-{
-    for (int i = 0; i < n; i++) {
-        if (info[order[i]].kind == SST_GPU_SOFTWARE || gpu_vulkan_open(out, order[i]))
-            continue;
-        set_up(*out, cfg);
-        return 0;
-    }
-    return -ENOENT;
-}
-
-static int open_named(struct sst_gpu **out, const char *name, const struct sst_gpu_info *info, const int *order, int n,
-                      const struct sst_gpu_config *cfg)
+/* Open the first device that matches. @param name  NULL: the first real one that can be opened */
+static int open_vulkan(struct sst_gpu **out, const char *name, const struct sst_gpu_info *info, const int *order, int n)
 {
     int err = -ENOENT;
 
-    for (int i = 0; i < n && err == -ENOENT; i++) {
+    for (int i = 0; i < n && err && !(name && err != -ENOENT); i++) {
         const struct sst_gpu_info *is = &info[order[i]];
 
-        if (!*name || (!strcasestr(is->name, name) && !strcasestr(is->driver, name)))
-            continue;
-        err = gpu_vulkan_open(out, order[i]);
-        if (!err)
-            set_up(*out, cfg);
+        if (name ? *name && (strcasestr(is->name, name) || strcasestr(is->driver, name)) : is->kind != SST_GPU_SOFTWARE)
+            err = gpu_vulkan_open(out, order[i]);
     }
-    return err;
+    return err && !name ? -ENOENT : err;
 }
 
 /* A name that there is not is one for plain shaders. */
@@ -130,14 +114,14 @@ int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_co
     check_variant();
     if (!strcmp(name, "dummy") || !strncmp(name, "dummy:", 6)) {
         err = gpu_dummy_open(out, name[5] ? name + 6 : "");
-        if (!err)
-            set_up(*out, cfg);
-        return err;
+    } else {
+        n = list_in_order(info, order);
+        err = open_vulkan(out, any ? NULL : name, info, order, n);
+        if (err == -ENOENT && strcmp(name, "auto"))
+            log_missing(name, info, order, n);
     }
-    n = list_in_order(info, order);
-    err = any ? open_real(out, info, order, n, cfg) : open_named(out, name, info, order, n, cfg);
-    if (err == -ENOENT && strcmp(name, "auto"))
-        log_missing(name, info, order, n);
+    if (!err)
+        set_up(*out, cfg);
     return err;
 }
 

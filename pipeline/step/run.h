@@ -74,7 +74,8 @@ SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *
 /**
  * Run one item of a step on the device, for users that go on from its errors in their own way: between
  * sst_runner_take() and sst_runner_succeed() or sst_runner_fail(), under the lock.
- * @return 0, -ENOMEM, -EOVERFLOW, an error of the device, or of `cpu` on the dummy device
+ * @return 0, -ENOMEM, -EOVERFLOW, an error of the device or another one that the step notes, or of `cpu` on the dummy
+ * device
  */
 SST_MUST_CHECK int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void *job, int item);
 

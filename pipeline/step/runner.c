@@ -141,32 +141,11 @@ static struct sst_runner *create(const char *name, const struct sst_gpu_config *
     return s;
 }
 
-int sst_runner_create_live(struct sst_runner **out, const char *name, uint64_t memory_bytes, int percent)
+/* @param live  errors are kept */
+static int create_open(struct sst_runner **out, const char *name, const struct sst_gpu_config *cfg, bool live)
 {
-    const struct sst_gpu_config cfg = { .memory_bytes = memory_bytes, .memory_percent = percent, .prompt = true };
     struct sst_runner *s;
     char *before;
-
-    *out = NULL;
-    if (!strcmp(name, "cpu"))
-        return 0;
-    s = create(name, &cfg);
-    if (!s)
-        return -ENOMEM;
-    s->live = true;
-    before = sst_log_hold_errors(s->why);
-    s->err = open_locked(s);
-    sst_log_hold_errors(before);
-    if (s->err == -ENOENT && !strcmp(name, "auto"))
-        sst_runner_destroy(s);
-    else
-        *out = s;
-    return 0;
-}
-
-static int create_open(struct sst_runner **out, const char *name, const struct sst_gpu_config *cfg)
-{
-    struct sst_runner *s;
     int err;
 
     *out = NULL;
@@ -175,8 +154,13 @@ static int create_open(struct sst_runner **out, const char *name, const struct s
     s = create(name, cfg);
     if (!s)
         return -ENOMEM;
+    s->live = live;
+    before = live ? sst_log_hold_errors(s->why) : NULL;
     err = open_locked(s);
-    if (err) {
+    if (live)
+        sst_log_hold_errors(before);
+    s->err = live ? err : 0;
+    if (err && (!live || (err == -ENOENT && !strcmp(name, "auto")))) {
         sst_runner_destroy(s);
         return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
     }
@@ -184,14 +168,21 @@ static int create_open(struct sst_runner **out, const char *name, const struct s
     return 0;
 }
 
+int sst_runner_create_live(struct sst_runner **out, const char *name, uint64_t memory_bytes, int percent)
+{
+    const struct sst_gpu_config cfg = { .memory_bytes = memory_bytes, .memory_percent = percent, .prompt = true };
+
+    return create_open(out, name, &cfg, true);
+}
+
 int sst_runner_create(struct sst_runner **out, const char *name, uint64_t memory_bytes)
 {
-    return create_open(out, name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes });
+    return create_open(out, name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes }, false);
 }
 
 int sst_runner_create_to_test(struct sst_runner **out, const char *name)
 {
-    return create_open(out, name, &(struct sst_gpu_config){ .test_again = true });
+    return create_open(out, name, &(struct sst_gpu_config){ .test_again = true }, false);
 }
 
 void sst_runner_destroy(struct sst_runner *s)
