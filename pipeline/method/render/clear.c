@@ -510,7 +510,7 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
 
 struct clear_job {
     struct clear *c;
-    sst_render_pixel_fn *pixel;
+    clear_pixel_fn *pixel;
     void *arg;
 };
 
@@ -529,7 +529,7 @@ static int describe_row(void *arg, int y, int worker)
     return 0;
 }
 
-int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg)
+int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, clear_pixel_fn *pixel, void *arg)
 {
     struct clear c;
     struct clear_job job = { &c, pixel, arg };

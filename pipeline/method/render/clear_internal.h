@@ -28,8 +28,12 @@ SST_MUST_CHECK int clear_render(struct sst_renderer *r, const struct sst_render_
 SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
                               struct sst_ray *rays);
 
-/** As sst_render_each(), a row at a time. */
-SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel,
+/** Rays of one output pixel, of any thread. */
+typedef void clear_pixel_fn(void *arg, int x, int y, const struct sst_ray *rays, int count);
+
+/** Call pixel() for every pixel with the rays of clear_rays(), in no order, on all threads of the renderer. @return as
+ * clear_render() */
+SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, clear_pixel_fn *pixel,
                               void *arg);
 
 /* --- clear.c: a picture in work ----------------------------------------------------------------------------------- */

@@ -7,43 +7,8 @@
 #include "base/thread.h"
 #include "pipeline/method/render/clear_internal.h"
 
-struct each {
-    const struct sst_render_plan *plan;
-    sst_render_pixel_fn *pixel;
-    void *arg;
-};
-
-static int each_row(void *arg, int y, int worker SST_UNUSED)
-{
-    const struct each *each = arg;
-    struct sst_ray rays[SST_MAX_VIEWS];
-    double rgb[3];
-    int count;
-
-    for (int x = 0; x < each->plan->lf->width; x++) {
-        count = sst_render_pixel_exact(each->plan, x, y, rgb, rays);
-        each->pixel(each->arg, x, y, rays, count);
-    }
-    return 0;
-}
-
-int sst_render_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg)
-{
-    struct sst_render_plan plan;
-    struct each each = { &plan, pixel, arg };
-    int err;
-
-    if (cfg->method == SST_RENDER_CLEAR)
-        return clear_each(r, cfg, pixel, arg);
-    err = sst_render_plan_init(&plan, r, cfg);
-    if (err)
-        return err;
-    err = sst_parallel_for(r->lf->height, sst_thread_count(cfg->threads), each_row, &each);
-    sst_render_plan_fini(&plan);
-    return err;
-}
-
 struct deep {
+    const struct sst_render_plan *plan;
     struct sst_map_u16 *out;
     const struct sst_image *image;
     const struct sst_map_u16 (*views)[3];
@@ -86,6 +51,30 @@ static void deep_pixel(void *arg, int x, int y, const struct sst_ray *rays, int 
         sst_map_u16_row(&d->out[c], y)[x] = (uint16_t)(value[c] + 0.5);
 }
 
+static int deep_row(void *arg, int y, int worker SST_UNUSED)
+{
+    const struct deep *d = arg;
+    struct sst_ray rays[SST_MAX_VIEWS];
+    double rgb[3];
+
+    for (int x = 0; x < d->plan->lf->width; x++)
+        deep_pixel(arg, x, y, rays, sst_render_pixel_exact(d->plan, x, y, rgb, rays));
+    return 0;
+}
+
+static int render(struct deep *d, struct sst_renderer *r, const struct sst_render_config *cfg)
+{
+    struct sst_render_plan plan;
+    int err = sst_render_plan_init(&plan, r, cfg);
+
+    if (err)
+        return err;
+    d->plan = &plan;
+    err = sst_parallel_for(r->lf->height, sst_thread_count(cfg->threads), deep_row, d);
+    sst_render_plan_fini(&plan);
+    return err;
+}
+
 int sst_render_deep(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_map_u16 out[3],
                     const struct sst_image *image, const struct sst_map_u16 (*deep)[3], int64_t *coarse)
 {
@@ -95,7 +84,7 @@ int sst_render_deep(struct sst_renderer *r, const struct sst_render_config *cfg,
                       .views = deep,
                       .black = s.white ? s.black : 0,
                       .level = (s.white ? s.white - s.black : 65535) / 255.0 };
-    const int err = sst_render_each(r, cfg, deep_pixel, &d);
+    const int err = cfg->method == SST_RENDER_CLEAR ? clear_each(r, cfg, deep_pixel, &d) : render(&d, r, cfg);
 
     *coarse = atomic_load(&d.coarse);
     return err;

@@ -307,14 +307,6 @@ struct sst_ray {
 SST_MUST_CHECK int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
                                    struct sst_ray *rays);
 
-/** Rays of one output pixel, of any thread. */
-typedef void sst_render_pixel_fn(void *arg, int x, int y, const struct sst_ray *rays, int count);
-
-/** Call pixel() for every pixel with what sst_render_rays() says of it, in no order, on all threads of the renderer. Rays are not
- *  verified. @return as sst_render() */
-SST_MUST_CHECK int sst_render_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel,
-                                   void *arg);
-
 /**
  * Make the 16-bit picture of one of 8 bits: the mean of the rays' samples by their shares, where it is within a level of that one.
  * Elsewhere (filled holes, verified rays) the pixel is that one's, in samples. The same bytes for any number of threads.
