@@ -7,6 +7,7 @@
 #endif
 
 #include <arpa/inet.h>
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <netinet/in.h>
@@ -496,17 +497,14 @@ static SST_UNUSED const char *example(const struct sst_route *route)
 
 static SST_UNUSED int count_entries(const char *path)
 {
-    char command[128];
-    FILE *f;
-    int n = -1;
+    DIR *d = opendir(path);
+    int n = 0;
 
-    snprintf(command, sizeof(command), "ls %s | wc -l", path);
-    f = popen(command, "r");
-    if (f) {
-        if (fscanf(f, "%d", &n) != 1)
-            n = -1;
-        pclose(f);
-    }
+    if (!d)
+        return -1;
+    while (readdir(d))
+        n++;
+    closedir(d);
     return n;
 }
 

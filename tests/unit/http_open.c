@@ -251,10 +251,10 @@ static void tls(void **state)
     fputs("no key\n", f);
     fclose(f);
     cfg.tls_key = in_folder("key.pem");
-    descriptors = count_entries("/proc/$PPID/fd");
+    descriptors = count_entries("/proc/self/fd");
     for (int i = 0; i < 20; i++)
         refuse(&cfg, -EINVAL, "key.pem");
-    assert_true(count_entries("/proc/$PPID/fd") < descriptors + 10); /* sanitizers have one of their own at times */
+    assert_true(count_entries("/proc/self/fd") < descriptors + 10); /* sanitizers have one of their own at times */
 }
 
 int main(void)
