@@ -5,9 +5,10 @@ sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "$sim is not built: no simulated cameras"
 export sst sim tmp
 
-# One session for all: it takes a moment to start.
+# One session for all, with one picture of each camera: it takes a moment to start.
 if [ "${1-}" != inside ]; then
-  timeout 600 "$sim" --quiet -- "$root/tests/system/cameras.sh" inside
+  printf 'scene: pedestrian\nstrip: false\nloop: { seconds: 0.5, rate_hz: 2 }\n' >world.yaml
+  timeout 600 "$sim" --quiet --world world.yaml -- "$root/tests/system/cameras.sh" inside
   exit
 fi
 
