@@ -5,6 +5,7 @@
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong.
  * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. */
 #include <errno.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,6 +35,8 @@ struct dummy {
     long dispatches;
     bool wrong; /* since sst_gpu_dummy_was_wrong() */
 };
+
+static atomic_long closed; /* dispatches of the device that was closed last */
 
 struct dummy_buffer {
     struct sst_gpu_buffer buffer; /* first */
@@ -155,6 +158,7 @@ static int wait_done(struct sst_gpu *g)
 
 static void close_dummy(struct sst_gpu *g)
 {
+    closed = ((struct dummy *)g)->dispatches;
     free(g);
 }
 
@@ -174,6 +178,11 @@ bool sst_gpu_dummy_was_wrong(struct sst_gpu *g)
     if (wrong)
         d->wrong = false;
     return wrong;
+}
+
+long sst_gpu_dummy_dispatches(void)
+{
+    return closed;
 }
 
 static int read_faults(struct dummy *d, const char *text)

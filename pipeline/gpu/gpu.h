@@ -152,6 +152,9 @@ bool sst_gpu_is_dummy(const struct sst_gpu *g);
 /** True if the dummy device has had the dispatch since the last call that it was asked to be wrong at (wrong=N). */
 bool sst_gpu_dummy_was_wrong(struct sst_gpu *g);
 
+/** Dispatches of the dummy device that was closed last, by which its faults count. */
+long sst_gpu_dummy_dispatches(void);
+
 struct sst_gpu_buffer; /* memory of the device, undefined at first */
 
 /**

@@ -134,6 +134,6 @@ for _ in $(seq 1000); do [ -e left/.process-views/step-03 ] && break; sleep 0.01
 kill -9 $pid
 wait $pid 2>/dev/null
 [ ! -e left/.process-views ] || mv left/.process-views other/
-"$sst" process other --no-labels --shard 1/1 --split-views >/dev/null 2>err || fail "other: $(cat err)"
+"$sst" process other --no-labels --shard 1/1 --split-views --lease 2 >/dev/null 2>err || fail "other: $(cat err)"
 diff -rq -x .process other other-whole || fail "other: another one's pictures"
 exit $failed
