@@ -299,8 +299,8 @@ PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
 RUN_TESTS = SST_BUILD=$(BUILD) scripts/run_tests.sh
 SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
 # Optimised kernels are other code than sanitized ones, and plain_test() (tests/small.h) marks what sanitized builds leave out.
-PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) \
-               $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
+LEFT_TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
+PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) $(LEFT_TESTS)
 # What depends on the processor is tested once more as on one with AVX2 alone, unless this is one, and kernels by their references.
 AVX2_TESTS := $(if $(shell grep -swE 'avx512f|avx_vnni' /proc/cpuinfo | head -n 1),$(shell awk '/^[^\#]/ && $$2 == "processor" { print $$1 }' tests/special.txt))
 LEVEL_TESTS := $(foreach t,$(AVX2_TESTS),avx2@$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t))) \
@@ -311,7 +311,7 @@ ADDRESS := build-address-undefined
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
 	@rc=0; echo "readers of files and messages, 20 s of mutations each:"; FUZZ_SECONDS=20 JOBS=11 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
-	  $(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(LEVEL_TESTS) $(SYSTEM_TESTS) || rc=1; \
+	  $(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(filter-out $(LEFT_TESTS),$(PLAIN_TESTS)) $(LEFT_TESTS:%=plain@%) $(LEVEL_TESTS) $(SYSTEM_TESTS) || rc=1; \
 	  [ $$rc -eq 0 ] || echo "make check: failed (what failed is above)"; exit $$rc
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer

@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (two more than there are processors). Those that tests/special.txt marks `waits` run one
-# after the other in one of these places, so that processors are busy beside them; those marked `first` before the others. A
-# program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. avx2@TEST runs it as on a processor with
-# AVX2 alone, ref@TEST with the references of all kernels. Each test's output is shown whole, in that
-# order, but those that wait at the end. Exit status 77 is a skip; the last line of its output is the reason. A test that takes
-# longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its processes are shown. What a
-# sanitizer reports in any process of a test fails it, even if the test did not notice. RETRIES=N: a test that fails is run up to N
-# times again, for limits of time that a busy machine may miss. Attempts that tests repeat themselves ("attempt N: why"), those that
-# judge nothing in the end ("not judged: why") and such runs are counted, and named before the last line.
+# Run test programs: JOBS at a time (three more than there are processors). Tests that tests/special.txt marks `waits` run one
+# after the other in a third of these places, so that processors are busy beside them; tests marked `first` before the others.
+# A program's build is the folder that its tests/ lies in; scripts run on SST_BUILD. avx2@TEST runs it as on a processor with
+# AVX2 alone, ref@TEST with the references of all kernels, plain@TEST the part that sanitized builds leave out. Each test's
+# output is shown whole, in that order, waiting tests at the end. Exit status 77 is a skip; the last line of its output is the
+# reason. A test that takes longer than TEST_LIMIT seconds is killed with all its processes, after their stacks are shown. A
+# report of a sanitizer in any process of a test fails it, even if the test did not notice. RETRIES=N: a test that fails is run
+# up to N times again, for limits of time that a busy machine may miss. Attempts that tests repeat themselves ("attempt N:
+# why"), limits not judged in the end ("not judged: why") and such runs are counted, and named before the last line.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
 case $SST_BUILD in /*) plain=$SST_BUILD;; *) plain=$PWD/$SST_BUILD;; esac
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
 export LSAN_OPTIONS="${LSAN_OPTIONS:-suppressions=$PWD/scripts/lsan.supp:print_suppressions=0}"
-jobs=${JOBS:-$(($(nproc) + 2))} limit=${TEST_LIMIT:-900}
+jobs=${JOBS:-$(($(nproc) + 3))} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
 trap 'exit 130' INT TERM
@@ -62,20 +62,23 @@ use_build() {
   local names=
   case $SST_BUILD in *thread*) names=$(chosen threads "$1");; esac
   [ -z "${SST_TIMING-}" ] || names=$(chosen timing "$1")
-  [ -z "$names" ] || export SST_TESTS=$names # tests/test.h
+  [ -z "$names" ] || export SST_TESTS=$names
   # The address sanitizer wants to be loaded first; nothing in this library is its concern. An emulator starts threads itself.
   if [ -z "${SST_RUNNER-}" ] && [ -e "$plain/one_thread.so" ] && marked one-thread "$1"; then
     export LD_PRELOAD=$plain/one_thread.so ASAN_OPTIONS="verify_asan_link_order=0:${ASAN_OPTIONS:-}"
   fi
 }
 
-# use_level TEST: the processor that it asks for. $test: the same without it
+# use_level TEST: the processor and the tests of it that it asks for. $test: the same without it
 use_level() {
+  local names=
   test=$1
   case $1 in
-    avx2@*) export SST_CPU=avx2 ONEDNN_MAX_CPU_ISA=AVX2; test=${1#avx2@};;
+    avx2@*) export SST_CPU=avx2 ONEDNN_MAX_CPU_ISA=AVX2; test=${1#avx2@} names=$(chosen processor "$test");;
     ref@*) export SST_CPU=ref; test=${1#ref@};;
+    plain@*) test=${1#plain@} names=$(grep -oP 'plain_test\(\K\w+' "tests/${test##*tests/}.c" | xargs);;
   esac
+  [ -z "$names" ] || export SST_TESTS=$names # tests/test.h
 }
 
 # run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
@@ -134,20 +137,22 @@ show() {
   done
 }
 
-# run_waiting: those that wait, one by one
+# run_waiting LANE: waiting tests one by one, each of its LANES-th
 run_waiting() {
   trap 'kill $!; wait; exit' TERM
-  for ((i = busy; i < ${#tests[@]}; i++)); do
+  for ((i = busy + $1; i < ${#tests[@]}; i += lanes)); do
     run "$i" &
     wait $!
   done
 }
 
 running=0
-if [ "${#waiting[@]}" -gt 0 ]; then
-  run_waiting &
-  running=1
-fi
+lanes=$(((jobs + 1) / 3 < ${#waiting[@]} ? (jobs + 1) / 3 : ${#waiting[@]}))
+[ "$lanes" -gt 0 ] || lanes=$((${#waiting[@]} > 0))
+while [ "$running" -lt "$lanes" ]; do
+  run_waiting "$running" &
+  running=$((running + 1))
+done
 for ((i = 0; i < busy; i++)); do
   while [ "$running" -ge "$jobs" ]; do wait -n; running=$((running - 1)); show; done
   run "$i" &
