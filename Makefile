@@ -71,6 +71,11 @@ OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
 ifneq (,$(SAN))
 $(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
 endif
+# Scenes are constant while they are drawn, without variables that are shared: only the loops over bands and views are watched.
+ifneq (,$(findstring thread,$(SAN)))
+DRAWING := $(filter-out %/layers.c %/write.c,$(wildcard simulators/scene/*.c))
+$(DRAWING:%.c=$(BUILD)/obj/%.o): SANFLAGS += -fno-sanitize=thread
+endif
 # KERNEL_OPT=FLAGS: of kernels alone.
 ifdef KERNEL_OPT
 $(BUILD)/obj/pipeline/kernels/%.o: override OPT = $(KERNEL_OPT)
