@@ -39,7 +39,7 @@ static void test_lost(void **state)
     unsigned seen = 0;
 
     (void)state;
-    for (int at = 1; at < 120; at += 1 + at / 5) {
+    for (int at = 1; at < 120; at += 1 + at / (small_level() ? 2 : 5)) {
         struct sst_disparity_device_report report;
         struct sst_disparity_device *device;
         char name[32];

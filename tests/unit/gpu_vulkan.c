@@ -15,6 +15,7 @@
 #include "tests/match_field.h"
 #include "tests/match_network.h"
 #include "tests/second_field.h"
+#include "tests/small.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
 #define LAYERS  "/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"
@@ -397,7 +398,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
-        cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   plain_test(test_matches),
         cmocka_unit_test(test_second),   cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
         cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),  cmocka_unit_test(test_frames_in_bands),
         cmocka_unit_test(test_longest),

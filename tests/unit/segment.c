@@ -13,7 +13,7 @@
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/onnx_writer.h"
-#include "tests/test.h"
+#include "tests/small.h"
 
 struct entry {
     const char *key, *value;
@@ -610,8 +610,8 @@ int main(void)
         cmocka_unit_test(labels_come_back_in_place),
         cmocka_unit_test(window_weights_have_known_values),
         cmocka_unit_test(window_weights_sum_to_one_everywhere),
-        cmocka_unit_test(windows_leave_no_seams),
-        cmocka_unit_test(windows_of_a_plain_image_agree),
+        serial_test(windows_leave_no_seams),
+        serial_test(windows_of_a_plain_image_agree),
         cmocka_unit_test(upsampling_follows_the_picture),
         cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
         cmocka_unit_test(probabilities_are_taken_as_they_are),
