@@ -98,6 +98,23 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
     return err;
 }
 
+int sst_map_u8_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
+{
+    const int err = sst_map_u8_init(out, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
+
+    for (int y = 0; !err && y < out->height; y++) {
+        const uint8_t *a = sst_map_u8_row(in, 2 * y), *b = sst_map_u8_row(in, sst_min_int(2 * y + 1, in->height - 1));
+        uint8_t *row = sst_map_u8_row(out, y);
+
+        for (int x = 0; x < out->width; x++) {
+            const int next = sst_min_int(2 * x + 1, in->width - 1);
+
+            row[x] = (uint8_t)((a[2 * x] + a[next] + b[2 * x] + b[next] + 2) >> 2);
+        }
+    }
+    return err;
+}
+
 int sst_image_shrink(struct sst_image *img, int max_width)
 {
     while (img->width > max_width) {

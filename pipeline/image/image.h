@@ -94,6 +94,9 @@ void sst_map_f32_fini(struct sst_map_f32 *map);
 /** Half the size: means of 2x2 pixels, the last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
 
+/** The same of a map, but the last odd column or row is left out. A side of 1 stays. */
+SST_MUST_CHECK int sst_map_u8_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in);
+
 /** Halve into a part of out, which has half the size. */
 void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, struct sst_rect part);
 

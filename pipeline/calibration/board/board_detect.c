@@ -14,24 +14,6 @@
 
 /* --- size -------------------------------------------------------------------------------------------------------- */
 
-/* Half the size, means of 2x2 pixels: pixel x is at 2 x + 0.5 of the larger picture. */
-static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
-{
-    const int err = sst_map_u8_init(out, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
-
-    for (int y = 0; y < out->height && !err; y++) {
-        const uint8_t *a = sst_map_u8_row(in, 2 * y), *b = sst_map_u8_row(in, sst_min_int(2 * y + 1, in->height - 1));
-        uint8_t *row = sst_map_u8_row(out, y);
-
-        for (int x = 0; x < out->width; x++) {
-            const int at = sst_min_int(2 * x, in->width - 1), next = sst_min_int(2 * x + 1, in->width - 1);
-
-            row[x] = (uint8_t)((a[at] + a[next] + b[at] + b[next] + 2) >> 2);
-        }
-    }
-    return err;
-}
-
 int pyramid_init(struct pyramid *p, const struct sst_map_u8 *luma)
 {
     *p = (struct pyramid){ .levels = 1, .level = { luma } };
@@ -40,7 +22,7 @@ int pyramid_init(struct pyramid *p, const struct sst_map_u8 *luma)
 
         if (sst_max_int(last->width, last->height) <= COARSE_SIDE)
             break;
-        if (halve(&p->half[p->levels - 1], last)) {
+        if (sst_map_u8_halve(&p->half[p->levels - 1], last)) {
             pyramid_fini(p);
             return -ENOMEM;
         }

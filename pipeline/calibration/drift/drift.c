@@ -1,7 +1,6 @@
 /* The drift check: grey pyramids, matches of all pairs, the camera displacements that explain them, the verdict. */
 #include <errno.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +8,7 @@
 #include "base/border.h"
 #include "base/log.h"
 #include "base/stats.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 #include "pipeline/lightfield/share.h"
@@ -29,15 +29,7 @@ const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
 
 /* --- sentences ---------------------------------------------------------------------------------------------------- */
 
-SST_PRINTF(2, 3) static void append(struct sst_drift *out, const char *fmt, ...)
-{
-    const size_t n = strlen(out->sentence);
-    va_list args;
-
-    va_start(args, fmt);
-    vsnprintf(out->sentence + n, sizeof(out->sentence) - n, fmt, args);
-    va_end(args);
-}
+#define append(out, ...) sst_text_add((out)->sentence, sizeof((out)->sentence), __VA_ARGS__)
 
 /* "camera 02_03 sits 0.8 px too low and 0.3 px too far right (rolled 0.05 degrees clockwise)" */
 static void describe_camera(struct sst_drift *out, const struct drift_work *w, int view, double radius)

@@ -49,17 +49,6 @@ static void halve_colour(struct sst_map_u8 *out, const struct sst_image *in)
     }
 }
 
-static void halve_grey(struct sst_map_u8 *out, const struct sst_map_u8 *in)
-{
-    for (int y = 0; y < out->height; y++) {
-        const uint8_t *p = sst_map_u8_row(in, 2 * y), *q = sst_map_u8_row(in, 2 * y + 1);
-        uint8_t *to = sst_map_u8_row(out, y);
-
-        for (int x = 0; x < out->width; x++)
-            to[x] = (uint8_t)((p[2 * x] + p[2 * x + 1] + q[2 * x] + q[2 * x + 1] + 2) >> 2);
-    }
-}
-
 /* --- features ----------------------------------------------------------------------------------------------------- */
 
 /* Products of Sobel derivatives (8 times the slope), summed over the rows of the window by adding the row that enters
@@ -247,13 +236,11 @@ int drift_pyramid_init(struct drift_pyramid *view, const struct sst_image *image
 
         w /= 2;
         h /= 2;
-        err = sst_map_u8_init(&view->level[i], w, h);
+        err = i == 1 ? sst_map_u8_init(&view->level[i], w, h) : sst_map_u8_halve(&view->level[i], &view->level[i - 1]);
         if (err)
             break;
         if (i == 1)
             halve_colour(&view->level[i], image);
-        else
-            halve_grey(&view->level[i], &view->level[i - 1]);
         view->levels++;
     } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= DRIFT_SMALLEST && view->levels < DRIFT_LEVELS);
     if (!err) {
