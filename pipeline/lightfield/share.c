@@ -1,6 +1,7 @@
 #include "pipeline/lightfield/share.h"
 
 #include <errno.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -52,57 +53,57 @@ void sst_share_close(struct sst_share *s)
 
 /* --- results in files --------------------------------------------------------------------------------------------- */
 
-enum kind {
-    KIND_U8 = 0,
-    KIND_U16 = 1,
-    KIND_F32 = 2,
-    KIND_IMAGE = 3, /* three planes, one below the other */
-    KIND_VALUES = 4,
-    KIND_LIST = 5,
-};
+/* Maps and images begin alike: sizes, stride, and the pointer to their memory. */
+#define ALIKE(type, member)                                                                                            \
+    _Static_assert(offsetof(struct type, stride) == offsetof(struct sst_map_u8, stride) &&                             \
+                       offsetof(struct type, member) == offsetof(struct sst_map_u8, data),                             \
+                   "one layout")
+ALIKE(sst_map_u16, data);
+ALIKE(sst_map_f32, data);
+ALIKE(sst_image, plane);
 
 struct sst_share_map {
-    enum kind kind;
     void *map;     /* of a list: where the pointer to it is */
-    size_t *count; /* of a list */
-    size_t bytes;  /* of all values, of an element of a list */
+    int planes;    /* one below the other; 0: no map or image, but values or a list */
+    size_t *count; /* of a list, else NULL */
+    size_t bytes;  /* of a pixel in a plane, of all values, of an element of a list */
 };
 
-static void add(struct sst_share_maps *maps, enum kind kind, void *map, size_t *count, size_t bytes)
+static void add(struct sst_share_maps *maps, struct sst_share_map map)
 {
     maps->failed = maps->failed || !sst_mem_grow(&maps->map, maps->count, &maps->capacity, sizeof(*maps->map));
     if (!maps->failed)
-        maps->map[maps->count++] = (struct sst_share_map){ kind, map, count, bytes };
+        maps->map[maps->count++] = map;
 }
 
 void sst_share_add_u8(struct sst_share_maps *maps, struct sst_map_u8 *map)
 {
-    add(maps, KIND_U8, map, NULL, 0);
+    add(maps, (struct sst_share_map){ map, 1, NULL, sizeof(*map->data) });
 }
 
 void sst_share_add_u16(struct sst_share_maps *maps, struct sst_map_u16 *map)
 {
-    add(maps, KIND_U16, map, NULL, 0);
+    add(maps, (struct sst_share_map){ map, 1, NULL, sizeof(*map->data) });
 }
 
 void sst_share_add_f32(struct sst_share_maps *maps, struct sst_map_f32 *map)
 {
-    add(maps, KIND_F32, map, NULL, 0);
+    add(maps, (struct sst_share_map){ map, 1, NULL, sizeof(*map->data) });
 }
 
 void sst_share_add_image(struct sst_share_maps *maps, struct sst_image *image)
 {
-    add(maps, KIND_IMAGE, image, NULL, 0);
+    add(maps, (struct sst_share_map){ image, 3, NULL, 1 });
 }
 
 void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t bytes)
 {
-    add(maps, KIND_VALUES, values, NULL, bytes);
+    add(maps, (struct sst_share_map){ values, 0, NULL, bytes });
 }
 
 void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each)
 {
-    add(maps, KIND_LIST, list, count, each);
+    add(maps, (struct sst_share_map){ list, 0, count, each });
 }
 
 /* Head of a file before the bytes of a result. Rows are stored with their padding, so that a map is one piece. */
@@ -111,60 +112,22 @@ struct shape {
     uint64_t bytes;
 };
 
-static struct shape shape_of_rows(const void *data, int width, int height, size_t bytes)
-{
-    return data ? (struct shape){ width, height, bytes } : (struct shape){ 0, 0, 0 };
-}
-
 /* @param data  out: the bytes */
 static struct shape shape_of(const struct sst_share_map *m, void **data)
 {
-    const struct sst_map_u8 *u8 = m->map;
-    const struct sst_map_u16 *u16 = m->map;
-    const struct sst_map_f32 *f32 = m->map;
-    const struct sst_image *image = m->map;
+    struct sst_map_u8 map;
 
-    switch (m->kind) {
-    case KIND_U8:
-        *data = u8->data;
-        return shape_of_rows(u8->data, u8->width, u8->height, u8->stride * (size_t)u8->height);
-    case KIND_U16:
-        *data = u16->data;
-        return shape_of_rows(u16->data, u16->width, u16->height, u16->stride * (size_t)u16->height);
-    case KIND_F32:
-        *data = f32->data;
-        return shape_of_rows(f32->data, f32->width, f32->height, f32->stride * (size_t)f32->height);
-    case KIND_IMAGE:
-        *data = image->plane[0];
-        return shape_of_rows(*data, image->width, image->height, 3 * image->stride * (size_t)image->height);
-    case KIND_VALUES:
-        *data = m->map;
+    if (m->count) {
+        memcpy(data, m->map, sizeof(*data));
+        return (struct shape){ *data != NULL, 1, *data ? *m->count * m->bytes : 0 };
+    }
+    *data = m->map;
+    if (!m->planes)
         return (struct shape){ 1, 1, m->bytes };
-    case KIND_LIST:
-        break;
-    }
-    memcpy(data, m->map, sizeof(*data));
-    return (struct shape){ *data != NULL, 1, *data ? *m->count * m->bytes : 0 };
-}
-
-/* Bytes of a row that count: padding is not part of the result. */
-static size_t row_bytes(const struct sst_share_map *m, struct shape shape)
-{
-    const size_t width = (size_t)shape.width;
-
-    switch (m->kind) {
-    case KIND_U8:
-    case KIND_IMAGE:
-        return width;
-    case KIND_U16:
-        return width * sizeof(uint16_t);
-    case KIND_F32:
-        return width * sizeof(float);
-    case KIND_VALUES:
-    case KIND_LIST:
-        break;
-    }
-    return shape.bytes;
+    memcpy(&map, m->map, sizeof(map));
+    *data = map.data;
+    return map.data ? (struct shape){ map.width, map.height, (size_t)m->planes * map.stride * (size_t)map.height }
+                    : (struct shape){ 0, 0, 0 };
 }
 
 #define RARE 16 /* values for each one that may differ by levels; a wrong computation changes more */
@@ -188,14 +151,16 @@ static bool maps_equal(const struct sst_share_map *a, const struct sst_share_map
 {
     void *data[2];
     const struct shape shape = shape_of(a, &data[0]), other = shape_of(b, &data[1]);
-    const size_t rows = (size_t)shape.height * (a->kind == KIND_IMAGE ? 3 : 1);
+    const size_t rows = (size_t)shape.height * (size_t)sst_max_int(a->planes, 1);
+    /* Padding of rows is not part of the result. */
+    const size_t bytes = a->planes ? (size_t)shape.width * a->bytes : shape.bytes;
     size_t differ = 0;
 
-    levels = a->kind == KIND_IMAGE || a->kind == KIND_U8 ? levels : 0;
-    if (a->kind != b->kind || shape.width != other.width || shape.height != other.height || shape.bytes != other.bytes)
+    levels = a->planes && a->bytes == 1 ? levels : 0;
+    if (a->planes != b->planes || a->bytes != b->bytes || !a->count != !b->count || shape.width != other.width || shape.height != other.height || shape.bytes != other.bytes)
         return false;
     for (size_t y = 0; shape.width && y < rows; y++) {
-        const size_t at = y * (shape.bytes / rows), bytes = row_bytes(a, shape);
+        const size_t at = y * (shape.bytes / rows);
         const size_t n = count_differing((const uint8_t *)data[0] + at, (const uint8_t *)data[1] + at, bytes, levels);
 
         if (n > bytes)
@@ -238,25 +203,21 @@ static int renew_list(const struct sst_share_map *m, struct shape to)
 /* Free a result, and make room for one of a shape. @return 0, -ENOMEM, -EINVAL: it cannot have that */
 static int renew(const struct sst_share_map *m, struct shape to)
 {
-    switch (m->kind) {
-    case KIND_U8:
-        sst_map_u8_fini(m->map);
-        return to.width ? sst_map_u8_init(m->map, to.width, to.height) : 0;
-    case KIND_U16:
-        sst_map_u16_fini(m->map);
-        return to.width ? sst_map_u16_init(m->map, to.width, to.height) : 0;
-    case KIND_F32:
-        sst_map_f32_fini(m->map);
-        return to.width ? sst_map_f32_init(m->map, to.width, to.height) : 0;
-    case KIND_IMAGE:
-        sst_image_fini(m->map);
-        return to.width ? sst_image_init(m->map, to.width, to.height) : 0;
-    case KIND_VALUES:
+    struct sst_map_u8 map;
+
+    if (m->count)
+        return renew_list(m, to);
+    if (!m->planes)
         return 0;
-    case KIND_LIST:
-        break;
-    }
-    return renew_list(m, to);
+    memcpy(&map, m->map, sizeof(map));
+    sst_mem_free(map.data);
+    memset(m->map, 0, m->planes == 3 ? sizeof(struct sst_image) : sizeof(map));
+    if (!to.width)
+        return 0;
+    return m->planes == 3                ? sst_image_init(m->map, to.width, to.height)
+           : m->bytes == sizeof(float)   ? sst_map_f32_init(m->map, to.width, to.height)
+           : m->bytes == sizeof(int16_t) ? sst_map_u16_init(m->map, to.width, to.height)
+                                         : sst_map_u8_init(m->map, to.width, to.height);
 }
 
 /* Results lost with the machine are computed again, so nothing is synced. */
