@@ -5,6 +5,7 @@
 
 #include "base/log.h"
 #include "pipeline/camera/format.h"
+#include "pipeline/camera/numbers.h"
 
 #define STEPS_X 48
 #define STEPS_Y 36
@@ -32,36 +33,10 @@ static bool ray(const struct sst_calib_camera *cam, int width, int height, int i
     return sst_camera_undistort(cam, x, y, a, b);
 }
 
-/* Solve the normal equations in place by Cholesky's method; n is at most MOST. Undetermined coefficients (a picture of
- * one pixel) become 0. */
-static void solve(double m[MOST][MOST], double v[MOST], int n)
-{
-    for (int j = 0; j < n; j++) {
-        const double whole = m[j][j];
-
-        for (int l = 0; l < j; l++)
-            m[j][j] -= m[j][l] * m[j][l];
-        m[j][j] = m[j][j] > 1e-14 * whole ? sqrt(m[j][j]) : 0;
-        for (int i = j + 1; i < n; i++) {
-            for (int l = 0; l < j; l++)
-                m[i][j] -= m[i][l] * m[j][l];
-            m[i][j] = m[j][j] > 0 ? m[i][j] / m[j][j] : 0;
-        }
-        for (int l = 0; l < j; l++)
-            v[j] -= m[j][l] * v[l];
-        v[j] = m[j][j] > 0 ? v[j] / m[j][j] : 0;
-    }
-    for (int j = n - 1; j >= 0; j--) {
-        for (int l = j + 1; l < n; l++)
-            v[j] -= m[l][j] * v[l];
-        v[j] = m[j][j] > 0 ? v[j] / m[j][j] : 0;
-    }
-}
-
 /* @return number of rays */
 static int fit(struct sst_calib_camera *out, const struct sst_calib_camera *in, int width, int height, int n)
 {
-    double m[MOST][MOST] = { { 0 } }, v[MOST] = { 0 }, a, b, x, y, r2 = 0, by[MOST];
+    double m[MOST * MOST] = { 0 }, v[MOST] = { 0 }, a, b, x, y, r2 = 0, by[MOST];
     int rays = 0;
 
     for (int i = 0; i < (STEPS_X + 1) * (STEPS_Y + 1); i++) {
@@ -82,12 +57,12 @@ static int fit(struct sst_calib_camera *out, const struct sst_calib_camera *in, 
         columns(a, b, cx, cy);
         for (int j = 0; j < n; j++) {
             for (int l = 0; l <= j; l++)
-                m[j][l] += (in->fx * in->fx * cx[j] * cx[l] + in->fy * in->fy * cy[j] * cy[l]) / (by[j] * by[l]);
+                m[j * n + l] += (in->fx * in->fx * cx[j] * cx[l] + in->fy * in->fy * cy[j] * cy[l]) / (by[j] * by[l]);
             v[j] += (in->fx * cx[j] * (x - in->cx - in->fx * a) + in->fy * cy[j] * (y - in->cy - in->fy * b)) / by[j];
         }
         rays++;
     }
-    solve(m, v, n);
+    (void)sst_numbers_solve(m, v, n); /* a picture of one pixel leaves coefficients undetermined: they are 0 */
     *out = *in;
     memset(out->k, 0, sizeof(out->k));
     out->lens = 5;

@@ -2,34 +2,53 @@
 
 #include <math.h>
 
-bool sst_numbers_solve_definite(double *a, double *b, int n)
+#define LEAST_PIVOT 1e-14 /* of its diagonal */
+
+bool sst_numbers_factor(double *a, int n)
 {
-    for (int j = 0; j < n; j++) {
-        const double before = a[j * n + j];
+    const size_t size = (size_t)n;
+    bool definite = true;
 
-        for (int i = j; i < n; i++) {
-            double sum = a[i * n + j];
+    for (size_t i = 0; i < size; i++) {
+        double *row = a + i * size;
+        const double least = LEAST_PIVOT * row[i];
 
-            for (int k = 0; k < j; k++)
-                sum -= a[i * n + k] * a[j * n + k];
-            if (i > j) {
-                a[i * n + j] = sum / a[j * n + j];
-            } else {
-                if (!(sum > 1e-13 * before) || !(sum > 1e-280))
-                    return false;
-                a[j * n + j] = sqrt(sum);
-            }
+        for (size_t j = 0; j <= i; j++) {
+            const double *other = a + j * size;
+            double sum = row[j];
+
+            for (size_t k = 0; k < j; k++)
+                sum -= row[k] * other[k];
+            if (j < i)
+                row[j] = other[j] > 0 ? sum / other[j] : 0;
+            else
+                row[i] = sum > least && sum > 1e-280 && isfinite(sum) ? sqrt(sum) : 0;
         }
+        definite &= row[i] > 0;
     }
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= a[i * n + k] * b[k];
-        b[i] /= a[i * n + i];
+    return definite;
+}
+
+void sst_numbers_substitute(const double *l, int n, double *x)
+{
+    const size_t size = (size_t)n;
+
+    for (size_t i = 0; i < size; i++) {
+        for (size_t k = 0; k < i; k++)
+            x[i] -= l[i * size + k] * x[k];
+        x[i] = l[i * size + i] > 0 ? x[i] / l[i * size + i] : 0;
     }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= a[k * n + i] * b[k];
-        b[i] /= a[i * n + i];
+    for (size_t i = size; i-- > 0;) {
+        for (size_t k = i + 1; k < size; k++)
+            x[i] -= l[k * size + i] * x[k];
+        x[i] = l[i * size + i] > 0 ? x[i] / l[i * size + i] : 0;
     }
-    return true;
+}
+
+bool sst_numbers_solve(double *a, double *x, int n)
+{
+    const bool definite = sst_numbers_factor(a, n);
+
+    sst_numbers_substitute(a, n, x);
+    return definite;
 }

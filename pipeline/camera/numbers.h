@@ -1,4 +1,4 @@
-/* pipeline/camera/numbers.h - small numerics shared by detection, solver and report. */
+/* pipeline/camera/numbers.h - normal equations of least squares, shared by formats, detection, solver and checks. */
 #ifndef SST_PIPELINE_CAMERA_NUMBERS_H
 #define SST_PIPELINE_CAMERA_NUMBERS_H
 
@@ -6,8 +6,17 @@
 
 #include "base/base.h"
 
-/** Solve a x = b for positive definite a (n <= 12, row-major, the lower half is read and overwritten). @return false:
- *  a is not positive definite, or nearly singular */
-SST_MUST_CHECK bool sst_numbers_solve_definite(double *a, double *b, int n);
+/**
+ * Cholesky's factor L of a [n][n] in place (the lower half is read and written). Unknowns whose pivot rounding has eaten
+ * are left out: their pivot is 0.
+ * @return false: there are such: a is not positive definite, or nearly singular
+ */
+bool sst_numbers_factor(double *a, int n);
+
+/** Solve L L' x = b for such a factor. @param x  in: b; out: x, 0 where an unknown is left out */
+void sst_numbers_substitute(const double *l, int n, double *x);
+
+/** Both: a x = b. @return as sst_numbers_factor() */
+bool sst_numbers_solve(double *a, double *x, int n);
 
 #endif

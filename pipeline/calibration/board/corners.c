@@ -230,7 +230,7 @@ static double descend(const struct window *w, double q[PARAMETERS], double noise
         memcpy(step, b[at], sizeof(step));
         for (int i = 0; i < PARAMETERS; i++)
             m[PARAMETERS * i + i] = m[PARAMETERS * i + i] * (1 + damping) + 1e-12;
-        if (sst_numbers_solve_definite(m, step, PARAMETERS)) {
+        if (sst_numbers_solve(m, step, PARAMETERS)) {
             for (int i = 0; i < PARAMETERS; i++)
                 next[i] = q[i] + step[i];
             moved = hypot(step[X], step[Y]);
@@ -282,7 +282,7 @@ static bool expected(double *noise_px, const struct window *w, const double q[PA
 
         memcpy(m, a, sizeof(m));
         unit[k] = 1;
-        if (!sst_numbers_solve_definite(m, unit, PARAMETERS))
+        if (!sst_numbers_solve(m, unit, PARAMETERS))
             return false;
         variance += unit[k];
     }

@@ -88,7 +88,7 @@ static bool improve(double h[9], const struct points *p, bool first)
         accumulate(a, b, row_x, left[0], weight ? weight[i] : 1);
         accumulate(a, b, row_y, left[1], weight ? weight[i] : 1);
     }
-    if (!sst_numbers_solve_definite(a, b, 8))
+    if (!sst_numbers_solve(a, b, 8))
         return false;
     for (int i = 0; i < 8; i++)
         h[i] = first ? b[i] : h[i] + b[i];

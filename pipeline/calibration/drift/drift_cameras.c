@@ -17,6 +17,7 @@
 
 #include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
+#include "pipeline/camera/numbers.h"
 
 #define STATES       4     /* s.x, s.y, r, q of a camera */
 #define HUBER        1.5   /* in sigmas, first rounds */
@@ -241,41 +242,6 @@ static void tie_all(struct system *s, double *part)
         tie(s, part);
 }
 
-/* Cholesky's factor in place of the lower half: positive definite by the a priori sigmas. */
-static void factor(struct system *s)
-{
-    const size_t n = (size_t)s->n;
-
-    for (size_t i = 0; i < n; i++) {
-        double *row = s->normal + i * n;
-
-        for (size_t j = 0; j <= i; j++) {
-            const double *other = s->normal + j * n;
-            double v = row[j];
-
-            for (size_t k = 0; k < j; k++)
-                v -= row[k] * other[k];
-            row[j] = i == j ? sqrt(fmax(v, 1e-12)) : v / other[j];
-        }
-    }
-}
-
-static void solve(const struct system *s, double *v)
-{
-    const size_t n = (size_t)s->n;
-
-    for (size_t i = 0; i < n; i++) {
-        for (size_t k = 0; k < i; k++)
-            v[i] -= s->normal[i * n + k] * v[k];
-        v[i] /= s->normal[i * n + i];
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t k = i + 1; k < n; k++)
-            v[i] -= s->normal[k * n + i] * v[k];
-        v[i] /= s->normal[i * n + i];
-    }
-}
-
 /* Robust scale of the residuals in their own sigmas. */
 static double scale_of(struct system *s)
 {
@@ -308,8 +274,8 @@ static void iterate(struct system *s, double *part, bool tukey)
         add_observation(s, o, robust_weight(t, tukey) / (sigma * sigma));
     }
     tie_all(s, part);
-    factor(s);
-    solve(s, s->right);
+    (void)sst_numbers_factor(s->normal, s->n); /* positive definite by the a priori sigmas */
+    sst_numbers_substitute(s->normal, s->n, s->right);
     memcpy(s->x, s->right, (size_t)s->n * sizeof(*s->x));
 }
 
@@ -324,7 +290,7 @@ static void read_camera(struct sst_drift_camera *cam, const struct system *s, in
     for (int j = 0; j < STATES; j++) {
         memset(column, 0, (size_t)s->n * sizeof(*column));
         column[c * STATES + j] = 1;
-        solve(s, column);
+        sst_numbers_substitute(s->normal, s->n, column);
         for (int i = 0; i < STATES; i++)
             cov[j][i] = s->inflation * column[c * STATES + i];
         state[j] = s->open[c * STATES + j] ? NAN : s->x[c * STATES + j];
@@ -433,7 +399,7 @@ static void leave_open(struct system *s, double *part)
     for (int i = 0; i < s->n; i++) {
         memset(part, 0, (size_t)s->n * sizeof(*part));
         part[i] = 1;
-        solve(s, part);
+        sst_numbers_substitute(s->normal, s->n, part);
         s->right[i] = part[i];
     }
     for (int i = 0; i < s->n; i++)

@@ -17,6 +17,7 @@
 
 #include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
+#include "pipeline/camera/numbers.h"
 #include "pipeline/image/srgb.h"
 
 #define HALF      3     /* windows of 7x7 px */
@@ -157,34 +158,6 @@ static double *at(const struct solver *s, int row, int col)
     return &s->normal[(size_t)row * (size_t)s->size + (size_t)col];
 }
 
-/* Cholesky's factor in place: positive definite by the prior. */
-static void factor(const struct solver *s)
-{
-    for (int i = 0; i < s->size; i++) {
-        for (int j = 0; j <= i; j++) {
-            double v = *at(s, i, j);
-
-            for (int k = 0; k < j; k++)
-                v -= *at(s, i, k) * *at(s, j, k);
-            *at(s, i, j) = i == j ? sqrt(fmax(v, 1e-12)) : v / *at(s, j, j);
-        }
-    }
-}
-
-static void solve(const struct solver *s, double *v)
-{
-    for (int i = 0; i < s->size; i++) {
-        for (int k = 0; k < i; k++)
-            v[i] -= *at(s, i, k) * v[k];
-        v[i] /= *at(s, i, i);
-    }
-    for (int i = s->size; i-- > 0;) {
-        for (int k = i + 1; k < s->size; k++)
-            v[i] -= *at(s, k, i) * v[k];
-        v[i] /= *at(s, i, i);
-    }
-}
-
 static double residual_scale(const struct solver *s, int colour)
 {
     for (int i = 0; i < s->count; i++)
@@ -215,8 +188,8 @@ static void iterate(const struct solver *s, int colour, double scale)
             s->right[u[j]] += weight * f[j] * r->log[colour];
         }
     }
-    factor(s);
-    solve(s, s->right);
+    (void)sst_numbers_factor(s->normal, s->size); /* positive definite by the prior */
+    sst_numbers_substitute(s->normal, s->size, s->right);
     memcpy(s->x, s->right, (size_t)s->size * sizeof(*s->x));
 }
 
@@ -233,7 +206,7 @@ static void add_sigmas(struct sst_drift_camera *camera, const struct solver *s, 
         for (int i = 0; i < s->views; i++)
             column[i] = matches[i] ? (i == v) - 1.0 / n : 0;
         memcpy(s->right, column, (size_t)s->views * sizeof(*column));
-        solve(s, s->right);
+        sst_numbers_substitute(s->normal, s->size, s->right);
         double variance = 0;
 
         for (int i = 0; i < s->views; i++)
@@ -294,7 +267,7 @@ static double solve_term(double *value, double *sigma, struct solver *s, enum te
         memset(s->right, 0, (size_t)s->size * sizeof(*s->right));
         for (int i = 0; i < n; i++)
             s->right[n + i] = contrast[i] = (i == v) - (relative && matches[i] ? 1.0 / known : 0);
-        solve(s, s->right);
+        sst_numbers_substitute(s->normal, s->size, s->right);
         for (int i = 0; i < n; i++)
             variance += contrast[i] * s->right[n + i];
         sigma[v] = matches[v] ? sqrt(fmax(variance, 0)) : NAN;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/stats.h"
+#include "pipeline/camera/numbers.h"
 
 #define ROUNDS       40
 #define HUBER_ROUNDS 6
@@ -236,45 +237,6 @@ static void add_priors(struct fit *f)
     }
 }
 
-/* Cholesky's factor in place of the lower triangle, then both triangular systems. The priors make the matrix positive;
- * a pivot that rounding has eaten is left out of the solution. */
-static void solve(struct fit *f)
-{
-    const size_t n = (size_t)f->unknowns;
-    double *m = f->normal, *x = f->step;
-
-    for (size_t i = 0; i < n; i++) {
-        double *row = m + i * n;
-        const double diagonal = row[i];
-
-        for (size_t j = 0; j <= i; j++) {
-            const double *other = m + j * n;
-            double v = row[j];
-
-            for (size_t k = 0; k < j; k++)
-                v -= row[k] * other[k];
-            if (j < i)
-                row[j] = other[j] > 0 ? v / other[j] : 0;
-            else
-                row[i] = v > 1e-14 * diagonal ? sqrt(v) : 0;
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        double v = f->right[i];
-
-        for (size_t k = 0; k < i; k++)
-            v -= m[i * n + k] * x[k];
-        x[i] = m[i * n + i] > 0 ? v / m[i * n + i] : 0;
-    }
-    for (size_t i = n; i-- > 0;) {
-        double v = x[i];
-
-        for (size_t k = i + 1; k < n; k++)
-            v -= m[k * n + i] * x[k];
-        x[i] = m[i * n + i] > 0 ? v / m[i * n + i] : 0;
-    }
-}
-
 /* --- steps ------------------------------------------------------------------------------------------------------- */
 
 static void move(struct fit *f, double share)
@@ -385,7 +347,8 @@ int photometric_fit_gains(struct photometric_problem *p)
                 add_group(&f, from, end, c);
         }
         add_priors(&f);
-        solve(&f);
+        memcpy(f.step, f.right, (size_t)f.unknowns * sizeof(double));
+        (void)sst_numbers_solve(f.normal, f.step, f.unknowns); /* the priors determine what the samples do not */
         if (go(&f) < DONE && round > HUBER_ROUNDS)
             break;
     }

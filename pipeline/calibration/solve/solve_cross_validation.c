@@ -206,7 +206,7 @@ double solve_lens_difference(const struct solve_problem *p, const double *a, con
         turned_distance(&lenses, turn, normal, g);
         if (!solve_cholesky(normal, 3))
             break;
-        solve_cholesky_solve(normal, 3, g);
+        sst_numbers_substitute(normal, 3, g);
         sst_rotation_from_vector(g, by);
         solve_mul3(by, turn, turn);
     }
@@ -243,7 +243,7 @@ static double lens_distance(const struct solve_problem half[2], const struct sol
     }
     if (!solve_cholesky(m, n))
         return 0;
-    solve_cholesky_solve(m, n, x);
+    sst_numbers_substitute(m, n, x);
     for (int i = 0; i < n; i++)
         sum += d[i] * x[i];
     return sqrt(fmax(sum, 0) / n);

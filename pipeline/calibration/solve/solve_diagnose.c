@@ -171,7 +171,7 @@ static double motion_left(const struct motion *m, double x[6])
         memset(x, 0, 6 * sizeof(*x));
         return m->s;
     }
-    solve_cholesky_solve(l, 6, x);
+    sst_numbers_substitute(l, 6, x);
     for (int i = 0; i < 6; i++)
         gain -= x[i] * m->g[i];
     return m->s - gain;

@@ -18,8 +18,6 @@ void solve_apply3(const double a[9], const double v[3], double out[3]);
 void solve_left_jacobian(const double v[3], double out[9]);
 /** Lower Cholesky factor in place of the lower half of a[n][n]. @return false: not positive definite */
 bool solve_cholesky(double *a, int n);
-/** x = (L L^T)^-1 x. */
-void solve_cholesky_solve(const double *l, int n, double *x);
 /** Lower Cholesky factor to the full inverse, in place; work [n]. */
 void solve_cholesky_inverse(double *l, int n, double *work);
 /** Householder QR in place: a[m][n] becomes its R in the first min(m, n) rows; rows beyond are garbage. */

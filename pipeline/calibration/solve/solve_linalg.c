@@ -73,20 +73,6 @@ bool solve_cholesky(double *a, int n)
     return true;
 }
 
-void solve_cholesky_solve(const double *l, int n, double *x)
-{
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j < i; j++)
-            x[i] -= l[(size_t)i * n + j] * x[j];
-        x[i] /= l[(size_t)i * n + i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        x[i] /= l[(size_t)i * n + i];
-        for (int j = 0; j < i; j++)
-            x[j] -= l[(size_t)i * n + j] * x[i];
-    }
-}
-
 /* L^-1 row by row, then its L^-T L^-1 column by column: sums run along rows. */
 void solve_cholesky_inverse(double *l, int n, double *work)
 {

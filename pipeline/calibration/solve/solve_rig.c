@@ -48,7 +48,7 @@ static double fit_grid(const struct places *p, int a, int b, double grid[3][3])
     if (!solve_cholesky(m, 3))
         return -1;
     for (int axis = 0; axis < 3; axis++)
-        solve_cholesky_solve(m, 3, grid[axis]);
+        sst_numbers_substitute(m, 3, grid[axis]);
     for (int i = 0; i < 3 * p->views; i++) {
         const int v = i / 3, axis = i % 3, from = v == a ? b : v == b ? a : v;
         const double d =
@@ -169,7 +169,7 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
                 a[4 * i] += 1e-9 * (a[0] + a[4] + a[8]) + 1e-12;
             if (!solve_cholesky(a, 3))
                 break;
-            solve_cholesky_solve(a, 3, g);
+            sst_numbers_substitute(a, 3, g);
             sst_rotation_from_vector(g, by);
             solve_mul3(by, r, r);
             if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < 1e-12)
@@ -199,7 +199,7 @@ static double skew(const double (*centre)[3], const double (*drive)[3], const bo
     if (!solve_cholesky(a, 3))
         return NAN;
     for (int axis = 0; axis < 3; axis++) {
-        solve_cholesky_solve(a, 3, b[axis]);
+        sst_numbers_substitute(a, 3, b[axis]);
         dot += b[axis][0] * b[axis][1];
         x += b[axis][0] * b[axis][0];
         y += b[axis][1] * b[axis][1];

@@ -131,7 +131,7 @@ static double refine(const struct solve_problem *p, const struct solve_detection
             break;
         for (int i = 0; i < 6; i++)
             g[i] = -g[i];
-        solve_cholesky_solve(a, 6, g);
+        sst_numbers_substitute(a, 6, g);
         sst_rotation_from_vector(g, turned);
         solve_mul3(turned, pose->rotation, next.rotation);
         for (int i = 0; i < 3; i++)

@@ -322,7 +322,7 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
     for (int l = 0; l < 4 + p->lens; l++) {
         double x[3] = { g[0][l], g[1][l], g[2][l] };
 
-        solve_cholesky_solve(a, 3, x);
+        sst_numbers_substitute(a, 3, x);
         for (int i = 0; i < 3; i++)
             turn[i][l] = x[i];
     }
