@@ -35,18 +35,6 @@ bool sst_image_is_jpeg(const uint8_t *data, size_t size);
 /** Width and height of a PNG or JPEG in memory, without decoding its pixels. @return as sst_image_decode() */
 SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
-/** Memory for a picture: R, G, B and an unused byte a pixel, in rows `stride` bytes apart. */
-struct sst_rgbx {
-    uint8_t *rows;
-    size_t stride;
-    int width, height;
-};
-
-/** Decode a JPEG in memory to pixels with the colours of sst_image_decode().
- *  @param to  its rows are written once and not read: may be mapped memory of a device; undefined on failure
- *  @return as sst_image_decode(); -EBADMSG: no JPEG, or another size */
-SST_MUST_CHECK int sst_image_decode_rgbx(const struct sst_rgbx *to, const uint8_t *data, size_t size, const char *name);
-
 /** How often each sample occurs, all channels but alpha together. */
 struct sst_sample_counts {
     uint64_t of[65536];

@@ -11,6 +11,7 @@
 /* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
 #define PNG_PLAIN_MOST_RATIO 1040
 
+/* 8-bit RGB, the values of 8-bit grey or indexed files, the values of 16-bit grey files. */
 enum png_plain_kind { PNG_PLAIN_RGB = 0, PNG_PLAIN_U8 = 1, PNG_PLAIN_U16 = 2 };
 
 struct png_plain {

@@ -36,17 +36,22 @@ bool sst_jpeg_may_hold(size_t pixels, size_t bytes)
     return pixels <= LARGE_PIXELS || pixels / MAX_PIXELS_PER_BYTE <= bytes;
 }
 
-/* Everything that must survive a longjmp out of libjpeg lives here, not in locals. */
-struct reader {
-    const uint8_t *data; /* the file */
+struct file {
+    const uint8_t *data;
     size_t size;
     const char *name;
+    bool strict; /* the end marker must be there */
+};
+
+/* Everything that must survive a longjmp out of libjpeg lives here, not in locals. */
+struct reader {
+    struct file file;
     struct jpeg_decompress_struct jpeg;
     struct jpeg_error_mgr errors;
     struct jpeg_progress_mgr progress;
     jmp_buf escape;
     uint8_t *row;
-    bool strict, ends_early; /* the end marker must be there; it is not */
+    bool ends_early; /* the end marker is not there */
     char message[JMSG_LENGTH_MAX];
 };
 
@@ -71,7 +76,7 @@ static bool is_stray(const struct reader *r)
  * a warning of its own, but not with arithmetic coding. */
 static bool may_end_early(struct reader *r)
 {
-    r->ends_early = !r->strict && r->jpeg.input_scan_number && !r->jpeg.arith_code;
+    r->ends_early = !r->file.strict && r->jpeg.input_scan_number && !r->jpeg.arith_code;
     return r->ends_early;
 }
 
@@ -99,7 +104,7 @@ static void on_progress(j_common_ptr c)
 
 static int damaged(const struct reader *r)
 {
-    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", r->name, r->message);
+    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", r->file.name, r->message);
     return -EBADMSG;
 }
 
@@ -112,37 +117,18 @@ static int read_header(struct reader *r)
     jpeg_create_decompress(jpeg);
     r->progress.progress_monitor = on_progress;
     jpeg->progress = &r->progress;
-    jpeg_mem_src(jpeg, r->data, r->size);
+    jpeg_mem_src(jpeg, r->file.data, r->file.size);
     (void)jpeg_read_header(jpeg, TRUE);
     pixels = (size_t)jpeg->image_width * jpeg->image_height;
     if (jpeg->image_width > SST_IMAGE_MAX_SIDE || jpeg->image_height > SST_IMAGE_MAX_SIDE ||
         pixels > SST_IMAGE_MAX_PIXELS)
-        return sst_image_size_error(-EINVAL, r->name, jpeg->image_width, jpeg->image_height);
-    if (!sst_jpeg_may_hold(pixels, r->size)) {
-        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", r->name, r->size,
+        return sst_image_size_error(-EINVAL, r->file.name, jpeg->image_width, jpeg->image_height);
+    if (!sst_jpeg_may_hold(pixels, r->file.size)) {
+        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", r->file.name, r->file.size,
                       jpeg->image_width, jpeg->image_height);
         return -EBADMSG;
     }
     return 0;
-}
-
-/* Zeroed but for the error handlers: reader_close() is then fine. */
-static void reader_init(struct reader *r, const uint8_t *data, size_t size, const char *name)
-{
-    memset(r, 0, sizeof(*r));
-    r->data = data;
-    r->size = size;
-    r->name = name;
-    r->jpeg.err = jpeg_std_error(&r->errors);
-    r->jpeg.client_data = r;
-    r->errors.error_exit = on_error;
-    r->errors.emit_message = on_message;
-}
-
-static void reader_close(struct reader *r)
-{
-    jpeg_destroy_decompress(&r->jpeg);
-    sst_mem_free(r->row);
 }
 
 /* Were there scans for everything, with all bits of progressive ones? */
@@ -174,27 +160,57 @@ static int finish(struct reader *r)
     if (!atomic_exchange(&warned, true)) /* an array's pictures are all alike, and read by several stages */
         sst_log_warning("%s lacks the end marker of JPEG, but none of its samples; other programs may refuse it, and "
                         "others of this kind",
-                        r->name);
+                        r->file.name);
     return 0;
 }
 
-static int size_of(struct reader *r)
+/* Work on a file of which the header is read; may escape. */
+typedef int work_fn(struct reader *r, void *arg);
+
+static int guarded(struct reader *r, work_fn *work, void *arg)
 {
-    return setjmp(r->escape) ? damaged(r) : read_header(r);
+    int err;
+
+    if (setjmp(r->escape))
+        return damaged(r);
+    err = read_header(r);
+    return err ? err : work(r, arg);
 }
 
-int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+static int read_file(const struct file *file, work_fn *work, void *arg)
 {
     struct reader r;
     int err;
 
-    reader_init(&r, data, size, name);
-    err = size_of(&r);
+    memset(&r, 0, sizeof(r));
+    r.file = *file;
+    r.jpeg.err = jpeg_std_error(&r.errors);
+    r.jpeg.client_data = &r;
+    r.errors.error_exit = on_error;
+    r.errors.emit_message = on_message;
+    err = guarded(&r, work, arg);
+    jpeg_destroy_decompress(&r.jpeg);
+    sst_mem_free(r.row);
+    return err;
+}
+
+static int note_size(struct reader *r, void *arg)
+{
+    int *side = arg;
+
+    side[0] = (int)r->jpeg.image_width;
+    side[1] = (int)r->jpeg.image_height;
+    return 0;
+}
+
+int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+{
+    int side[2], err = read_file(&(struct file){ data, size, name }, note_size, side);
+
     if (!err) {
-        *width = (int)r.jpeg.image_width;
-        *height = (int)r.jpeg.image_height;
+        *width = side[0];
+        *height = side[1];
     }
-    reader_close(&r);
     return err;
 }
 
@@ -206,29 +222,26 @@ static const int luma_steps[DCTSIZE2] = {
 };
 
 /* libjpeg's scale of qualities, by the step that is typical in comparison. */
-static double quality_of(const struct jpeg_decompress_struct *jpeg)
+static int note_quality(struct reader *r, void *quality)
 {
+    const struct jpeg_decompress_struct *jpeg = &r->jpeg;
     const JQUANT_TBL *table = jpeg->comp_info ? jpeg->quant_tbl_ptrs[jpeg->comp_info[0].quant_tbl_no] : NULL;
     double percent[DCTSIZE2], scale;
 
     if (!table)
-        return NAN;
+        return 0;
     for (int i = 0; i < DCTSIZE2; i++)
         percent[i] = 100.0 * table->quantval[i] / luma_steps[i];
     scale = sst_stats_median(percent, DCTSIZE2);
-    return scale <= 100 ? (200 - scale) / 2 : 5000 / scale;
+    *(double *)quality = scale <= 100 ? (200 - scale) / 2 : 5000 / scale;
+    return 0;
 }
 
 double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name)
 {
-    struct reader r;
     double quality = NAN;
 
-    reader_init(&r, data, size, name);
-    if (!size_of(&r))
-        quality = quality_of(&r.jpeg);
-    reader_close(&r);
-    return quality;
+    return read_file(&(struct file){ data, size, name }, note_quality, &quality) ? NAN : quality;
 }
 
 /* 255 is no ink where Adobe's marker is, as Photoshop writes it: R = C * K / 255; else 255 is full ink. */
@@ -244,22 +257,17 @@ static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
     }
 }
 
-static int decode_open(struct reader *r, struct sst_image *out)
+static int decode_image(struct reader *r, void *out)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     int err;
 
-    if (setjmp(r->escape))
-        return damaged(r);
-    err = read_header(r);
-    if (err)
-        return err;
     jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_RGB;
     jpeg->dct_method = JDCT_ISLOW;
     r->row = sst_mem_alloc_raw(jpeg->image_width, 4);
     err = r->row ? sst_image_init(out, (int)jpeg->image_width, (int)jpeg->image_height) : -ENOMEM;
     if (err)
-        return sst_image_size_error(err, r->name, jpeg->image_width, jpeg->image_height);
+        return sst_image_size_error(err, r->file.name, jpeg->image_width, jpeg->image_height);
     (void)jpeg_start_decompress(jpeg);
     while (jpeg->output_scanline < jpeg->output_height) {
         const int y = (int)jpeg->output_scanline;
@@ -275,13 +283,8 @@ static int decode_open(struct reader *r, struct sst_image *out)
 int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name, bool strict)
 {
     struct sst_image made = { 0 };
-    struct reader r;
-    int err;
+    int err = read_file(&(struct file){ data, size, name, strict }, decode_image, &made);
 
-    reader_init(&r, data, size, name);
-    r.strict = strict;
-    err = decode_open(&r, &made);
-    reader_close(&r);
     if (err)
         sst_image_fini(&made);
     else
@@ -289,63 +292,11 @@ int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, con
     return err;
 }
 
-/* As decode_open(), with the rows where they are to be. */
-static int decode_rows(struct reader *r, const struct sst_rgbx *to)
-{
-    struct jpeg_decompress_struct *jpeg = &r->jpeg;
-    int err;
-
-    if (setjmp(r->escape))
-        return damaged(r);
-    err = read_header(r);
-    if (err)
-        return err;
-    if ((int)jpeg->image_width != to->width || (int)jpeg->image_height != to->height) {
-        sst_log_error("%s has %ux%u pixels instead of %dx%d; write it again", r->name, jpeg->image_width,
-                      jpeg->image_height, to->width, to->height);
-        return -EBADMSG;
-    }
-    jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_EXT_RGBX;
-    jpeg->dct_method = JDCT_ISLOW;
-    r->row = jpeg->num_components == 4 ? sst_mem_alloc_raw(jpeg->image_width, 4) : NULL;
-    if (jpeg->num_components == 4 && !r->row)
-        return sst_image_size_error(-ENOMEM, r->name, jpeg->image_width, jpeg->image_height);
-    (void)jpeg_start_decompress(jpeg);
-    while (jpeg->output_scanline < jpeg->output_height) {
-        uint8_t *line = to->rows + jpeg->output_scanline * to->stride;
-
-        (void)jpeg_read_scanlines(jpeg, r->row ? &r->row : &line, 1);
-        if (!r->row)
-            continue;
-        cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
-        for (size_t x = 0; x < jpeg->image_width; x++)
-            memcpy(line + 4 * x, r->row + 3 * x, 3);
-    }
-    return finish(r);
-}
-
-int sst_image_decode_rgbx(const struct sst_rgbx *to, const uint8_t *data, size_t size, const char *name)
-{
-    struct reader r;
-    int err;
-
-    if (!sst_image_is_jpeg(data, size)) {
-        sst_log_error("%s is no JPEG image; write it again", name);
-        return -EBADMSG;
-    }
-    reader_init(&r, data, size, name);
-    err = decode_rows(&r, to);
-    reader_close(&r);
-    return err;
-}
-
 /* --- planes ------------------------------------------------------------------------------------------------------- */
 
 #define MAX_ROWS (4 * DCTSIZE) /* of a plane that are decoded at once */
 
-/* const uint8_t *data, size_t size, const char *name)
-{
-    struct jpeg_decompress_struct *jpegreturn false: a device does not convert it */
+/* @return false: a device does not convert it */
 static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress_struct *jpeg)
 {
     const jpeg_component_info *c = jpeg->comp_info;
@@ -376,56 +327,45 @@ static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress
     return out->chroma_width > 2;
 }
 
-static int read_layout(struct reader *r, struct sst_jpeg_planes *out)
+static int read_layout(struct reader *r, void *out)
 {
-    int err;
-
-    if (setjmp(r->escape))
-        return damaged(r);
-    err = read_header(r);
-    if (err)
-        return err;
     return set_layout(out, &r->jpeg) ? 0 : -ENOTSUP;
 }
 
 int sst_jpeg_planes_read(struct sst_jpeg_planes *out, const uint8_t *data, size_t size, const char *name)
 {
     struct sst_jpeg_planes made;
-    struct reader r;
-    int err;
+    int err = read_file(&(struct file){ data, size, name }, read_layout, &made);
 
-    reader_init(&r, data, size, name);
-    err = read_layout(&r, &made);
-    reader_close(&r);
     if (!err)
         *out = made;
     return err;
 }
 
-static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_planes *layout)
+struct planes {
+    uint8_t *to;
+    const struct sst_jpeg_planes *layout;
+};
+
+static int decode_planes(struct reader *r, void *arg)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    const struct planes *p = arg;
     JSAMPROW row[3][MAX_ROWS];
     JSAMPARRAY plane[3] = { row[0], row[1], row[2] };
-    int err;
 
-    if (setjmp(r->escape))
-        return damaged(r);
-    err = read_header(r);
-    if (err)
-        return err;
     jpeg->raw_data_out = TRUE;
     jpeg->out_color_space = jpeg->jpeg_color_space;
     jpeg->dct_method = JDCT_ISLOW;
     (void)jpeg_start_decompress(jpeg);
     while (jpeg->output_scanline < jpeg->output_height) {
-        for (int c = 0; c < layout->count; c++) {
+        for (int c = 0; c < p->layout->count; c++) {
             const JDIMENSION rows = (JDIMENSION)jpeg->comp_info[c].v_samp_factor * DCTSIZE;
             const JDIMENSION first = jpeg->output_scanline / (JDIMENSION)jpeg->max_v_samp_factor *
                                      (JDIMENSION)jpeg->comp_info[c].v_samp_factor;
 
             for (JDIMENSION i = 0; i < rows; i++)
-                row[c][i] = to + layout->at[c] + (first + i) * layout->stride[c];
+                row[c][i] = p->to + p->layout->at[c] + (first + i) * p->layout->stride[c];
         }
         (void)jpeg_read_raw_data(jpeg, plane, (JDIMENSION)jpeg->max_v_samp_factor * DCTSIZE);
     }
@@ -435,13 +375,7 @@ static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_pl
 int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data, size_t size,
                            const char *name)
 {
-    struct reader r;
-    int err;
-
-    reader_init(&r, data, size, name);
-    err = decode_planes(&r, to, layout);
-    reader_close(&r);
-    return err;
+    return read_file(&(struct file){ data, size, name }, decode_planes, &(struct planes){ to, layout });
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */

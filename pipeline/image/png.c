@@ -16,22 +16,17 @@
 
 #define MESSAGE_BYTES 128
 
-enum sample {
-    SAMPLE_RGB = PNG_PLAIN_RGB, /* any format, converted to 8-bit RGB */
-    SAMPLE_U8 = PNG_PLAIN_U8,   /* the value of an 8-bit grey or indexed file */
-    SAMPLE_U16 = PNG_PLAIN_U16, /* the value of a 16-bit grey file */
-};
-
 /* Everything that must survive a longjmp out of libpng lives here, not in locals. */
 struct reader {
     const uint8_t *data;
     size_t size, pos;
     const char *name;
-    struct sst_samples samples; /* of 16 bits, for RGB */
     png_structp png;
     png_infop info;
+    int width, height;
     png_bytep *rows;
-    uint8_t *packed;
+    uint8_t *packed; /* the rows, each of `row` bytes */
+    size_t row;
     char message[MESSAGE_BYTES];
 };
 
@@ -57,21 +52,6 @@ static void read_bytes(png_structp png, png_bytep out, size_t n)
     r->pos += n;
 }
 
-static int reader_open(struct reader *r, const uint8_t *data, size_t size, const char *name)
-{
-    *r = (struct reader){ .data = data, .size = size, .name = name };
-    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, r->message, on_error, ignore_warning);
-    r->info = r->png ? png_create_info_struct(r->png) : NULL;
-    return r->info ? 0 : -ENOMEM;
-}
-
-static void reader_close(struct reader *r)
-{
-    png_destroy_read_struct(&r->png, &r->info, NULL);
-    free(r->rows);
-    sst_mem_free(r->packed);
-}
-
 static void read_info(struct reader *r)
 {
     png_set_read_fn(r->png, r, read_bytes);
@@ -84,7 +64,7 @@ static void read_info(struct reader *r)
     png_read_info(r->png, r->info);
 }
 
-static int check_size(const struct reader *r, int *width, int *height)
+static int check_size(struct reader *r)
 {
     const png_uint_32 w = png_get_image_width(r->png, r->info), h = png_get_image_height(r->png, r->info);
 
@@ -95,82 +75,73 @@ static int check_size(const struct reader *r, int *width, int *height)
                       (unsigned)w, (unsigned)h);
         return -EBADMSG;
     }
-    *width = (int)w;
-    *height = (int)h;
+    r->width = (int)w;
+    r->height = (int)h;
     return 0;
 }
 
-static int check_format(const struct reader *r, enum sample sample)
+/* Work on a file of which the beginning is read; may escape. */
+typedef int work_fn(struct reader *r, void *arg);
+
+/* libpng returns by longjmp: everything that must survive it is in *r, outside this stack frame. */
+static int guarded(struct reader *r, work_fn *work, void *arg)
+{
+    int err;
+
+    if (setjmp(png_jmpbuf(r->png))) {
+        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
+        return -EBADMSG;
+    }
+    read_info(r);
+    err = check_size(r);
+    return err ? err : work(r, arg);
+}
+
+static int read_file(const uint8_t *data, size_t size, const char *name, work_fn *work, void *arg)
+{
+    struct reader r = { .data = data, .size = size, .name = name };
+    int err;
+
+    r.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, r.message, on_error, ignore_warning);
+    r.info = r.png ? png_create_info_struct(r.png) : NULL;
+    err = r.info ? guarded(&r, work, arg) : sst_image_size_error(-ENOMEM, name, 0, 0);
+    png_destroy_read_struct(&r.png, &r.info, NULL);
+    free(r.rows);
+    sst_mem_free(r.packed);
+    return err;
+}
+
+/* Read all rows as they are after the transforms that are set. */
+static int read_rows(struct reader *r)
+{
+    const size_t height = (size_t)r->height;
+
+    png_set_interlace_handling(r->png);
+    png_read_update_info(r->png, r->info);
+    r->row = png_get_rowbytes(r->png, r->info);
+    r->rows = malloc(height * sizeof(*r->rows));
+    r->packed = sst_mem_alloc_raw(height, r->row);
+    if (!r->rows || !r->packed)
+        return sst_image_size_error(-ENOMEM, r->name, r->width, r->height);
+    for (size_t y = 0; y < height; y++)
+        r->rows[y] = r->packed + y * r->row;
+    png_read_image(r->png, r->rows);
+    return 0;
+}
+
+static int check_format(const struct reader *r, enum png_plain_kind kind)
 {
     const int depth = png_get_bit_depth(r->png, r->info), type = png_get_color_type(r->png, r->info);
 
-    if (sample == SAMPLE_U8 && (depth > 8 || (type != PNG_COLOR_TYPE_GRAY && type != PNG_COLOR_TYPE_PALETTE))) {
+    if (kind == PNG_PLAIN_U8 && (depth > 8 || (type != PNG_COLOR_TYPE_GRAY && type != PNG_COLOR_TYPE_PALETTE))) {
         sst_log_error("%s is not an 8-bit grey or indexed PNG; store the values themselves, not colours", r->name);
         return -EBADMSG;
     }
-    if (sample == SAMPLE_U16 && (depth != 16 || type != PNG_COLOR_TYPE_GRAY)) {
+    if (kind == PNG_PLAIN_U16 && (depth != 16 || type != PNG_COLOR_TYPE_GRAY)) {
         sst_log_error("%s is not a 16-bit grey PNG", r->name);
         return -EBADMSG;
     }
     return 0;
-}
-
-/* RGB of 16 bits that are scaled here? */
-static bool deep(const struct reader *r)
-{
-    return r->samples.white && png_get_bit_depth(r->png, r->info) == 16;
-}
-
-static void set_transforms(struct reader *r, enum sample sample)
-{
-    switch (sample) {
-    case SAMPLE_RGB:
-        png_set_expand(r->png);
-        if (!deep(r))
-            png_set_scale_16(r->png);
-        png_set_gray_to_rgb(r->png);
-        png_set_strip_alpha(r->png);
-        break;
-    case SAMPLE_U8:
-        png_set_packing(r->png);
-        break;
-    case SAMPLE_U16:
-        if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
-            png_set_swap(r->png);
-        break;
-    }
-    png_set_interlace_handling(r->png);
-    png_read_update_info(r->png, r->info);
-}
-
-/* Row pointers for libpng: the map itself, or packed RGB. */
-static int allocate(struct reader *r, enum sample sample, int width, int height, void *out)
-{
-    const size_t h = (size_t)height, bytes = deep(r) ? 6 : 3;
-    int err = -ENOMEM;
-
-    r->rows = malloc(h * sizeof(*r->rows));
-    if (!r->rows)
-        return err;
-    switch (sample) {
-    case SAMPLE_RGB:
-        r->packed = sst_mem_alloc_raw(h, (size_t)width * bytes);
-        err = r->packed ? sst_image_init(out, width, height) : -ENOMEM;
-        for (size_t y = 0; !err && y < h; y++)
-            r->rows[y] = r->packed + y * (size_t)width * bytes;
-        break;
-    case SAMPLE_U8:
-        err = sst_map_u8_init(out, width, height);
-        for (size_t y = 0; !err && y < h; y++)
-            r->rows[y] = sst_map_u8_row(out, (int)y);
-        break;
-    case SAMPLE_U16:
-        err = sst_map_u16_init(out, width, height);
-        for (size_t y = 0; !err && y < h; y++)
-            r->rows[y] = (png_bytep)sst_map_u16_row(out, (int)y);
-        break;
-    }
-    return err;
 }
 
 /* Big-endian RGB of 16 bits to packed RGB in place. */
@@ -180,92 +151,87 @@ static void scale_row(uint8_t *row, int width, struct sst_samples samples)
         row[i] = (uint8_t)sst_samples_scale(row[2 * i] << 8 | row[2 * i + 1], samples);
 }
 
-/* libpng returns by longjmp: everything that must survive it is in *r, outside this stack frame. */
-static int decode_open(struct reader *r, enum sample sample, void *out)
-{
-    int width, height, err;
-    bool scale;
+/* A picture that is decoded: a zeroed sst_image, sst_map_u8 or sst_map_u16 by its kind, freed by the caller on failure;
+ * and the samples of 16 bits that become levels 0 and 255 of an image. */
+struct decoded {
+    enum png_plain_kind kind;
+    struct sst_samples samples;
+    void *out;
+};
 
-    if (setjmp(png_jmpbuf(r->png))) {
-        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
-        return -EBADMSG;
-    }
-    read_info(r);
-    err = check_size(r, &width, &height);
-    if (!err)
-        err = check_format(r, sample);
+static int make_picture(const struct decoded *d, int width, int height)
+{
+    return d->kind == PNG_PLAIN_RGB  ? sst_image_init(d->out, width, height)
+           : d->kind == PNG_PLAIN_U8 ? sst_map_u8_init(d->out, width, height)
+                                     : sst_map_u16_init(d->out, width, height);
+}
+
+/* A row of samples as in the file. */
+static void put_row(const struct decoded *d, int y, const uint8_t *row, int width)
+{
+    if (d->kind == PNG_PLAIN_RGB)
+        sst_rgb_unpack_row(d->out, y, row);
+    else if (d->kind == PNG_PLAIN_U8)
+        memcpy(sst_map_u8_row(d->out, y), row, (size_t)width);
+    for (int x = 0; d->kind == PNG_PLAIN_U16 && x < width; x++)
+        sst_map_u16_row(d->out, y)[x] = (uint16_t)(row[2 * x] << 8 | row[2 * x + 1]);
+}
+
+static int decode_rows(struct reader *r, void *arg)
+{
+    const struct decoded *d = arg;
+    const bool deep = d->kind == PNG_PLAIN_RGB && d->samples.white && png_get_bit_depth(r->png, r->info) == 16;
+    int err = check_format(r, d->kind);
+
     if (err)
         return err;
-    set_transforms(r, sample);
-    err = allocate(r, sample, width, height, out);
+    if (d->kind == PNG_PLAIN_RGB) {
+        png_set_expand(r->png);
+        if (!deep)
+            png_set_scale_16(r->png);
+        png_set_gray_to_rgb(r->png);
+        png_set_strip_alpha(r->png);
+    } else {
+        png_set_packing(r->png);
+    }
+    err = make_picture(d, r->width, r->height);
+    err = err ? sst_image_size_error(err, r->name, r->width, r->height) : read_rows(r);
     if (err)
-        return sst_image_size_error(err, r->name, width, height);
-    png_read_image(r->png, r->rows);
+        return err;
     png_read_end(r->png, NULL);
-    scale = deep(r);
-    for (int y = 0; sample == SAMPLE_RGB && y < height; y++) {
-        if (scale)
-            scale_row(r->rows[y], width, r->samples);
-        sst_rgb_unpack_row(out, y, r->rows[y]);
+    for (int y = 0; y < r->height; y++) {
+        if (deep)
+            scale_row(r->rows[y], r->width, d->samples);
+        put_row(d, y, r->rows[y], r->width);
     }
     return 0;
 }
 
-static void deliver_row(const struct png_plain *p, int y, void *out)
-{
-    const uint8_t *row = p->rows + (size_t)y * (p->step * (size_t)p->width + 1) + 1;
-
-    if (p->kind == PNG_PLAIN_RGB)
-        sst_rgb_unpack_row(out, y, row);
-    else if (p->kind == PNG_PLAIN_U8)
-        memcpy(sst_map_u8_row(out, y), row, (size_t)p->width);
-    for (int x = 0; p->kind == PNG_PLAIN_U16 && x < p->width; x++)
-        sst_map_u16_row(out, y)[x] = (uint16_t)(row[2 * x] << 8 | row[2 * x + 1]);
-}
-
 /* Decode the common kinds of files without libpng. @return false: libpng's turn */
-static bool decode_plain(const uint8_t *data, size_t size, enum sample sample, void *out)
+static bool decode_plain(const uint8_t *data, size_t size, const struct decoded *d)
 {
     struct png_plain p;
     bool good;
 
-    if (!png_plain_read(&p, data, size, (enum png_plain_kind)sample))
+    if (!png_plain_read(&p, data, size, d->kind))
         return false;
-    good = !(sample == SAMPLE_RGB  ? sst_image_init(out, p.width, p.height)
-             : sample == SAMPLE_U8 ? sst_map_u8_init(out, p.width, p.height)
-                                   : sst_map_u16_init(out, p.width, p.height));
+    good = !make_picture(d, p.width, p.height);
     for (int y = 0; good && y < p.height; y++)
-        deliver_row(&p, y, out);
+        put_row(d, y, p.rows + (size_t)y * (p.step * (size_t)p.width + 1) + 1, p.width);
     png_plain_fini(&p);
     return good;
 }
 
-/* Kind of picture to decode to, and the samples that become levels 0 and 255. */
-struct form {
-    enum sample sample;
-    struct sst_samples samples;
-};
-
-/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by the form; the caller frees it on failure. */
-static int decode(const uint8_t *data, size_t size, const char *name, struct form form, void *out)
+static int decode(const uint8_t *data, size_t size, const char *name, struct decoded d)
 {
-    struct reader r;
-    int err;
-
-    if (decode_plain(data, size, form.sample, out))
-        return 0;
-    err = reader_open(&r, data, size, name);
-    r.samples = form.samples;
-    err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, form.sample, out);
-    reader_close(&r);
-    return err;
+    return decode_plain(data, size, &d) ? 0 : read_file(data, size, name, decode_rows, &d);
 }
 
 int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                    struct sst_samples samples)
 {
     struct sst_image made = { 0 };
-    int err = decode(data, size, name, (struct form){ SAMPLE_RGB, samples }, &made);
+    int err = decode(data, size, name, (struct decoded){ PNG_PLAIN_RGB, samples, &made });
 
     if (err)
         sst_image_fini(&made);
@@ -275,94 +241,55 @@ int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, cons
 }
 
 /* Add the samples of a picture of 16 bits. @return 1; 0: it has fewer */
-static int count_open(struct reader *r, struct sst_sample_counts *counts)
+static int count_rows(struct reader *r, void *arg)
 {
-    int width, height, err;
-    size_t row;
+    struct sst_sample_counts *counts = arg;
+    int err;
 
-    if (setjmp(png_jmpbuf(r->png))) {
-        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
-        return -EBADMSG;
-    }
-    read_info(r);
-    err = check_size(r, &width, &height);
-    if (err || png_get_bit_depth(r->png, r->info) != 16)
-        return err;
+    if (png_get_bit_depth(r->png, r->info) != 16)
+        return 0;
     png_set_strip_alpha(r->png);
-    png_set_interlace_handling(r->png);
-    png_read_update_info(r->png, r->info);
-    row = png_get_rowbytes(r->png, r->info);
-    r->rows = malloc((size_t)height * sizeof(*r->rows));
-    r->packed = sst_mem_alloc_raw((size_t)height, row);
-    if (!r->rows || !r->packed)
-        return sst_image_size_error(-ENOMEM, r->name, width, height);
-    for (size_t y = 0; y < (size_t)height; y++)
-        r->rows[y] = r->packed + y * row;
-    png_read_image(r->png, r->rows);
-    for (size_t i = 0; i + 1 < (size_t)height * row; i += 2)
+    err = read_rows(r);
+    for (size_t i = 0; !err && i + 1 < (size_t)r->height * r->row; i += 2)
         counts->of[r->packed[i] << 8 | r->packed[i + 1]]++;
-    return 1;
+    return err ? err : 1;
 }
 
 int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
 {
-    struct reader r;
-    int err = reader_open(&r, data, size, name);
-
-    err = err ? sst_image_size_error(err, name, 0, 0) : count_open(&r, counts);
-    reader_close(&r);
-    return err;
+    return read_file(data, size, name, count_rows, counts);
 }
 
 /* Samples of 16 bits as they are, grey in all three planes. */
-static int deep_open(struct reader *r, struct sst_map_u16 plane[3])
+static int deep_rows(struct reader *r, void *arg)
 {
-    int width, height, err;
+    struct sst_map_u16 *plane = arg;
+    int err = 0;
 
-    if (setjmp(png_jmpbuf(r->png))) {
-        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
-        return -EBADMSG;
-    }
-    read_info(r);
-    err = check_size(r, &width, &height);
-    if (err)
-        return err;
     if (png_get_bit_depth(r->png, r->info) != 16) {
         sst_log_error("%s has fewer than 16 bits; it was replaced, import it again", r->name);
         return -EBADMSG;
     }
     png_set_gray_to_rgb(r->png);
     png_set_strip_alpha(r->png);
-    png_set_interlace_handling(r->png);
-    png_read_update_info(r->png, r->info);
-    r->rows = malloc((size_t)height * sizeof(*r->rows));
-    r->packed = sst_mem_alloc_raw((size_t)height, (size_t)width * 6);
-    err = r->rows && r->packed ? 0 : -ENOMEM;
     for (int c = 0; c < 3 && !err; c++)
-        err = sst_map_u16_init(&plane[c], width, height);
-    if (err)
-        return sst_image_size_error(err, r->name, width, height);
-    for (size_t y = 0; y < (size_t)height; y++)
-        r->rows[y] = r->packed + y * (size_t)width * 6;
-    png_read_image(r->png, r->rows);
-    for (int i = 0; i < 3 * height; i++) {
+        err = sst_map_u16_init(&plane[c], r->width, r->height);
+    err = err ? sst_image_size_error(err, r->name, r->width, r->height) : read_rows(r);
+    for (int i = 0; !err && i < 3 * r->height; i++) {
         const uint8_t *row = r->rows[i / 3] + 2 * (i % 3);
         uint16_t *to = sst_map_u16_row(&plane[i % 3], i / 3);
 
-        for (int x = 0; x < width; x++)
+        for (int x = 0; x < r->width; x++)
             to[x] = (uint16_t)(row[6 * x] << 8 | row[6 * x + 1]);
     }
-    return 0;
+    return err;
 }
 
 int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name)
 {
     struct sst_map_u16 made[3] = { 0 };
-    struct reader r;
-    int err = reader_open(&r, data, size, name);
+    int err = read_file(data, size, name, deep_rows, made);
 
-    err = err ? sst_image_size_error(err, name, 0, 0) : deep_open(&r, made);
-    reader_close(&r);
     for (int c = 0; c < 3; c++) {
         if (err)
             sst_map_u16_fini(&made[c]);
@@ -372,23 +299,23 @@ int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size
     return err;
 }
 
-static int size_open(struct reader *r, int *width, int *height)
+static int note_size(struct reader *r, void *arg)
 {
-    if (setjmp(png_jmpbuf(r->png))) {
-        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
-        return -EBADMSG;
-    }
-    read_info(r);
-    return check_size(r, width, height);
+    int *side = arg;
+
+    side[0] = r->width;
+    side[1] = r->height;
+    return 0;
 }
 
 int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
 {
-    struct reader r;
-    int err = reader_open(&r, data, size, name);
+    int side[2], err = read_file(data, size, name, note_size, side);
 
-    err = err ? sst_image_size_error(err, name, 0, 0) : size_open(&r, width, height);
-    reader_close(&r);
+    if (!err) {
+        *width = side[0];
+        *height = side[1];
+    }
     return err;
 }
 
@@ -402,7 +329,7 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
                                                                                                                        \
         if (err)                                                                                                       \
             return err;                                                                                                \
-        err = decode(data, size, path, (struct form){ sample, { 0, 0 } }, &made);                                      \
+        err = decode(data, size, path, (struct decoded){ sample, { 0, 0 }, &made });                                   \
         free(data);                                                                                                    \
         if (err)                                                                                                       \
             sst_map_##kind##_fini(&made);                                                                              \
@@ -411,8 +338,8 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
         return err;                                                                                                    \
     }
 
-DEFINE_MAP_READ(u8, SAMPLE_U8)
-DEFINE_MAP_READ(u16, SAMPLE_U16)
+DEFINE_MAP_READ(u8, PNG_PLAIN_U8)
+DEFINE_MAP_READ(u16, PNG_PLAIN_U16)
 
 /* A PNG being written to memory. */
 struct writer {

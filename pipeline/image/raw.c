@@ -118,26 +118,17 @@ static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x,
 
 bool sst_raw_red(uint32_t fourcc, int *x, int *y)
 {
-    switch (fourcc) {
-    case V4L2_PIX_FMT_SRGGB8:
-        *x = 0;
-        *y = 0;
-        return true;
-    case V4L2_PIX_FMT_SGRBG8:
-        *x = 1;
-        *y = 0;
-        return true;
-    case V4L2_PIX_FMT_SGBRG8:
-        *x = 0;
-        *y = 1;
-        return true;
-    case V4L2_PIX_FMT_SBGGR8:
-        *x = 1;
-        *y = 1;
-        return true;
-    default:
-        return false;
+    static const uint32_t formats[] = { V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SGBRG8,
+                                        V4L2_PIX_FMT_SBGGR8 };
+
+    for (int i = 0; i < 4; i++) {
+        if (fourcc == formats[i]) {
+            *x = i % 2;
+            *y = i / 2;
+            return true;
+        }
     }
+    return false;
 }
 
 /* The highest byte of each sample, which is its last. */

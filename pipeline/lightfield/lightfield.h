@@ -103,8 +103,7 @@ bool sst_view_has_frame(const struct sst_view *v);
 SST_MUST_CHECK int sst_lightfield_decode_frame(struct sst_image *out, const struct sst_lightfield *lf, int view);
 
 /**
- * Write the view's raw frame, or the source of its corrected picture, as R, G, B and an unused byte a pixel;
- * an encoded one is decoded straight to there.
+ * Write the view's raw frame, or the source of its corrected picture, as R, G, B and an unused byte a pixel.
  * @param rgbx  rows `stride` bytes apart, of the frame's size; may be memory that is slow to read
  * @return as sst_lightfield_decode_frame()
  */

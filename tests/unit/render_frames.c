@@ -209,42 +209,6 @@ static void a_damaged_frame_is_an_error(void **state SST_UNUSED)
     discard(&encoded, &decoded);
 }
 
-/* Frames in mapped memory have the pixels of the decoder for images: colour, grey, four components, another size. */
-static void decoding_to_memory_gives_the_same_pixels(void **state SST_UNUSED)
-{
-    const struct sst_image *img = &field.raw.views[0].image;
-    const size_t stride = 4 * (size_t)img->width + 4;
-    uint8_t *memory = malloc(stride * (size_t)img->height), *jpeg;
-    char text[SST_LOG_MAX] = "";
-    struct sst_image want;
-    size_t bytes;
-
-    assert_non_null(memory);
-    assert_int_equal(sst_image_encode_jpeg(img, 70, &jpeg, &bytes), 0);
-    assert_int_equal(sst_image_decode(&want, jpeg, bytes, "frame"), 0);
-    assert_int_equal(
-        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width, img->height }, jpeg, bytes, "frame"), 0);
-    for (int y = 0; y < img->height; y++) {
-        for (int x = 0; x < img->width; x++) {
-            for (int c = 0; c < 3; c++)
-                assert_int_equal(memory[(size_t)y * stride + 4 * (size_t)x + (size_t)c], sst_image_row(&want, c, y)[x]);
-        }
-    }
-    sst_log_hold_errors(text);
-    assert_int_equal(
-        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width + 1, img->height }, jpeg, bytes, "frame"),
-        -EBADMSG);
-    assert_contains(text, "instead of 135x97");
-    assert_int_equal(
-        sst_image_decode_rgbx(&(struct sst_rgbx){ memory, stride, img->width, img->height }, memory, bytes, "frame"),
-        -EBADMSG);
-    assert_contains(text, "is no JPEG");
-    sst_log_hold_errors(NULL);
-    sst_image_fini(&want);
-    free(jpeg);
-    free(memory);
-}
-
 /* Encode the upper left part of a frame. */
 static void encode_part(int width, int height, int sampling, int flags, uint8_t **jpeg, unsigned long *bytes)
 {
@@ -469,7 +433,6 @@ int main(void)
         serial_test(failures_end_on_the_cpu),
         cmocka_unit_test(encoded_frames_are_decoded_where_they_are_needed),
         cmocka_unit_test(a_damaged_frame_is_an_error),
-        serial_test(decoding_to_memory_gives_the_same_pixels),
         serial_test(other_samplings_are_decoded_by_the_cpu),
         serial_test(tables_have_the_places_of_the_map),
         serial_test(patches_have_the_places_of_the_map),
