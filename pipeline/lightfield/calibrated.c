@@ -239,7 +239,7 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
         err = sst_map_u8_init(&valid, lf->width, lf->height);
     if (!err)
         err = sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, (enum sst_filter)lf->filter,
-                               &v->image, 1);
+                               &v->image);
     sst_rectify_map_destroy(map);
     if (err) {
         char name[16];

@@ -154,7 +154,7 @@ static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struc
     err = err ? err : sst_image_init(out, lf->width, lf->height);
     err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
     err = err ? err
-              : sst_rectify_view(&(struct sst_rectified_view){ out, valid }, map, SST_CORRECTION_FILTER, &v->image, 1);
+              : sst_rectify_view(&(struct sst_rectified_view){ out, valid }, map, SST_CORRECTION_FILTER, &v->image);
     if (!err && v->valid.data)
         carry_valid(valid, &v->valid, map, xy_q8);
     sst_rectify_map_destroy(map);

@@ -38,7 +38,7 @@ static int decode(struct bench *b)
 
 static int rectify(struct bench *b)
 {
-    return sst_rectify_view(&(struct sst_rectified_view){ &b->view, &b->valid }, b->map, SST_FILTER_BICUBIC, &b->frame, 1);
+    return sst_rectify_view(&(struct sst_rectified_view){ &b->view, &b->valid }, b->map, SST_FILTER_BICUBIC, &b->frame);
 }
 
 static int pack(struct bench *b)

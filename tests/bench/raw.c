@@ -38,10 +38,10 @@ static int time_steps(const struct raw_field *f, double step_ms[3])
         err = sst_rectify_map_create(&map, f->raw.rectified, f->raw.calibration, 8);
         ms[0][i] = since(t);
         t = sst_clock_cpu_ns();
-        err = err ? err : sst_sampler_create(&sampler, map, filter, &f->raw.views[8].image, 1);
+        err = err ? err : sst_sampler_create(&sampler, map, filter, &f->raw.views[8].image);
         ms[1][i] = since(t);
         t = sst_clock_cpu_ns();
-        err = err ? err : sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, filter, &f->raw.views[8].image, 1);
+        err = err ? err : sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, filter, &f->raw.views[8].image);
         ms[2][i] = since(t);
         sst_sampler_destroy(sampler);
         sst_rectify_map_destroy(map);

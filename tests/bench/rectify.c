@@ -144,7 +144,7 @@ static double time_one(struct timed *t, size_t filter, bool opencv)
     if (opencv)
         bench_remap_run(t->remap[filter]);
     else
-        check("view", sst_rectify_view(&(struct sst_rectified_view){ &t->out, NULL }, t->map, filters[filter], &t->raw, 1));
+        check("view", sst_rectify_view(&(struct sst_rectified_view){ &t->out, NULL }, t->map, filters[filter], &t->raw));
     return (double)(sst_clock_cpu_ns() - start_ns) * 1e-6;
 }
 
@@ -194,7 +194,7 @@ static void make(struct sst_image *out, const struct sst_image *raw, const struc
     } else {
         struct sst_rectify_map *map = map_of(to, calib);
 
-        check("view", sst_rectify_view(&(struct sst_rectified_view){ out, NULL }, map, filter, raw, 0));
+        check("view", sst_rectify_view(&(struct sst_rectified_view){ out, NULL }, map, filter, raw));
         sst_rectify_map_destroy(map);
     }
 }

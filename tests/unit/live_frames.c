@@ -532,7 +532,7 @@ static void calibrated_views_follow(void **state)
             assert_int_equal(sst_image_decode(&raw, in->frame[6].data, in->frame[6].bytes, "frame"), 0);
             assert_int_equal(sst_image_init(&want, k.lf.width, k.lf.height), 0);
             assert_int_equal(sst_map_u8_init(&valid, k.lf.width, k.lf.height), 0);
-            assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &want, &valid }, map, SST_FILTER_BICUBIC, &raw, 1), 0);
+            assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &want, &valid }, map, SST_FILTER_BICUBIC, &raw), 0);
             for (int y = 0; y < k.lf.height; y++) {
                 for (int c = 0; c < 3; c++)
                     assert_memory_equal(sst_image_row(&want, c, y), sst_image_row(&k.lf.views[6].image, c, y),

@@ -583,7 +583,7 @@ static void frames_in_parts_are_whole_frames(void **state)
         struct sst_sampler *parts;
 
         fill_random(&raw);
-        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &want, NULL }, map, (enum sst_filter)filter, &raw, 1), 0);
+        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &want, NULL }, map, (enum sst_filter)filter, &raw), 0);
         assert_int_equal(sst_sampler_create_empty(&parts, map, (enum sst_filter)filter), 0);
         for (int y = 0; y < 480; y += 97)
             for (int x = 0; x < 640; x += 128)
@@ -633,8 +633,8 @@ static void boxes_hold_what_is_seen(void **state)
             for (int v = box[1]; v < box[3]; v++)
                 memcpy(sst_image_row(&other, c, v) + box[0], sst_image_row(&one, c, v) + box[0],
                        (size_t)(box[2] - box[0]));
-        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &a, NULL }, map, filter, &one, 1), 0);
-        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &b, NULL }, map, filter, &other, 1), 0);
+        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &a, NULL }, map, filter, &one), 0);
+        assert_int_equal(sst_rectify_view(&(struct sst_rectified_view){ &b, NULL }, map, filter, &other), 0);
         for (int c = 0; c < 3; c++)
             for (int v = y; v < y + 32; v++)
                 assert_memory_equal(sst_image_row(&a, c, v) + x, sst_image_row(&b, c, v) + x, 32);

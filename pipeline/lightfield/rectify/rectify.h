@@ -81,12 +81,12 @@ struct sst_rectified_view {
 };
 
 /**
- * Resample one view: one pass from raw to rectified, light corrected. Deterministic for any number of threads.
+ * Resample one view: one pass from raw to rectified, light corrected.
  *
  * @return 0, -EINVAL (sizes), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectified_view *out, const struct sst_rectify_map *map,
-                                    enum sst_filter filter, const struct sst_image *raw, int threads);
+                                    enum sst_filter filter, const struct sst_image *raw);
 
 /** Tables that resampling of a view reads, for a device; pointers are borrowed from the map. */
 struct sst_rectify_tables {
@@ -138,7 +138,7 @@ struct sst_sampler;
  * @return 0, -EINVAL (sizes), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map,
-                                      enum sst_filter filter, const struct sst_image *raw, int threads);
+                                      enum sst_filter filter, const struct sst_image *raw);
 void sst_sampler_destroy(struct sst_sampler *sampler);
 
 /** A black raw frame, to be filled part by part. @return 0, -EINVAL, -ENOMEM; not logged */

@@ -6,12 +6,10 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
-#define BAND_ROWS 16
-#define MAX_TAPS  6
+#define MAX_TAPS 6
 
 static const struct {
     const char *name;
@@ -105,42 +103,6 @@ struct sst_sampler {
     struct sst_resample from;
 };
 
-struct packing {
-    const struct sst_sampler *sampler;
-    const struct sst_image *raw;
-};
-
-/* Pack one row of the picture, border rows included. */
-static void pack_row(const struct packing *job, int y)
-{
-    const struct sst_image *raw = job->raw;
-    const int w = raw->width, from = sst_clamp_int(y, 0, raw->height - 1);
-    const uint8_t *r = sst_image_row(raw, 0, from), *g = sst_image_row(raw, 1, from), *b = sst_image_row(raw, 2, from);
-    uint8_t *line = job->sampler->packed + (size_t)(y + SST_RESAMPLE_BORDER) * job->sampler->from.stride, *first, *last;
-
-    first = line + 4 * (size_t)SST_RESAMPLE_BORDER;
-    last = first + 4 * (size_t)(w - 1);
-    for (int x = 0; x < w; x++) {
-        const uint32_t pixel = (uint32_t)r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
-
-        memcpy(first + 4 * (size_t)x, &pixel, sizeof(pixel));
-    }
-    for (size_t i = 1; i <= SST_RESAMPLE_BORDER; i++) {
-        memcpy(first - 4 * i, first, 4);
-        memcpy(last + 4 * i, last, 4);
-    }
-}
-
-static int pack_band(void *arg, int index, int worker SST_UNUSED)
-{
-    const struct packing *job = arg;
-    const int first = index * BAND_ROWS - SST_RESAMPLE_BORDER;
-
-    for (int y = first; y < sst_min_int(first + BAND_ROWS, job->raw->height + SST_RESAMPLE_BORDER); y++)
-        pack_row(job, y);
-    return 0;
-}
-
 static int sampler_make(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter)
 {
     const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)map->chain.raw_width + border, 4);
@@ -159,24 +121,52 @@ static int sampler_make(struct sst_sampler *s, const struct sst_rectify_map *map
     return 0;
 }
 
-static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
-                        const struct sst_image *raw, int threads)
+/* Repeat the outermost pixels beyond the sides of the frame that a stored part touches. */
+static void repeat_border(const struct sst_sampler *s, const struct sst_rect *part)
 {
-    const int rows = raw->height + 2 * SST_RESAMPLE_BORDER;
-    struct packing job = { .sampler = s, .raw = raw };
-    int err;
+    const size_t border = SST_RESAMPLE_BORDER, own = s->from.stride;
+    const int x = part->x0, y = part->y0, width = part->x1 - x, height = part->y1 - y;
+    const bool left = x == 0, right = x + width == s->map->chain.raw_width;
+    const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
+    uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
+    /* Include the border columns on the sides that the part touches: border rows repeat them too. */
+    const size_t before = left ? 4 * border : 0, after = right ? 4 * border : 0, line = 4 * (size_t)width;
 
-    if (raw->width != map->chain.raw_width || raw->height != map->chain.raw_height)
-        return -EINVAL;
-    err = sampler_make(s, map, filter);
-    return err ? err : sst_parallel_for((rows + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), pack_band, &job);
+    for (int row = 0; row < height; row++) {
+        uint8_t *to = first + (size_t)row * own;
+
+        for (size_t i = 4; i <= before; i += 4)
+            memcpy(to - i, to, 4);
+        for (size_t i = 0; i < after; i += 4)
+            memcpy(to + line + i, to + line - 4, 4);
+    }
+    for (size_t i = 1; top && i <= border; i++)
+        memcpy(first - before - i * own, first - before, before + line + after);
+    for (size_t i = 0; bottom && i < border; i++) {
+        uint8_t *last = first - before + (size_t)(height - 1) * own;
+
+        memcpy(last + (i + 1) * own, last, before + line + after);
+    }
+}
+
+static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
+                        const struct sst_image *raw)
+{
+    int err = raw->width == map->chain.raw_width && raw->height == map->chain.raw_height ? 0 : -EINVAL;
+
+    err = err ? err : sampler_make(s, map, filter);
+    if (err)
+        return err;
+    sst_image_put_rgbx(s->packed + SST_RESAMPLE_BORDER * (s->from.stride + 4), s->from.stride, raw);
+    repeat_border(s, &(struct sst_rect){ 0, 0, raw->width, raw->height });
+    return 0;
 }
 
 int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter,
-                       const struct sst_image *raw, int threads)
+                       const struct sst_image *raw)
 {
     struct sst_sampler *s = calloc(1, sizeof(*s));
-    int err = s ? sampler_init(s, map, filter, raw, threads) : -ENOMEM;
+    int err = s ? sampler_init(s, map, filter, raw) : -ENOMEM;
 
     if (err)
         sst_sampler_destroy(s);
@@ -216,29 +206,11 @@ const uint8_t *sst_sampler_pixels(const struct sst_sampler *s, size_t *stride)
 void sst_sampler_put(struct sst_sampler *s, const struct sst_rect *part, const uint8_t *rgbx, size_t stride)
 {
     const size_t border = SST_RESAMPLE_BORDER, own = s->from.stride;
-    const int x = part->x0, y = part->y0, width = part->x1 - x, height = part->y1 - y;
-    const bool left = x == 0, right = x + width == s->map->chain.raw_width;
-    const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
-    uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
-    /* Include the border columns on the sides that the part touches: border rows repeat them too. */
-    const size_t before = left ? 4 * border : 0, after = right ? 4 * border : 0, line = 4 * (size_t)width;
+    uint8_t *const first = s->packed + (border + (size_t)part->y0) * own + 4 * (border + (size_t)part->x0);
 
-    for (int row = 0; row < height; row++) {
-        uint8_t *to = first + (size_t)row * own;
-
-        memcpy(to, rgbx + (size_t)row * stride, line);
-        for (size_t i = 4; i <= before; i += 4)
-            memcpy(to - i, to, 4);
-        for (size_t i = 0; i < after; i += 4)
-            memcpy(to + line + i, to + line - 4, 4);
-    }
-    for (size_t i = 1; top && i <= border; i++)
-        memcpy(first - before - i * own, first - before, before + line + after);
-    for (size_t i = 0; bottom && i < border; i++) {
-        uint8_t *last = first - before + (size_t)(height - 1) * own;
-
-        memcpy(last + (i + 1) * own, last, before + line + after);
-    }
+    for (int row = 0; row < part->y1 - part->y0; row++)
+        memcpy(first + (size_t)row * own, rgbx + (size_t)row * stride, 4 * (size_t)(part->x1 - part->x0));
+    repeat_border(s, part);
 }
 
 bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, const struct sst_rect *part,
@@ -323,42 +295,28 @@ void sst_sampler_row(const struct sst_sampler *s, const struct sst_rectified_row
 
 /* --- views -------------------------------------------------------------------------------------------------------- */
 
-struct job {
-    struct sst_sampler sampler;
-    struct sst_rectified_view out;
-};
-
-static int resample_band(void *arg, int index, int worker SST_UNUSED)
-{
-    const struct job *job = arg;
-    const struct sst_image *image = job->out.image;
-    const int end = sst_min_int((index + 1) * BAND_ROWS, image->height);
-
-    for (int y = index * BAND_ROWS; y < end; y++) {
-        for (int x = 0; x < image->width; x += SST_SAMPLE_MAX) {
-            const struct sst_rectified_row row = { x, y, sst_min_int(SST_SAMPLE_MAX, image->width - x) };
-            uint8_t *const out[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
-                                      sst_image_row(image, 2, y) + x };
-
-            sst_sampler_row(&job->sampler, &row, out, job->out.valid ? sst_map_u8_row(job->out.valid, y) + x : NULL);
-        }
-    }
-    return 0;
-}
-
 int sst_rectify_view(const struct sst_rectified_view *out, const struct sst_rectify_map *map, enum sst_filter filter,
-                     const struct sst_image *raw, int threads)
+                     const struct sst_image *raw)
 {
-    struct job job = { .out = *out };
-    const int height = out->image->height;
+    const struct sst_image *image = out->image;
+    struct sst_sampler sampler;
     int err;
 
-    if (out->image->width != map->width || height != map->height ||
-        (out->valid && (out->valid->width != map->width || out->valid->height != height)))
+    if (image->width != map->width || image->height != map->height ||
+        (out->valid && (out->valid->width != map->width || out->valid->height != map->height)))
         return -EINVAL;
-    err = sampler_init(&job.sampler, map, filter, raw, threads);
-    if (!err)
-        err = sst_parallel_for((height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), resample_band, &job);
-    sst_mem_free(job.sampler.packed);
-    return err;
+    err = sampler_init(&sampler, map, filter, raw);
+    if (err)
+        return err;
+    for (int y = 0; y < image->height; y++) {
+        for (int x = 0; x < image->width; x += SST_SAMPLE_MAX) {
+            const struct sst_rectified_row row = { x, y, sst_min_int(SST_SAMPLE_MAX, image->width - x) };
+            uint8_t *const to[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
+                                     sst_image_row(image, 2, y) + x };
+
+            sst_sampler_row(&sampler, &row, to, out->valid ? sst_map_u8_row(out->valid, y) + x : NULL);
+        }
+    }
+    sst_mem_free(sampler.packed);
+    return 0;
 }

@@ -63,8 +63,7 @@ static int make_sampler(struct sst_renderer *r, int view)
         err = sst_sampler_create(&raw->sampler, raw->map, render_frame_filter(lf),
                                  v->encoded        ? &frame
                                  : !lf->images_raw ? &v->original
-                                                   : &v->image,
-                                 1);
+                                                   : &v->image);
     sst_image_fini(&frame);
     return err;
 }
