@@ -59,11 +59,7 @@ struct sst_capture {
 
 static void wake(struct sst_capture *c)
 {
-    const uint64_t one = 1;
-
-    if (write(c->wake_fd, &one, sizeof(one)) < 0) {
-        /* full: it is already readable */
-    }
+    (void)eventfd_write(c->wake_fd, 1); /* full: it is already readable */
 }
 
 /* --- writer thread ------------------------------------------------------------------------------------------------ */

@@ -112,11 +112,9 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
 static int head_poll(void *object)
 {
     struct sst_link_head *h = object;
-    uint64_t woken;
+    eventfd_t woken;
 
-    if (read(h->ready_fd, &woken, sizeof(woken)) < 0) {
-        /* nothing has come */
-    }
+    (void)eventfd_read(h->ready_fd, &woken);
     report_states(h);
     for (;;) {
         struct head_set *set = NULL;
@@ -322,14 +320,11 @@ int sst_link_head_open(struct sst_link_head **out, const struct sst_link_head_co
 
 void sst_link_head_stop(struct sst_link_head *h)
 {
-    const uint64_t one = 1;
-
     pthread_mutex_lock(&h->lock);
     h->stop = true;
     pthread_mutex_unlock(&h->lock);
-    if (h->threaded && write(h->wake_fd, &one, sizeof(one)) < 0) {
-        /* full: it is already readable */
-    }
+    if (h->threaded)
+        (void)eventfd_write(h->wake_fd, 1); /* full: it is already readable */
 }
 
 void sst_link_head_close(struct sst_link_head *h)

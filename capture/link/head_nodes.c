@@ -1,8 +1,6 @@
 /* Connections of nodes on the head: admission and incoming messages. */
 #define _GNU_SOURCE /* accept4() */
-#include <arpa/inet.h>
 #include <errno.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -37,8 +35,8 @@ struct link_connection {
     uint64_t received_datagram_bytes;   /* not yet reported */
     int cameras;
     struct {
-        uint8_t *data; /* bytes that it sent last, for pictures that are unchanged; of the set `seq` */
-        size_t bytes, room;
+        struct sst_mem_kept kept; /* bytes that it sent last, for pictures that are unchanged; of the set `seq` */
+        size_t bytes;
         uint32_t stride;
         uint64_t seq;
     } last[SST_CAMERAS_MAX];
@@ -53,7 +51,7 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
     link_stream_close(&c->stream);
     link_inbox_destroy(c->inbox);
     for (int i = 0; i < c->cameras; i++)
-        free(c->last[i].data);
+        sst_mem_kept_fini(&c->last[i].kept);
     if (source >= 0) {
         struct head_source *s = &h->source[source];
         char text[256];
@@ -334,15 +332,11 @@ static int take_state(struct sst_link_head *h, struct link_connection *c, const 
 
 static int keep_last(struct link_connection *c, int cam, const uint8_t *data, const struct wire_frame *f, uint64_t seq)
 {
-    if (f->bytes > c->last[cam].room) {
-        uint8_t *grown = realloc(c->last[cam].data, f->bytes + f->bytes / 4);
+    uint8_t *to = sst_mem_keep(&c->last[cam].kept, f->bytes, 1);
 
-        if (!grown)
-            return -ENOMEM;
-        c->last[cam].data = grown;
-        c->last[cam].room = f->bytes + f->bytes / 4;
-    }
-    memcpy(c->last[cam].data, data, f->bytes);
+    if (!to)
+        return -ENOMEM;
+    memcpy(to, data, f->bytes);
     c->last[cam].bytes = f->bytes;
     c->last[cam].stride = f->stride;
     c->last[cam].seq = seq;
@@ -392,7 +386,7 @@ static void fill(const struct sst_link_head *h, struct link_connection *c, struc
                                             .width = h->array.width,
                                             .height = h->array.height,
                                             .stride = c->last[i].stride,
-                                            .data = memcpy(at, c->last[i].data, c->last[i].bytes),
+                                            .data = memcpy(at, c->last[i].kept.data, c->last[i].bytes),
                                             .bytes = c->last[i].bytes,
                                             .sequence = frame[i].sequence,
                                             .lost_before = frame[i].lost_before,

@@ -1,8 +1,7 @@
 /* Sets of sources: their memory, and their way from a connection over the numbering to capture. */
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+#include <sys/eventfd.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -21,21 +20,6 @@ static struct head_set *acquire_locked(struct head_source *source)
     return NULL;
 }
 
-/* Its memory only grows: after the first sets no more is asked for. */
-static bool has_room(struct head_set *set, size_t bytes)
-{
-    uint8_t *data;
-
-    if (bytes <= set->room)
-        return true;
-    data = realloc(set->data, bytes + bytes / 4);
-    if (!data)
-        return false;
-    set->data = data;
-    set->room = bytes + bytes / 4;
-    return true;
-}
-
 struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, int missed, size_t bytes)
 {
     struct head_source *s = &h->source[source];
@@ -47,7 +31,9 @@ struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frame
     s->peer.missed += (uint64_t)missed;
     frames -= missed;
     set = acquire_locked(s);
-    if (set && !has_room(set, bytes)) {
+    if (set)
+        set->data = sst_mem_keep(&set->kept, bytes, 1); /* after the first sets no more is asked for */
+    if (set && !set->data) {
         for (int i = 0; i < LINK_SETS; i++)
             s->busy[i] = s->busy[i] && s->set[i] != set;
         set = NULL;
@@ -79,8 +65,6 @@ static void discard_locked(struct sst_link_head *h, struct head_set *set, uint64
 
 static void make_ready_locked(struct sst_link_head *h, struct head_set *set)
 {
-    const uint64_t one = 1;
-
     if (h->ready_count == LINK_READY) { /* capture stands still: the oldest goes */
         struct head_set *oldest = h->ready[h->ready_first];
 
@@ -89,9 +73,7 @@ static void make_ready_locked(struct sst_link_head *h, struct head_set *set)
         discard_locked(h, oldest, &h->source[oldest->source].peer.dropped);
     }
     h->ready[(h->ready_first + h->ready_count++) % LINK_READY] = set;
-    if (write(h->ready_fd, &one, sizeof(one)) < 0) {
-        /* full: it is already readable */
-    }
+    (void)eventfd_write(h->ready_fd, 1); /* full: it is already readable */
 }
 
 static void log_slip(const struct sst_link_head *h, int source, const struct sst_numbering_state *before,
@@ -192,7 +174,6 @@ void head_forget_locked(struct sst_link_head *h, int source)
 void head_camera_locked(struct sst_link_head *h, int source, int cam, struct head_camera now)
 {
     struct head_slot *slot = &h->slot[h->source[source].slot[cam]];
-    const uint64_t one = 1;
 
     if (slot->source != source)
         return; /* another host has it now */
@@ -203,9 +184,7 @@ void head_camera_locked(struct sst_link_head *h, int source, int cam, struct hea
     slot->state = now.state;
     strncpy(slot->why, now.why, sizeof(slot->why) - 1);
     slot->changed = true;
-    if (write(h->ready_fd, &one, sizeof(one)) < 0) {
-        /* full: it is already readable */
-    }
+    (void)eventfd_write(h->ready_fd, 1); /* full: it is already readable */
 }
 
 void head_sets_free(struct sst_link_head *h)
@@ -213,7 +192,7 @@ void head_sets_free(struct sst_link_head *h)
     for (int i = 0; i < LINK_NODES; i++) {
         for (int k = 0; k < LINK_SETS; k++) {
             if (h->source[i].set[k])
-                free(h->source[i].set[k]->data);
+                sst_mem_kept_fini(&h->source[i].set[k]->kept);
             free(h->source[i].set[k]);
         }
         json_decref(h->source[i].peer.reported);

@@ -207,6 +207,7 @@ int link_inbox_repair(struct link_inbox *in, const uint8_t *data, size_t bytes, 
 
 int link_inbox_whole(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns)
 {
+    uint8_t *to;
     struct slot *s;
 
     if (bytes < WIRE_SET_BYTES || bytes > in->most)
@@ -216,16 +217,10 @@ int link_inbox_whole(struct link_inbox *in, const uint8_t *data, size_t bytes, i
     s = note(in, wire_get_u64(data), now_ns);
     if (!s || s->state != SLOT_UNKNOWN)
         return -EBADMSG;
-    if (bytes > s->pieces.room) {
-        uint8_t *grown = malloc(bytes + bytes / 4);
-
-        if (!grown)
-            return -ENOMEM;
-        free(s->pieces.buffer);
-        s->pieces.buffer = grown;
-        s->pieces.room = bytes + bytes / 4;
-    }
-    memcpy(s->pieces.buffer, data, bytes);
+    to = sst_mem_keep(&s->pieces.kept, bytes, 1);
+    if (!to)
+        return -ENOMEM;
+    s->pieces.buffer = memcpy(to, data, bytes);
     s->bytes = bytes;
     s->state = SLOT_WHOLE;
     return 0;

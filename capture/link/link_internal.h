@@ -276,8 +276,8 @@ struct node_flight {
 struct node_pieces {
     bool used;
     struct sst_pieces_shape shape;
-    uint8_t *data;
-    size_t room;
+    struct sst_mem_kept kept;
+    uint8_t *data; /* in it */
 };
 
 enum node_phase {
@@ -390,8 +390,8 @@ struct head_set {
     struct sst_numbering_place place;
     struct sst_frame frame[SST_CAMERAS_MAX]; /* bytes NULL: missing */
     int slot[SST_CAMERAS_MAX];               /* view of each of its cameras */
-    uint8_t *data;
-    size_t room;
+    struct sst_mem_kept kept;
+    uint8_t *data; /* in it */
 };
 
 struct head_slot {

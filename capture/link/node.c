@@ -30,11 +30,7 @@ const char *const sst_link_keys[SST_LINK_BUCKETS] = { "sent", "unchanged", "drop
 
 static void wake(struct sst_link_node *n)
 {
-    const uint64_t one = 1;
-
-    if (write(n->wake_fd, &one, sizeof(one)) < 0) {
-        /* full: it is already readable */
-    }
+    (void)eventfd_write(n->wake_fd, 1); /* full: it is already readable */
 }
 
 /* --- messages ----------------------------------------------------------------------------------------------------- */
@@ -327,7 +323,7 @@ static void work(struct sst_link_node *n, bool open)
 {
     struct pollfd fds[3] = { { .fd = n->wake_fd, .events = POLLIN }, { .fd = -1 }, { .fd = -1 } };
     int timeout_ms = node_datagrams_busy(n) ? 1 : 50, err = 0;
-    uint64_t woken;
+    eventfd_t woken;
 
     if (n->phase == NODE_OFF && open && sst_clock_now_ns() >= n->retry_ns) {
         err = dial(n);
@@ -343,9 +339,7 @@ static void work(struct sst_link_node *n, bool open)
         fds[2] = (struct pollfd){ .fd = link_dtls_fd(n->by.dtls), .events = POLLIN };
     if (!err && poll(fds, 3, timeout_ms) < 0 && errno != EINTR)
         err = -errno;
-    if (read(n->wake_fd, &woken, sizeof(woken)) < 0) {
-        /* woken by the socket, or by time */
-    }
+    (void)eventfd_read(n->wake_fd, &woken); /* woken by the socket, or by time */
     if (!err && n->phase != NODE_OFF)
         err = advance(n, fds[1].revents);
     count_bytes(n);

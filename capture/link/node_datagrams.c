@@ -38,7 +38,7 @@ void node_datagrams_close(struct sst_link_node *n)
     sst_pieces_coder_destroy(n->by.coder);
     n->by.coder = NULL;
     for (int i = 0; i < NODE_FLIGHT_MAX; i++) {
-        free(n->by.pieces[i].data);
+        sst_mem_kept_fini(&n->by.pieces[i].kept);
         n->by.pieces[i] = (struct node_pieces){ 0 };
     }
 }
@@ -123,7 +123,7 @@ static int give_up(struct sst_link_node *n, int64_t now_ns, const char *why)
 int node_datagrams_room(struct sst_link_node *n, size_t bytes)
 {
     struct sst_pieces_shape shape;
-    size_t need;
+    uint8_t *data;
     int place = 0;
 
     if (sst_pieces_shape(&shape, bytes, sst_pieces_parity(bytes, n->array.hosts.parity)))
@@ -132,16 +132,10 @@ int node_datagrams_room(struct sst_link_node *n, size_t bytes)
         place++;
     if (place == NODE_FLIGHT_MAX)
         return -1;
-    need = (size_t)shape.all * shape.piece;
-    if (need > n->by.pieces[place].room) {
-        uint8_t *grown = malloc(need + need / 4);
-
-        if (!grown)
-            return -1;
-        free(n->by.pieces[place].data);
-        n->by.pieces[place].data = grown;
-        n->by.pieces[place].room = need + need / 4;
-    }
+    data = sst_mem_keep(&n->by.pieces[place].kept, (size_t)shape.all, shape.piece);
+    if (!data)
+        return -1;
+    n->by.pieces[place].data = data;
     n->by.pieces[place].shape = shape;
     return place;
 }

@@ -110,21 +110,13 @@ int sst_piece_get(const uint8_t *in, size_t bytes, struct sst_piece *piece, stru
 
 int sst_pieces_begin(struct sst_pieces *p, const struct sst_pieces_shape *shape)
 {
-    const size_t need = (size_t)shape->all * shape->piece;
+    uint8_t *buffer = sst_mem_keep(&p->kept, (size_t)shape->all, shape->piece);
 
     if (!p->have)
         p->have = malloc(HAVE_MAX);
-    if (!p->have)
+    if (!p->have || !buffer)
         return -ENOMEM;
-    if (need > p->room) {
-        uint8_t *grown = malloc(need + need / 4);
-
-        if (!grown)
-            return -ENOMEM;
-        free(p->buffer);
-        p->buffer = grown;
-        p->room = need + need / 4;
-    }
+    p->buffer = buffer;
     p->shape = *shape;
     p->blocks_whole = 0;
     memset(p->have, 0, (size_t)shape->all);
@@ -168,7 +160,7 @@ int sst_pieces_wanted(const struct sst_pieces *p, uint16_t *index)
 
 void sst_pieces_fini(struct sst_pieces *p)
 {
-    free(p->buffer);
+    sst_mem_kept_fini(&p->kept);
     free(p->have);
     *p = (struct sst_pieces){ 0 };
 }

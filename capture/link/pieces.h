@@ -20,6 +20,7 @@
 #include <stdint.h>
 
 #include "base/base.h"
+#include "base/mem.h"
 
 #define SST_PIECE_BYTES        1152 /* at most: with all headers below 1280, which every IPv6 path carries */
 #define SST_PIECE_HEAD         24
@@ -73,8 +74,8 @@ void sst_pieces_encode(struct sst_pieces_coder *coder, const struct sst_pieces_s
 /** A message that is being received. Zeroed: none. One thread. */
 struct sst_pieces {
     struct sst_pieces_shape shape;
-    uint8_t *buffer; /* [shape.all][shape.piece] */
-    size_t room;
+    struct sst_mem_kept kept;
+    uint8_t *buffer; /* [shape.all][shape.piece] in it */
     uint8_t *have; /* [SST_PIECES_DATA_MAX + SST_PIECES_BLOCKS_MAX * SST_PIECES_PARITY_MAX] */
     int got[SST_PIECES_BLOCKS_MAX], blocks_whole; /* pieces of each block */
 };

@@ -37,10 +37,7 @@ struct sst_jpeg_means {
     struct jpeg_compress_struct standard; /* tables of annex K: video frames omit them */
     struct jpeg_error_mgr errors;
     struct table dc[NUM_HUFF_TBLS], ac[NUM_HUFF_TBLS];
-    uint8_t *part; /* [room] */
-    size_t room;
-    uint8_t *cut; /* [cut_room] the frame that sst_jpeg_cut() made */
-    size_t cut_room;
+    struct sst_mem_kept part, cut; /* cut: the frame that sst_jpeg_cut() made */
 };
 
 int sst_jpeg_means_create(struct sst_jpeg_means **out)
@@ -63,8 +60,8 @@ void sst_jpeg_means_destroy(struct sst_jpeg_means *m)
     if (!m)
         return;
     jpeg_destroy_compress(&m->standard);
-    sst_mem_free(m->part);
-    sst_mem_free(m->cut);
+    sst_mem_kept_fini(&m->part);
+    sst_mem_kept_fini(&m->cut);
     free(m);
 }
 
@@ -166,32 +163,26 @@ static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8
 {
     const uint8_t *at = *from;
     const size_t first = r->end / 8;
+    uint8_t *part = r->bytes ? m->part.data : sst_mem_keep(&m->part, (size_t)(end - at) + SPARE, 1);
     size_t n = first;
 
-    if (!r->bytes && (size_t)(end - at) + SPARE > m->room) {
-        sst_mem_free(m->part);
-        m->room = (size_t)(end - at) * 5 / 4 + SPARE;
-        m->part = sst_mem_alloc_raw(m->room, 1);
-        if (!m->part) {
-            m->room = 0;
-            return -ENOMEM;
-        }
-    }
+    if (!part)
+        return -ENOMEM;
     while (at < end && n < limit) {
         const uint8_t *stop = memchr(at, 0xFF, (size_t)(end - at));
         const size_t plain = (size_t)((stop ? stop : end) - at);
 
-        memcpy(m->part + n, at, plain);
+        memcpy(part + n, at, plain);
         n += plain;
         at += plain;
         if (end - at < 2 || at[1])
             break;
-        m->part[n++] = 0xFF;
+        part[n++] = 0xFF;
         at += 2;
     }
-    memset(m->part + n, 0, SPARE);
+    memset(part + n, 0, SPARE);
     *from = at;
-    *r = (struct reader){ .bytes = m->part, .at = 8 * first, .end = 8 * n };
+    *r = (struct reader){ .bytes = part, .at = 8 * first, .end = 8 * n };
     return 0;
 }
 
@@ -590,16 +581,6 @@ static int read_parts(struct sst_jpeg_means *m, const uint8_t *from, const uint8
     return err;
 }
 
-static int reserve_cut(struct sst_jpeg_means *m, size_t bytes)
-{
-    if (bytes <= m->cut_room)
-        return 0;
-    sst_mem_free(m->cut);
-    m->cut = sst_mem_alloc_raw(bytes / 2 * 3, 1);
-    m->cut_room = m->cut ? bytes / 2 * 3 : 0;
-    return m->cut ? 0 : -ENOMEM;
-}
-
 int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame, const struct sst_jpeg_part *part,
                  const uint8_t **out, size_t *bytes)
 {
@@ -611,23 +592,24 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame, c
     struct scan s = { .components = h->num_components, .index = index };
     struct writer w = { 0 };
     struct reader r = { 0 };
-    int err = h->comps_in_scan == s.components ? 0 : -ENOTSUP;
+    /* Every byte may need another one after it; words of means are up to 27 bits. */
+    const size_t most = header + 2 * data + 24 * (size_t)index->mcus_y * (size_t)index->mcus_x + 64;
+    uint8_t *cut = sst_mem_keep(&m->cut, most, 1);
+    int err = h->comps_in_scan != s.components ? -ENOTSUP : cut ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < s.components; i++)
         err = set_component(m, h, i, &s.c[i]);
-    /* Every byte may need another one after it; words of means are up to 27 bits. */
-    err = err ? err : reserve_cut(m, header + 2 * data + 24 * (size_t)index->mcus_y * (size_t)index->mcus_x + 64);
     err = err ? err : read_parts(m, from, from + data, last / 8 + 1, &r);
     if (err)
         return err;
-    memcpy(m->cut, frame->data, header);
-    if (!set_size(m->cut, header,
+    memcpy(cut, frame->data, header);
+    if (!set_size(cut, header,
                   sst_min_int(part->x1 * index->mcu_width, (int)h->image_width) - part->x0 * index->mcu_width,
                   sst_min_int(part->y1 * index->mcu_height, (int)h->image_height) - part->y0 * index->mcu_height))
         return -ENOTSUP;
-    w.to = m->cut + header;
+    w.to = cut + header;
     err = put_part(&w, &r, &s, part);
-    *out = m->cut;
-    *bytes = (size_t)(w.to - m->cut);
+    *out = cut;
+    *bytes = (size_t)(w.to - cut);
     return err;
 }

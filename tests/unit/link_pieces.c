@@ -114,7 +114,7 @@ static void what_suffices_restores(void **unused SST_UNUSED)
             order[o] = swap;
         }
         assert_int_equal(sst_pieces_begin(&p, &s), 0);
-        memset(p.buffer, 0xee, p.room); /* earlier contents are not used */
+        memset(p.buffer, 0xee, p.kept.bytes); /* earlier contents are not used */
         for (int i = 0; i < s.all && !sst_pieces_complete(&p); i++) {
             came += sst_pieces_add(&p, order[i], pieces + (size_t)order[i] * s.piece);
             assert_false(sst_pieces_add(&p, order[i], pieces));
