@@ -9,6 +9,7 @@
 #include "pipeline/calibration/board/print.h"
 #include "pipeline/camera/calib.h"
 #include "pipeline/image/image.h"
+#include "tests/camera_project.h"
 #include "tests/random.h"
 
 #define SCENE_FINE 5 /* samples along a side of a pixel */
@@ -75,7 +76,7 @@ static inline bool board_scene_project(const struct board_scene *s, const double
     board_scene_pose(s, m);
     for (int i = 0; i < 3; i++)
         X[i] = m[3 * i] * p[0] + m[3 * i + 1] * p[1] + m[3 * i + 2];
-    return sst_camera_project(&s->cam, X, x, y);
+    return camera_project(&s->cam, X, x, y);
 }
 
 /* The print as a texture whose dots are so small that all edges fall between them. */

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "pipeline/calibration/board/detect.h"
+#include "tests/camera_project.h"
 #include "tests/random.h"
 
 struct truth_config {
@@ -201,7 +202,7 @@ static inline void truth_see(struct truth *t, int view, int frame)
         double X[3], x, y;
 
         truth_point(t, frame, id, X);
-        if (!kept || !sst_camera_project(&t->calib.camera[view], X, &x, &y) || x < 4 || y < 4 || x > c->width - 5 ||
+        if (!kept || !camera_project(&t->calib.camera[view], X, &x, &y) || x < 4 || y < 4 || x > c->width - 5 ||
             y > c->height - 5)
             continue;
         x += c->noise_px * off[0] + (out ? c->outlier_px * (2 * far_off[0] - 1) : 0);

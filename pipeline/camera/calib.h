@@ -81,9 +81,6 @@ void sst_camera_distort(const struct sst_calib_camera *cam, double a, double b, 
 /** Pixels to (a, b), Newton's method to 1e-12. @return false: no point projects there, the lens folds over before it */
 SST_MUST_CHECK bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y, double *a, double *b);
 
-/** Point in rig axes to pixels. @return false: not in front of the camera, or beyond the fold of the lens */
-SST_MUST_CHECK bool sst_camera_project(const struct sst_calib_camera *cam, const double X[3], double *x, double *y);
-
 /** Rotation vector (axis times angle, rad) to matrix and back; exact near 0 and near pi. */
 void sst_rotation_from_vector(const double v[3], double m[9]);
 void sst_rotation_to_vector(const double m[9], double v[3]);

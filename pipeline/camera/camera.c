@@ -64,25 +64,6 @@ bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y
     return false;
 }
 
-bool sst_camera_project(const struct sst_calib_camera *cam, const double X[3], double *x, double *y)
-{
-    const double *r = cam->rotation, *c = cam->position_mm;
-    const double d[3] = { X[0] - c[0], X[1] - c[1], X[2] - c[2] };
-    const double z = r[6] * d[0] + r[7] * d[1] + r[8] * d[2];
-    double a, b, seen[2], by[4];
-
-    if (!(z > 0))
-        return false;
-    a = (r[0] * d[0] + r[1] * d[1] + r[2] * d[2]) / z;
-    b = (r[3] * d[0] + r[4] * d[1] + r[5] * d[2]) / z;
-    distort_with_slope(cam->k, a, b, seen, by);
-    if (!upright(by) || !isfinite(seen[0]) || !isfinite(seen[1]))
-        return false;
-    *x = cam->fx * seen[0] + cam->cx;
-    *y = cam->fy * seen[1] + cam->cy;
-    return true;
-}
-
 /* Rodrigues: R = cos t 1 + (1 - cos t) n n^T + sin t [n]x, by series where the angle t is small. */
 void sst_rotation_from_vector(const double v[3], double m[9])
 {

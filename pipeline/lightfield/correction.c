@@ -305,13 +305,8 @@ static void corrected_maps(void *arg, int view, struct sst_share_maps *out)
     sst_share_add_u8(out, &v->valid);
 }
 
-int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction, int threads)
-{
-    return sst_lightfield_shared_correct(NULL, lf, correction, threads);
-}
-
-int sst_lightfield_shared_correct(struct sst_share *share, struct sst_lightfield *lf,
-                                  const struct sst_correction *correction, int threads)
+int sst_lightfield_correct(struct sst_share *share, struct sst_lightfield *lf, const struct sst_correction *correction,
+                           int threads)
 {
     const size_t bytes = (size_t)(lf->rows * lf->cols) * sizeof(*correction);
     struct job job = { lf, correction };

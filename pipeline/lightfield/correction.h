@@ -39,15 +39,12 @@ bool sst_correction_valid(const struct sst_correction *c);
  * the next load. Pictures that were corrected before are corrected further, but only `correction` is kept: load with
  * SST_LOAD_UNCORRECTED first. The same bytes for any number of threads.
  *
+ * @param share       shares the views with other processes; or NULL
  * @param correction  [rows * cols]
  * @return 0, -EINVAL (invalid, or raw frames), -ENOMEM; logged
  */
-SST_MUST_CHECK int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction,
-                                          int threads);
-
-/** Correct the loaded pictures, the views shared with other processes. @param share  or NULL */
-SST_MUST_CHECK int sst_lightfield_shared_correct(struct sst_share *share, struct sst_lightfield *lf,
-                                                 const struct sst_correction *correction, int threads);
+SST_MUST_CHECK int sst_lightfield_correct(struct sst_share *share, struct sst_lightfield *lf,
+                                          const struct sst_correction *correction, int threads);
 
 /** Whether a view has an original that rays can be sampled from: then each ray is interpolated once, not twice. */
 bool sst_lightfield_has_originals(const struct sst_lightfield *lf);

@@ -149,9 +149,6 @@ SST_MUST_CHECK int sst_lightfield_read_deep(struct sst_map_u16 (*plane)[3], cons
  *  @return as sst_lightfield_choose_samples() */
 SST_MUST_CHECK int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf, const char *dir);
 
-/** Compare each view's bytes with the hash in lightfield.json. @return 0 or -EBADMSG (logged: which view). */
-SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads);
-
 /**
  * Write lightfield.json plus every non-empty disparity, labels and confidence map into `dir`, an open sst_outdir's
  * temporary folder in which views/ is already filled, and calibration.yaml where there is a calibration. An empty

@@ -292,23 +292,6 @@ int file_sha256(char out[65], const char *path)
     return 0;
 }
 
-static int verify_view(void *arg, int k, int worker SST_UNUSED)
-{
-    const struct job *job = arg;
-    struct view_file file = { .data = NULL };
-    const int err = job->in->views[k].present ? read_view(&file, job->in, k, job->dir) : 0;
-
-    free(file.data);
-    return err;
-}
-
-int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads)
-{
-    struct job job = { .in = lf, .dir = dir };
-
-    return sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), verify_view, &job);
-}
-
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
 /* Map `index % MAP_KINDS` of view `index / MAP_KINDS`. */

@@ -67,8 +67,6 @@ enum sst_live_stage {
     SST_LIVE_STAGES = 6,
 };
 
-/** The rectangle between two corners, at any depth. */
-struct sst_live_zone sst_live_rectangle(double x0, double y0, double x1, double y1);
 /** Is a point, in fractions of the view, in the polygon, and its disparity within the limits? */
 bool sst_live_zone_has(const struct sst_live_zone *zone, double x, double y, double disp_px);
 

@@ -11,13 +11,6 @@
 #define DEPTH_STEP 8
 #define ALL        SST_LIVE_ZONES /* the whole view, after the zones */
 
-struct sst_live_zone sst_live_rectangle(double x0, double y0, double x1, double y1)
-{
-    return (struct sst_live_zone){
-        .points = 4, .x = { x0, x1, x1, x0 }, .y = { y0, y0, y1, y1 }, .near_px = INFINITY, .far_px = -INFINITY
-    };
-}
-
 /* Does a ray to the right meet an odd number of edges? */
 static bool has_point(const struct sst_live_zone *z, double x, double y)
 {

@@ -17,6 +17,7 @@
 #include "pipeline/calibration/solve/solve.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "tests/calib_truth.h"
+#include "tests/camera_project.h"
 
 #define ACROSS    13 /* points over the picture of the reference camera */
 #define DOWN      9
@@ -109,7 +110,7 @@ static void carry(struct carried *c, double depth_mm)
             double x, y;
 
             c->at[view][i] = (struct seen){ 0 };
-            if (is && c->calib->camera[view].known && sst_camera_project(&t->camera[view], X, &x, &y) &&
+            if (is && c->calib->camera[view].known && camera_project(&t->camera[view], X, &x, &y) &&
                 x > BORDER_PX && y > BORDER_PX && x < t->width - BORDER_PX && y < t->height - BORDER_PX)
                 c->at[view][i] = rectified(c, view, x, y);
             if (c->level)
@@ -255,7 +256,7 @@ static bool follow(const struct sst_calib *c, int view, double x, double y, doub
         return false;
     for (int i = 0; i < 3; i++)
         X[i] *= depth_mm;
-    return sst_camera_project(&c->camera[view], X, &out[0], &out[1]);
+    return camera_project(&c->camera[view], X, &out[0], &out[1]);
 }
 
 /* Shares of the cells' errors (x and y apart) within one and two predicted sigma. */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "pipeline/camera/calib.h"
+#include "tests/camera_project.h"
 #include "tests/fuzz/seeds.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -36,7 +37,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (sst_calib_fault(&calib))
         abort();
     for (int k = 0; k < calib.rows * calib.cols; k++) {
-        if (calib.camera[k].known && !sst_camera_project(&calib.camera[k], (const double[]){ 10, -20, 1000 }, &x, &y) &&
+        if (calib.camera[k].known && !camera_project(&calib.camera[k], (const double[]){ 10, -20, 1000 }, &x, &y) &&
             (isnan(x) || isnan(y)))
             abort();
     }

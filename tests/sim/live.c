@@ -16,6 +16,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"
 #include "simulators/scene/scene.h"
+#include "tests/live_zone.h"
 #include "tests/quick.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -113,7 +114,7 @@ static void open_array(struct array *a, bool labels)
                                        .zones = 1 };
     for (int k = 0; k < VIEWS; k++)
         a->cfg.present[k] = true;
-    a->cfg.zone[0] = sst_live_rectangle(0, 0, 0.25, 0.25);
+    a->cfg.zone[0] = live_rectangle(0, 0, 0.25, 0.25);
     if (labels && WITH_DNNL)
         a->cfg.model = "models/pspnet-small.onnx";
     a->in.t_ns = SET_NS;
@@ -365,7 +366,7 @@ static void what_cannot_be_opened_is_refused(void **state SST_UNUSED)
     cfg.present[1] = true;
     cfg.zones = 1;
     assert_int_equal(sst_live_open(&live, &cfg), -EINVAL); /* an empty zone */
-    cfg.zone[0] = sst_live_rectangle(0, 0, NAN, NAN);
+    cfg.zone[0] = live_rectangle(0, 0, NAN, NAN);
     assert_int_equal(sst_live_open(&live, &cfg), -EINVAL);
     cfg.zones = 0;
     cfg.model = "/nonexistent.onnx";

@@ -213,7 +213,7 @@ static bool misalign(struct chain *c)
         if (!sst_correction_valid(to)) /* the last bit of a limit */
             *to = sst_correction_none();
     }
-    CHECK(c, !sst_lightfield_correct(lf, correction, 2), "pictures cannot be displaced");
+    CHECK(c, !sst_lightfield_correct(NULL, lf, correction, 2), "pictures cannot be displaced");
     free(lf->correction);
     lf->correction = NULL;
     return true;

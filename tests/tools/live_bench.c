@@ -31,6 +31,7 @@
 #include "pipeline/method/network/model_path.h"
 #include "simulators/scene/world/sim_world.h"
 #include "tests/live_truth.h"
+#include "tests/live_zone.h"
 
 #define FRAME_MAX ((size_t)4 << 20)
 #define SETS_MAX  10000
@@ -452,7 +453,7 @@ int main(int argc, char **argv)
     cfg.background = option("background") > 0;
     cfg.range_min_px = option("min");
     cfg.range_max_px = option("max");
-    cfg.zone[0] = sst_live_rectangle(0, LIVE_TRUTH_TOP, 1, 1);
+    cfg.zone[0] = live_rectangle(0, LIVE_TRUTH_TOP, 1, 1);
     if (!err && truth_label)
         err = truth ? live_truth_init(truth, argv[1], sst_classes_find(&sst_classes_default, truth_label)) : -ENOMEM;
     err = err ? err : run(&s, &cfg, truth);

@@ -233,7 +233,7 @@ static void falloffs_are_found_and_undone(void **state SST_UNUSED)
         if (fabs(c[k].falloff + 0.12 * (k * 5 % VIEWS)) > 0.2)
             fail_msg("view %d: %.3f for %.3f", k, c[k].falloff, -0.12 * (k * 5 % VIEWS));
     }
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), 0);
     for (int k = 0; k < VIEWS; k++)
         assert_true(difference(&lf.views[k].image, &scene_views.views[k].image) < 4);
     sst_lightfield_fini(&lf);
@@ -266,7 +266,7 @@ static void gammas_are_found_and_undone(void **state SST_UNUSED)
             fail_msg("view %d: %.3f for %.3f", k, c[k].exponent, 1 + 0.06 * ((k * 5 % VIEWS) - 4));
         before += difference(&lf.views[k].image, &scene_views.views[k].image);
     }
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), 0);
     for (int k = 0; k < VIEWS; k++)
         after += difference(&lf.views[k].image, &scene_views.views[k].image);
     if (after > 0.3 * before)
@@ -303,15 +303,15 @@ static void corrections_undo(void **state SST_UNUSED)
         c[k].shift_y_px = down_of(k);
         c[k].gain[0] = c[k].gain[1] = c[k].gain[2] = gain_of(k);
     }
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), 0);
     for (int k = 0; k < VIEWS; k++) {
         assert_true(difference(&lf.views[k].image, &scene_views.views[k].image) < 2);
         assert_true(!lf.views[k].valid.data == !down_of(k)); /* the border comes from outside */
     }
     c[3].gain[0] = 9;
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), -EINVAL);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), -EINVAL);
     c[3].gain[0] = NAN;
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), -EINVAL);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), -EINVAL);
     sst_lightfield_fini(&lf);
 }
 
@@ -329,7 +329,7 @@ static void rolls_are_measured_as_they_are_undone(void **state SST_UNUSED)
         turn[k].roll_deg = 0.5 * ((k + k / SIDE) % SIDE - 1); /* no plane over the offsets, which would stay */
         turn[k].scale = 0.008 * ((k + 2 * (k / SIDE)) % SIDE - 1);
     }
-    assert_int_equal(sst_lightfield_correct(&lf, turn, 2), 0); /* now they are rolled the other way */
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, turn, 2), 0); /* now they are rolled the other way */
     plan(found, &report, &judgement, &lf);
     for (int k = 0; k < VIEWS; k++) {
         const struct sst_correction *stays = &turn[lf.ref_view];
@@ -365,7 +365,7 @@ static void a_folder_keeps_its_correction(void **state SST_UNUSED)
         c[k] = sst_correction_none();
     }
     c[5] = (struct sst_correction){ 0.25, -1.5, 0.125, 0.001, { 1.25, 1, 0.75 }, -0.25, 1.25 };
-    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, c, 2), 0);
     lf.files->judged = true;
     snprintf(lf.files->implausible, sizeof(lf.files->implausible), "a test");
     assert_int_equal(sst_lightfield_write(&lf, dir, 2), 0);

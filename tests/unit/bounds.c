@@ -10,6 +10,7 @@
 #include "pipeline/method/render/render.h"
 #include "simulators/scene/noise.h"
 #include "tests/bounds.h"
+#include "tests/camera_project.h"
 #include "tests/reference/geometry.h"
 #include "tests/reference/labels.h"
 #include "tests/reference/refine.h"
@@ -251,7 +252,7 @@ static void lenses(void **state SST_UNUSED)
 
         for (int r = 0; r < 3; r++)
             X[r] = cam.position_mm[r] + z * (cam.rotation[r] * a + cam.rotation[3 + r] * b + cam.rotation[6 + r]);
-        assert_true(sst_camera_project(&cam, X, &px[0], &px[1]));
+        assert_true(camera_project(&cam, X, &px[0], &px[1]));
         ref_project(&cam, X, &want[0], &want[1]);
         /* The point itself is known to 2^-53 of its distance from the origin, which is far compared with z. */
         bound_note(&x, (double)(fabsl(px[0] - want[0]) + fabsl(px[1] - want[1])) / (1 + 1000 / z), "depth %.0f mm", z);

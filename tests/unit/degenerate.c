@@ -14,6 +14,7 @@
 #include "pipeline/method/render/render.h"
 #include "simulators/scene/noise.h"
 #include "tests/bounds.h"
+#include "tests/camera_project.h"
 
 static uint64_t seed = 1;
 static char errors[SST_LOG_MAX]; /* refusals are expected */
@@ -550,8 +551,8 @@ static void geometry(void **state SST_UNUSED)
     assert_true(fabs(fabs(v[0]) - acos(-1)) < 1e-7 && fabs(v[1]) + fabs(v[2]) < 1e-7);
     bound_case("rotation by pi", "the axis, of either sign");
     memcpy(cam.rotation, ((double[9]){ 1, 0, 0, 0, 1, 0, 0, 0, 1 }), sizeof(cam.rotation));
-    assert_false(sst_camera_project(&cam, (const double[3]){ 1, 1, 0 }, &x, &y));
-    assert_false(sst_camera_project(&cam, (const double[3]){ 1, 1, -5 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[3]){ 1, 1, 0 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[3]){ 1, 1, -5 }, &x, &y));
     bound_case("projection, a point beside or behind the camera", "not seen");
 }
 

@@ -79,7 +79,6 @@ static struct sst_import_config config(const char *format, const char *source)
 static void load(struct sst_lightfield *lf)
 {
     assert_int_equal(sst_lightfield_load(lf, in_dir("out"), SST_LOAD_ALL, 2), 0);
-    assert_int_equal(sst_lightfield_verify(lf, in_dir("out"), 2), 0);
 }
 
 static void import_and_load(const struct sst_import_config *cfg, struct sst_lightfield *lf)

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "pipeline/camera/calib.h"
+#include "tests/camera_project.h"
 #include "tests/test.h"
 
 static struct sst_calib_camera camera(int lens, const double *k)
@@ -65,13 +66,13 @@ static void nothing_is_seen_beyond_the_fold(void **state SST_UNUSED)
     const struct sst_calib_camera cam = camera(5, k);
     double x, y, a, b;
 
-    assert_true(sst_camera_project(&cam, (const double[]){ 1.0, 0, 1 }, &x, &y));
+    assert_true(camera_project(&cam, (const double[]){ 1.0, 0, 1 }, &x, &y));
     assert_true(fabs(x - (320 + 500 * 0.7)) < 1e-9);
-    assert_false(sst_camera_project(&cam, (const double[]){ 1.2, 0, 1 }, &x, &y));
-    assert_false(sst_camera_project(&cam, (const double[]){ 2.5, 0, 1 }, &x, &y));
-    assert_false(sst_camera_project(&cam, (const double[]){ 0, -2.5, 1 }, &x, &y));
-    assert_false(sst_camera_project(&cam, (const double[]){ 0, 0, -1 }, &x, &y));
-    assert_false(sst_camera_project(&cam, (const double[]){ 0, 0, 0 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[]){ 1.2, 0, 1 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[]){ 2.5, 0, 1 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[]){ 0, -2.5, 1 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[]){ 0, 0, -1 }, &x, &y));
+    assert_false(camera_project(&cam, (const double[]){ 0, 0, 0 }, &x, &y));
     assert_false(sst_camera_undistort(&cam, 320 + 500 * 0.8, 240, &a, &b)); /* r s is at most 0.703 */
     assert_false(sst_camera_undistort(&cam, 320 + 500 * 2.5, 240, &a, &b)); /* Newton begins inside out */
     assert_false(sst_camera_undistort(&cam, NAN, 240, &a, &b));
@@ -85,9 +86,9 @@ static void projects_by_hand(void **state SST_UNUSED)
 
     memcpy(cam.rotation, (const double[]){ 0, -1, 0, 1, 0, 0, 0, 0, 1 }, sizeof(cam.rotation));
     memcpy(cam.position_mm, (const double[]){ 10, 20, 30 }, sizeof(cam.position_mm));
-    assert_true(sst_camera_project(&cam, (const double[]){ 10, 20, 40 }, &x, &y));
+    assert_true(camera_project(&cam, (const double[]){ 10, 20, 40 }, &x, &y));
     assert_true(x == 320 && y == 240);
-    assert_true(sst_camera_project(&cam, (const double[]){ 15, 20, 40 }, &x, &y));
+    assert_true(camera_project(&cam, (const double[]){ 15, 20, 40 }, &x, &y));
     assert_true(fabs(x - 320) < 1e-12 && fabs(y - 440) < 1e-12);
 }
 

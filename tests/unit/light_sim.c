@@ -2,6 +2,7 @@
  * the light that the simulator took. `light_sim WORLD.yaml` does the same with a world file and prints the figures. */
 #include <math.h>
 
+#include "tests/camera_project.h"
 #include "tests/sim_test.h"
 
 #include "pipeline/calibration/photometric/photometric.h"
@@ -62,7 +63,7 @@ static struct sst_detection detect(const struct shoot *s, int frame)
         point_of(b, id, at);
         for (int i = 0; i < 3; i++)
             p[i] = b->pose[frame].position_mm[i] + r[3 * i] * at[0] + r[3 * i + 1] * at[1];
-        if (sst_camera_project(&s->calib.camera[s->cam], p, &x, &y) && x >= 2 && y >= 2 && x <= s->calib.width - 3 &&
+        if (camera_project(&s->calib.camera[s->cam], p, &x, &y) && x >= 2 && y >= 2 && x <= s->calib.width - 3 &&
             y <= s->calib.height - 3)
             d.corner[d.corners++] = (struct sst_corner){ id, x, y, 1 };
     }

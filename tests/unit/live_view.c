@@ -13,6 +13,7 @@
 #include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 #include "tests/live_shown.h"
+#include "tests/live_zone.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -452,7 +453,7 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
     double lo, hi, px;
 
     show(&s, "bush", 320, 240, 6, true);
-    zone = sst_live_rectangle(0.25, 0.25, 0.5, 0.5);
+    zone = live_rectangle(0.25, 0.25, 0.5, 0.5);
     assert_int_equal(sst_live_set_zones(s.live, &zone, 1), 0);
     take(&s, 1);
     assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_PEDESTRIAN, &px), 0);
@@ -549,8 +550,8 @@ static void neighbours_in_depth_are_two(void **state SST_UNUSED)
 
 static void zones_tell_what_changed(void **state SST_UNUSED)
 {
-    const struct sst_live_zone zones[] = { sst_live_rectangle(0, 0, 0.4, 0.5), /* tiles 0, 1 of rows 0, 1 */
-                                           sst_live_rectangle(0.8, 0, 1, 1) };
+    const struct sst_live_zone zones[] = { live_rectangle(0, 0, 0.4, 0.5), /* tiles 0, 1 of rows 0, 1 */
+                                           live_rectangle(0.8, 0, 1, 1) };
     struct shown s;
     double changed[SST_LIVE_ZONES + 1];
 
@@ -572,7 +573,7 @@ static void zones_tell_what_changed(void **state SST_UNUSED)
 /* A triangle, a mask over a part of the picture, and invalid zones. */
 static void zones_are_polygons(void **state SST_UNUSED)
 {
-    struct sst_live_zone zone[2] = { sst_live_rectangle(0, 0, 1, 1), sst_live_rectangle(0, 0, 0.2, 0.25) };
+    struct sst_live_zone zone[2] = { live_rectangle(0, 0, 1, 1), live_rectangle(0, 0, 0.2, 0.25) };
     struct shown s;
     double changed[SST_LIVE_ZONES + 1];
 
@@ -597,7 +598,7 @@ static void zones_are_polygons(void **state SST_UNUSED)
     sst_log_set_level((enum sst_log_level) - 1);
     zone[1].far_px = zone[1].near_px = 3;
     assert_int_equal(sst_live_set_zones(s.live, zone, 2), -EINVAL);
-    zone[1] = sst_live_rectangle(0.1, 0.1, 0.1, 0.5);
+    zone[1] = live_rectangle(0.1, 0.1, 0.1, 0.5);
     assert_int_equal(sst_live_set_zones(s.live, zone, 2), -EINVAL);
     sst_log_set_level(SST_LOG_WARNING);
     assert_int_equal(s.live->cfg.zones, 2); /* as before */

@@ -11,6 +11,7 @@
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 #include "simulators/scene/noise.h"
+#include "tests/camera_project.h"
 #include "tests/test.h"
 
 #define F     1000.0
@@ -389,7 +390,7 @@ static void rectified_place(const struct sst_rectified *to, const struct sst_cal
 
     for (int i = 0; i < 3; i++)
         X[i] = ref[i] + to->rotation[i] * P[0] + to->rotation[3 + i] * P[1] + to->rotation[6 + i] * P[2];
-    assert_true(sst_camera_project(cam, X, &x, &y));
+    assert_true(camera_project(cam, X, &x, &y));
     assert_true(sst_camera_undistort(cam, x, y, &ray[0], &ray[1]));
     for (int i = 0; i < 3; i++)
         rig[i] = cam->rotation[i] * ray[0] + cam->rotation[3 + i] * ray[1] + cam->rotation[6 + i];

@@ -561,7 +561,7 @@ static void originals_are_sampled_once(void **state SST_UNUSED)
         memcpy(sst_image_row(&original, i / 30, i % 30), sst_image_row(&lf.views[0].image, i / 30, i % 30), 40);
     c.shift_x_px = 0.4;
     c.shift_y_px = -0.7;
-    assert_int_equal(sst_lightfield_correct(&lf, &c, 1), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &lf, &c, 1), 0);
     assert_false(sst_lightfield_has_originals(&lf));
     lf.views[0].original = original;
     assert_true(sst_lightfield_has_originals(&lf));

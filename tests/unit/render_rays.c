@@ -203,7 +203,7 @@ static void corrected_pictures_are_sampled_from_originals(void **state SST_UNUSE
     }
     for (int k = 1; k < VIEWS; k += 2)
         copy_image(&original[k], &corrected.rectified.views[k].image);
-    assert_int_equal(sst_lightfield_correct(&corrected.rectified, correction, 2), 0);
+    assert_int_equal(sst_lightfield_correct(NULL, &corrected.rectified, correction, 2), 0);
     for (int k = 1; k < VIEWS; k += 2)
         corrected.rectified.views[k].original = original[k];
     assert_true(sst_lightfield_has_originals(&corrected.rectified));

@@ -1,5 +1,6 @@
 /* Boards of simulated worlds: cameras that move on the way, the optics of another scene, a board that moves during the
  * exposure, one that stays in a pose, and parameters without a prepared world. */
+#include "tests/camera_project.h"
 #include "tests/sim_truth.h"
 
 #include <errno.h>
@@ -263,7 +264,7 @@ static void true_parameters_are_a_calibration(void **state SST_UNUSED)
                                         reference.r[k][1] * (points[i][1] - reference.c[1]) +
                                         reference.r[k][2] * (points[i][2] - reference.c[2]);
                 sim_project(&v, points[i], want);
-                assert_true(sst_camera_project(cam, from_reference, &x, &y));
+                assert_true(camera_project(cam, from_reference, &x, &y));
                 assert_true(hypot(x - want[0], y - want[1]) < 1e-9);
             }
             gain += cam->gain[1] / 6;

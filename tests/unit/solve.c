@@ -6,6 +6,7 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/camera_project.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -31,7 +32,7 @@ static double worst_px(const struct truth *t, const struct sst_solution *s)
 
                 assert_true(sst_camera_undistort(&c->camera[t->calib.reference], x, y, &a, &b));
                 X[0] = a * z, X[1] = b * z, X[2] = z;
-                assert_true(sst_camera_project(&c->camera[v], X, &seen[k][0], &seen[k][1]));
+                assert_true(camera_project(&c->camera[v], X, &seen[k][0], &seen[k][1]));
             }
             worst = fmax(worst, hypot(seen[0][0] - seen[1][0], seen[0][1] - seen[1][1]));
         }

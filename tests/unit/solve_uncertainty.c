@@ -4,6 +4,7 @@
 
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/camera_project.h"
 #include "tests/test.h"
 
 #define TRIALS    24
@@ -37,7 +38,7 @@ static bool carried(const struct sst_calib *c, int k, double x, double y, double
         X[i] *= z > 0 ? z : 1;
         to.position_mm[i] *= z > 0;
     }
-    return sst_camera_project(&to, X, &out[0], &out[1]);
+    return camera_project(&to, X, &out[0], &out[1]);
 }
 
 static void compare(struct tally tally[2], const struct truth *t, const struct sst_solution *s)

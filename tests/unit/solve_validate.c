@@ -6,6 +6,7 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/camera_project.h"
 #include "tests/test.h"
 
 static char said[SST_LOG_MAX];
@@ -335,8 +336,8 @@ static void camera_moved(void **state)
                 double X[3], before[2], after[2];
 
                 truth_point(&t, f, d->corner[k].id, X);
-                assert_true(sst_camera_project(&t.calib.camera[3], X, &before[0], &before[1]));
-                assert_true(sst_camera_project(&moved.calib.camera[3], X, &after[0], &after[1]));
+                assert_true(camera_project(&t.calib.camera[3], X, &before[0], &before[1]));
+                assert_true(camera_project(&moved.calib.camera[3], X, &after[0], &after[1]));
                 d->corner[k].x += after[0] - before[0];
                 d->corner[k].y += after[1] - before[1];
             }

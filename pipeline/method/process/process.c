@@ -533,7 +533,7 @@ static int align_views(struct run *run)
     }
     sst_drift_fini(&check);
     if (report->align.moved || report->align.lit || report->align.faded || report->align.bent)
-        err = sst_lightfield_shared_correct(run->cfg->share, lf, correction, run->cfg->threads);
+        err = sst_lightfield_correct(run->cfg->share, lf, correction, run->cfg->threads);
     return err;
 }
 
