@@ -14,11 +14,9 @@
 #include "base/text.h"
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
-#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/parallax.h"
 
 #define MAX_NAMED 4 /* views named in one message */

@@ -11,7 +11,6 @@
 #include "base/text.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
-#include "pipeline/lightfield/import.h"
 
 #define MOST_NUMBERS 16
 #define NAMES        6

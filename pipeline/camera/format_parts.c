@@ -10,7 +10,6 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/lightfield/import.h"
 
 struct sst_loose *sst_loose_create(void)
 {

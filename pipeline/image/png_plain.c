@@ -4,7 +4,6 @@
 #include "pipeline/image/image_internal.h"
 
 #if WITH_DEFLATE
-#include <errno.h>
 #include <libdeflate.h>
 #include <stdlib.h>
 #include <string.h>

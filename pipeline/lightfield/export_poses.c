@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/camera/format.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define METRE_MM 1000.0

@@ -9,7 +9,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/live/picture/picture_internal.h"
 

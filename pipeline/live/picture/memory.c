@@ -6,7 +6,6 @@
  * the reference camera (it shows the same surface there, and that is being removed), or from time (the cameras' tiles
  * changed there, and it was not seen again). */
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

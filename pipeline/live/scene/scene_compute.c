@@ -5,7 +5,6 @@
 #include "base/clock.h"
 #include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
-#include "pipeline/method/refine/parts.h"
 
 /* The network runs if at least one tile in this number changed in the reference; fewer get the labels around. */
 #define LABEL_TILES 100

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/gpu/net.h"
 #include "pipeline/method/network/network_internal.h"
 
 #define MOST_PLANS 16
