@@ -276,43 +276,6 @@ static void always_finite(void **state)
     }
 }
 
-/* From a start off by some pixels, the compressed rows and all rows come to the same minimum. */
-static void compressed_is_the_same(void **state)
-{
-    const struct sst_solve_config how = { .lens = 5, .threads = 2 };
-    const struct solve_adjust_config cfg = { .max_iterations = 60, .tolerance = 1e-7 };
-    struct truth_config made = truth_small();
-    struct truth t;
-    struct solve_problem p[2];
-    struct solve_adjusted done[2];
-
-    (void)state;
-    made.detections = 0.8;
-    truth_make(&t, &made);
-    for (int k = 0; k < 2; k++) {
-        problem(&p[k], &t, &how);
-        for (int v = 0; v < p[k].views; v++) {
-            p[k].camera[v].lens[0] *= 1.01;
-            p[k].camera[v].lens[4] += 0.02;
-        }
-        p[k].row_by_row = k;
-        assert_int_equal(solve_adjust(&p[k], &cfg, &done[k]), WITH_DOGLEG ? 0 : -ENOTSUP);
-    }
-    if (WITH_DOGLEG) {
-        assert_true(done[0].converged && done[1].converged);
-        assert_int_equal(done[0].states, done[1].states);
-        assert_int_equal(done[0].measurements, done[1].measurements);
-        assert_near(done[0].cost, done[1].cost, 1e-9 * done[0].cost);
-        for (int v = 0; v < p[0].views; v++) {
-            for (int i = 0; i < 4; i++)
-                assert_near(p[0].camera[v].lens[i], p[1].camera[v].lens[i], 1e-5);
-        }
-    }
-    solve_problem_fini(&p[0]);
-    solve_problem_fini(&p[1]);
-    truth_free(&t);
-}
-
 /* A turned lens is the same lens; a focal length off by 1e-4 is not. */
 static void lens_difference(void **state)
 {
@@ -335,9 +298,9 @@ static void lens_difference(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(algebra),       cmocka_unit_test(not_definite),           cmocka_unit_test(triangle),
-        cmocka_unit_test(left_jacobian), cmocka_unit_test(residuals_are_zero),     cmocka_unit_test(derivatives),
-        cmocka_unit_test(always_finite), cmocka_unit_test(compressed_is_the_same), cmocka_unit_test(lens_difference),
+        cmocka_unit_test(algebra),       cmocka_unit_test(not_definite),       cmocka_unit_test(triangle),
+        cmocka_unit_test(left_jacobian), cmocka_unit_test(residuals_are_zero), cmocka_unit_test(derivatives),
+        cmocka_unit_test(always_finite), cmocka_unit_test(lens_difference),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

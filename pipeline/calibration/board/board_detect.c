@@ -9,6 +9,7 @@
 #define LEAST_POINTS  6
 #define COARSE_SIDE   1100 /* px: larger pictures are searched only if nothing is found at this size */
 #define FLOOR_PX      0.05 /* lower bound of the corner noise: print, flatness, lens model */
+#define MOST_ASPECT   1.8  /* of a blur: beyond, the board moved */
 #define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper edges cannot be resolved */
 #define FOREIGN_LEAST 4    /* foreign markers that mean another board: fewer are false reads in clutter */
 
@@ -127,7 +128,6 @@ static int classify(struct sst_detection *out, enum sst_detect_outcome *outcome,
                     const struct sst_detect_config *cfg)
 {
     const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
-    const double max_aspect = cfg && cfg->max_aspect > 0 ? cfg->max_aspect : 1.8;
     struct sst_detection d;
     int err;
 
@@ -141,9 +141,9 @@ static int classify(struct sst_detection *out, enum sst_detect_outcome *outcome,
         sst_detection_fini(&d);
         return 0;
     }
-    *outcome = d.blur_aspect > max_aspect ? SST_DETECT_MOVING
-               : d.blur_px > max_blur     ? SST_DETECT_BLURRED
-                                          : SST_DETECT_FOUND;
+    *outcome = d.blur_aspect > MOST_ASPECT ? SST_DETECT_MOVING
+               : d.blur_px > max_blur      ? SST_DETECT_BLURRED
+                                           : SST_DETECT_FOUND;
     *out = d;
     return 0;
 }

@@ -47,7 +47,6 @@ struct sst_detections {
 
 struct sst_detect_config {
     double max_blur_px; /* 0: 3 */
-    double max_aspect;  /* 0: 1.8 */
     bool quick;         /* for live pictures: faster, may miss a board that is small or blurred */
 };
 

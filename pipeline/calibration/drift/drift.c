@@ -13,12 +13,13 @@
 #include "pipeline/calibration/drift/drift_internal.h"
 #include "pipeline/lightfield/share.h"
 
-#define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
-#define SIGMAS        4.0 /* significance of an offset */
-#define STATES        4   /* shifts, roll and scale of a camera */
-#define NAMED         4   /* cameras named in the sentence */
-#define ROUGH_PX      0.4 /* matches contradict each other: displaced foliage has up to 0.31, fences mostly 0.45 to 12 */
-#define BLANK_SHARE   0.1 /* of the median contrast of all views */
+#define COARSEST_SIDE 160  /* px: pictures are halved until they are at most this large */
+#define OK_PX         0.25 /* a camera off by less than this is fine */
+#define SIGMAS        4.0  /* significance of an offset */
+#define STATES        4    /* shifts, roll and scale of a camera */
+#define NAMED         4    /* cameras named in the sentence */
+#define ROUGH_PX      0.4  /* matches contradict each other: displaced foliage has up to 0.31, fences mostly 0.45 to 12 */
+#define BLANK_SHARE   0.1  /* of the median contrast of all views */
 
 const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
 {
@@ -211,11 +212,11 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
         n += l->matches;
         squares += l->rms_px * l->rms_px * l->matches;
     }
-    c->known = c->known && c->sigma_px <= w->cfg.ok_px;
+    c->known = c->known && c->sigma_px <= OK_PX;
     c->residual_px = n ? sqrt(squares / n) : 0;
     c->lost = all && lost == all;
     c->known = c->known && !c->blank;
-    c->drifted = c->lost || c->blank || (c->known && c->off_px > w->cfg.ok_px &&
+    c->drifted = c->lost || c->blank || (c->known && c->off_px > OK_PX &&
                                                c->off_px > significant_sigmas(tied) * c->off_sigma_px);
     return c->drifted;
 }
@@ -254,7 +255,7 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
         append(out,
                "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
                "array at something with structure",
-               usable, w->links, w->cfg.min_matches);
+               usable, w->links, DRIFT_LEAST_MATCHES);
     } else if (2 * bad > usable && out->measured && 8 * (bad - lost) <= out->measured) {
         out->verdict = SST_DRIFT_UNKNOWN;
         append(out,
@@ -345,9 +346,7 @@ static int begin(struct drift_work *w, const struct sst_lightfield *lf, const st
     int present = 0;
 
     *w = (struct drift_work){ .lf = lf, .cfg = *cfg, .views = lf->rows * lf->cols };
-    w->cfg.ok_px = cfg->ok_px > 0 ? cfg->ok_px : 0.25;
     w->cfg.unusable_px = cfg->unusable_px > 0 ? cfg->unusable_px : 1.0;
-    w->cfg.min_matches = cfg->min_matches > 0 ? cfg->min_matches : 10;
     w->cfg.threads = sst_thread_count(cfg->threads);
     for (int v = 0; v < w->views; v++)
         present += lf->views[v].present && lf->views[v].image.plane[0];
@@ -419,7 +418,7 @@ static int conclude(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
         return err;
     out.rows = w->lf->rows;
     out.cols = w->lf->cols;
-    out.ok_px = w->cfg.ok_px;
+    out.ok_px = OK_PX;
     out.unusable_px = w->cfg.unusable_px;
     out.range_min_px = w->range[0];
     out.range_max_px = w->range[1];

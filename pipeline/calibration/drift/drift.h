@@ -16,7 +16,7 @@ enum sst_drift_verdict {
 
 enum sst_drift_pair_state {
     SST_DRIFT_PAIR_MEASURED = 0,
-    SST_DRIFT_PAIR_BLANK = 1, /* fewer distinct features than min_matches: no figures */
+    SST_DRIFT_PAIR_BLANK = 1, /* fewer than 10 distinct features: no figures */
     SST_DRIFT_PAIR_LOST = 2,  /* enough features, but they are not found in the other view: no figures */
 };
 
@@ -80,7 +80,7 @@ struct sst_drift {
     double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
                                           0: not measured */
     int far_matches;                   /* between opposite corners of the grid, matched directly */
-    double far_p95_px;                 /* p95 of their |epipolar error|; NAN: fewer than min_matches */
+    double far_p95_px;                 /* p95 of their |epipolar error|; NAN: fewer than 10 */
     double range_min_px, range_max_px; /* disparities searched; equal: nothing was found to search around */
     int swapped_a, swapped_b;          /* exchanging these two views explains the errors; -1: none */
     bool wrong_order;                  /* another order of the rows and columns explains them */
@@ -88,9 +88,7 @@ struct sst_drift {
 };
 
 struct sst_drift_config {
-    double ok_px;       /* a camera off by less than this is fine; 0: 0.25 */
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
-    int min_matches;    /* of a pair; 0: 10 */
     bool loose;         /* worse matches count too, by their weight: for corrections, not for the verdict */
     int threads;        /* 0: all processors */
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), by views and pairs; or NULL */

@@ -5,13 +5,14 @@
 
 #include "pipeline/calibration/drift/drift.h"
 
-#define DRIFT_LEVELS   10
-#define DRIFT_SMALLEST 64 /* shorter side of a picture, px */
-#define DRIFT_CELLS_X  16 /* one feature at most per cell of the picture */
-#define DRIFT_CELLS_Y  12
-#define DRIFT_CELLS    (DRIFT_CELLS_X * DRIFT_CELLS_Y)
-#define DRIFT_SPLIT    2 /* a cell offers the best place of each of its 2 x 2 parts */
-#define DRIFT_FEATURES (DRIFT_CELLS * DRIFT_SPLIT * DRIFT_SPLIT)
+#define DRIFT_LEVELS        10
+#define DRIFT_SMALLEST      64 /* shorter side of a picture, px */
+#define DRIFT_LEAST_MATCHES 10 /* of a pair */
+#define DRIFT_CELLS_X       16 /* one feature at most per cell of the picture */
+#define DRIFT_CELLS_Y       12
+#define DRIFT_CELLS         (DRIFT_CELLS_X * DRIFT_CELLS_Y)
+#define DRIFT_SPLIT         2 /* a cell offers the best place of each of its 2 x 2 parts */
+#define DRIFT_FEATURES      (DRIFT_CELLS * DRIFT_SPLIT * DRIFT_SPLIT)
 
 /* --- drift_features.c: grey pyramids and features ----------------------------------------------------------------- */
 

@@ -234,11 +234,11 @@ static int rest_job(void *arg, int index, int worker SST_UNUSED)
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     for (int k = 0; k < DRIFT_CELLS; k++)
         drift_weigh_match(&link->m[k], &link->s);
-    drift_link_judge(link, w->cfg.min_matches);
+    drift_link_judge(link, DRIFT_LEAST_MATCHES);
     if (link->matches >= ENOUGH)
         return 0;
     match_rest(link, a, b);
-    drift_link_judge(link, w->cfg.min_matches);
+    drift_link_judge(link, DRIFT_LEAST_MATCHES);
     return 0;
 }
 

@@ -237,7 +237,7 @@ static int begin(struct solve_case *c)
 
 static int fit(struct solve_case *c)
 {
-    int err = solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
+    int err = solve_soft(&c->p, &c->sigma_px);
 
     if (!err)
         err = solve_check_still(c);

@@ -9,7 +9,6 @@
 
 struct sst_solve_config {
     int lens;                       /* 5 or 8; 0: the one with the smaller error on held-out frames */
-    double loss_px;                 /* scale of the robust loss; 0: from the estimated noise */
     double max_outliers;            /* fraction of corners; more is a failure; 0: 0.03 */
     bool force;                     /* solve even if checks fail: refusals become warnings */
     int *overridden;                /* counts the refusals that force turned into warnings; or NULL */

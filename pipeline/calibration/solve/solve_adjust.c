@@ -47,31 +47,20 @@ static int compressed_entries(const struct solve_problem *p, const struct solve_
 static void count_rows(struct adjust *a)
 {
     const struct solve_problem *p = a->p;
-    const int columns = solve_block_columns(p);
 
     for (int i = 0; i < p->count; i++) {
         const struct solve_detection *d = &p->detection[i];
-        int inside = 0;
+        const struct solve_spread s = { .pose = a->layout.pose[d->view], .frame = 0 };
 
         a->row_at[i] = a->rows;
         a->entry_at[i] = a->entries;
         if (!d->used)
             continue;
         for (int c = 0; c < d->corners; c++)
-            inside += !d->corner[c].out;
+            a->measurements += d->corner[c].out ? 0 : 2;
         a->most_corners = sst_max_int(a->most_corners, d->corners);
-        a->measurements += 2 * inside;
-        if (p->row_by_row) {
-            const int poses = (a->layout.pose[d->view] >= 0 ? 6 : 0) + 6;
-
-            a->rows += 2 * inside;
-            a->entries += 2 * inside * (columns - 1 - 6 + poses);
-        } else {
-            const struct solve_spread s = { .pose = a->layout.pose[d->view], .frame = 0 };
-
-            a->rows += columns;
-            a->entries += compressed_entries(p, &s);
-        }
+        a->rows += solve_block_columns(p);
+        a->entries += compressed_entries(p, &s);
     }
     a->row_at[p->count] = a->rows;
     a->entry_at[p->count] = a->entries;
@@ -140,20 +129,15 @@ static int evaluate_one(void *arg, int index, int worker)
     turn_of(a, a->layout.frame[d->frame], turn_board);
     solve_spread_make(&s, a->p, &a->layout, d, (const double *[2]){ turn_camera, turn_board });
     count = solve_block(a->p, d, &board, a->loss_px, rows);
-    if (!a->p->row_by_row) {
-        if (count < n) {
-            memset(rows + (size_t)count * (size_t)n, 0, (size_t)(n - count) * (size_t)n * sizeof(*rows));
-            count = n;
-        }
-        solve_qr(rows, count, n);
-        count = n;
-    }
-    for (int i = 0; i < count; i++) {
+    if (count < n)
+        memset(rows + (size_t)count * (size_t)n, 0, (size_t)(n - count) * (size_t)n * sizeof(*rows));
+    solve_qr(rows, sst_max_int(count, n), n);
+    for (int i = 0; i < n; i++) {
         const double *row = rows + (size_t)i * (size_t)n;
 
         at[first + i] = entry;
         a->x[first + i] = row[n - 1];
-        entry += solve_spread_row(&s, row, a->p->row_by_row ? 0 : i, state + entry, value + entry);
+        entry += solve_spread_row(&s, row, i, state + entry, value + entry);
     }
     return 0;
 }

@@ -146,7 +146,7 @@ int solve_choose_lens(struct solve_case *c)
             for (int k = 0; k < d->corners; k++)
                 d->corner[k].out = false;
         }
-        err = solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
+        err = solve_soft(&c->p, &c->sigma_px);
     }
     return err;
 }

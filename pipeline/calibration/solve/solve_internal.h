@@ -63,7 +63,6 @@ struct solve_problem {
     bool keep_lens; /* lenses are given */
     bool keep_warp;
     bool keep_cameras; /* only boards move */
-    bool row_by_row;   /* pass every corner to the sparse solver: the plain twin of the compressed rows */
     double warp[2], warp_sigma_mm;
     int threads;
     struct solve_camera *camera;       /* [views] */
@@ -207,7 +206,7 @@ SST_MUST_CHECK int solve_problem_make(struct solve_problem *out, const struct ss
                                       const struct sst_solve_config *cfg);
 
 /** Robust fit from a seed: all states move, no corner is dropped. sigma_px: out, estimated corner noise. */
-SST_MUST_CHECK int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px);
+SST_MUST_CHECK int solve_soft(struct solve_problem *p, double *sigma_px);
 
 /** Least squares with outliers cut at k sigma until the set is stable. plain: no cut. */
 SST_MUST_CHECK int solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct solve_adjusted *out);

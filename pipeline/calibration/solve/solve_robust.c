@@ -12,7 +12,7 @@
 #define LEAST_SIGMA_PX  1e-3 /* exact corners have no noise to scale by */
 #define LOSS_SIGMA      2.4  /* Cauchy's loss at this scale loses 5 % of the precision of least squares */
 
-int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
+int solve_soft(struct solve_problem *p, double *sigma_px)
 {
     double sigma, before = INFINITY;
     int err = solve_noise(p, &sigma);
@@ -20,7 +20,7 @@ int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
     /* The scale shrinks with the residuals: wide while poses are seeds, narrow at the end. */
     for (int round = 0; !err && round < SOFT_ROUNDS && sigma < 0.7 * before; round++) {
         const double scale = fmax(sigma, LEAST_SIGMA_PX);
-        const struct solve_adjust_config cfg = { .loss_px = loss_px > 0 ? loss_px : LOSS_SIGMA * scale,
+        const struct solve_adjust_config cfg = { .loss_px = LOSS_SIGMA * scale,
                                                  .max_iterations = 8,
                                                  .tolerance = 0.05 * scale };
         struct solve_adjusted done;
