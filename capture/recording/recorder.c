@@ -37,7 +37,6 @@ struct sst_recorder {
     int failing;  /* negative errno while writing fails */
     int64_t retry_ns;
     uint64_t dropped_in_row;
-    struct sst_recorder_counters counters;
     int64_t offset[SST_CAMERAS_MAX];
     uint32_t crc32[SST_CAMERAS_MAX];
     char line[2 * MANIFEST_LINE_MAX];
@@ -337,17 +336,9 @@ static int check_set(const struct sst_recorder *r, const struct sst_frameset *se
     return fault ? -EINVAL : 0;
 }
 
-static int sync_here(struct sst_recorder *r, int fd)
+static int sync_here(int fd)
 {
-    const int64_t start = sst_clock_now_ns();
-    const int err = fdatasync(fd) ? -errno : 0;
-    const int64_t took = sst_clock_now_ns() - start;
-
-    r->counters.syncs++;
-    r->counters.sync_failures += err != 0;
-    if (took > r->counters.sync_max_ns)
-        r->counters.sync_max_ns = took;
-    return err;
+    return fdatasync(fd) ? -errno : 0;
 }
 
 static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
@@ -360,7 +351,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!err)
         err = segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
-        err = sync_here(r, r->segment->fd);
+        err = sync_here(r->segment->fd);
     if (!err && !r->sync && !r->watched)
         err = sync_folder(r->folder);
     if (err)
@@ -372,14 +363,13 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     n += manifest_set_line(r->line + n, set, r->offset, r->crc32);
     err = sst_file_write_at(r->manifest_fd, r->line, n, r->manifest_bytes);
     if (!err && !r->sync)
-        err = sync_here(r, r->manifest_fd);
+        err = sync_here(r->manifest_fd);
     if (!err && r->sync && !r->watched)
         err = sync_watch(r->sync, r->segment->fd, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes += (int64_t)n;
     r->segment->kept = r->segment->end;
-    r->counters.segments += !r->watched;
     r->watched = true;
     return 0;
 }
@@ -426,7 +416,6 @@ static void report_recovery(struct sst_recorder *r)
 
 static int drop(struct sst_recorder *r)
 {
-    r->counters.dropped++;
     r->dropped_in_row++;
     return r->failing;
 }
@@ -450,9 +439,6 @@ int sst_recorder_write(struct sst_recorder *r, const struct sst_frameset *set)
         return drop(r);
     }
     report_recovery(r);
-    r->counters.sets++;
-    for (int k = 0; k < set->cameras; k++)
-        r->counters.bytes += set->frame[k] ? set->frame[k]->bytes : 0;
     return 0;
 }
 
@@ -462,13 +448,6 @@ void sst_recorder_set_segment_bytes(struct sst_recorder *r, int64_t bytes)
 
     sst_recorder_config_defaults(&defaults);
     r->cfg.segment_bytes = bytes > 0 ? bytes : defaults.segment_bytes;
-}
-
-void sst_recorder_counters(struct sst_recorder *r, struct sst_recorder_counters *out)
-{
-    *out = r->counters;
-    if (r->sync)
-        sync_count(r->sync, out);
 }
 
 int sst_recorder_close(struct sst_recorder *r)

@@ -32,15 +32,6 @@ struct sst_recorder_config {
     double sync_s;         /* longest time between syncs, which a power cut may lose; 0: every set */
 };
 
-/** Since open. */
-struct sst_recorder_counters {
-    uint64_t sets, dropped; /* written, and not written because writing failed */
-    uint64_t bytes;         /* of frames */
-    uint64_t segments;      /* files started */
-    uint64_t syncs, sync_failures;
-    int64_t sync_max_ns; /* longest sync */
-};
-
 /** Segments of 60 s or 1 GiB, a sync every second; everything else is 0. */
 void sst_recorder_config_defaults(struct sst_recorder_config *cfg);
 
@@ -69,8 +60,6 @@ SST_MUST_CHECK int sst_recorder_write(struct sst_recorder *recorder, const struc
 
 /** Set the largest segment, from the next set on; 0: the default. */
 void sst_recorder_set_segment_bytes(struct sst_recorder *recorder, int64_t bytes);
-
-void sst_recorder_counters(struct sst_recorder *recorder, struct sst_recorder_counters *out);
 
 /** Finish the segment and sync everything; waits for the disk. @return 0 or the error of closing (logged). NULL is
  * fine. */

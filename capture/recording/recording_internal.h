@@ -227,9 +227,6 @@ bool sync_has_room(struct sync *sync);
 /** The error of a sync since the last call, 0: none. Logged by the thread, once per change of state. */
 int sync_fetch_error(struct sync *sync);
 
-/** Add this thread's part to the counters. */
-void sync_count(struct sync *sync, struct sst_recorder_counters *counters);
-
 /** Sync once more, end the thread, free. @return 0 or that sync's error. NULL is fine. */
 int sync_stop(struct sync *sync);
 

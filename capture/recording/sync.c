@@ -38,8 +38,6 @@ struct sync {
     int pairs;
     bool stop;
     int error;
-    uint64_t syncs, failures;
-    int64_t max_ns;
 };
 
 int sync_folder(const char *folder)
@@ -80,7 +78,6 @@ static void sync_all_locked(struct sync *s)
 {
     struct pair pair[MAX_PAIRS];
     const int n = s->pairs;
-    const int64_t start = sst_clock_now_ns();
     int err = 0;
 
     memcpy(pair, s->pair, sizeof(pair));
@@ -104,10 +101,6 @@ static void sync_all_locked(struct sync *s)
         s->pair[0].fresh = s->pair[0].fresh && err;
     if (err)
         s->error = err;
-    s->syncs++;
-    s->failures += err != 0;
-    if (sst_clock_now_ns() - start > s->max_ns)
-        s->max_ns = sst_clock_now_ns() - start;
 }
 
 static void *run(void *arg)
@@ -201,16 +194,6 @@ int sync_fetch_error(struct sync *s)
     s->error = 0;
     pthread_mutex_unlock(&s->lock);
     return err;
-}
-
-void sync_count(struct sync *s, struct sst_recorder_counters *counters)
-{
-    pthread_mutex_lock(&s->lock);
-    counters->syncs += s->syncs;
-    counters->sync_failures += s->failures;
-    if (s->max_ns > counters->sync_max_ns)
-        counters->sync_max_ns = s->max_ns;
-    pthread_mutex_unlock(&s->lock);
 }
 
 int sync_stop(struct sync *s)
