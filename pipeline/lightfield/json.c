@@ -115,6 +115,15 @@ const char *lightfield_fault(const struct sst_lightfield *lf)
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
+/* A list to which everything was added; else NULL. */
+static json_t *whole(json_t *list, bool complete)
+{
+    if (complete)
+        return list;
+    json_decref(list);
+    return NULL;
+}
+
 static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
 {
     json_t *views = json_array();
@@ -130,10 +139,7 @@ static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
                                                         k % lf->cols, "bx", v->bx, "by", v->by, "file", file->name,
                                                         "sha256", file->sha256[0] ? file->sha256 : hashes[k]));
     }
-    if (complete)
-        return views;
-    json_decref(views);
-    return NULL;
+    return whole(views, complete);
 }
 
 static json_t *classes_to_json(const struct sst_classes *c)
@@ -144,10 +150,7 @@ static json_t *classes_to_json(const struct sst_classes *c)
     for (int i = 0; i < c->count; i++)
         complete &=
             !json_array_append_new(classes, json_pack("{s:s, s:b}", "name", c->names[i], "ground", (int)c->ground[i]));
-    if (complete)
-        return classes;
-    json_decref(classes);
-    return NULL;
+    return whole(classes, complete);
 }
 
 /* The corrected views. */
@@ -167,10 +170,7 @@ static json_t *correction_to_json(const struct sst_lightfield *lf)
                                 c->falloff != 0 ? json_real(c->falloff) : NULL, "exponent",
                                 c->exponent != 1 ? json_real(c->exponent) : NULL));
     }
-    if (complete)
-        return list;
-    json_decref(list);
-    return NULL;
+    return whole(list, complete);
 }
 
 static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *sha256)
@@ -341,62 +341,68 @@ static bool hash_ok(const char *s)
     return strlen(s) == 64 && strspn(s, "0123456789abcdef") == 64;
 }
 
-static int parse_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+/* Read the objects of a list, each by itself. */
+static void read_each(struct reader *r, json_t *list, const char *name, struct sst_lightfield *lf,
+                      void (*read)(struct reader *r, struct sst_lightfield *lf))
 {
-    struct reader r = { .path = path, .where = where, .object = object };
+    char where[32];
+
+    for (size_t i = 0; !r->err && i < json_array_size(list); i++) {
+        struct reader one = { .path = r->path, .where = where, .object = json_array_get(list, i) };
+
+        snprintf(where, sizeof(where), "%s[%zu].", name, i);
+        if (json_is_object(one.object))
+            read(&one, lf);
+        else
+            fault(&one, "it", "is not an object");
+        r->err = one.err;
+    }
+}
+
+static int get_view(struct reader *r, const struct sst_lightfield *lf)
+{
+    const int row = get_int(r, "row", 0, lf->rows - 1);
+
+    return row * lf->cols + get_int(r, "col", 0, lf->cols - 1);
+}
+
+static void parse_view(struct reader *r, struct sst_lightfield *lf)
+{
     struct sst_view v = { .present = true };
     struct sst_lightfield_file file;
-    int k;
+    const int k = get_view(r, lf);
 
-    if (!json_is_object(object)) {
-        fault(&r, "it", "is not an object");
-        return r.err;
-    }
-    k = get_int(&r, "row", 0, lf->rows - 1) * lf->cols + get_int(&r, "col", 0, lf->cols - 1);
-    v.bx = get_double(&r, "bx");
-    v.by = get_double(&r, "by");
-    get_string(&r, "file", file.name, sizeof(file.name));
-    get_string(&r, "sha256", file.sha256, sizeof(file.sha256));
-    if (!r.err && !hash_ok(file.sha256))
-        fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
-    if (!r.err && lf->views[k].present)
-        fault(&r, "row, col", "occur twice");
-    finish(&r);
-    if (!r.err) {
+    v.bx = get_double(r, "bx");
+    v.by = get_double(r, "by");
+    get_string(r, "file", file.name, sizeof(file.name));
+    get_string(r, "sha256", file.sha256, sizeof(file.sha256));
+    if (!r->err && !hash_ok(file.sha256))
+        fault(r, "sha256", "is not 64 lower-case hexadecimal digits");
+    if (!r->err && lf->views[k].present)
+        fault(r, "row, col", "occur twice");
+    finish(r);
+    if (!r->err) {
         lf->views[k] = v;
         lf->files->view[k] = file;
     }
-    return r.err;
 }
 
-static int read_class(struct sst_classes *classes, const char *path, const char *where, json_t *object)
+static void read_class(struct reader *r, struct sst_lightfield *lf)
 {
-    struct reader r = { .path = path, .where = where, .object = object };
+    struct sst_classes *classes = &lf->classes;
 
-    if (!json_is_object(object)) {
-        fault(&r, "it", "is not an object");
-        return r.err;
-    }
-    get_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
-    classes->ground[classes->count++] = get_bool(&r, "ground");
-    finish(&r);
-    return r.err;
+    get_string(r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
+    classes->ground[classes->count++] = get_bool(r, "ground");
+    finish(r);
 }
 
 static int read_lists(struct sst_lightfield *lf, struct reader *r)
 {
     json_t *views = get_array(r, "views", SST_MAX_VIEWS), *classes = get_array(r, "classes", SST_MAX_CLASSES);
-    char where[32];
 
     lf->classes = (struct sst_classes){ 0 };
-    for (size_t i = 0; !r->err && i < json_array_size(classes); i++) {
-        snprintf(where, sizeof(where), "classes[%zu].", i);
-        r->err = read_class(&lf->classes, r->path, where, json_array_get(classes, i));
-    }
-    for (size_t i = 0; !r->err && i < json_array_size(views); i++) {
-        snprintf(where, sizeof(where), "views[%zu].", i);
-        r->err = parse_view(lf, r->path, where, json_array_get(views, i));
-    }
+    read_each(r, classes, "classes", lf, read_class);
+    read_each(r, views, "views", lf, parse_view);
     if (!r->err && sst_lightfield_choose_ref(lf))
         fault(r, "views", "is empty");
     return r->err;
@@ -474,42 +480,34 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     return 0;
 }
 
-static int read_view_correction(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+static void read_view_correction(struct reader *r, struct sst_lightfield *lf)
 {
-    struct reader r = { .path = path, .where = where, .object = object };
     struct sst_correction c = sst_correction_none();
-    int k;
+    const int k = get_view(r, lf);
 
-    if (!json_is_object(object)) {
-        fault(&r, "it", "is not an object");
-        return r.err;
-    }
-    k = get_int(&r, "row", 0, lf->rows - 1) * lf->cols + get_int(&r, "col", 0, lf->cols - 1);
-    c.shift_x_px = get_double(&r, "right_px");
-    c.shift_y_px = get_double(&r, "down_px");
-    c.roll_deg = get_double(&r, "roll_deg");
-    c.scale = get_double(&r, "scale");
-    get_doubles(&r, "gain", c.gain, 3);
-    if (json_object_get(object, "falloff"))
-        c.falloff = get_double(&r, "falloff");
-    if (json_object_get(object, "exponent"))
-        c.exponent = get_double(&r, "exponent");
-    if (!r.err && !lf->views[k].present)
-        fault(&r, "row, col", "are those of no view");
-    if (!r.err && !sst_correction_is_none(&lf->correction[k]))
-        fault(&r, "row, col", "occur twice");
-    if (!r.err && !sst_correction_valid(&c))
-        fault(&r, "right_px, down_px, roll_deg, scale, gain, falloff, exponent:", "one is out of range");
-    finish(&r);
-    if (!r.err)
+    c.shift_x_px = get_double(r, "right_px");
+    c.shift_y_px = get_double(r, "down_px");
+    c.roll_deg = get_double(r, "roll_deg");
+    c.scale = get_double(r, "scale");
+    get_doubles(r, "gain", c.gain, 3);
+    if (json_object_get(r->object, "falloff"))
+        c.falloff = get_double(r, "falloff");
+    if (json_object_get(r->object, "exponent"))
+        c.exponent = get_double(r, "exponent");
+    if (!r->err && !lf->views[k].present)
+        fault(r, "row, col", "are those of no view");
+    if (!r->err && !sst_correction_is_none(&lf->correction[k]))
+        fault(r, "row, col", "occur twice");
+    if (!r->err && !sst_correction_valid(&c))
+        fault(r, "right_px, down_px, roll_deg, scale, gain, falloff, exponent:", "one is out of range");
+    finish(r);
+    if (!r->err)
         lf->correction[k] = c;
-    return r.err;
 }
 
 static int read_correction(struct sst_lightfield *lf, struct reader *r)
 {
     json_t *list = get_array(r, "correction", SST_MAX_VIEWS);
-    char where[32];
 
     if (r->err)
         return r->err;
@@ -520,10 +518,7 @@ static int read_correction(struct sst_lightfield *lf, struct reader *r)
     }
     for (int k = 0; k < lf->rows * lf->cols; k++)
         lf->correction[k] = sst_correction_none();
-    for (size_t i = 0; !r->err && i < json_array_size(list); i++) {
-        snprintf(where, sizeof(where), "correction[%u].", (unsigned)i);
-        r->err = read_view_correction(lf, r->path, where, json_array_get(list, i));
-    }
+    read_each(r, list, "correction", lf, read_view_correction);
     return r->err;
 }
 
