@@ -92,12 +92,13 @@ static void log_slip(const struct sst_link_head *h, int source, const struct sst
 static enum sst_numbering_verdict name_edge(struct sst_link_head *h, int source, const struct sst_numbering_edge *edge,
                                             int64_t now_ns, struct sst_numbering_place *place)
 {
-    const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns();
+    const struct sst_numbering_edge here = { edge->count, edge->t_ns,
+                                             edge->wall_ns - (sst_clock_wall_ns() - sst_clock_now_ns()) };
     struct sst_numbering_state before, after;
     enum sst_numbering_verdict verdict;
 
     sst_numbering_state(h->numbering, source, &before);
-    verdict = sst_numbering_place(h->numbering, source, edge, now_ns, offset_ns, place);
+    verdict = sst_numbering_place(h->numbering, source, &here, now_ns, place);
     sst_numbering_state(h->numbering, source, &after);
     log_slip(h, source, &before, &after);
     return verdict;

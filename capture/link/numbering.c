@@ -145,14 +145,14 @@ static bool is_anchor(const struct sst_numbering *n, const struct source *s, int
 /* An edge of a source, on the common wall clock. */
 struct heard {
     const struct sst_numbering_edge *edge;
-    int64_t wall_t_ns, now_ns;
+    int64_t now_ns;
     struct sst_numbering_place *place; /* out */
 };
 
 static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source *s, const struct tick *at, int64_t t_ns,
                                          const struct heard *h)
 {
-    const int64_t error_ns = h->wall_t_ns - at->t_ns, most_ns = n->period_ns / ANCHOR_STEP;
+    const int64_t error_ns = h->edge->wall_ns - at->t_ns, most_ns = n->period_ns / ANCHOR_STEP;
 
     s->holds = false;
     s->heard_ns = h->now_ns;
@@ -177,31 +177,30 @@ static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source 
 static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s, const struct heard *h)
 {
     const struct sst_numbering_edge *edge = h->edge;
-    const int64_t wall_t_ns = h->wall_t_ns;
     const struct tick *last = newest(n);
-    struct tick at = { (int64_t)edge->count, wall_t_ns }, *known;
+    struct tick at = { (int64_t)edge->count, edge->wall_ns }, *known;
 
     s->heard_ns = h->now_ns;
     if (last) {
-        const double ahead = (double)(wall_t_ns - last->t_ns) / (double)n->period_ns;
+        const double ahead = (double)(edge->wall_ns - last->t_ns) / (double)n->period_ns;
         const int64_t k = llround(ahead);
 
         at = (struct tick){ last->index + k, last->t_ns + k * n->period_ns };
-        s->state.clock_ns = wall_t_ns - at.t_ns;
-        if (!near(n, wall_t_ns, at.t_ns))
+        s->state.clock_ns = edge->wall_ns - at.t_ns;
+        if (!near(n, edge->wall_ns, at.t_ns))
             return SST_NUMBERING_UNNAMED;
         if (at.index < 0 || at.index > INDEX_MAX)
             return SST_NUMBERING_UNNAMED;
     }
     s->offset = at.index - (int64_t)edge->count;
     known = find(n, at.index);
-    s->away_ns = edge->t_ns - (known ? known->t_ns : wall_t_ns);
+    s->away_ns = edge->t_ns - (known ? known->t_ns : edge->wall_ns);
     s->placed = true;
     if (!known && last && at.index < last->index)
         known = &at; /* between ticks that others reported */
     else if (!known)
-        known = add(n, at.index, wall_t_ns);
-    s->state.clock_ns = wall_t_ns - known->t_ns;
+        known = add(n, at.index, edge->wall_ns);
+    s->state.clock_ns = edge->wall_ns - known->t_ns;
     return accept(n, s, known, edge->t_ns - s->away_ns, h);
 }
 
@@ -248,11 +247,10 @@ static bool must_wait(struct sst_numbering *n, struct source *s, const struct ti
 
 enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source,
                                                const struct sst_numbering_edge *edge, int64_t now_ns,
-                                               int64_t wall_offset_ns, struct sst_numbering_place *place)
+                                               struct sst_numbering_place *place)
 {
     struct source *s = &n->source[source];
-    const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns; /* neither is below zero */
-    const struct heard h = { edge, wall_t_ns, now_ns, place };
+    const struct heard h = { edge, now_ns, place };
     struct tick at = { .index = 0 };
     struct tick *known, *last = newest(n);
 

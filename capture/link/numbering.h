@@ -23,7 +23,7 @@ struct sst_numbering; /* opaque; one thread at a time */
 struct sst_numbering_edge {
     uint64_t count;
     int64_t t_ns;    /* of the source's CLOCK_MONOTONIC */
-    int64_t wall_ns; /* its wall clock then */
+    int64_t wall_ns; /* its wall clock then, less what this host's is ahead of CLOCK_MONOTONIC */
 };
 
 /** An edge as all sources name it. */
@@ -60,12 +60,11 @@ void sst_numbering_leave(struct sst_numbering *n, int source);
 /**
  * Name an edge. One source's come in the order of their counts; a held one is asked for again before the next.
  *
- * @param wall_offset_ns  this host's CLOCK_REALTIME less its CLOCK_MONOTONIC
- * @param place           out, if placed
+ * @param place  out, if placed
  */
 enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source,
                                                const struct sst_numbering_edge *edge, int64_t now_ns,
-                                               int64_t wall_offset_ns, struct sst_numbering_place *place);
+                                               struct sst_numbering_place *place);
 
 void sst_numbering_state(const struct sst_numbering *n, int source, struct sst_numbering_state *out);
 

@@ -148,7 +148,7 @@ static int name_one(struct naming *n, bool *held)
     if (c->edge.wall_ns > n->now_ns)
         n->now_ns = c->edge.wall_ns;
     /* The time of all is the wall clock: there is no other in recordings of several hosts. */
-    verdict = sst_numbering_place(n->numbering, part, &c->edge, n->now_ns, 0, &place);
+    verdict = sst_numbering_place(n->numbering, part, &c->edge, n->now_ns, &place);
     held[part] = verdict == SST_NUMBERING_HELD;
     if (held[part])
         return 1;

@@ -39,11 +39,10 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
 /* What the head does with a set that it has read. */
 static void name(struct sst_numbering *n, const struct wire_set *set, const struct wire_frame *frame, int64_t now_ns)
 {
-    const struct sst_numbering_edge edge = { set->count, set->t_ns, set->wall_ns };
+    const struct sst_numbering_edge edge = { set->count, set->t_ns, set->wall_ns - (WALL - NOW) };
     struct sst_numbering_place place;
 
-    if (sst_numbering_place(n, (int)(set->seq % SST_NUMBERING_SOURCES), &edge, now_ns, WALL - NOW, &place) ==
-        SST_NUMBERING_PLACED)
+    if (sst_numbering_place(n, (int)(set->seq % SST_NUMBERING_SOURCES), &edge, now_ns, &place) == SST_NUMBERING_PLACED)
         for (int i = 0; i < set->cameras; i++) {
             const int64_t t_ns = place.t_ns + frame[i].from_set_ns;
 

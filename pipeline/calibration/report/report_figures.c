@@ -67,11 +67,10 @@ static void count_axis(struct report_figures *f, double in_sigma)
 }
 
 static void add_used(struct report_figures *f, const struct sst_calibration_report *report, const struct sst_corner *c,
-                     const double e[2], struct report_region *region, struct sums *s)
+                     const double e[2], struct sums *s)
 {
     const double noise = report->solution->noise_px, length = hypot(e[0], e[1]);
 
-    region->corners++;
     s->squares += e[0] * e[0] + e[1] * e[1];
     for (int i = 0; i < 2; i++) {
         s->sum[i] += e[i];
@@ -102,7 +101,8 @@ static void add_detection(struct report_figures *f, const struct sst_calibration
             continue;
         if (!is_outlier(v, i)) {
             cam->used++;
-            add_used(f, report, c, v->residual[i], &cam->region[row][col], &sums[d->view][row * REPORT_COLS + col]);
+            cam->region[row][col].corners++;
+            add_used(f, report, c, v->residual[i], &sums[d->view][row * REPORT_COLS + col]);
             continue;
         }
         f->outliers++;
