@@ -259,7 +259,7 @@ static void the_best_image_is_reported(void **state)
         const struct hidden_candidate c[] = { { .at = { x - 6, 46, x - 3, 53 }, .plane = 2, .z = 8 },
                                               { .at = { x, 34, x + 8, 54 }, .plane = 7, .z = 40 } };
 
-        hidden_tracks_follow(&tracks, c, n < 2 ? 1 : 2, &planes, 1 + n * SET_NS, false);
+        hidden_tracks_follow(&tracks, c, n < 2 ? 1 : 2, &planes, 1 + n * SET_NS);
         for (int i = 0; i < tracks.count; i++) {
             if (!tracks.track[i].thing.reported)
                 continue;
@@ -285,12 +285,12 @@ static void who_is_reported_does_not_end_as_another(void **state)
         planes.disp_px[i] = 3 + i;
     hidden_tracks_init(&tracks, 1000);
     for (; t_ns < INT64_C(599000000000); t_ns += 1000000000)
-        hidden_tracks_follow(&tracks, &old, 1, &planes, t_ns, false);
+        hidden_tracks_follow(&tracks, &old, 1, &planes, t_ns);
     for (int n = 0; n < 5; n++, t_ns += INT64_C(255000000)) {
         const struct hidden_candidate c[] = { { .at = { 10, 34, 18, 54 }, .plane = 2, .z = 9 },
                                               { .at = old.at, .plane = old.plane, .z = n < 4 ? 2 : 40 } };
 
-        hidden_tracks_follow(&tracks, c, 2, &planes, t_ns, false);
+        hidden_tracks_follow(&tracks, c, 2, &planes, t_ns);
         assert_int_equal(tracks.count, n < 4 ? 2 : 1); /* the old one ends when the new one is reported */
     }
     assert_int_equal(tracks.track[0].thing.disp_px, 5);

@@ -39,7 +39,7 @@ static void keys_are_spread_and_survive_holes(void **state SST_UNUSED)
 
 static void changed_tiles_are_gathered(void **state SST_UNUSED)
 {
-    struct scene_rect r[SST_SCENE_RECTS];
+    struct sst_rect r[SST_SCENE_RECTS];
     uint8_t dirty[20 * 15] = { 0 };
     int n;
 

@@ -54,8 +54,8 @@ static int jitter(struct bench *b, double cells)
 static void add_piece(struct bench *b, int x0, int y0, int x1, int y1, int label, const float colour[2][3])
 {
     struct scene_piece *p = &b->piece[b->pieces++];
-    const struct scene_rect at = { sst_max_int(x0, 0), sst_max_int(y0, 0), sst_min_int(x1, WIDTH),
-                                   sst_min_int(y1, HEIGHT) };
+    const struct sst_rect at = { sst_max_int(x0, 0), sst_max_int(y0, 0), sst_min_int(x1, WIDTH),
+                                 sst_min_int(y1, HEIGHT) };
 
     if (at.x1 - at.x0 < 4 || at.y1 - at.y0 < 4) {
         b->pieces--;

@@ -181,16 +181,17 @@ static void note_way(struct hidden_tracks *t, const struct hidden_track *a)
         note_left(t, a, a->from_x + i * dx / n, a->from_y + i * dy / n);
 }
 
+static bool meets(const struct hidden_left *l, const struct hidden_track *a)
+{
+    return 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
+}
+
 bool hidden_tracks_left(const struct hidden_tracks *t, const struct hidden_left *l)
 {
     bool there = false;
 
-    for (int i = 0; i < t->count; i++) {
-        const struct hidden_track *a = &t->track[i];
-
-        there |=
-            a->thing.reported && a->seen && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
-    }
+    for (int i = 0; i < t->count; i++)
+        there |= t->track[i].thing.reported && t->track[i].seen && meets(l, &t->track[i]);
     return t->t_ns - l->t_ns < LEFT_NS && !there;
 }
 
@@ -198,12 +199,8 @@ static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a
 {
     bool was = false;
 
-    for (int i = 0; i < sst_min_int(t->lefts, HIDDEN_LEFT); i++) {
-        const struct hidden_left *l = &t->left[i];
-
-        was |=
-            t->t_ns - l->t_ns < LEFT_NS && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
-    }
+    for (int i = 0; i < sst_min_int(t->lefts, HIDDEN_LEFT); i++)
+        was |= t->t_ns - t->left[i].t_ns < LEFT_NS && meets(&t->left[i], a);
     return was;
 }
 
@@ -381,7 +378,7 @@ void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
 }
 
 void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate *c, int count,
-                          const struct hidden_planes *p, int64_t t_ns, bool quiet)
+                          const struct hidden_planes *p, int64_t t_ns)
 {
     const double dt_s = t->t_ns ? fmax((double)(t_ns - t->t_ns) * 1e-9, 0) : 0;
     struct group g[SST_HIDDEN_THINGS];
@@ -404,20 +401,20 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         a->beside |= a->behind_one || is_part(t, a) || was_left(t, a);
         a->gone = !stays(a, dt_s, t_ns);
     }
-    for (int i = 0; i < t->count && !quiet; i++) {
+    for (int i = 0; i < t->count && !t->quiet; i++) {
         if (t->track[i].gone)
             leave_to_heir(t, &t->track[i], threshold);
         else
             become_better(t, &t->track[i], threshold);
     }
-    for (int i = 0; i < t->count && !quiet; i++)
+    for (int i = 0; i < t->count && !t->quiet; i++)
         if (!t->track[i].gone && may_be_reported(t, &t->track[i], threshold))
             report(t, &t->track[i]);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
         if (a->gone) {
-            if (!quiet)
+            if (!t->quiet)
                 note_chance(t, a);
             continue;
         }
@@ -429,6 +426,6 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     for (int k = 0; k < groups; k++)
         if (g[k].z > 0)
             add(t, &g[k], t_ns);
-    if (!quiet)
+    if (!t->quiet)
         note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
 }

@@ -26,7 +26,7 @@ struct sst_hidden {
     bool searched; /* once */
     /* of this set */
     const struct sst_hidden_input *in;
-    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* blocks */
+    struct sst_rect keep[SST_HIDDEN_THINGS]; /* blocks */
     double keep_px[SST_HIDDEN_THINGS];
     int keeps, stands; /* stands: the first of keep */
 };
@@ -112,8 +112,8 @@ static void find_kept(struct sst_hidden *h)
             continue;
         h->stands += stands;
         h->keep_px[h->keeps] = a->thing.disp_px;
-        h->keep[h->keeps++] = (struct hidden_rect){ (int)floor(a->x - 0.75 * a->w), (int)floor(a->y - 0.75 * a->h),
-                                                    (int)ceil(a->x + 0.75 * a->w), (int)ceil(a->y + 0.75 * a->h) };
+        h->keep[h->keeps++] = (struct sst_rect){ (int)floor(a->x - 0.75 * a->w), (int)floor(a->y - 0.75 * a->h),
+                                                 (int)ceil(a->x + 0.75 * a->w), (int)ceil(a->y + 0.75 * a->h) };
     }
 }
 
@@ -127,16 +127,16 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
     for (int i = 0; i < h->stands; i++) {
         const int sx = (int)lround(h->keep_px[i] * h->dx[k]), sy = (int)lround(h->keep_px[i] * h->dy[k]);
 
-        r.keep[i] = (struct hidden_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
-                                          HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
+        r.keep[i] = (struct sst_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
+                                       HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
     }
     for (int i = 0; i < sst_min_int(h->tracks.lefts, HIDDEN_LEFT); i++) {
         const struct hidden_left *l = &h->tracks.left[i];
         const double x = HIDDEN_BLOCK * l->x - l->disp_px * h->dx[k], y = HIDDEN_BLOCK * l->y - l->disp_px * h->dy[k];
 
         if (hidden_tracks_left(&h->tracks, l))
-            r.wake[r.wakes++] = (struct hidden_rect){ (int)(x - HIDDEN_BLOCK * l->w), (int)(y - HIDDEN_BLOCK * l->h),
-                                                      (int)(x + HIDDEN_BLOCK * l->w), (int)(y + HIDDEN_BLOCK * l->h) };
+            r.wake[r.wakes++] = (struct sst_rect){ (int)(x - HIDDEN_BLOCK * l->w), (int)(y - HIDDEN_BLOCK * l->h),
+                                                   (int)(x + HIDDEN_BLOCK * l->w), (int)(y + HIDDEN_BLOCK * l->h) };
     }
     hidden_model_update(h->model[k], &(struct hidden_picture){ h->in->image[k], h->changed[k], h->step }, h->in->t_ns,
                         &r);
@@ -199,7 +199,8 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
         return err;
     count = hidden_usual_follow(&h->usual, &h->planes, &(struct hidden_kept){ in->t_ns, h->keep, h->keeps },
                                 h->cfg.threads, candidate);
-    hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns, h->usual.age_s < QUIET_S);
+    h->tracks.quiet = h->usual.age_s < QUIET_S;
+    hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns);
     return 0;
 }
 

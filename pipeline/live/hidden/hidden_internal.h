@@ -16,10 +16,6 @@
 #define HIDDEN_PLANES 24
 #define HIDDEN_BOXES  4
 
-struct hidden_rect {
-    int x0, y0, x1, y1;
-};
-
 /* --- model.c: background model of a view, and the differences from it ----------------------------------------------
  */
 
@@ -44,8 +40,8 @@ void hidden_model_fini(struct hidden_model *m);
 
 /** Places in cells of a view. */
 struct hidden_rects {
-    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* occupied boxes: excluded from background learning */
-    struct hidden_rect wake[HIDDEN_LEFT];       /* vacated boxes: relearnt immediately */
+    struct sst_rect keep[SST_HIDDEN_THINGS]; /* occupied boxes: excluded from background learning */
+    struct sst_rect wake[HIDDEN_LEFT];       /* vacated boxes: relearnt immediately */
     int keeps, wakes;
 };
 
@@ -55,6 +51,9 @@ struct hidden_picture {
     const uint8_t *changed;
     int step; /* px per cell, a power of 2 */
 };
+
+/** Does a rectangle meet one of these? */
+bool hidden_overlaps(const struct sst_rect *r, const struct sst_rect *keep, int keeps);
 
 /** Follow a picture. */
 void hidden_model_update(struct hidden_model *m, const struct hidden_picture *picture, int64_t t_ns,
@@ -84,7 +83,7 @@ SST_MUST_CHECK int hidden_planes_cover(struct hidden_planes *p, const struct sst
                                        int threads);
 
 /** Is enough of a box (blocks) nearer than a plane? */
-bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r);
+bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct sst_rect *r);
 
 /** Choose the planes; the outermost view moves by `reach` cells per px of disparity. @return they are others than
  * before */
@@ -104,8 +103,8 @@ SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct hidde
  */
 
 struct hidden_candidate {
-    struct hidden_rect at; /* blocks */
-    int box, plane;        /* plane: where it is sharpest */
+    struct sst_rect at; /* blocks */
+    int box, plane;     /* plane: where it is sharpest */
     double z;
 };
 
@@ -130,7 +129,7 @@ void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
 /** Time of a set, and its blocks that are excluded from background learning. */
 struct hidden_kept {
     int64_t t_ns;
-    const struct hidden_rect *keep; /* [keeps] */
+    const struct sst_rect *keep; /* [keeps] */
     int keeps;
 };
 
@@ -168,6 +167,7 @@ struct hidden_tracks {
     int count;
     uint32_t next_key;
     int64_t t_ns;
+    bool quiet; /* nothing is reported yet */
     double alarms_per_hour;
     /* Statistics of chance: number of false tracks, their evidence above PEAK_MIN, and the hours observed; old ones
      * count less. */
@@ -188,8 +188,8 @@ bool hidden_track_moved(const struct hidden_track *a);
 /** Evidence at which chance makes as many reports as are accepted. */
 double hidden_tracks_threshold(const struct hidden_tracks *t);
 
-/** Follow a set. @param step_px  between planes @param quiet  report nothing yet */
+/** Follow a set. */
 void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate *c, int count,
-                          const struct hidden_planes *p, int64_t t_ns, bool quiet);
+                          const struct hidden_planes *p, int64_t t_ns);
 
 #endif

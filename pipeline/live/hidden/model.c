@@ -69,7 +69,7 @@ static void halve_row(uint8_t *restrict out, const uint8_t *restrict a, const ui
 
 /* Cells of a rectangle, of step x step px each. */
 struct shrunk {
-    const struct hidden_rect *r;
+    const struct sst_rect *r;
     int step;
 };
 
@@ -105,7 +105,7 @@ static void shrink_row(struct hidden_model *m, const struct sst_image *in, int c
     }
 }
 
-static void shrink(struct hidden_model *m, const struct sst_image *image, const struct hidden_rect *r, int step)
+static void shrink(struct hidden_model *m, const struct sst_image *image, const struct sst_rect *r, int step)
 {
     const struct shrunk part = { r, step };
 
@@ -141,7 +141,7 @@ static double measure_gain(const struct hidden_model *m, const uint8_t *changed)
     return GAIN_RANGE;
 }
 
-static void scale(struct hidden_model *m, const struct hidden_rect *r, double gain)
+static void scale(struct hidden_model *m, const struct sst_rect *r, double gain)
 {
     uint8_t level[256];
 
@@ -161,7 +161,7 @@ static void scale(struct hidden_model *m, const struct hidden_rect *r, double ga
  */
 
 /* Scores of a rectangle of cells, a run of tiles of which `tile` is the first. */
-static void compare(struct hidden_model *m, int tile, const struct hidden_rect *r, bool learns)
+static void compare(struct hidden_model *m, int tile, const struct sst_rect *r, bool learns)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const int tiles = (r->x1 - r->x0 + m->tile - 1) / m->tile;
@@ -191,7 +191,7 @@ static void compare(struct hidden_model *m, int tile, const struct hidden_rect *
 /* --- learning -------------------------------------------------------------------------------------------------------
  */
 
-static bool is_in(int x, int y, const struct hidden_rect *rect, int rects)
+static bool is_in(int x, int y, const struct sst_rect *rect, int rects)
 {
     for (int i = 0; i < rects; i++)
         if (x >= rect[i].x0 && x < rect[i].x1 && y >= rect[i].y0 && y < rect[i].y1)
@@ -199,7 +199,7 @@ static bool is_in(int x, int y, const struct hidden_rect *rect, int rects)
     return false;
 }
 
-static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep, int keeps)
+bool hidden_overlaps(const struct sst_rect *r, const struct sst_rect *keep, int keeps)
 {
     for (int i = 0; i < keeps; i++)
         if (r->x0 < keep[i].x1 && keep[i].x0 < r->x1 && r->y0 < keep[i].y1 && keep[i].y0 < r->y1)
@@ -251,12 +251,11 @@ static void fill(struct hidden_model *m)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
-static struct hidden_rect tile_rect(const struct hidden_model *m, int tile)
+static struct sst_rect tile_rect(const struct hidden_model *m, int tile)
 {
     const int x = tile % m->tiles_x * m->tile, y = tile / m->tiles_x * m->tile;
 
-    return (struct hidden_rect){ x, y, sst_min_int(x + m->tile, m->now.width),
-                                 sst_min_int(y + m->tile, m->now.height) };
+    return (struct sst_rect){ x, y, sst_min_int(x + m->tile, m->now.width), sst_min_int(y + m->tile, m->now.height) };
 }
 
 /* Read the changed tiles. Brightness is measured where most tiles changed, as light changes them all. */
@@ -266,7 +265,7 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
     int read = 0;
 
     for (int i = 0, end; i < tiles; i = end) {
-        struct hidden_rect r = tile_rect(m, i);
+        struct sst_rect r = tile_rect(m, i);
 
         for (end = i; (end == i || end % m->tiles_x) && (!changed || changed[end] || !m->filled); end++)
             r.x1 = tile_rect(m, end).x1;
@@ -283,7 +282,7 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
         const double gain = measure_gain(m, changed);
 
         if (gain >= GAIN_RANGE || gain <= 1 / GAIN_RANGE) {
-            const struct hidden_rect all = { 0, 0, m->now.width, m->now.height };
+            const struct sst_rect all = { 0, 0, m->now.width, m->now.height };
 
             shrink(m, image, &all, step);
             fill(m);
@@ -292,7 +291,7 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
         m->gain = fabs(gain - 1) < GAIN_SAME ? 1 : gain;
     }
     for (int i = 0; i < tiles && (m->gain < 1 || m->gain > 1); i++) {
-        const struct hidden_rect r = tile_rect(m, i);
+        const struct sst_rect r = tile_rect(m, i);
 
         if (!changed || changed[i])
             scale(m, &r, m->gain);
@@ -309,15 +308,15 @@ void hidden_model_update(struct hidden_model *m, const struct hidden_picture *pi
     if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
         read_tiles(m, picture->image, changed, picture->step);
     for (int i = 0, end; i < tiles; i = end) {
-        struct hidden_rect r = tile_rect(m, i), next = r;
-        const bool learns = usual && !overlaps(&r, rects->keep, rects->keeps);
+        struct sst_rect r = tile_rect(m, i), next = r;
+        const bool learns = usual && !hidden_overlaps(&r, rects->keep, rects->keeps);
 
         end = i + 1;
         if (changed && !changed[i] && !m->hot[i])
             continue;
         for (; end % m->tiles_x && (!changed || changed[end] || m->hot[end]); end++) {
             next = tile_rect(m, end);
-            if (learns != (usual && !overlaps(&next, rects->keep, rects->keeps)))
+            if (learns != (usual && !hidden_overlaps(&next, rects->keep, rects->keeps)))
                 break;
             r.x1 = next.x1;
         }

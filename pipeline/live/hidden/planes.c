@@ -123,7 +123,7 @@ int hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *
     return err;
 }
 
-bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r)
+bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct sst_rect *r)
 {
     const int w = p->cols + 1;
     const float *sums = p->nearer + (size_t)plane * (size_t)w * ((size_t)p->rows + 1);

@@ -93,14 +93,6 @@ static void sum_up(const struct hidden_usual *u, int plane)
     }
 }
 
-static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep, int keeps)
-{
-    for (int i = 0; i < keeps; i++)
-        if (r->x0 < keep[i].x1 && keep[i].x0 < r->x1 && r->y0 < keep[i].y1 && keep[i].y0 < r->y1)
-            return true;
-    return false;
-}
-
 /* A box moved along a row, with its surroundings: rows of sums above and below both. */
 struct row {
     const float *top, *end, *around_top, *around_end;
@@ -164,9 +156,9 @@ static void follow_box(const struct job *j, int box, int plane)
         for (int x = 0; x + bw <= u->cols && !keeps; x++)
             follow_spread(&spread[x], excess[x], j->rate);
         for (int x = 0; x + bw <= u->cols && keeps; x++) {
-            const struct hidden_rect at = { x, y, x + bw, y + bh };
+            const struct sst_rect at = { x, y, x + bw, y + bh };
 
-            if (!overlaps(&at, j->kept->keep, keeps))
+            if (!hidden_overlaps(&at, j->kept->keep, keeps))
                 follow_spread(&spread[x], excess[x], j->rate);
         }
     }
@@ -185,11 +177,11 @@ static void follow_level(const struct job *j, int plane)
         const float *now = mean + (size_t)y * (size_t)u->cols;
 
         for (int x = 0; x < u->cols; x++) {
-            const struct hidden_rect r = { x, y, x + 1, y + 1 };
+            const struct sst_rect r = { x, y, x + 1, y + 1 };
             const float most = 2 * level[x] + (float)LEVEL_MIN;
 
             over[x] = now[x] - level[x];
-            if (!keeps || !overlaps(&r, j->kept->keep, keeps))
+            if (!keeps || !hidden_overlaps(&r, j->kept->keep, keeps))
                 level[x] += j->rate * (over[x] > most ? most : over[x]);
         }
     }
@@ -214,7 +206,7 @@ static void judge_box(const struct hidden_usual *u, const struct hidden_planes *
     for (int x = 0; x + bw <= u->cols; x++) {
         const size_t middle = (size_t)(y + bh / 2) * (size_t)u->cols + (size_t)(x + bw / 2);
         float behind = 0, leaves = 0, z;
-        const struct hidden_rect r = { x, y, x + bw, y + bh };
+        const struct sst_rect r = { x, y, x + bw, y + bh };
         int plane = 0;
 
         for (int i = 0; i < p->count; i++) {

@@ -42,8 +42,8 @@ struct cell {
 };
 
 struct object {
-    struct scene_rect at; /* cells */
-    int disp_q6;          /* mean */
+    struct sst_rect at; /* cells */
+    int disp_q6;        /* mean */
     int64_t cells, vote[SST_MAX_CLASSES + 1];
     int64_t asked; /* cells when the network last ran */
 };

@@ -84,12 +84,12 @@ int scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS]
     return count;
 }
 
-static bool overlap(const struct scene_rect *a, const struct scene_rect *b)
+static bool overlap(const struct sst_rect *a, const struct sst_rect *b)
 {
     return a->x0 < b->x1 && b->x0 < a->x1 && a->y0 < b->y1 && b->y0 < a->y1;
 }
 
-static void join(struct scene_rect *a, const struct scene_rect *b)
+static void join(struct sst_rect *a, const struct sst_rect *b)
 {
     a->x0 = sst_min_int(a->x0, b->x0);
     a->y0 = sst_min_int(a->y0, b->y0);
@@ -98,7 +98,7 @@ static void join(struct scene_rect *a, const struct scene_rect *b)
 }
 
 /* Add a rectangle: joined with the ones that it overlaps, and with the last one when the list is full. */
-static int add_rect(struct scene_rect *rects, int count, struct scene_rect r)
+static int add_rect(struct sst_rect *rects, int count, struct sst_rect r)
 {
     for (int i = 0; i < count;) {
         if (!overlap(&rects[i], &r) && count < SST_SCENE_RECTS) {
@@ -113,7 +113,7 @@ static int add_rect(struct scene_rect *rects, int count, struct scene_rect r)
     return count + 1;
 }
 
-int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height)
+int scene_gather(struct sst_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height)
 {
     const int cols = dirty.cols;
     int count = 0;
@@ -123,7 +123,7 @@ int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], struct scene_dirty di
             for (end = x; end < cols && dirty.tiles[y * cols + end] == 1; end++)
                 ;
             if (end > x)
-                count = add_rect(rects, count, (struct scene_rect){ x - 1, y - 1, end + 1, y + 2 });
+                count = add_rect(rects, count, (struct sst_rect){ x - 1, y - 1, end + 1, y + 2 });
         }
     }
     for (int i = 0; i < count; i++) {
@@ -165,7 +165,7 @@ void scene_matcher_fini(struct scene_matcher *m)
 }
 
 /* The part of a picture inside a rectangle; borrowed. */
-static struct sst_image part_of(const struct sst_image *img, const struct scene_rect *r)
+static struct sst_image part_of(const struct sst_image *img, const struct sst_rect *r)
 {
     struct sst_image part = { .width = r->x1 - r->x0, .height = r->y1 - r->y0, .stride = img->stride };
 
@@ -176,7 +176,7 @@ static struct sst_image part_of(const struct sst_image *img, const struct scene_
 
 /* Copy changed tiles to the key's map; half-size disparities become full-size ones. */
 static void store(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
-                  const struct scene_rect *r, struct scene_dirty dirty)
+                  const struct sst_rect *r, struct scene_dirty dirty)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
@@ -192,7 +192,7 @@ static void store(struct scene_key *key, const struct sst_map_u16 *disp, const s
 }
 
 int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, struct scene_key *key,
-                const struct scene_rect *rect, struct scene_dirty dirty)
+                const struct sst_rect *rect, struct scene_dirty dirty)
 {
     static const struct sst_disparity_config cfg = {
         .paths = PATHS, .p1 = PENALTY_1, .p2 = PENALTY_2, .edge_step = EDGE_STEP

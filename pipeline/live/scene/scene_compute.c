@@ -54,7 +54,7 @@ static bool row_extent(const struct sst_livescene *s, int view, int y, int *x0, 
 
 /* The next cells below r that contain changed tiles: a run of rows of tiles that changed in about the same columns, so
  * that describing them together takes less than apart. @return false: none */
-static bool changed_part(const struct sst_livescene *s, int view, struct scene_rect *r)
+static bool changed_part(const struct sst_livescene *s, int view, struct sst_rect *r)
 {
     int y = (r->y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, x0, x1, next0, next1, y0;
 
@@ -70,8 +70,8 @@ static bool changed_part(const struct sst_livescene *s, int view, struct scene_r
         x0 = both0;
         x1 = both1;
     }
-    *r = (struct scene_rect){ x0 * SST_SCENE_CELLS, y0 * SST_SCENE_CELLS, sst_min_int(x1 * SST_SCENE_CELLS, s->width),
-                              sst_min_int(y * SST_SCENE_CELLS, s->height) };
+    *r = (struct sst_rect){ x0 * SST_SCENE_CELLS, y0 * SST_SCENE_CELLS, sst_min_int(x1 * SST_SCENE_CELLS, s->width),
+                            sst_min_int(y * SST_SCENE_CELLS, s->height) };
     return true;
 }
 
@@ -96,7 +96,7 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     struct sst_livescene *s = arg;
     const struct sst_view *v = &s->lf->views[view];
     struct sst_descriptor *d = &s->desc[view];
-    struct scene_rect r = { 0 };
+    struct sst_rect r = { 0 };
     int err = scene_cancelled(s);
 
     if (err || !s->described[view])
@@ -136,7 +136,7 @@ static int match_job(void *arg, int index, int worker)
     return err;
 }
 
-static int area(const struct scene_rect *r)
+static int area(const struct sst_rect *r)
 {
     return (r->x1 - r->x0) * (r->y1 - r->y0);
 }
@@ -169,7 +169,7 @@ static bool label_due(struct sst_livescene *s, int changed)
 /* The network and the rectangles of all keys, longest jobs first. @return their number */
 static int make_jobs(struct sst_livescene *s)
 {
-    struct scene_rect rects[SST_SCENE_RECTS];
+    struct sst_rect rects[SST_SCENE_RECTS];
     int count = 0, changed = 0;
 
     for (int i = 0; i < s->tiles; i++)

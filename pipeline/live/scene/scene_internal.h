@@ -65,11 +65,6 @@ struct scene_key {
     uint32_t *packed;        /* [height][width] cells to warp, see warp.c */
 };
 
-/** Cells x0 .. x1-1, y0 .. y1-1. */
-struct scene_rect {
-    int x0, y0, x1, y1;
-};
-
 /**
  * Choose the key views of a grid: the reference view first, then one for every 3x3 views, the present view with a
  * neighbour that is nearest to their middle.
@@ -93,7 +88,7 @@ struct scene_dirty {
  * Disjoint rectangles (in cells, made of whole tiles) that cover all changed tiles with a margin of one tile, in which
  * other tiles to match again lie.
  */
-int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height);
+int scene_gather(struct sst_rect rects[SST_SCENE_RECTS], struct scene_dirty dirty, int rows, int width, int height);
 
 /** Working memory to match a rectangle; one per thread. */
 struct scene_matcher {
@@ -121,7 +116,7 @@ struct scene_pictures {
  * @param dirty  of the key
  */
 SST_MUST_CHECK int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, struct scene_key *key,
-                               const struct scene_rect *rect, struct scene_dirty dirty);
+                               const struct sst_rect *rect, struct scene_dirty dirty);
 
 /* --- key_maps.c: confirmation between key views; labels of cells without a confident network label ---------------- */
 
@@ -185,8 +180,8 @@ bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, s
 
 /** A connected part of the foreground. */
 struct scene_piece {
-    struct scene_rect at; /* cells */
-    int disp_q6;          /* mean */
+    struct sst_rect at; /* cells */
+    int disp_q6;        /* mean */
     int64_t cells;
     uint8_t label;      /* 0: none, or not known yet */
     float colour[2][3]; /* means of the upper and of the lower half */
@@ -314,7 +309,7 @@ void scene_background_release(struct scene_background *b);
 /** One unit of parallel work: matching a rectangle, or running the network. */
 struct scene_job {
     int key; /* -1: the network */
-    struct scene_rect rect;
+    struct sst_rect rect;
 };
 
 struct sst_livescene {

@@ -79,7 +79,7 @@ struct extent {
     double x, y, w, h; /* centre, size */
 };
 
-static struct extent extent_of(const struct scene_rect *r)
+static struct extent extent_of(const struct sst_rect *r)
 {
     return (struct extent){ 0.5 * (r->x0 + r->x1), 0.5 * (r->y0 + r->y1), r->x1 - r->x0, r->y1 - r->y0 };
 }

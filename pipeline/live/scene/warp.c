@@ -108,7 +108,7 @@ static int count_changed(struct scene_composer *c, const uint8_t *dirty)
 }
 
 /* Does a rectangle of cells meet a changed tile? */
-static bool meets_changed(const struct scene_composer *c, const struct scene_rect *r)
+static bool meets_changed(const struct scene_composer *c, const struct sst_rect *r)
 {
     const int x0 = sst_max_int(r->x0, 0) / SST_SCENE_CELLS, y0 = sst_max_int(r->y0, 0) / SST_SCENE_CELLS;
     const int x1 = sst_min_int((r->x1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, c->cols);
@@ -141,16 +141,16 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
 /* --- warping ------------------------------------------------------------------------------------------------------ */
 
 /* Where the cells of a tile with these disparities may go: shifts are monotonic in the disparity. */
-static struct scene_rect landing_box(const struct scene_rect *tile, const struct scene_span *span,
-                                     const struct scene_warp *way)
+static struct sst_rect landing_box(const struct sst_rect *tile, const struct scene_span *span,
+                                   const struct scene_warp *way)
 {
     const int ax = scene_shift(way->zero_q6 + span->far_q6, way->bx_q16);
     const int bx = scene_shift(way->zero_q6 + span->near_q6, way->bx_q16);
     const int ay = scene_shift(way->zero_q6 + span->far_q6, way->by_q16);
     const int by = scene_shift(way->zero_q6 + span->near_q6, way->by_q16);
 
-    return (struct scene_rect){ tile->x0 - sst_max_int(ax, bx), tile->y0 - sst_max_int(ay, by),
-                                tile->x1 - sst_min_int(ax, bx), tile->y1 - sst_min_int(ay, by) };
+    return (struct sst_rect){ tile->x0 - sst_max_int(ax, bx), tile->y0 - sst_max_int(ay, by),
+                              tile->x1 - sst_min_int(ax, bx), tile->y1 - sst_min_int(ay, by) };
 }
 
 /* Warp the tiles of a key that may reach a changed tile. */
@@ -166,9 +166,9 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
     for (int i = 0; i < c->cols * c->rows; i++) {
         const struct scene_span *span = &key->tile[i];
         const int x0 = i % c->cols * SST_SCENE_CELLS, y0 = i / c->cols * SST_SCENE_CELLS;
-        const struct scene_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
-                                         sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
-        struct scene_rect box;
+        const struct sst_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
+                                       sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
+        struct sst_rect box;
 
         if (span->far_q6 > span->near_q6)
             continue;
@@ -181,7 +181,7 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
 }
 
 /* Collect warped cells of changed tiles, and the existing maps of the view around them. */
-static void collect(struct scene_composer *c, const struct sst_view *v, const struct scene_rect *r, bool labels)
+static void collect(struct scene_composer *c, const struct sst_view *v, const struct sst_rect *r, bool labels)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint8_t *tiles = c->changed + y / SST_SCENE_CELLS * c->cols;
@@ -243,7 +243,7 @@ static bool shows_through(int d, int a, int b)
 }
 
 /* Close a gap of one cell. @return it was one */
-static bool close_gap(struct scene_composer *c, const struct scene_rect *r, int x, int y)
+static bool close_gap(struct scene_composer *c, const struct sst_rect *r, int x, int y)
 {
     uint16_t *d = sst_map_u16_row(&c->maps.disp, y);
     uint8_t *l = sst_map_u8_row(&c->maps.label, y);
@@ -282,7 +282,7 @@ static void mark_gaps(uint8_t *restrict gap, const uint16_t *restrict d, const u
 
 /* Close gaps of one cell: slanted surfaces get wider from view to view. Few cells are gaps, so candidates are marked
  * first. Only a gap closed to its left can turn a cell that is not marked into one. */
-static void close_gaps(struct scene_composer *c, const struct scene_rect *r)
+static void close_gaps(struct scene_composer *c, const struct sst_rect *r)
 {
     uint8_t *gap = enlarger_of(c).label; /* not needed yet */
 
@@ -341,7 +341,7 @@ static bool fill_row(uint16_t *d, uint8_t *l, int x0, int x1)
     return true;
 }
 
-static void fill(struct scene_composer *c, const struct scene_rect *r)
+static void fill(struct scene_composer *c, const struct sst_rect *r)
 {
     const size_t n = (size_t)(r->x1 - r->x0);
     int known = -1;
@@ -426,7 +426,7 @@ static void enlarge(const struct enlarger *e, struct sst_view *v, const struct s
 
 /* Upsample a rectangle of cells: each pixel gets its own cell of the four around it, or the cell of another
  * surface that is more similar in colour. */
-static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, const struct scene_rect *r, bool labels)
+static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, const struct sst_rect *r, bool labels)
 {
     struct enlarger e = enlarger_of(c);
 
@@ -446,7 +446,7 @@ static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, co
 }
 
 /* Runs of changed tiles of a rectangle, row by row. */
-static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, const struct scene_rect *r, bool labels)
+static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, const struct sst_rect *r, bool labels)
 {
     const int right = (r->x1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
 
@@ -458,9 +458,9 @@ static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, 
                 ;
             if (end > col)
                 enlarge_tiles(c, v,
-                              &(struct scene_rect){ col * SST_SCENE_CELLS, y,
-                                                    sst_min_int(end * SST_SCENE_CELLS, c->width),
-                                                    sst_min_int(y + SST_SCENE_CELLS, c->height) },
+                              &(struct sst_rect){ col * SST_SCENE_CELLS, y,
+                                                  sst_min_int(end * SST_SCENE_CELLS, c->width),
+                                                  sst_min_int(y + SST_SCENE_CELLS, c->height) },
                               labels);
         }
     }
@@ -469,7 +469,7 @@ static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, 
 void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_keys *keys,
                    const uint8_t *dirty)
 {
-    struct scene_rect rects[SST_SCENE_RECTS];
+    struct sst_rect rects[SST_SCENE_RECTS];
     struct sst_view *v = &lf->views[view];
     int n;
 
