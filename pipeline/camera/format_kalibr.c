@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
+#include "pipeline/camera/numbers.h"
 
 #define METRE_MM 1000.0
 
@@ -81,19 +82,14 @@ static void read_place(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
 /* Pose from the previous camera's: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
 static void chain(double pose_R[9], double pose_T[3], const double R[9], const double T[3])
 {
-    double r[9], t[3];
+    double t[3];
 
     for (int i = 0; i < 3; i++) {
         t[i] = T[i];
         for (int l = 0; l < 3; l++)
             t[i] += R[3 * i + l] * pose_T[l];
-        for (int j = 0; j < 3; j++) {
-            r[3 * i + j] = 0;
-            for (int l = 0; l < 3; l++)
-                r[3 * i + j] += R[3 * i + l] * pose_R[3 * l + j];
-        }
     }
-    memcpy(pose_R, r, sizeof(r));
+    sst_numbers_mul3(R, pose_R, pose_R);
     memcpy(pose_T, t, sizeof(t));
 }
 
@@ -258,14 +254,11 @@ static void put_step(FILE *f, const struct sst_calib_camera *a, const struct sst
     sst_rotation_between(b->rotation, a->rotation, turn);
     for (int l = 0; l < 3; l++)
         way[l] = (a->position_mm[l] - b->position_mm[l]) / METRE_MM;
+    sst_numbers_apply3(b->rotation, way, way);
     fputs("  T_cn_cnm1:\n", f);
     for (int i = 0; i < 3; i++) {
-        double row[4] = { turn[3 * i], turn[3 * i + 1], turn[3 * i + 2], 0 };
-
-        for (int l = 0; l < 3; l++)
-            row[3] += b->rotation[3 * i + l] * way[l];
         fputs("  - [", f);
-        sst_put_numbers(f, row, 4);
+        sst_put_numbers(f, (const double[]){ turn[3 * i], turn[3 * i + 1], turn[3 * i + 2], way[i] }, 4);
         fputs("]\n", f);
     }
     fputs("  - [0, 0, 0, 1]\n", f);

@@ -10,6 +10,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/camera/format_parts.h"
+#include "pipeline/camera/numbers.h"
 
 #define METRE_MM 1000.0
 #define MOST     16
@@ -164,19 +165,15 @@ static int find_camera(const struct reader *r, const char *name, size_t n)
 static void follow(struct sst_loose_camera *out, const struct sst_loose_camera *step,
                    const struct sst_loose_camera *other)
 {
-    const double *o = other->cam.rotation, *s = step->cam.rotation;
-    double *r = out->cam.rotation, *p = out->cam.position_mm;
+    const double *o = other->cam.rotation;
+    double *p = out->cam.position_mm;
 
     for (int i = 0; i < 3; i++) {
         p[i] = other->cam.position_mm[i];
         for (int l = 0; l < 3; l++)
             p[i] += o[3 * l + i] * step->cam.position_mm[l];
-        for (int j = 0; j < 3; j++) {
-            r[3 * i + j] = 0;
-            for (int l = 0; l < 3; l++)
-                r[3 * i + j] += s[3 * i + l] * o[3 * l + j];
-        }
     }
+    sst_numbers_mul3(step->cam.rotation, o, out->cam.rotation);
     out->posed = true;
 }
 

@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
+#include "pipeline/camera/numbers.h"
 
 #define MOST_NUMBERS 16
 #define NAMES        6
@@ -446,13 +447,12 @@ static void put_intrinsics(FILE *f, const struct sst_calib *calib, const struct 
 static void put_extrinsics(FILE *f, const struct sst_calib *calib, const struct sst_calib_camera *a,
                            const struct sst_calib_camera *b)
 {
-    double R[9], T[3] = { 0 };
+    double R[9], T[3];
 
     sst_rotation_between(b->rotation, a->rotation, R);
-    for (int i = 0; i < 3; i++) {
-        for (int l = 0; l < 3; l++)
-            T[i] += b->rotation[3 * i + l] * (a->position_mm[l] - b->position_mm[l]);
-    }
+    for (int i = 0; i < 3; i++)
+        T[i] = a->position_mm[i] - b->position_mm[i];
+    sst_numbers_apply3(b->rotation, T, T);
     put_head(f, calib);
     put_matrix(f, "R", R, 3, 3);
     put_matrix(f, "T", T, 3, 1);

@@ -10,6 +10,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "pipeline/camera/numbers.h"
 
 struct sst_loose *sst_loose_create(void)
 {
@@ -392,18 +393,15 @@ static void rebase(struct sst_calib *calib)
         moved += fabs(ref.position_mm[i]);
     for (int k = 0; moved > 0 && k < calib->rows * calib->cols; k++) {
         struct sst_calib_camera *c = &calib->camera[k];
-        double r[9], p[3];
+        double r[9];
 
         if (!c->known || k == calib->reference)
             continue;
-        for (int i = 0; i < 3; i++) {
-            p[i] = 0;
-            for (int l = 0; l < 3; l++)
-                p[i] += ref.rotation[3 * i + l] * (c->position_mm[l] - ref.position_mm[l]);
-        }
+        for (int i = 0; i < 3; i++)
+            c->position_mm[i] -= ref.position_mm[i];
+        sst_numbers_apply3(ref.rotation, c->position_mm, c->position_mm);
         sst_rotation_between(c->rotation, ref.rotation, r);
         memcpy(c->rotation, r, sizeof(r));
-        memcpy(c->position_mm, p, sizeof(p));
     }
     memcpy(calib->camera[calib->reference].rotation, (const double[]){ 1, 0, 0, 0, 1, 0, 0, 0, 1 }, 9 * sizeof(double));
     memset(calib->camera[calib->reference].position_mm, 0, 3 * sizeof(double));
@@ -455,13 +453,9 @@ int sst_loose_assemble(struct sst_calib *out, const struct sst_loose *loose, con
 
 void sst_camera_translation(const struct sst_calib_camera *cam, double unit_mm, double out[3])
 {
-    for (int i = 0; i < 3; i++) {
-        double sum = 0;
-
-        for (int l = 0; l < 3; l++)
-            sum += cam->rotation[3 * i + l] * cam->position_mm[l];
-        out[i] = (0 - sum) / unit_mm; /* no -0 */
-    }
+    sst_numbers_apply3(cam->rotation, cam->position_mm, out);
+    for (int i = 0; i < 3; i++)
+        out[i] = (0 - out[i]) / unit_mm; /* no -0 */
 }
 
 int sst_calib_next(const struct sst_calib *calib, int view)

@@ -1,6 +1,7 @@
 #include "pipeline/camera/numbers.h"
 
 #include <math.h>
+#include <string.h>
 
 #define LEAST_PIVOT 1e-14 /* of its diagonal */
 
@@ -51,4 +52,21 @@ bool sst_numbers_solve(double *a, double *x, int n)
 
     sst_numbers_substitute(a, n, x);
     return definite;
+}
+
+void sst_numbers_mul3(const double a[9], const double b[9], double out[9])
+{
+    double m[9];
+
+    for (int i = 0; i < 9; i++)
+        m[i] = 0 + a[i / 3 * 3] * b[i % 3] + a[i / 3 * 3 + 1] * b[3 + i % 3] + a[i / 3 * 3 + 2] * b[6 + i % 3];
+    memcpy(out, m, sizeof(m));
+}
+
+void sst_numbers_apply3(const double a[9], const double v[3], double out[3])
+{
+    const double x = v[0], y = v[1], z = v[2];
+
+    for (int i = 0; i < 3; i++)
+        out[i] = 0 + a[3 * i] * x + a[3 * i + 1] * y + a[3 * i + 2] * z;
 }

@@ -91,10 +91,10 @@ static void left_jacobian(void **state)
         double j[9], je[3], by[9], r[9], want[9], sum[3];
 
         solve_left_jacobian(at[t], j);
-        solve_apply3(j, e, je);
+        sst_numbers_apply3(j, e, je);
         sst_rotation_from_vector(je, by);
         sst_rotation_from_vector(at[t], r);
-        solve_mul3(by, r, r);
+        sst_numbers_mul3(by, r, r);
         for (int i = 0; i < 3; i++)
             sum[i] = at[t][i] + e[i];
         sst_rotation_from_vector(sum, want);
@@ -117,7 +117,7 @@ static void problem(struct solve_problem *p, const struct truth *t, const struct
         memcpy(to->lens, &c->fx, 4 * sizeof(double));
         memcpy(to->lens + 4, c->k, sizeof(c->k));
         memcpy(to->pose.rotation, c->rotation, sizeof(c->rotation));
-        solve_apply3(c->rotation, c->position_mm, to->pose.shift);
+        sst_numbers_apply3(c->rotation, c->position_mm, to->pose.shift);
         for (int i = 0; i < 3; i++)
             to->pose.shift[i] *= -1;
     }
@@ -178,7 +178,7 @@ static void nudge(struct solve_problem *p, const struct solve_layout *l, int sta
         if (state >= at + 3 && state < at + 6)
             to->shift[state - at - 3] += by * l->scale[state];
         sst_rotation_from_vector(v, m);
-        solve_mul3(m, old->rotation, to->rotation);
+        sst_numbers_mul3(m, old->rotation, to->rotation);
     }
     for (int i = 0; i < 2; i++)
         p->warp[i] = from->warp[i] + (l->warp >= 0 && state == l->warp + i ? by * l->scale[state] : 0);

@@ -77,7 +77,7 @@ static void move_pose(struct solve_pose *to, const struct solve_pose *from, cons
     for (int i = 0; i < 3; i++)
         turn[i] = state[i] * scale[i];
     sst_rotation_from_vector(turn, by);
-    solve_mul3(by, from->rotation, to->rotation);
+    sst_numbers_mul3(by, from->rotation, to->rotation);
     for (int i = 0; i < 3; i++)
         to->shift[i] = from->shift[i] + state[3 + i] * scale[3 + i];
 }

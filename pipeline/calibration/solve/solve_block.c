@@ -95,7 +95,7 @@ void solve_corner_place(const struct solve_pose *board_to_camera, const struct s
 {
     const double p[3] = { c->p[0], c->p[1], warp[0] * c->bulge[0] + warp[1] * c->bulge[1] };
 
-    solve_apply3(board_to_camera->rotation, p, turned);
+    sst_numbers_apply3(board_to_camera->rotation, p, turned);
     for (int i = 0; i < 3; i++)
         q[i] = turned[i] + board_to_camera->shift[i];
 }

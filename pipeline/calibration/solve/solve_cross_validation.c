@@ -177,7 +177,7 @@ static double turned_distance(const struct lenses *l, const double turn[9], doub
 
         if (!sst_camera_undistort(&cam, x, y, &q[0], &q[1]))
             continue;
-        solve_apply3(turn, q, q);
+        sst_numbers_apply3(turn, q, q);
         solve_see(l->b, p->lens, q, xy, &slopes);
         xy[0] -= x;
         xy[1] -= y;
@@ -208,7 +208,7 @@ double solve_lens_difference(const struct solve_problem *p, const double *a, con
             break;
         sst_numbers_substitute(normal, 3, g);
         sst_rotation_from_vector(g, by);
-        solve_mul3(by, turn, turn);
+        sst_numbers_mul3(by, turn, turn);
     }
     return turned_distance(&lenses, turn, normal, g);
 }

@@ -11,9 +11,7 @@
 
 /* --- small dense algebra (solve_linalg.c), all row-major ---------------------------------------------------------- */
 
-void solve_mul3(const double a[9], const double b[9], double out[9]);
 void solve_mul3t(const double a[9], const double b[9], double out[9]); /* a^T b */
-void solve_apply3(const double a[9], const double v[3], double out[3]);
 /** Left Jacobian J of the exponential: d(exp(v) p) = -[exp(v) p]x J dv. */
 void solve_left_jacobian(const double v[3], double out[9]);
 /** Lower Cholesky factor in place of the lower half of a[n][n]. @return false: not positive definite */

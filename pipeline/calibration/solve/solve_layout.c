@@ -198,11 +198,11 @@ void solve_spread_make(struct solve_spread *s, const struct solve_problem *p, co
     s->lens_columns = p->keep_lens ? 0 : layout->lens_size;
     s->scale = layout->scale;
     memcpy(s->rotation, camera->rotation, sizeof(s->rotation));
-    solve_apply3(camera->rotation, p->frame[d->frame].pose.shift, m);
+    sst_numbers_apply3(camera->rotation, p->frame[d->frame].pose.shift, m);
     memcpy(s->across, (double[9]){ 0, -m[2], m[1], m[2], 0, -m[0], -m[1], m[0], 0 }, sizeof(s->across));
     solve_left_jacobian(turns ? turns[0] : none, s->camera_turn);
     solve_left_jacobian(turns ? turns[1] : none, s->board_turn);
-    solve_mul3(s->rotation, s->board_turn, s->board_turn);
+    sst_numbers_mul3(s->rotation, s->board_turn, s->board_turn);
 }
 
 /* Row vector times matrix. */

@@ -4,15 +4,6 @@
 
 #include "pipeline/calibration/solve/solve_internal.h"
 
-void solve_mul3(const double a[9], const double b[9], double out[9])
-{
-    double m[9];
-
-    for (int i = 0; i < 9; i++)
-        m[i] = a[i / 3 * 3] * b[i % 3] + a[i / 3 * 3 + 1] * b[3 + i % 3] + a[i / 3 * 3 + 2] * b[6 + i % 3];
-    memcpy(out, m, sizeof(m));
-}
-
 void solve_mul3t(const double a[9], const double b[9], double out[9])
 {
     double m[9];
@@ -20,14 +11,6 @@ void solve_mul3t(const double a[9], const double b[9], double out[9])
     for (int i = 0; i < 9; i++)
         m[i] = a[i / 3] * b[i % 3] + a[3 + i / 3] * b[3 + i % 3] + a[6 + i / 3] * b[6 + i % 3];
     memcpy(out, m, sizeof(m));
-}
-
-void solve_apply3(const double a[9], const double v[3], double out[3])
-{
-    const double x = v[0], y = v[1], z = v[2];
-
-    for (int i = 0; i < 3; i++)
-        out[i] = a[3 * i] * x + a[3 * i + 1] * y + a[3 * i + 2] * z;
 }
 
 /* 1 + (1 - cos t) / t^2 [v]x + (t - sin t) / t^3 [v]x^2. */
@@ -39,7 +22,7 @@ void solve_left_jacobian(const double v[3], double out[9])
     const double cross[9] = { 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0 };
     double square[9];
 
-    solve_mul3(cross, cross, square);
+    sst_numbers_mul3(cross, cross, square);
     for (int i = 0; i < 9; i++)
         out[i] = (i % 4 == 0) + b * cross[i] + c * square[i];
 }
@@ -150,8 +133,8 @@ void solve_pose_chain(struct solve_pose *out, const struct solve_pose *second, c
 {
     struct solve_pose both;
 
-    solve_mul3(second->rotation, first->rotation, both.rotation);
-    solve_apply3(second->rotation, first->shift, both.shift);
+    sst_numbers_mul3(second->rotation, first->rotation, both.rotation);
+    sst_numbers_apply3(second->rotation, first->shift, both.shift);
     for (int i = 0; i < 3; i++)
         both.shift[i] += second->shift[i];
     *out = both;
@@ -163,7 +146,7 @@ void solve_pose_inverse(struct solve_pose *out, const struct solve_pose *in)
 
     for (int i = 0; i < 9; i++)
         back.rotation[i] = in->rotation[i % 3 * 3 + i / 3];
-    solve_apply3(back.rotation, in->shift, back.shift);
+    sst_numbers_apply3(back.rotation, in->shift, back.shift);
     for (int i = 0; i < 3; i++)
         back.shift[i] = -back.shift[i];
     *out = back;

@@ -155,7 +155,7 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
 
                 if (!known[v])
                     continue;
-                solve_apply3(r, from[v], p);
+                sst_numbers_apply3(r, from[v], p);
                 for (int i = 0; i < 3; i++)
                     d[i] = to[v][i] - p[i];
                 cost += d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
@@ -171,7 +171,7 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
                 break;
             sst_numbers_substitute(a, 3, g);
             sst_rotation_from_vector(g, by);
-            solve_mul3(by, r, r);
+            sst_numbers_mul3(by, r, r);
             if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < 1e-12)
                 break;
         }
@@ -272,7 +272,7 @@ int solve_compare_drives(struct solve_case *c)
 
         if (!known[v])
             continue;
-        solve_apply3(rotation, drive[v], at);
+        sst_numbers_apply3(rotation, drive[v], at);
         for (int i = 0; i < 3; i++) {
             top += at[i] * centre[v][i];
             bottom += at[i] * at[i];

@@ -133,7 +133,7 @@ static double refine(const struct solve_problem *p, const struct solve_detection
             g[i] = -g[i];
         sst_numbers_substitute(a, 6, g);
         sst_rotation_from_vector(g, turned);
-        solve_mul3(turned, pose->rotation, next.rotation);
+        sst_numbers_mul3(turned, pose->rotation, next.rotation);
         for (int i = 0; i < 3; i++)
             next.shift[i] += g[3 + i];
         if (!(pose_normal(&s, &next, c, a, again) <= cost)) {
@@ -157,7 +157,7 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
 {
     double sight[3], along[9], about[3], turn[9], moved[3], length = 0, dot = 0;
 
-    solve_apply3(pose->rotation, middle, sight);
+    sst_numbers_apply3(pose->rotation, middle, sight);
     for (int i = 0; i < 3; i++) {
         sight[i] += pose->shift[i];
         length += sight[i] * sight[i];
@@ -171,10 +171,10 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
     for (int i = 0; i < 3; i++)
         about[i] = M_PI * sight[i];
     sst_rotation_from_vector(about, turn);
-    solve_mul3(turn, pose->rotation, along);
+    sst_numbers_mul3(turn, pose->rotation, along);
     for (int i = 0; i < 9; i++)
         out->rotation[i] = i % 3 < 2 ? -along[i] : along[i];
-    solve_apply3(out->rotation, middle, about);
+    sst_numbers_apply3(out->rotation, middle, about);
     for (int i = 0; i < 3; i++)
         out->shift[i] = moved[i] - about[i];
 }

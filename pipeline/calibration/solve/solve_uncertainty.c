@@ -380,7 +380,7 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
     det = first.q[0][0] * first.q[1][1] - first.q[0][1] * first.q[1][0];
     for (int i = 0; i < 3; i++)
         X[i] = z * ab[i];
-    solve_apply3(pose->rotation, X, turned);
+    sst_numbers_apply3(pose->rotation, X, turned);
     for (int i = 0; i < 3; i++)
         q[i] = turned[i] + move * pose->shift[i];
     solve_see(lens, p->lens, q, seen, &slopes);
