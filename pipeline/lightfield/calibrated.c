@@ -226,39 +226,16 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
 
 int calibration_rectify_view(struct sst_lightfield *lf, int view)
 {
-    struct sst_view *v = &lf->views[view];
+    struct resampled made = { .what = "rectify" };
     struct sst_rectify_map *map = NULL;
-    struct sst_image out = { 0 };
-    struct sst_map_u8 valid = { 0 };
-    bool all = true;
     int err = sst_rectify_map_create(&map, lf->rectified, lf->calibration, view);
 
+    err = err ? err : resampled_init(&made, lf);
     if (!err)
-        err = sst_image_init(&out, lf->width, lf->height);
-    if (!err)
-        err = sst_map_u8_init(&valid, lf->width, lf->height);
-    if (!err)
-        err = sst_rectify_view(&(struct sst_rectified_view){ &out, &valid }, map, (enum sst_filter)lf->filter,
-                               &v->image);
+        err = sst_rectify_view(&(struct sst_rectified_view){ &made.image, &made.valid }, map,
+                               (enum sst_filter)lf->filter, &lf->views[view].image);
     sst_rectify_map_destroy(map);
-    if (err) {
-        char name[16];
-
-        sst_view_name(lf, view, name);
-        sst_log_error("cannot rectify view %s: %s", name, strerror(-err));
-        sst_image_fini(&out);
-        sst_map_u8_fini(&valid);
-        return err;
-    }
-    for (int y = 0; all && y < valid.height; y++)
-        all = !memchr(sst_map_u8_row(&valid, y), 0, (size_t)valid.width);
-    if (all)
-        sst_map_u8_fini(&valid);
-    sst_image_fini(&v->image);
-    sst_map_u8_fini(&v->valid);
-    v->image = out;
-    v->valid = valid;
-    return 0;
+    return resampled_take(lf, view, &made, err);
 }
 
 /* --- coverage --------------------------------------------------------------------------------------------- */

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
+#include "pipeline/camera/numbers.h"
 #include "pipeline/image/srgb.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
@@ -120,6 +121,13 @@ static void carry_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *befor
     }
 }
 
+int resampled_init(struct resampled *made, const struct sst_lightfield *lf)
+{
+    const int err = sst_image_init(&made->image, lf->width, lf->height);
+
+    return err ? err : sst_map_u8_init(&made->valid, lf->width, lf->height);
+}
+
 static bool all_set(const struct sst_map_u8 *map)
 {
     for (int y = 0; y < map->height; y++) {
@@ -127,6 +135,31 @@ static bool all_set(const struct sst_map_u8 *map)
             return false;
     }
     return true;
+}
+
+int resampled_take(struct sst_lightfield *lf, int view, struct resampled *made, int err)
+{
+    struct sst_view *v = &lf->views[view];
+    char name[16];
+
+    if (err) {
+        sst_view_name(lf, view, name);
+        sst_log_error("cannot %s view %s: %s", made->what, name, strerror(-err));
+        sst_image_fini(&made->image);
+        sst_map_u8_fini(&made->valid);
+        return err;
+    }
+    if (all_set(&made->valid))
+        sst_map_u8_fini(&made->valid);
+    sst_image_fini(&v->original);
+    if (made->keep)
+        v->original = v->image;
+    else
+        sst_image_fini(&v->image);
+    sst_map_u8_fini(&v->valid);
+    v->image = made->image;
+    v->valid = made->valid;
+    return 0;
 }
 
 static int make_map(struct sst_rectify_map **out, const struct sst_lightfield *lf, const struct sst_correction *c)
@@ -144,19 +177,19 @@ static int make_map(struct sst_rectify_map **out, const struct sst_lightfield *l
     return err;
 }
 
-static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struct sst_lightfield *lf,
-                    const struct sst_view *v, const struct sst_correction *c)
+static int resample(struct resampled *out, const struct sst_lightfield *lf, const struct sst_view *v,
+                    const struct sst_correction *c)
 {
     int32_t *xy_q8 = malloc(2 * sizeof(*xy_q8) * (size_t)lf->width);
     struct sst_rectify_map *map = NULL;
     int err = xy_q8 ? make_map(&map, lf, c) : -ENOMEM;
 
-    err = err ? err : sst_image_init(out, lf->width, lf->height);
-    err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
-    err = err ? err
-              : sst_rectify_view(&(struct sst_rectified_view){ out, valid }, map, SST_CORRECTION_FILTER, &v->image);
+    err = err ? err : resampled_init(out, lf);
+    if (!err)
+        err = sst_rectify_view(&(struct sst_rectified_view){ &out->image, &out->valid }, map, SST_CORRECTION_FILTER,
+                               &v->image);
     if (!err && v->valid.data)
-        carry_valid(valid, &v->valid, map, xy_q8);
+        carry_valid(&out->valid, &v->valid, map, xy_q8);
     sst_rectify_map_destroy(map);
     free(xy_q8);
     return err;
@@ -195,38 +228,14 @@ static void straighten(struct sst_image *image, double exponent)
 
 int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep)
 {
+    struct resampled made = { .what = "correct", .keep = keep };
     struct sst_view *v = &lf->views[view];
-    struct sst_image out = { 0 };
-    struct sst_map_u8 valid = { 0 };
-    int err;
 
     if (!v->present)
         return 0;
     if (c->exponent != 1)
         straighten(&v->image, c->exponent);
-    if (!resamples(c))
-        return 0;
-    err = resample(&out, &valid, lf, v, c);
-    if (err) {
-        char name[16];
-
-        sst_view_name(lf, view, name);
-        sst_log_error("cannot correct view %s: %s", name, strerror(-err));
-        sst_image_fini(&out);
-        sst_map_u8_fini(&valid);
-        return err;
-    }
-    if (all_set(&valid))
-        sst_map_u8_fini(&valid);
-    sst_image_fini(&v->original);
-    if (keep)
-        v->original = v->image;
-    else
-        sst_image_fini(&v->image);
-    sst_map_u8_fini(&v->valid);
-    v->image = out;
-    v->valid = valid;
-    return 0;
+    return resamples(c) ? resampled_take(lf, view, &made, resample(&made, lf, v, c)) : 0;
 }
 
 /* The product to the third power of r2, the form of a calibration. */
@@ -246,7 +255,7 @@ static void multiply_falloff(double f[3], double falloff)
 static void correct_camera(struct sst_calib_camera *cam, const struct sst_rectified *r, const struct sst_correction *c)
 {
     const double turn[3] = { -c->shift_y_px / r->focal_px, c->shift_x_px / r->focal_px, c->roll_deg * (M_PI / 180) };
-    double m[9], in_rig[9], out[9];
+    double m[9], in_rig[9];
 
     /* cam' = cam r^T turn r, each from the rig's axes. */
     sst_rotation_from_vector(turn, m);
@@ -259,14 +268,7 @@ static void correct_camera(struct sst_calib_camera *cam, const struct sst_rectif
             }
         }
     }
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            out[3 * i + j] = 0;
-            for (int k = 0; k < 3; k++)
-                out[3 * i + j] += cam->rotation[3 * i + k] * in_rig[3 * k + j];
-        }
-    }
-    memcpy(cam->rotation, out, sizeof(out));
+    sst_numbers_mul3(cam->rotation, in_rig, cam->rotation);
     cam->fx *= 1 + c->scale;
     cam->fy *= 1 + c->scale;
     for (int i = 0; i < 3; i++)

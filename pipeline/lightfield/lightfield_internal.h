@@ -112,6 +112,20 @@ SST_MUST_CHECK int params_off_centre(struct sst_lightfield *lf, const char *text
 
 struct sst_correction;
 
+/** A view's picture made from its loaded one. */
+struct resampled {
+    const char *what; /* to do so, for messages */
+    bool keep;        /* the loaded one, in the view's `original` */
+    struct sst_image image;
+    struct sst_map_u8 valid;
+};
+
+/** Black, with nothing valid, of the light field's size. @return 0, -ENOMEM */
+SST_MUST_CHECK int resampled_init(struct resampled *made, const struct sst_lightfield *lf);
+
+/** Put it in the place of the loaded one. @param err  of making it: logged, and it is freed @return err */
+SST_MUST_CHECK int resampled_take(struct sst_lightfield *lf, int view, struct resampled *made, int err);
+
 /** Resample a loaded picture that is not a raw frame. @param keep  its source, in the view's `original`
  *  @return 0, -ENOMEM, -EINVAL; logged */
 SST_MUST_CHECK int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep);
@@ -138,6 +152,12 @@ struct view_file {
     uint8_t *data;           /* free with free() */
     size_t size;
 };
+
+/** Read a view's file as it is. @param out  out; without data on failure */
+SST_MUST_CHECK int view_file_read(struct view_file *out, const struct sst_lightfield *lf, int view, const char *dir);
+
+/** Does a view's file have the light field's size? @return 0, -EBADMSG (logged) */
+SST_MUST_CHECK int view_check_size(const struct sst_lightfield *lf, const char *path, int width, int height);
 
 /** Read a view's file and check its hash. @param out  out; without data on failure */
 SST_MUST_CHECK int read_view(struct view_file *out, const struct sst_lightfield *lf, int view, const char *dir);

@@ -249,16 +249,15 @@ static int outermost(const struct sst_lightfield *lf, int view[PAIRS])
     return n;
 }
 
-static int read_file(struct sst_image *out, const struct sst_lightfield *lf, const char *path)
+static int read_image(struct sst_image *out, const struct sst_lightfield *lf, int view, const char *dir)
 {
-    uint8_t *data;
-    size_t size;
-    int err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    struct view_file file;
+    int err = view_file_read(&file, lf, view, dir);
 
     if (err)
         return err;
-    err = sst_image_decode_samples(out, data, size, path, lf->samples);
-    free(data);
+    err = sst_image_decode_samples(out, file.data, file.size, file.path, lf->samples);
+    free(file.data);
     return err;
 }
 
@@ -274,11 +273,9 @@ enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const
     s.pairs = outermost(lf, view);
     view[s.pairs] = lf->ref_view;
     for (int i = 0; i <= s.pairs && fits; i++) {
-        char path[SST_PATH_MAX];
-
         image[i] = &lf->views[view[i]].image;
         if (!image[i]->plane[0]) {
-            fits = dir && !view_path(path, lf, view[i], dir) && !read_file(&read[i], lf, path);
+            fits = dir && !read_image(&read[i], lf, view[i], dir);
             image[i] = &read[i];
         }
         fits &= image[i]->width > BLOCK + 2 && image[i]->height > BLOCK + 2 && image[i]->width == image[0]->width &&

@@ -89,21 +89,18 @@ int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const char *name = lf->files->view[k].name;
         const size_t n = strlen(name);
-        char path[SST_PATH_MAX];
-        uint8_t *data;
-        size_t size;
+        struct view_file file;
         int err;
 
         quality[k] = NAN;
         if (!lf->views[k].present || (n > 4 && !strcasecmp(name + n - 4, ".png")))
             continue;
-        err = view_path(path, lf, k, dir);
-        err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+        err = view_file_read(&file, lf, k, dir);
         if (err)
             return err;
-        if (size > 2 && data[0] == 0xFF && data[1] == 0xD8)
-            quality[k] = sst_jpeg_quality(data, size, path);
-        free(data);
+        if (file.size > 2 && file.data[0] == 0xFF && file.data[1] == 0xD8)
+            quality[k] = sst_jpeg_quality(file.data, file.size, file.path);
+        free(file.data);
     }
     return 0;
 }
@@ -118,25 +115,17 @@ static int read_deep(void *arg, int k, int worker SST_UNUSED)
 {
     const struct deep_job *job = arg;
     const struct sst_map_u16 *green = &job->plane[k][1];
-    char path[SST_PATH_MAX];
-    uint8_t *data;
-    size_t size;
+    struct view_file file;
     int err;
 
     if (!job->lf->views[k].present)
         return 0;
-    err = view_path(path, job->lf, k, job->dir);
-    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    err = view_file_read(&file, job->lf, k, job->dir);
     if (err)
         return err;
-    err = sst_image_decode_deep(job->plane[k], data, size, path);
-    free(data);
-    if (!err && (green->width != job->lf->width || green->height != job->lf->height)) {
-        sst_log_error("%s has %dx%d pixels, the light field %dx%d; make the light field again", path, green->width,
-                      green->height, job->lf->width, job->lf->height);
-        return -EBADMSG;
-    }
-    return err;
+    err = sst_image_decode_deep(job->plane[k], file.data, file.size, file.path);
+    free(file.data);
+    return err ? err : view_check_size(job->lf, file.path, green->width, green->height);
 }
 
 int sst_lightfield_read_deep(struct sst_map_u16 (*plane)[3], const struct sst_lightfield *lf, const char *dir, int threads)

@@ -157,7 +157,8 @@ static bool maps_equal(const struct sst_share_map *a, const struct sst_share_map
     size_t differ = 0;
 
     levels = a->planes && a->bytes == 1 ? levels : 0;
-    if (a->planes != b->planes || a->bytes != b->bytes || !a->count != !b->count || shape.width != other.width || shape.height != other.height || shape.bytes != other.bytes)
+    if (a->planes != b->planes || a->bytes != b->bytes || !a->count != !b->count || shape.width != other.width ||
+        shape.height != other.height || shape.bytes != other.bytes)
         return false;
     for (size_t y = 0; shape.width && y < rows; y++) {
         const size_t at = y * (shape.bytes / rows);

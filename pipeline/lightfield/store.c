@@ -65,8 +65,7 @@ int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, co
     return sst_path_join(out, dir, name);
 }
 
-/* Read a view's file. */
-static int read_file(struct view_file *out, const struct sst_lightfield *lf, int k, const char *dir)
+int view_file_read(struct view_file *out, const struct sst_lightfield *lf, int k, const char *dir)
 {
     int err;
 
@@ -89,7 +88,7 @@ static int check_hash(const struct sst_lightfield *lf, int k, const struct view_
 
 int read_view(struct view_file *out, const struct sst_lightfield *lf, int k, const char *dir)
 {
-    int err = read_file(out, lf, k, dir);
+    int err = view_file_read(out, lf, k, dir);
 
     err = err ? err : check_hash(lf, k, out, "import it again");
     if (err) {
@@ -101,7 +100,7 @@ int read_view(struct view_file *out, const struct sst_lightfield *lf, int k, con
 
 /* --- loading ------------------------------------------------------------------------------------------------------ */
 
-static int check_size(const struct sst_lightfield *lf, const char *path, int width, int height)
+int view_check_size(const struct sst_lightfield *lf, const char *path, int width, int height)
 {
     if (width == lf->width && height == lf->height)
         return 0;
@@ -143,7 +142,7 @@ static int load_image(const struct job *job, int k)
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
     struct view_file file;
-    int err = read_file(&file, job->lf, k, job->dir);
+    int err = view_file_read(&file, job->lf, k, job->dir);
 
     if (!err && calib && job->what & SST_LOAD_RAW && job->what & SST_LOAD_ENCODED &&
         sst_image_is_jpeg(file.data, file.size))
@@ -151,7 +150,7 @@ static int load_image(const struct job *job, int k)
     err = err ? err : sst_image_decode_samples(&v->image, file.data, file.size, file.path, job->lf->samples);
     if (!err)
         err = calib ? check_raw_size(calib, file.path, &v->image)
-                    : check_size(job->lf, file.path, v->image.width, v->image.height);
+                    : view_check_size(job->lf, file.path, v->image.width, v->image.height);
     if (!err && !(job->what & SST_LOAD_UNVERIFIED))
         err = check_hash(job->lf, k, &file, "import it again, or add --no-verify");
     free(file.data);
@@ -188,15 +187,15 @@ static int load_map(const struct sst_lightfield *lf, const char *dir, enum map_k
     switch (kind) {
     case MAP_DISPARITY:
         err = sst_map_u16_read_png(&v->disp, path);
-        return err ? err : check_size(lf, path, v->disp.width, v->disp.height);
+        return err ? err : view_check_size(lf, path, v->disp.width, v->disp.height);
     case MAP_LABELS:
         err = sst_map_u8_read_png(&v->label, path);
         if (!err)
-            err = check_size(lf, path, v->label.width, v->label.height);
+            err = view_check_size(lf, path, v->label.width, v->label.height);
         return err ? err : check_labels(lf, path, &v->label);
     case MAP_CONFIDENCE:
         err = sst_map_u8_read_png(&v->confidence, path);
-        return err ? err : check_size(lf, path, v->confidence.width, v->confidence.height);
+        return err ? err : view_check_size(lf, path, v->confidence.width, v->confidence.height);
     case MAP_KINDS:
         break;
     }
