@@ -6,7 +6,8 @@
 
 #include "pipeline/camera/calib.h"
 
-/* @return false: not in front of the camera, or beyond the fold of the lens, where undistortion returns another point */
+/* @return false: not in front of the camera, or beyond the fold of the lens, where undistortion returns another point
+ */
 static inline bool camera_project(const struct sst_calib_camera *cam, const double X[3], double *x, double *y)
 {
     const double *r = cam->rotation, *c = cam->position_mm;
@@ -20,8 +21,8 @@ static inline bool camera_project(const struct sst_calib_camera *cam, const doub
     a = (r[0] * d[0] + r[1] * d[1] + r[2] * d[2]) / z;
     b = (r[3] * d[0] + r[4] * d[1] + r[5] * d[2]) / z;
     sst_camera_distort(cam, a, b, &seen[0], &seen[1]);
-    if (!isfinite(seen[0]) || !isfinite(seen[1]) ||
-        !sst_camera_undistort(cam, seen[0], seen[1], &back[0], &back[1]) || !(hypot(back[0] - a, back[1] - b) < 1e-6))
+    if (!isfinite(seen[0]) || !isfinite(seen[1]) || !sst_camera_undistort(cam, seen[0], seen[1], &back[0], &back[1]) ||
+        !(hypot(back[0] - a, back[1] - b) < 1e-6))
         return false;
     *x = seen[0];
     *y = seen[1];

@@ -76,7 +76,7 @@ struct sst_pieces {
     struct sst_pieces_shape shape;
     struct sst_mem_kept kept;
     uint8_t *buffer; /* [shape.all][shape.piece] in it */
-    uint8_t *have; /* [SST_PIECES_DATA_MAX + SST_PIECES_BLOCKS_MAX * SST_PIECES_PARITY_MAX] */
+    uint8_t *have;   /* [SST_PIECES_DATA_MAX + SST_PIECES_BLOCKS_MAX * SST_PIECES_PARITY_MAX] */
     int got[SST_PIECES_BLOCKS_MAX], blocks_whole; /* pieces of each block */
 };
 

@@ -124,8 +124,8 @@ static int read_header(struct reader *r)
         pixels > SST_IMAGE_MAX_PIXELS)
         return sst_image_size_error(-EINVAL, r->file.name, jpeg->image_width, jpeg->image_height);
     if (!sst_jpeg_may_hold(pixels, r->file.size)) {
-        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", r->file.name, r->file.size,
-                      jpeg->image_width, jpeg->image_height);
+        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", r->file.name,
+                      r->file.size, jpeg->image_width, jpeg->image_height);
         return -EBADMSG;
     }
     return 0;

@@ -110,8 +110,8 @@ static void carry(struct carried *c, double depth_mm)
             double x, y;
 
             c->at[view][i] = (struct seen){ 0 };
-            if (is && c->calib->camera[view].known && camera_project(&t->camera[view], X, &x, &y) &&
-                x > BORDER_PX && y > BORDER_PX && x < t->width - BORDER_PX && y < t->height - BORDER_PX)
+            if (is && c->calib->camera[view].known && camera_project(&t->camera[view], X, &x, &y) && x > BORDER_PX &&
+                y > BORDER_PX && x < t->width - BORDER_PX && y < t->height - BORDER_PX)
                 c->at[view][i] = rectified(c, view, x, y);
             if (c->level)
                 c->at[view][i] = levelled(c, view, c->at[view][i], X);
