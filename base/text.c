@@ -1,5 +1,6 @@
 #include "base/text.h"
 
+#include <jansson.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -19,4 +20,13 @@ bool sst_text_ends(const char *text, const char *end)
     const size_t n = strlen(text), m = strlen(end);
 
     return n > m && !strcmp(text + n - m, end);
+}
+
+void sst_text_make_utf8(char *text)
+{
+    json_t *probe = json_string(text);
+
+    for (; !probe && *text; text++)
+        *text = (unsigned char)*text < 0x80 ? *text : '?';
+    json_decref(probe);
 }

@@ -12,4 +12,8 @@ void sst_text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4
 /** Does a text end so (".png") and is it longer? Case counts. */
 bool sst_text_ends(const char *text, const char *end);
 
+/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces bytes that are
+ * not ASCII. */
+void sst_text_make_utf8(char *text);
+
 #endif

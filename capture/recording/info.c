@@ -11,21 +11,13 @@
 #endif
 
 #include "base/log.h"
+#include "base/text.h"
 #include "capture/recording/recording_internal.h"
 
 #define FORMAT_NAME    "sst-recording"
 #define INFO_MAX_BYTES ((size_t)4 << 20)
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
-
-void manifest_make_utf8(char *text)
-{
-    json_t *probe = json_string(text);
-
-    for (; !probe && *text; text++)
-        *text = (unsigned char)*text < 0x80 ? *text : '?';
-    json_decref(probe);
-}
 
 static json_t *tracks_to_json(const struct sst_recorder_config *cfg)
 {
@@ -34,9 +26,9 @@ static json_t *tracks_to_json(const struct sst_recorder_config *cfg)
     for (int k = 0; tracks && k < cfg->cameras; k++) {
         struct sst_recorder_track t = cfg->tracks[k];
 
-        manifest_make_utf8(t.serial);
-        manifest_make_utf8(t.port);
-        manifest_make_utf8(t.name);
+        sst_text_make_utf8(t.serial);
+        sst_text_make_utf8(t.port);
+        sst_text_make_utf8(t.name);
         if (json_array_append_new(tracks,
                                   json_pack("{s:i, s:i, s:i, s:i, s:s, s:s, s:s}", "cam", k, "track", k + 1, "row",
                                             t.row, "col", t.col, "serial", t.serial, "port", t.port, "name", t.name))) {

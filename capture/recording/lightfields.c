@@ -148,7 +148,7 @@ static void describe(struct job *job)
              (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
              set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
              job->info->cameras);
-    manifest_make_utf8(lf->files->source);
+    sst_text_make_utf8(lf->files->source);
 }
 
 /* Is it the camera that a calibration calls by this name? */

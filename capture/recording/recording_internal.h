@@ -45,11 +45,6 @@ SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int num
 /** The columns of a line's frames, in their order. */
 extern const char *const manifest_columns[MANIFEST_COLUMNS];
 
-/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces bytes that are
- * not ASCII.
- */
-void manifest_make_utf8(char *text);
-
 /** Write an object as a file, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged. */
 SST_MUST_CHECK int manifest_write_json(const char *path, const json_t *root);
 

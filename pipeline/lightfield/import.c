@@ -1,7 +1,6 @@
 #include "pipeline/lightfield/import.h"
 
 #include <errno.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -328,18 +327,11 @@ static void set_range(const struct job *job)
 /* JSON requires UTF-8; a path may hold any bytes. */
 static void set_source(struct sst_lightfield_files *files, const struct sst_import_config *cfg)
 {
-    json_t *probe;
-
     snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
 
     if (cfg->spacing_px > 0)
         sst_text_add(files->source, sizeof(files->source), ", spacing %.17g px", cfg->spacing_px);
-    probe = json_string(files->source);
-    for (char *p = files->source; !probe && *p; p++) {
-        if ((unsigned char)*p >= 0x80)
-            *p = '?';
-    }
-    json_decref(probe);
+    sst_text_make_utf8(files->source);
 }
 
 static int make_folders(const struct job *job)

@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/calibration/board/detect.h"
 
 #define FORMAT         "sst-detections"
@@ -23,16 +24,11 @@ static const char *const outcomes[6] = { "found", "none", "few", "blurred", "mov
 static int put_string(FILE *out, const char *text)
 {
     char plain[64], *dumped;
-    json_t *json = json_string(text);
+    json_t *json;
 
-    if (!json) {
-        snprintf(plain, sizeof(plain), "%s", text);
-        for (char *c = plain; *c; c++) {
-            if (*c & 0x80)
-                *c = '?';
-        }
-        json = json_string(plain);
-    }
+    snprintf(plain, sizeof(plain), "%s", text);
+    sst_text_make_utf8(plain);
+    json = json_string(plain);
     dumped = json ? json_dumps(json, JSON_ENCODE_ANY) : NULL;
     json_decref(json);
     if (!dumped)
