@@ -35,7 +35,7 @@ size_t sst_border_doubles(const char *what, const double *v, size_t n)
     return count(what, bad);
 }
 
-size_t sst_border_floats(const char *what, const float *v, size_t n)
+static size_t count_above(const char *what, const float *v, size_t n, uint32_t most)
 {
     size_t bad = 0;
 
@@ -43,22 +43,19 @@ size_t sst_border_floats(const char *what, const float *v, size_t n)
         uint32_t bits;
 
         memcpy(&bits, &v[i], sizeof(bits));
-        bad += (bits & 0x7FFFFFFF) >= 0x7F800000;
+        bad += (bits & 0x7FFFFFFF) > most;
     }
     return count(what, bad);
 }
 
+size_t sst_border_floats(const char *what, const float *v, size_t n)
+{
+    return count_above(what, v, n, 0x7F7FFFFF);
+}
+
 size_t sst_border_unknown(const char *what, const float *v, size_t n)
 {
-    size_t bad = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        uint32_t bits;
-
-        memcpy(&bits, &v[i], sizeof(bits));
-        bad += (bits & 0x7FFFFFFF) > 0x7F800000;
-    }
-    return count(what, bad);
+    return count_above(what, v, n, 0x7F800000);
 }
 
 uint64_t sst_border_count(void)
