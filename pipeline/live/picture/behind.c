@@ -64,11 +64,6 @@ static int reserve(struct picture_behind *b, const struct sst_lightfield *lf)
 
 /* --- planes ------------------------------------------------------------------------------------------------------- */
 
-static bool same(double a, double b)
-{
-    return a <= b && a >= b;
-}
-
 /* Is a plan for what is there now? */
 static bool is_current(const struct picture_behind *b, const struct sst_live *live, double focus_px, double cut_px)
 {

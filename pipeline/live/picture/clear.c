@@ -272,11 +272,6 @@ static int draw_outlines(struct picture_clear *c)
 
 /* --- rendering ---------------------------------------------------------------------------------------------------- */
 
-static bool same(double a, double b)
-{
-    return a <= b && a >= b;
-}
-
 /* The settings as they are now: the automatic cut, and limits. */
 static void resolve(struct picture_clear *c, struct sst_render_config *cfg)
 {
@@ -455,7 +450,7 @@ void picture_clear_restore(struct picture_clear *c)
 /* Label of most rays that see the surface shown at a pixel. */
 static int shown_label(const struct sst_lightfield *lf, double disp_px, int x, int y)
 {
-    int count[256] = { 0 }, best = 0;
+    double count[256] = { 0 };
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const struct sst_view *v = &lf->views[k];
@@ -467,11 +462,7 @@ static int shown_label(const struct sst_lightfield *lf, double disp_px, int x, i
         if (fabs(sst_disp_px(lf, sst_map_u16_row(&v->disp, (int)py)[(int)px]) - disp_px) <= 1)
             count[sst_map_u8_row(&v->label, (int)py)[(int)px]]++;
     }
-    for (int i = 1; i < 256; i++) {
-        if (count[i] > count[best] || (!best && count[i]))
-            best = i;
-    }
-    return best;
+    return most_voted(count);
 }
 
 int picture_clear_pick(const struct picture_clear *c, int x, int y, struct sst_livepicture_pick *out)

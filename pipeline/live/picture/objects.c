@@ -15,8 +15,6 @@
 #include "pipeline/live/picture/picture_internal.h"
 
 #define SAME_PX     1.0  /* disparities of one surface in two views, as in object.c */
-#define STEP_PX     0.5  /* of disparity between neighbouring pixels of one object ... */
-#define STEP_LEVELS 300  /* ... of one colour; and of colour (sum of R, G, B) where the disparity is the same */
 #define DRIFT_PX    0.5  /* of its disparities between two sets */
 #define GROWTH      1.5  /* of its area from set to set, ... */
 #define GROWTH_MOST 3    /* ... and in all */
@@ -57,14 +55,6 @@ void picture_objects_restore(struct picture_objects *o)
 }
 
 /* --- the reference view ------------------------------------------------------------------------------------------- */
-
-static bool disparity_at(const struct sst_lightfield *lf, int view, int x, int y, double *d)
-{
-    const uint16_t q = sst_map_u16_row(&lf->views[view].disp, y)[x];
-
-    *d = sst_disp_px(lf, q);
-    return q != SST_DISP_NONE;
-}
 
 /* Area, bounds and disparities of a region; the outermost 2 % of these may be wrong. */
 static void measure(struct picture_object *at, const struct sst_lightfield *lf)
@@ -115,19 +105,6 @@ static bool in_range(const struct picture_object *at, double d, double slack_px)
     return d >= at->far_px - slack_px && d <= at->near_px + slack_px;
 }
 
-static bool joined(const struct sst_lightfield *lf, int from, int to)
-{
-    const struct sst_image *img = &lf->views[lf->ref_view].image;
-    const int x = from % lf->width, y = from / lf->width, x2 = to % lf->width, y2 = to / lf->width;
-    double a, b, colour = 0;
-
-    if (!disparity_at(lf, lf->ref_view, x, y, &a) || !disparity_at(lf, lf->ref_view, x2, y2, &b))
-        return false;
-    for (int c = 0; c < 3; c++)
-        colour += abs(sst_image_row(img, c, y)[x] - sst_image_row(img, c, y2)[x2]);
-    return fabs(a - b) / STEP_PX + colour / STEP_LEVELS <= 1;
-}
-
 /* Pixels of the last region that still have its disparities. @return their number */
 static int keep_region(struct picture_objects *o, const struct picture_object *at, const struct sst_lightfield *lf)
 {
@@ -139,7 +116,7 @@ static int keep_region(struct picture_objects *o, const struct picture_object *a
         double d;
 
         for (int x = 0; x < lf->width; x++) {
-            to[x] = in[x] && disparity_at(lf, lf->ref_view, x, y, &d) && in_range(at, d, DRIFT_PX) ? 255 : 0;
+            to[x] = in[x] && sst_render_disparity_at(lf, lf->ref_view, x, y, &d) && in_range(at, d, DRIFT_PX) ? 255 : 0;
             if (to[x])
                 o->stack[kept++] = y * lf->width + x;
         }
@@ -161,8 +138,9 @@ static void spread(struct picture_objects *o, const struct picture_object *at, c
             const int to = from + step[i], x2 = inside[i] ? to % lf->width : 0, y2 = inside[i] ? to / lf->width : 0;
             double d;
 
-            if (!inside[i] || sst_map_u8_row(&o->next, y2)[x2] || !disparity_at(lf, lf->ref_view, x2, y2, &d) ||
-                !in_range(at, d, DRIFT_PX) || !joined(lf, from, to) ||
+            if (!inside[i] || sst_map_u8_row(&o->next, y2)[x2] ||
+                !sst_render_disparity_at(lf, lf->ref_view, x2, y2, &d) || !in_range(at, d, DRIFT_PX) ||
+                !sst_render_joined(lf, lf->ref_view, (const int[]){ x, y }, (const int[]){ x2, y2 }) ||
                 (!at->ground && sst_render_is_ground(lf, lf->ref_view, x2, y2)))
                 continue;
             sst_map_u8_row(&o->next, y2)[x2] = 255;
@@ -197,26 +175,22 @@ struct marking {
 };
 
 /* Does a pixel of a view belong to the object? */
-static bool belongs(const struct picture_object *at, const struct sst_lightfield *lf, const struct sst_view *v, int x,
-                    int y)
+static bool belongs(const struct picture_object *at, const struct sst_lightfield *lf, int view, int x, int y)
 {
     double d, other;
     int px, py;
 
-    if (sst_map_u16_row(&v->disp, y)[x] == SST_DISP_NONE)
+    if (!sst_render_disparity_at(lf, view, x, y, &d) || !in_range(at, d, SAME_PX))
         return false;
-    d = sst_disp_px(lf, sst_map_u16_row(&v->disp, y)[x]);
-    if (!in_range(at, d, SAME_PX))
-        return false;
-    px = (int)floor(x + d * v->bx + 0.5);
-    py = (int)floor(y + d * v->by + 0.5);
+    px = (int)floor(x + d * lf->views[view].bx + 0.5);
+    py = (int)floor(y + d * lf->views[view].by + 0.5);
     if (px < 0 || py < 0 || px >= lf->width || py >= lf->height)
         return sst_map_u8_row(&at->region, sst_clamp_int(py, 0, lf->height - 1))[sst_clamp_int(px, 0, lf->width - 1)] !=
                0;
     if (sst_map_u8_row(&at->region, py)[px])
         return true;
     return px >= at->x0 && px < at->x1 && py >= at->y0 && py < at->y1 &&
-           disparity_at(lf, lf->ref_view, px, py, &other) && other > d + SAME_PX;
+           sst_render_disparity_at(lf, lf->ref_view, px, py, &other) && other > d + SAME_PX;
 }
 
 /* With one pixel more on every side: outlines mix object and surroundings, and are the least certain. */
@@ -254,7 +228,7 @@ static int mark_view(void *arg, int view, int worker SST_UNUSED)
         bounds(&y0, &y1, v->by, at, m->lf->height);
         for (int y = y0; y < y1; y++) {
             for (int x = x0; x < x1; x++) {
-                if (view == m->lf->ref_view ? sst_map_u8_row(&at->region, y)[x] != 0 : belongs(at, m->lf, v, x, y))
+                if (view == m->lf->ref_view ? sst_map_u8_row(&at->region, y)[x] != 0 : belongs(at, m->lf, view, x, y))
                     mark(mask, x, y);
             }
         }
@@ -310,13 +284,13 @@ static void drop_outline(struct sst_map_u8 *region, const struct sst_lightfield 
     const double slack_px = SAME_PX + GROWN_SHARE * fmax(lf->range_max_px - lf->range_min_px, 0);
     double at, d;
 
-    if (!disparity_at(lf, lf->ref_view, x, y, &at))
+    if (!sst_render_disparity_at(lf, lf->ref_view, x, y, &at))
         return;
     for (int row = 0; row < region->height; row++) {
         uint8_t *in = sst_map_u8_row(region, row);
 
         for (int col = 0; col < region->width; col++) {
-            if (in[col] && !(disparity_at(lf, lf->ref_view, col, row, &d) && fabs(d - at) <= slack_px))
+            if (in[col] && !(sst_render_disparity_at(lf, lf->ref_view, col, row, &d) && fabs(d - at) <= slack_px))
                 in[col] = 0;
         }
     }
@@ -372,7 +346,7 @@ int picture_objects_toggle(struct picture_objects *o, const struct picture_click
     }
     if (o->count == SST_LIVEPICTURE_OBJECTS)
         return -EOVERFLOW;
-    if (!has_reference(lf) || !disparity_at(lf, lf->ref_view, x, y, &d))
+    if (!has_reference(lf) || !sst_render_disparity_at(lf, lf->ref_view, x, y, &d))
         return -ENODATA;
     err = reserve(o);
     err = err ? err : add(o, click);

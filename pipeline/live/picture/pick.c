@@ -37,15 +37,10 @@ static int by_disparity(const void *a, const void *b)
 static int label_of(const struct sst_ray *rays, int from, int to)
 {
     double weight[256] = { 0 };
-    int best = 0;
 
     for (int i = from; i < to; i++)
         weight[rays[i].label] += rays[i].share + 1e-9;
-    for (int i = 1; i < 256; i++) {
-        if (weight[i] > weight[best] || (!best && weight[i] > 0))
-            best = i;
-    }
-    return best;
+    return most_voted(weight);
 }
 
 /* One past the last ray with a disparity of the same surface as ray `from`. */

@@ -99,11 +99,6 @@ void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live)
     cfg->focus_px = sst_clamp_double(cfg->focus_px, -most_px, most_px);
 }
 
-static bool same(double a, double b)
-{
-    return a <= b && a >= b;
-}
-
 bool picture_same_settings(const struct sst_render_config *a, const struct sst_render_config *b)
 {
     return a->method == b->method && same(a->focus_px, b->focus_px) && same(a->sigma_px, b->sigma_px) &&

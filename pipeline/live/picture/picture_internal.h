@@ -249,4 +249,12 @@ struct sweep_peak sweep_peak(struct patch_sweep *s, double min_px, double max_px
  *  in the patch or in one three times as large; 0: none. The sweep holds another patch afterwards. */
 int sweep_label(struct patch_sweep *s, double disp_px, double reach_px);
 
+static inline bool same(double a, double b)
+{
+    return a <= b && a >= b;
+}
+
+/** The label with the most votes; 0 only if no other has any. */
+int most_voted(const double weight[256]);
+
 #endif

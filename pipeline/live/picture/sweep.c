@@ -182,6 +182,17 @@ struct votes {
     double weight[256]; /* by label */
 };
 
+int most_voted(const double weight[256])
+{
+    int best = 0;
+
+    for (int i = 1; i < 256; i++) {
+        if (weight[i] > weight[best] || (!best && weight[i] > 0))
+            best = i;
+    }
+    return best;
+}
+
 /* Add the votes of the agreeing rays of a view to their labels. */
 static void count_labels(struct votes *votes, const struct patch_sweep *s, const struct sst_view *v, struct corner at)
 {
@@ -202,8 +213,6 @@ static void count_labels(struct votes *votes, const struct patch_sweep *s, const
 static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px)
 {
     struct votes votes = { disp_px, reach_px, { 0 } };
-    const double *weight = votes.weight;
-    int best = 0;
 
     if (isnan(sweep_agree(s, disp_px)))
         return 0;
@@ -215,11 +224,7 @@ static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px
         count_near(s, k);
         count_labels(&votes, s, t->v, corner_of(s, t, disp_px));
     }
-    for (int i = 1; i < 256; i++) {
-        if (weight[i] > weight[best] || (!best && weight[i] > 0))
-            best = i;
-    }
-    return best;
+    return most_voted(votes.weight);
 }
 
 int sweep_label(struct patch_sweep *s, double disp_px, double reach_px)

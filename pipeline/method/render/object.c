@@ -35,7 +35,7 @@ struct front {
     int count;
 };
 
-static bool disparity_at(const struct sst_lightfield *lf, int view, int x, int y, double *d)
+bool sst_render_disparity_at(const struct sst_lightfield *lf, int view, int x, int y, double *d)
 {
     const uint16_t q = sst_map_u16_row(&lf->views[view].disp, y)[x];
 
@@ -49,23 +49,24 @@ bool sst_render_is_ground(const struct sst_lightfield *lf, int view, int x, int 
 
     if (y < SLOPE_ROWS || y + SLOPE_ROWS >= lf->height || x < LEVEL_COLUMNS || x + LEVEL_COLUMNS >= lf->width)
         return false;
-    return disparity_at(lf, view, x, y, &at) && disparity_at(lf, view, x, y - SLOPE_ROWS, &above) &&
-           disparity_at(lf, view, x, y + SLOPE_ROWS, &below) && disparity_at(lf, view, x - LEVEL_COLUMNS, y, &left) &&
-           disparity_at(lf, view, x + LEVEL_COLUMNS, y, &right) && below - above > GROUND_PX &&
+    return sst_render_disparity_at(lf, view, x, y, &at) &&
+           sst_render_disparity_at(lf, view, x, y - SLOPE_ROWS, &above) &&
+           sst_render_disparity_at(lf, view, x, y + SLOPE_ROWS, &below) &&
+           sst_render_disparity_at(lf, view, x - LEVEL_COLUMNS, y, &left) &&
+           sst_render_disparity_at(lf, view, x + LEVEL_COLUMNS, y, &right) && below - above > GROUND_PX &&
            below - above < STEEP_PX && fabs(left - at) < LEVEL_PX && fabs(right - at) < LEVEL_PX;
 }
 
-/* Do two neighbouring pixels belong to one object? */
-static bool joined(const struct sst_lightfield *lf, int view, int x, int y, int x2, int y2)
+bool sst_render_joined(const struct sst_lightfield *lf, int view, const int a[2], const int b[2])
 {
     const struct sst_image *img = &lf->views[view].image;
-    double a, b, colour = 0;
+    double d, e, colour = 0;
 
-    if (!disparity_at(lf, view, x, y, &a) || !disparity_at(lf, view, x2, y2, &b))
+    if (!sst_render_disparity_at(lf, view, a[0], a[1], &d) || !sst_render_disparity_at(lf, view, b[0], b[1], &e))
         return false;
     for (int c = 0; c < 3; c++)
-        colour += abs(sst_image_row(img, c, y)[x] - sst_image_row(img, c, y2)[x2]);
-    return fabs(a - b) / STEP_PX + colour / STEP_LEVELS <= 1;
+        colour += abs(sst_image_row(img, c, a[1])[a[0]] - sst_image_row(img, c, b[1])[b[0]]);
+    return fabs(d - e) / STEP_PX + colour / STEP_LEVELS <= 1;
 }
 
 static void visit(struct front *f, int x, int y)
@@ -81,7 +82,7 @@ static bool may_continue(const struct object *o, int view, int x, int y)
     const struct sst_view *v = &o->lf->views[view], *known = &o->lf->views[o->view];
     double d, other, px, py;
 
-    if (!disparity_at(o->lf, view, x, y, &d) || d < o->far_px - SAME_PX || d > o->near_px + SAME_PX)
+    if (!sst_render_disparity_at(o->lf, view, x, y, &d) || d < o->far_px - SAME_PX || d > o->near_px + SAME_PX)
         return false;
     if (view == o->view)
         return true;
@@ -89,7 +90,7 @@ static bool may_continue(const struct object *o, int view, int x, int y)
     py = floor(y + d * (v->by - known->by) + 0.5);
     if (px < 0 || py < 0 || px >= o->lf->width || py >= o->lf->height)
         return true;
-    return disparity_at(o->lf, o->view, (int)px, (int)py, &other) && other > d + SAME_PX;
+    return sst_render_disparity_at(o->lf, o->view, (int)px, (int)py, &other) && other > d + SAME_PX;
 }
 
 /* Visit all that is connected with what was visited. */
@@ -105,7 +106,8 @@ static void spread(struct front *f)
             const int x2 = x + step[i][0], y2 = y + step[i][1];
 
             if (x2 >= 0 && y2 >= 0 && x2 < lf->width && y2 < lf->height &&
-                !sst_map_u8_row(&f->o->mask[f->view], y2)[x2] && joined(lf, f->view, x, y, x2, y2) &&
+                !sst_map_u8_row(&f->o->mask[f->view], y2)[x2] &&
+                sst_render_joined(lf, f->view, (const int[]){ x, y }, (const int[]){ x2, y2 }) &&
                 (f->o->ground || !sst_render_is_ground(lf, f->view, x2, y2)) && may_continue(f->o, f->view, x2, y2))
                 visit(f, x2, y2);
         }
@@ -118,13 +120,14 @@ static bool shows(const struct object *o, int view, int x, int y)
     const struct sst_view *v = &o->lf->views[view], *known = &o->lf->views[o->view];
     double d, other, px, py;
 
-    if (!disparity_at(o->lf, view, x, y, &d))
+    if (!sst_render_disparity_at(o->lf, view, x, y, &d))
         return false;
     px = floor(x + d * (v->bx - known->bx) + 0.5);
     py = floor(y + d * (v->by - known->by) + 0.5);
     if (px < 0 || py < 0 || px >= o->lf->width || py >= o->lf->height || !sst_map_u8_row(o->region, (int)py)[(int)px])
         return false;
-    return !disparity_at(o->lf, o->view, (int)px, (int)py, &other) || fabs(d - other) <= SAME_PX || d > other;
+    return !sst_render_disparity_at(o->lf, o->view, (int)px, (int)py, &other) || fabs(d - other) <= SAME_PX ||
+           d > other;
 }
 
 static int open_front(struct front *f, const struct object *o, int view)
@@ -251,7 +254,7 @@ int sst_render_grow_object(struct sst_map_u8 *mask, const struct sst_lightfield 
         sst_log_error("pixel %d,%d is outside the picture of %d x %d", x, y, lf->width, lf->height);
         return -ERANGE;
     }
-    if (!disparity_at(lf, lf->ref_view, x, y, &d)) {
+    if (!sst_render_disparity_at(lf, lf->ref_view, x, y, &d)) {
         sst_log_error("the disparity of pixel %d,%d is unknown; choose another pixel of the object", x, y);
         return -ENODATA;
     }

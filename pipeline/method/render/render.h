@@ -284,6 +284,12 @@ SST_MUST_CHECK int sst_render_grow_object(struct sst_map_u8 *mask, const struct 
 SST_MUST_CHECK int sst_render_carry_object(struct sst_map_u8 *mask, const struct sst_lightfield *lf, int view,
                                            const struct sst_map_u8 *region, int threads);
 
+/** @param d  out, disparity of a pixel, px; NAN: @return false: it is unknown */
+bool sst_render_disparity_at(const struct sst_lightfield *lf, int view, int x, int y, double *d);
+
+/** True if two neighbouring pixels of a view belong to one object: nearly the same disparity and colour. */
+bool sst_render_joined(const struct sst_lightfield *lf, int view, const int a[2], const int b[2]);
+
 /** True if a pixel shows the ground, level and nearer from row to row: objects that stand on it end there. */
 bool sst_render_is_ground(const struct sst_lightfield *lf, int view, int x, int y);
 
