@@ -188,22 +188,6 @@ static double chi_square_z(double chi2, int freedom)
     return (cbrt(chi2 / freedom) - (1 - v)) / sqrt(v);
 }
 
-static double map_rms(const float (*map)[SST_UNCERTAINTY_COLS])
-{
-    double sum = 0;
-    int n = 0;
-
-    for (int i = 0; map && i < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; i++) {
-        const double v = (double)map[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS];
-
-        if (isfinite(v)) {
-            sum += v * v;
-            n++;
-        }
-    }
-    return n ? sqrt(sum / n) : (double)NAN;
-}
-
 /* Names, maps and the worst of the cameras. */
 static void describe_cameras(struct report_figures *f, const struct sst_calibration_report *report)
 {
@@ -228,9 +212,9 @@ static void describe_cameras(struct report_figures *f, const struct sst_calibrat
         cam->expected = c->known || name[0] || cam->frames;
         f->known += c->known;
         f->missing += cam->expected && !c->known;
-        cam->lens_px = map_rms(s->lens_sigma ? s->lens_sigma[k] : NULL);
+        cam->lens_px = sst_uncertainty_rms(s->lens_sigma ? s->lens_sigma[k] : NULL);
         for (int i = 0; i < 2; i++)
-            cam->transfer_px[i] = map_rms(s->transfer_sigma ? s->transfer_sigma[k][i] : NULL);
+            cam->transfer_px[i] = sst_uncertainty_rms(s->transfer_sigma ? s->transfer_sigma[k][i] : NULL);
         if (!c->known)
             continue;
         if (c->rms_px > 0 && (f->worst_camera < 0 || c->rms_px > s->calib.camera[f->worst_camera].rms_px))

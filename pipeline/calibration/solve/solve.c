@@ -401,7 +401,7 @@ static int fill_maps(struct solve_case *c)
         solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
         solve_transfer_map(&c->p, &cov, v, 0, s->transfer_sigma[v][0]);
         solve_transfer_map(&c->p, &cov, v, s->calib.range_mm, s->transfer_sigma[v][1]);
-        s->calib.camera[v].sigma_px = solve_map_rms(s->transfer_sigma[v][1]);
+        s->calib.camera[v].sigma_px = fmax(sst_uncertainty_rms(s->transfer_sigma[v][1]), 0);
     }
     solve_covariance_fini(&cov);
     return err;

@@ -90,4 +90,7 @@ SST_MUST_CHECK int sst_solve(struct sst_solution *out, const struct sst_detectio
                              const struct sst_solve_config *cfg);
 void sst_solution_fini(struct sst_solution *solution);
 
+/** Root mean square of the finite cells of such a map; NAN: there are none, or no map. */
+double sst_uncertainty_rms(const float (*map)[SST_UNCERTAINTY_COLS]);
+
 #endif

@@ -278,7 +278,8 @@ int solve_cross_validate(struct solve_case *c)
         for (int k = 0; k < 2; k++)
             solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
         c->s.cv_px = px;
-        c->s.cv_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
+        c->s.cv_expected_px =
+            sqrt(2) * hypot(fmax(sst_uncertainty_rms(map[0]), 0), fmax(sst_uncertainty_rms(map[1]), 0));
         c->s.cv_camera = v;
     }
     for (int k = 0; k < 2; k++) {

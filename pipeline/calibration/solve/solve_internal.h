@@ -239,8 +239,6 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
 /** transfer_sigma of one view; depth_mm 0: at infinity. */
 void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
                         float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
-/** Root mean square of the finite cells; 0 if there are none. */
-double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Noise of a corner of weight 1 from the sum of squares, one axis. */
 double solve_unit_sigma(const struct solve_adjusted *done);
 

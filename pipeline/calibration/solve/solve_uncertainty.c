@@ -442,12 +442,12 @@ void solve_transfer_map(const struct solve_problem *p, const struct solve_covari
     }
 }
 
-double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+double sst_uncertainty_rms(const float (*map)[SST_UNCERTAINTY_COLS])
 {
     double sum = 0;
     int n = 0;
 
-    for (int i = 0; i < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; i++) {
+    for (int i = 0; map && i < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; i++) {
         const double v = (double)map[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS];
 
         if (isfinite(v)) {
@@ -455,5 +455,5 @@ double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
             n++;
         }
     }
-    return n ? sqrt(sum / n) : 0;
+    return n ? sqrt(sum / n) : (double)NAN;
 }
