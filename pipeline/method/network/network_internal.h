@@ -98,14 +98,14 @@ struct net_tap {
     float part;
 };
 
-/** Fill taps for `to` output samples from `from` input samples. */
-void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to);
+/** @param taps  out, [out.h + out.w]: of rows, then of columns */
+void resize_taps(struct net_tap *taps, const struct sst_op *op, struct sst_shape in, struct sst_shape out);
 
 /* All: dst->block is src->block or 1. Each output has one fixed order of sums: same bytes for any number of threads. */
 
-/** @param taps_y, taps_x  [dst->h] and [dst->w] */
-SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps_y,
-                             const struct net_tap *taps_x, int threads);
+/** @param taps  of resize_taps() */
+SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps,
+                             int threads);
 
 /** Means over bins; sums in double. */
 SST_MUST_CHECK int op_adaptive_pool(const struct net_tensor *dst, const struct net_tensor *src, int threads);

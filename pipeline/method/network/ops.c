@@ -8,7 +8,7 @@
 
 struct job {
     const struct net_tensor *dst, *src;
-    const struct net_tap *taps_y, *taps_x;
+    const struct net_tap *taps;
     const struct sst_op *op;
     int8_t *bytes; /* of normalisation to bytes */
     float factor;
@@ -45,7 +45,7 @@ static double source_position(enum sst_resize_mode mode, double scale, int from,
     return (i + 0.5) / scale - 0.5;
 }
 
-void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
+static void axis_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
 {
     for (int i = 0; i < to; i++) {
         const double at = sst_clamp_double(source_position(mode, scale, from, to, i), 0, from - 1);
@@ -55,11 +55,20 @@ void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, 
     }
 }
 
+void resize_taps(struct net_tap *taps, const struct sst_op *op, struct sst_shape in, struct sst_shape out)
+{
+    const double scale_y = op->scale[0] > 0 ? op->scale[0] : (double)out.h / in.h;
+    const double scale_x = op->scale[1] > 0 ? op->scale[1] : (double)out.w / in.w;
+
+    axis_taps(taps, op->mode, scale_y, in.h, out.h);
+    axis_taps(taps + out.h, op->mode, scale_x, in.w, out.w);
+}
+
 static int resize_row(void *arg, int y, int worker SST_UNUSED)
 {
     const struct job *j = arg;
     const struct net_tensor *dst = j->dst, *src = j->src;
-    const struct net_tap ty = j->taps_y[y];
+    const struct net_tap ty = j->taps[y];
     const int b = src->block;
 
     for (int c = 0; c < padded_channels(src); c += b) {
@@ -68,7 +77,7 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
         const size_t step = dst->block == b ? 1 : (size_t)dst->h * (size_t)dst->w;
 
         for (int x = 0; x < dst->w; x++) {
-            const struct net_tap tx = j->taps_x[x];
+            const struct net_tap tx = j->taps[dst->h + x];
             const float *tl = top + (size_t)tx.lo * b, *tr = top + (size_t)tx.hi * b;
             const float *bl = bottom + (size_t)tx.lo * b, *br = bottom + (size_t)tx.hi * b;
             float *out = dst->data + offset(dst, c, y, x);
@@ -83,10 +92,9 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps_y,
-              const struct net_tap *taps_x, int threads)
+int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps, int threads)
 {
-    struct job job = { .dst = dst, .src = src, .taps_y = taps_y, .taps_x = taps_x };
+    struct job job = { .dst = dst, .src = src, .taps = taps };
 
     return sst_parallel_for(dst->h, threads, resize_row, &job);
 }

@@ -300,8 +300,7 @@ void net_plan_destroy(struct net_plan *plan)
         dnnl_memory_destroy(s->scratch);
         sst_mem_free(s->weights_data);
         free(s->bias_data);
-        free(s->taps_y);
-        free(s->taps_x);
+        free(s->taps);
     }
     for (int i = 0; i < plan->n_tensors; i++)
         dnnl_memory_destroy(plan->tensors[i].memory);
@@ -326,7 +325,7 @@ static int run_own(const struct net_plan *p, const struct net_plan_step *s)
     case SST_OP_ADAPTIVE_POOL:
         return op_adaptive_pool(dst, src, p->threads);
     case SST_OP_RESIZE:
-        return op_resize(dst, src, s->taps_y, s->taps_x, p->threads);
+        return op_resize(dst, src, s->taps, p->threads);
     case SST_OP_SOFTMAX:
         return op_softmax(dst, src, p->threads);
     default:

@@ -417,19 +417,14 @@ static int add_concat(struct building *b, const struct sst_op *op)
 
 static int add_taps(struct building *b, const struct sst_op *op)
 {
-    const struct sst_shape in = b->shapes[op->in[0]], out = b->shapes[op->out];
-    const double scale_y = op->scale[0] > 0 ? op->scale[0] : (double)out.h / in.h;
-    const double scale_x = op->scale[1] > 0 ? op->scale[1] : (double)out.w / in.w;
+    const struct sst_shape out = b->shapes[op->out];
     const int64_t at =
         add_fixed(b, ((size_t)out.h + (size_t)out.w) * sizeof(struct sst_gpu_net_tap) / sizeof(*b->p->fixed));
-    struct net_tap *taps;
 
     _Static_assert(sizeof(struct net_tap) == sizeof(struct sst_gpu_net_tap), "one structure on CPU and device");
     if (at < 0)
         return (int)at;
-    taps = (struct net_tap *)(void *)(b->p->fixed + at);
-    resize_taps(taps, op->mode, scale_y, in.h, out.h);
-    resize_taps(taps + out.h, op->mode, scale_x, in.w, out.w);
+    resize_taps((struct net_tap *)(void *)(b->p->fixed + at), op, b->shapes[op->in[0]], out);
     b->p->steps[b->p->n_steps - 1].layer.taps_at = (uint32_t)at;
     return 0;
 }

@@ -266,17 +266,12 @@ static int add_pool(struct net_plan *p, const struct sst_op *op)
 
 static int add_taps(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op)
 {
-    const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
-    const double scale_y = op->scale[0] > 0 ? op->scale[0] : (double)out.h / in.h;
-    const double scale_x = op->scale[1] > 0 ? op->scale[1] : (double)out.w / in.w;
+    const struct sst_shape out = p->shapes[op->out];
 
-    s->taps_y = calloc((size_t)out.h, sizeof(*s->taps_y));
-    s->taps_x = calloc((size_t)out.w, sizeof(*s->taps_x));
-    if (!s->taps_y || !s->taps_x)
-        return -ENOMEM;
-    resize_taps(s->taps_y, op->mode, scale_y, in.h, out.h);
-    resize_taps(s->taps_x, op->mode, scale_x, in.w, out.w);
-    return 0;
+    s->taps = calloc((size_t)out.h + (size_t)out.w, sizeof(*s->taps));
+    if (s->taps)
+        resize_taps(s->taps, op, p->shapes[op->in[0]], out);
+    return s->taps ? 0 : -ENOMEM;
 }
 
 /* The network's result is written in plain layout at once. */

@@ -40,7 +40,7 @@ struct net_plan_step {
     dnnl_memory_t weights, bias, scratch;
     void *weights_data;
     float *bias_data;
-    struct net_tap *taps_y, *taps_x;
+    struct net_tap *taps;
 };
 
 struct net_plan {
