@@ -149,11 +149,8 @@ static void fill_rows(const struct solve_problem *p, const struct corner_seen *s
         for (int l = 0; l < lens; l++)
             *to++ = s->slopes.lens[i][l];
         /* -slopes.q [turned]x */
-        *to++ = turned[1] * s->slopes.q[i][2] - turned[2] * s->slopes.q[i][1];
-        *to++ = turned[2] * s->slopes.q[i][0] - turned[0] * s->slopes.q[i][2];
-        *to++ = turned[0] * s->slopes.q[i][1] - turned[1] * s->slopes.q[i][0];
-        for (int l = 0; l < 3; l++)
-            *to++ = s->slopes.q[i][l];
+        solve_by_motion(s->slopes.q[i], turned, 1, to);
+        to += 6;
         for (int l = 0; l < 2 && !p->keep_warp; l++)
             *to++ = s->c->bulge[l] *
                     (s->slopes.q[i][0] * normal[0] + s->slopes.q[i][1] * normal[1] + s->slopes.q[i][2] * normal[2]);
@@ -164,6 +161,16 @@ static void fill_rows(const struct solve_problem *p, const struct corner_seen *s
     }
     row[n - 1] = s->r[0];
     row[2 * n - 1] = s->r[1];
+}
+
+void solve_by_motion(const double by_point[3], const double at[3], double weight, double out[6])
+{
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+
+        out[i] = weight * (at[j] * by_point[k] - at[k] * by_point[j]);
+        out[3 + i] = weight * by_point[i];
+    }
 }
 
 int solve_block(const struct solve_problem *p, const struct solve_detection *d, const struct solve_pose *board,

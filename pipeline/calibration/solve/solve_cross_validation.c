@@ -182,10 +182,9 @@ static double turned_distance(const struct lenses *l, const double turn[9], doub
         xy[0] -= x;
         xy[1] -= y;
         for (int k = 0; k < 2; k++) {
-            const double j[3] = { q[1] * slopes.q[k][2] - q[2] * slopes.q[k][1],
-                                  q[2] * slopes.q[k][0] - q[0] * slopes.q[k][2],
-                                  q[0] * slopes.q[k][1] - q[1] * slopes.q[k][0] };
+            double j[6];
 
+            solve_by_motion(slopes.q[k], q, 1, j);
             for (int m = 0; m < 9; m++)
                 normal[m] += j[m / 3] * j[m % 3];
             for (int m = 0; m < 3; m++)

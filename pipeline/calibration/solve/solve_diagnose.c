@@ -140,13 +140,9 @@ static void motion_of(struct diagnosis *l, int detection, struct motion *m)
         if (hypot(xy[0], xy[1]) > limit)
             continue;
         for (int i = 0; i < 2; i++) {
-            const double j[6] = { w * (q[1] * slopes.q[i][2] - q[2] * slopes.q[i][1]),
-                                  w * (q[2] * slopes.q[i][0] - q[0] * slopes.q[i][2]),
-                                  w * (q[0] * slopes.q[i][1] - q[1] * slopes.q[i][0]),
-                                  w * slopes.q[i][0],
-                                  w * slopes.q[i][1],
-                                  w * slopes.q[i][2] };
+            double j[6];
 
+            solve_by_motion(slopes.q[i], q, w, j);
             for (int n = 0; n < 36; n++)
                 m->a[n] += j[n / 6] * j[n % 6];
             for (int n = 0; n < 6; n++)

@@ -80,13 +80,9 @@ static double pose_normal(const struct sight *s, const struct solve_pose *pose, 
         w = 1 / (1 + r2 / (c * c));
         cost += log1p(r2 / (c * c));
         for (int k = 0; k < 2; k++) {
-            const double j[6] = { t[1] * slopes.q[k][2] - t[2] * slopes.q[k][1],
-                                  t[2] * slopes.q[k][0] - t[0] * slopes.q[k][2],
-                                  t[0] * slopes.q[k][1] - t[1] * slopes.q[k][0],
-                                  slopes.q[k][0],
-                                  slopes.q[k][1],
-                                  slopes.q[k][2] };
+            double j[6];
 
+            solve_by_motion(slopes.q[k], t, 1, j);
             for (int m = 0; m < 6; m++) {
                 g[m] += w * j[m] * xy[k];
                 for (int n = 0; n <= m; n++)

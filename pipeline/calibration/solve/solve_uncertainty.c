@@ -272,16 +272,6 @@ static bool direction(const double *lens, double x, double y, double q[3])
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
 }
 
-/* Derivatives by a rotation w of the direction q: dq = w x q = -[q]x w. */
-static void by_rotation(double by_point[2][3], const double q[3], double out[2][3])
-{
-    for (int i = 0; i < 2; i++) {
-        out[i][0] = q[1] * by_point[i][2] - q[2] * by_point[i][1];
-        out[i][1] = q[2] * by_point[i][0] - q[0] * by_point[i][2];
-        out[i][2] = q[0] * by_point[i][1] - q[1] * by_point[i][0];
-    }
-}
-
 /* Variance of a linear function of states. */
 static double variance(const struct solve_covariance *c, const double *j, const int *state, int n)
 {
@@ -300,20 +290,20 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
     double a[9] = { 0 }, g[3][SOLVE_LENS_MAX] = { 0 };
 
     for (int cell = 0; cell < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; cell++) {
-        double xy[2], q[3], seen[2], jw[2][3];
+        double xy[2], q[3], seen[2], jw[6];
         struct solve_slopes slopes;
 
         cell_pixel(p, cell / SST_UNCERTAINTY_COLS, cell % SST_UNCERTAINTY_COLS, xy);
         if (!cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
             continue;
         solve_see(lens, p->lens, q, seen, &slopes);
-        by_rotation(slopes.q, q, jw);
         for (int k = 0; k < 2; k++) {
+            solve_by_motion(slopes.q[k], q, 1, jw);
             for (int i = 0; i < 3; i++) {
                 for (int j = 0; j < 3; j++)
-                    a[3 * i + j] += jw[k][i] * jw[k][j];
+                    a[3 * i + j] += jw[i] * jw[j];
                 for (int l = 0; l < 4 + p->lens; l++)
-                    g[i][l] += jw[k][i] * slopes.lens[k][l];
+                    g[i][l] += jw[i] * slopes.lens[k][l];
             }
         }
     }
@@ -342,7 +332,7 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
         state[l] = first + l;
     for (int row = 0; row < SST_UNCERTAINTY_ROWS; row++) {
         for (int col = 0; col < SST_UNCERTAINTY_COLS; col++) {
-            double xy[2], q[3], seen[2], jw[2][3], sum = 0;
+            double xy[2], q[3], seen[2], jw[6], sum = 0;
             struct solve_slopes slopes;
 
             map[row][col] = NAN;
@@ -350,10 +340,10 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
             if (!fine || !cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
                 continue;
             solve_see(lens, p->lens, q, seen, &slopes);
-            by_rotation(slopes.q, q, jw);
             for (int k = 0; k < 2; k++) {
+                solve_by_motion(slopes.q[k], q, 1, jw);
                 for (int l = 0; l < n; l++)
-                    slopes.lens[k][l] -= jw[k][0] * turn[0][l] + jw[k][1] * turn[1][l] + jw[k][2] * turn[2][l];
+                    slopes.lens[k][l] -= jw[0] * turn[0][l] + jw[1] * turn[1][l] + jw[2] * turn[2][l];
                 sum += variance(c, slopes.lens[k], state, n);
             }
             map[row][col] = (float)sqrt(sum / 2);
@@ -372,7 +362,7 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
     double ab[3], X[3], turned[3], q[3], seen[2];
     struct solve_slopes slopes;
     struct solve_slopes first;
-    double jw[2][3], det;
+    double det;
 
     if (!direction(lens0, xy[0], xy[1], ab))
         return false;
@@ -387,7 +377,6 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
     if (!(q[2] > 0) || seen[0] < -0.5 || seen[1] < -0.5 || seen[0] > p->width - 0.5 || seen[1] > p->height - 0.5 ||
         !(fabs(det) > 0))
         return false;
-    by_rotation(slopes.q, turned, jw);
     for (int k = 0; k < 2; k++) {
         double jab[2], back[2];
 
@@ -401,10 +390,9 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
             j[k][l] = -(back[0] * first.lens[0][l] + back[1] * first.lens[1][l]);
             j[k][n + l] = slopes.lens[k][l];
         }
-        for (int i = 0; i < 3; i++) {
-            j[k][2 * n + i] = jw[k][i];
-            j[k][2 * n + 3 + i] = move * slopes.q[k][i];
-        }
+        solve_by_motion(slopes.q[k], turned, 1, &j[k][2 * n]);
+        for (int i = 0; i < 3; i++)
+            j[k][2 * n + 3 + i] *= move;
     }
     return true;
 }
