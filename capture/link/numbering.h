@@ -23,7 +23,7 @@ struct sst_numbering; /* opaque; one thread at a time */
 struct sst_numbering_edge {
     uint64_t count;
     int64_t t_ns;    /* of the source's CLOCK_MONOTONIC */
-    int64_t wall_ns; /* its wall clock then, less what this host's is ahead of CLOCK_MONOTONIC */
+    int64_t wall_ns; /* its wall clock then, less the lead of this host's over CLOCK_MONOTONIC */
 };
 
 /** An edge as all sources name it. */

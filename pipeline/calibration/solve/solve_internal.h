@@ -84,7 +84,7 @@ struct solve_slopes {
  *  @param slopes  out, NULL: not needed */
 void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], struct solve_slopes *slopes);
 
-/** Derivatives by a rotation of a point `at` and by a shift, dq = w x q + v, from those by the point. */
+/** Derivatives by a rotation of a point `at` and by a shift, dq = w x q + v, from derivatives by q. */
 void solve_by_motion(const double by_point[3], const double at[3], double weight, double out[6]);
 
 /** A camera at the origin with this lens. */
