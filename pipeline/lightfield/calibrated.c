@@ -226,16 +226,16 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
 
 int calibration_rectify_view(struct sst_lightfield *lf, int view)
 {
-    struct resampled made = { .what = "rectify" };
+    struct remade made = { .what = "rectify" };
     struct sst_rectify_map *map = NULL;
     int err = sst_rectify_map_create(&map, lf->rectified, lf->calibration, view);
 
-    err = err ? err : resampled_init(&made, lf);
+    err = err ? err : remade_init(&made, lf);
     if (!err)
         err = sst_rectify_view(&(struct sst_rectified_view){ &made.image, &made.valid }, map,
                                (enum sst_filter)lf->filter, &lf->views[view].image);
     sst_rectify_map_destroy(map);
-    return resampled_take(lf, view, &made, err);
+    return remade_take(lf, view, &made, err);
 }
 
 /* --- coverage --------------------------------------------------------------------------------------------- */

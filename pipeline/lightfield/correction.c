@@ -121,7 +121,7 @@ static void carry_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *befor
     }
 }
 
-int resampled_init(struct resampled *made, const struct sst_lightfield *lf)
+int remade_init(struct remade *made, const struct sst_lightfield *lf)
 {
     const int err = sst_image_init(&made->image, lf->width, lf->height);
 
@@ -137,7 +137,7 @@ static bool all_set(const struct sst_map_u8 *map)
     return true;
 }
 
-int resampled_take(struct sst_lightfield *lf, int view, struct resampled *made, int err)
+int remade_take(struct sst_lightfield *lf, int view, struct remade *made, int err)
 {
     struct sst_view *v = &lf->views[view];
     char name[16];
@@ -177,14 +177,14 @@ static int make_map(struct sst_rectify_map **out, const struct sst_lightfield *l
     return err;
 }
 
-static int resample(struct resampled *out, const struct sst_lightfield *lf, const struct sst_view *v,
+static int resample(struct remade *out, const struct sst_lightfield *lf, const struct sst_view *v,
                     const struct sst_correction *c)
 {
     int32_t *xy_q8 = malloc(2 * sizeof(*xy_q8) * (size_t)lf->width);
     struct sst_rectify_map *map = NULL;
     int err = xy_q8 ? make_map(&map, lf, c) : -ENOMEM;
 
-    err = err ? err : resampled_init(out, lf);
+    err = err ? err : remade_init(out, lf);
     if (!err)
         err = sst_rectify_view(&(struct sst_rectified_view){ &out->image, &out->valid }, map, SST_CORRECTION_FILTER,
                                &v->image);
@@ -228,14 +228,14 @@ static void straighten(struct sst_image *image, double exponent)
 
 int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep)
 {
-    struct resampled made = { .what = "correct", .keep = keep };
+    struct remade made = { .what = "correct", .keep = keep };
     struct sst_view *v = &lf->views[view];
 
     if (!v->present)
         return 0;
     if (c->exponent != 1)
         straighten(&v->image, c->exponent);
-    return resamples(c) ? resampled_take(lf, view, &made, resample(&made, lf, v, c)) : 0;
+    return resamples(c) ? remade_take(lf, view, &made, resample(&made, lf, v, c)) : 0;
 }
 
 /* The product to the third power of r2, the form of a calibration. */

@@ -113,7 +113,7 @@ SST_MUST_CHECK int params_off_centre(struct sst_lightfield *lf, const char *text
 struct sst_correction;
 
 /** A view's picture made from its loaded one. */
-struct resampled {
+struct remade {
     const char *what; /* to do so, for messages */
     bool keep;        /* the loaded one, in the view's `original` */
     struct sst_image image;
@@ -121,10 +121,10 @@ struct resampled {
 };
 
 /** Black, with nothing valid, of the light field's size. @return 0, -ENOMEM */
-SST_MUST_CHECK int resampled_init(struct resampled *made, const struct sst_lightfield *lf);
+SST_MUST_CHECK int remade_init(struct remade *made, const struct sst_lightfield *lf);
 
 /** Put it in the place of the loaded one. @param err  of making it: logged, and it is freed @return err */
-SST_MUST_CHECK int resampled_take(struct sst_lightfield *lf, int view, struct resampled *made, int err);
+SST_MUST_CHECK int remade_take(struct sst_lightfield *lf, int view, struct remade *made, int err);
 
 /** Resample a loaded picture that is not a raw frame. @param keep  its source, in the view's `original`
  *  @return 0, -ENOMEM, -EINVAL; logged */
