@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "pipeline/kernels/consensus.h"
 
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
@@ -77,6 +78,12 @@ enum sst_cpu_level {
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
     X(shown_row)                                                                                                       \
+    X(consensus_first)                                                                                                 \
+    X(consensus_again)                                                                                                 \
+    X(consensus_cost_row)                                                                                              \
+    X(consensus_mean_row)                                                                                              \
+    X(consensus_path_row)                                                                                              \
+    X(consensus_choose_row)                                                                                            \
     X(sha256_blocks)
 
 /* --- disparity (pipeline/method/disparity/) --- */

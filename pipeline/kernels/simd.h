@@ -62,10 +62,12 @@ SIMD_TYPE(f32, float, float)
 #define SIMD_OP(name)   _mm512_##name
 #define SIMD_BITS(name) _mm512_##name##_si512
 #define SIMD_INT        __m512i
+#define SIMD_SPREAD     _mm512_broadcast_i32x4
 #elif SIMD_BYTES == 32
 #define SIMD_OP(name)   _mm256_##name
 #define SIMD_BITS(name) _mm256_##name##_si256
 #define SIMD_INT        __m256i
+#define SIMD_SPREAD     _mm256_broadcastsi128_si256
 #else
 #define SIMD_OP(name)   _mm_##name
 #define SIMD_BITS(name) _mm_##name##_si128
@@ -223,6 +225,51 @@ static inline simd_u8 simd_narrow(simd_u16 low, simd_u16 high)
     simd_u8 v;
 
     memcpy(&v, part, sizeof(v));
+    return v;
+#endif
+}
+
+/* Upper halves of products of 16 bits. */
+static inline simd_u16 simd_high_u16(simd_u16 a, simd_u16 b)
+{
+#if defined(__SSE2__)
+    return (simd_u16)SIMD_OP(mulhi_epu16)((SIMD_INT)a, (SIMD_INT)b);
+#elif defined(__ARM_NEON)
+    const uint32x4_t low = vmull_u16(vget_low_u16((uint16x8_t)a), vget_low_u16((uint16x8_t)b));
+    const uint32x4_t high = vmull_high_u16((uint16x8_t)a, (uint16x8_t)b);
+
+    return (simd_u16)vuzp2q_u16((uint16x8_t)low, (uint16x8_t)high);
+#else
+    simd_u16 v;
+
+    for (int i = 0; i < SIMD_BYTES / 2; i++)
+        v[i] = (uint16_t)((uint32_t)a[i] * b[i] >> 16);
+    return v;
+#endif
+}
+
+/* Entries of a table of bytes; each lane of `at` is below 64. */
+static inline simd_u8 simd_look_u8(const uint8_t table[64], simd_u8 at)
+{
+#if defined(__AVX512VBMI__) && SIMD_BYTES == 64
+    return (simd_u8)_mm512_permutexvar_epi8((__m512i)at, _mm512_loadu_si512(table));
+#elif defined(__AVX2__)
+    simd_u8 v = { 0 };
+
+    for (int i = 0; i < 4; i++) {
+        const __m128i part = _mm_loadu_si128((const __m128i *)(const void *)(table + 16 * i));
+        const simd_u8 there = at - (uint8_t)(16 * i);
+
+        v |= (simd_u8)SIMD_OP(shuffle_epi8)((SIMD_INT)SIMD_SPREAD(part), (SIMD_INT)(there | (simd_u8)(there > 15)));
+    }
+    return v;
+#elif defined(__ARM_NEON)
+    return (simd_u8)vqtbl4q_u8(vld1q_u8_x4(table), (uint8x16_t)at);
+#else
+    simd_u8 v;
+
+    for (int i = 0; i < SIMD_BYTES; i++)
+        v[i] = table[at[i]];
     return v;
 #endif
 }

@@ -1,0 +1,285 @@
+/* The plane sweep in scene space: bytes of as many pixels as a vector has. */
+#include "pipeline/kernels/consensus.h"
+#include "pipeline/kernels/simd.h"
+
+/* Bytes of the reciprocals, lower ones first. */
+static inline void KERNEL(consensus_reciprocals)(uint8_t table[2][64])
+{
+    for (unsigned n = 0; n < 64; n++) {
+        table[0][n] = (uint8_t)sst_consensus_reciprocal(n);
+        table[1][n] = (uint8_t)(sst_consensus_reciprocal(n) >> 8);
+    }
+}
+
+struct KERNEL(consensus_sum) {
+    simd_u16 half[2];
+};
+
+static inline void KERNEL(consensus_add)(struct KERNEL(consensus_sum) * s, simd_u8 v)
+{
+    s->half[0] += simd_widen(v, 0);
+    s->half[1] += simd_widen(v, 1);
+}
+
+/* Reciprocals of counts below 64. */
+static inline void KERNEL(consensus_invert)(simd_u16 q[2], simd_u8 n, uint8_t table[2][64])
+{
+    const simd_u8 low = simd_look_u8(table[0], n), high = simd_look_u8(table[1], n);
+
+    for (int i = 0; i < 2; i++)
+        q[i] = simd_widen(low, i) | simd_widen(high, i) << 8;
+}
+
+/* Sums divided by counts; below 256. */
+static inline void KERNEL(consensus_divide)(simd_u8 *out, const struct KERNEL(consensus_sum) * s, int sums, simd_u8 n,
+                                            uint8_t table[2][64])
+{
+    simd_u16 q[2];
+
+    KERNEL(consensus_invert)(q, n, table);
+    for (int c = 0; c < sums; c++)
+        out[c] = simd_narrow(simd_high_u16(s[c].half[0], q[0]), simd_high_u16(s[c].half[1], q[1]));
+}
+
+static inline simd_u8 KERNEL(consensus_apart)(const struct sst_consensus_view *v, size_t x, const simd_u8 colour[3])
+{
+    const simd_u8 sum = simd_more_u8(simd_apart_u8(simd_load_u8(v->colour[0] + x), colour[0]),
+                                     simd_apart_u8(simd_load_u8(v->colour[1] + x), colour[1]));
+
+    return simd_more_u8(sum, simd_apart_u8(simd_load_u8(v->colour[2] + x), colour[2]));
+}
+
+/* Sums of the colours of a mask's pixels, and how many. */
+static inline void KERNEL(consensus_gather)(struct KERNEL(consensus_sum) sum[3], simd_u8 *n,
+                                            const struct sst_consensus_view *v, size_t x, simd_u8 mask)
+{
+    *n -= mask;
+    for (int c = 0; c < 3; c++)
+        KERNEL(consensus_add)(&sum[c], simd_load_u8(v->colour[c] + x) & mask);
+}
+
+static inline void KERNEL(consensus_replace)(simd_u8 colour[3], const struct KERNEL(consensus_sum) sum[3], simd_u8 n,
+                                             uint8_t table[2][64])
+{
+    const simd_u8 none = (simd_u8)(n == 0);
+    simd_u8 mean[3];
+
+    KERNEL(consensus_divide)(mean, sum, 3, n, table);
+    for (int c = 0; c < 3; c++)
+        colour[c] = (colour[c] & none) | (mean[c] & ~none);
+}
+
+static inline simd_u8 KERNEL(consensus_density)(const struct sst_consensus_view *view, int views, size_t x,
+                                                const simd_u8 colour[3])
+{
+    const simd_u8 near = simd_set_u8(SST_CONSENSUS_NEAR);
+    simd_u8 sum = { 0 };
+
+    for (int k = 0; k < views; k++)
+        sum += simd_less_u8(near, KERNEL(consensus_apart)(&view[k], x, colour)) >> 2 & simd_load_u8(view[k].seen + x);
+    return sum;
+}
+
+static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_consensus_view *view, int views, size_t x)
+{
+    simd_u8 best = { 0 };
+
+    colour[0] = colour[1] = colour[2] = best;
+    for (int s = 0; s < views && s < SST_CONSENSUS_SEEDS; s++) {
+        const simd_u8 seed[3] = { simd_load_u8(view[s].colour[0] + x), simd_load_u8(view[s].colour[1] + x),
+                                  simd_load_u8(view[s].colour[2] + x) };
+        const simd_u8 sum = KERNEL(consensus_density)(view, views, x, seed) & simd_load_u8(view[s].seen + x);
+        const simd_u8 more = (simd_u8)(sum > best);
+
+        best = simd_max_u8(sum, best);
+        for (int c = 0; c < 3; c++)
+            colour[c] = (colour[c] & ~more) | (seed[c] & more);
+    }
+}
+
+static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_consensus_view *view, int views)
+{
+    uint8_t table[2][64];
+
+    KERNEL(consensus_reciprocals)(table);
+    for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
+        struct KERNEL(consensus_sum) sum[3] = { 0 }, dense = { 0 };
+        simd_u8 colour[3], n = { 0 }, seen = { 0 };
+        simd_u16 q[2];
+
+        KERNEL(consensus_start)(colour, view, views, x);
+        for (int k = 0; k < views; k++) {
+            const simd_u8 there = simd_load_u8(view[k].seen + x);
+
+            seen -= there;
+            KERNEL(consensus_gather)
+            (sum, &n, &view[k], x,
+             (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= SST_CONSENSUS_NEAR) & there);
+        }
+        KERNEL(consensus_replace)(colour, sum, n, table);
+        KERNEL(consensus_add)(&dense, KERNEL(consensus_density)(view, views, x, colour));
+        KERNEL(consensus_invert)(q, seen + SST_CONSENSUS_LEAST, table);
+        for (int i = 0; i < 2; i++)
+            dense.half[i] =
+                simd_less_u16((simd_u16){ 0 } + SST_CONSENSUS_SPARE,
+                              simd_high_u16(dense.half[i] * 36, q[i]) * SST_CONSENSUS_SPARE >> 8);
+        for (int c = 0; c < 3; c++)
+            simd_store_u8(out[c] + x, colour[c]);
+        simd_store_u8(out[3] + x, simd_narrow(dense.half[0], dense.half[1]) | (simd_u8)(seen < 2));
+    }
+}
+
+static void KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
+                                    const struct sst_consensus_test *t)
+{
+    uint8_t table[2][64];
+
+    KERNEL(consensus_reciprocals)(table);
+    for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
+        struct KERNEL(consensus_sum) sum[3] = { 0 }, trimmed[3] = { 0 }, apart = { 0 };
+        simd_u8 colour[3] = { 0 }, claims = { 0 }, agree = { 0 }, seen = { 0 }, alike = { 0 }, visible[SST_CONSENSUS_VIEWS];
+        simd_u8 cost;
+
+        for (int k = 0; k < views; k++) {
+            const simd_u8 plane = simd_load_u8(view[k].plane + x);
+
+            visible[k] = simd_load_u8(view[k].seen + x) & (simd_u8)(plane <= t->last);
+            seen -= visible[k];
+            KERNEL(consensus_gather)(sum, &claims, &view[k], x, visible[k] & (simd_u8)(plane >= t->first));
+        }
+        KERNEL(consensus_replace)(colour, sum, claims, table);
+        for (int k = 0; k < views; k++)
+            KERNEL(consensus_gather)
+            (trimmed, &agree, &view[k], x,
+             visible[k] & (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= t->near));
+        KERNEL(consensus_replace)(colour, trimmed, agree, table);
+        for (int k = 0; k < views; k++) {
+            const simd_u8 e = simd_min_u8(KERNEL(consensus_apart)(&view[k], x, colour), simd_set_u8(t->most));
+
+            alike -= (simd_u8)(e <= t->near) & simd_load_u8(view[k].seen + x);
+            KERNEL(consensus_add)(&apart, e & visible[k]);
+        }
+        alike = simd_less_u8(simd_set_u8(SST_CONSENSUS_LEAST + 1), alike);
+        for (int i = 0; i < 2; i++)
+            apart.half[i] += simd_widen(alike, i) * SST_CONSENSUS_ALONE;
+        KERNEL(consensus_divide)(&cost, &apart, 1, seen + SST_CONSENSUS_LEAST, table);
+        for (int c = 0; c < 3; c++)
+            simd_store_u8(out[c] + x, colour[c]);
+        simd_store_u8(out[3] + x, cost | (simd_u8)(claims == 0));
+    }
+}
+
+static void KERNEL(consensus_cost_row)(uint8_t *cost, const uint8_t *const own[3], const uint8_t *const consensus[4],
+                                       uint8_t most, size_t n)
+{
+    const struct sst_consensus_view view = { .colour = { own[0], own[1], own[2] } };
+
+    for (size_t x = 0; x < n; x += SIMD_BYTES) {
+        const simd_u8 colour[3] = { simd_load_u8(consensus[0] + x), simd_load_u8(consensus[1] + x),
+                                    simd_load_u8(consensus[2] + x) };
+        const simd_u8 sum = simd_more_u8(KERNEL(consensus_apart)(&view, x, colour), simd_load_u8(consensus[3] + x));
+
+        simd_store_u8(cost + x, simd_min_u8(sum, simd_set_u8(most)));
+    }
+}
+
+static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
+{
+    uint8_t table[2][64];
+
+    KERNEL(consensus_reciprocals)(table);
+    for (size_t x = 0; x < n; x += SIMD_BYTES) {
+        const uint8_t *from[8] = { r->above + x - 1, r->above + x,     r->above + x + 1, r->own + x - 1,
+                                   r->own + x + 1,   r->below + x - 1, r->below + x,     r->below + x + 1 };
+        simd_u8 mask[8], count = simd_set_u8(1);
+        simd_u16 q[2];
+
+        for (int i = 0; i < 8; i++) {
+            mask[i] = (simd_u8)(simd_load_u8(r->step[i] + x) <= r->alike);
+            count -= mask[i];
+        }
+        KERNEL(consensus_invert)(q, count, table);
+        for (int p = 0; p < r->planes; p++) {
+            const size_t at = (size_t)p * r->stride;
+            const simd_u8 own = simd_load_u8(r->own + at + x);
+            simd_u16 sum[2] = { simd_widen(own, 0), simd_widen(own, 1) };
+
+#pragma GCC unroll 8
+            for (int i = 0; i < 8; i++) {
+                const simd_u8 v = simd_load_u8(from[i] + at) & mask[i];
+
+                sum[0] += simd_widen(v, 0);
+                sum[1] += simd_widen(v, 1);
+            }
+            simd_store_u8(mean + at + x, simd_narrow(simd_high_u16(sum[0], q[0]), simd_high_u16(sum[1], q[1])));
+        }
+    }
+}
+
+static void KERNEL(consensus_path_row)(const struct sst_consensus_paths *p, size_t n)
+{
+    for (size_t x = 0; x < n; x += SIMD_BYTES) {
+        const simd_u8 most = simd_set_u8(255), p1 = simd_set_u8(p->p1);
+        simd_u8 same[2], below[2], was[2], jump[2], least[2] = { most, most };
+
+        for (int t = 0; t < 2; t++) {
+            below[t] = most;
+            same[t] = simd_load_u8(p->from[t] + x + (t ? 1 : -1));
+            was[t] = simd_load_u8(p->from_least[t] + x + (t ? 1 : -1));
+            jump[t] = simd_more_u8(was[t], simd_load_u8(p->p2[t] + x));
+        }
+        for (int i = 0; i < p->planes; i++) {
+            const size_t at = (size_t)i * p->stride + x;
+            const simd_u8 cost = simd_load_u8(p->cost + at);
+            simd_u8 l[2];
+
+            for (int t = 0; t < 2; t++) {
+                const simd_u8 above =
+                    i + 1 < p->planes ? simd_load_u8(p->from[t] + at + p->stride + (t ? 1 : -1)) : most;
+                const simd_u8 near = simd_more_u8(simd_min_u8(below[t], above), p1);
+                const simd_u8 best = simd_min_u8(simd_min_u8(same[t], near), jump[t]);
+
+                l[t] = simd_more_u8(cost, simd_less_u8(best, was[t]));
+                least[t] = simd_min_u8(l[t], least[t]);
+                simd_store_u8(p->to[t] + at, l[t]);
+                below[t] = same[t];
+                same[t] = above;
+            }
+            simd_store_u8(p->mean + at, simd_mean_u8(l[0], l[1]));
+        }
+        simd_store_u8(p->least[0] + x, least[0]);
+        simd_store_u8(p->least[1] + x, least[1]);
+    }
+}
+
+static void KERNEL(consensus_choose_row)(const struct sst_consensus_choice *c, size_t n)
+{
+    for (size_t x = 0; x < n; x += SIMD_BYTES) {
+        const simd_u8 most = simd_set_u8(255);
+        simd_u8 last = most, best = most, plane = { 0 }, before = most, after = most, cost = simd_load_u8(c->cost + x);
+        simd_u8 was = { 0 }; /* pixels whose best plane is the last one */
+
+        for (int i = 0; i < c->planes; i++) {
+            const size_t at = (size_t)i * c->stride + x;
+            const simd_u8 own = simd_load_u8(c->sum[0] + at);
+            const simd_u8 sum = c->sum[1] ? simd_more_u8(own, simd_load_u8(c->sum[1] + at)) : own;
+            const simd_u8 less = i ? (simd_u8)(sum < best) : most;
+
+            after = (after & ~was) | (sum & was);
+            before = (before & ~less) | (last & less);
+            plane = (plane & ~less) | ((uint8_t)i & less);
+            cost = (cost & ~less) | (simd_load_u8(c->cost + at) & less);
+            best = (best & ~less) | (sum & less);
+            last = sum;
+            was = less;
+        }
+        after |= was;
+        simd_store_u8(c->plane + x, plane);
+        simd_store_u8(c->costs + x, cost);
+        if (c->sums) {
+            simd_store_u8(c->before + x, before);
+            simd_store_u8(c->sums + x, best);
+            simd_store_u8(c->after + x, after);
+        }
+    }
+}
