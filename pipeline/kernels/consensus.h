@@ -71,8 +71,9 @@ struct sst_consensus_paths {
     const uint8_t *cost;                    /* [planes][stride] */
     const uint8_t *from[2], *from_least[2]; /* of the row before, [planes][stride] and [stride]; readable a pixel beside */
     uint8_t *to[2], *least[2];              /* out, of this row; not those of the row before */
-    const uint8_t *p2[2];                   /* penalty of larger steps into the pixel, [stride] */
-    uint8_t p1;                             /* of a step of one plane */
+    const uint8_t *step[2];                 /* colour steps from the pixels of the row before, [stride] */
+    uint8_t p1, p2;                         /* penalties of a step of one plane, of larger ones ... */
+    uint8_t edge, p2_edge;                  /* ... and of those where the colour step is larger than `edge` */
     uint8_t *mean;                          /* out, of both paths, rounded up, [planes][stride] */
     int planes;
     size_t stride;

@@ -50,7 +50,7 @@ void sst_consensus_path_row_ref(const struct sst_consensus_paths *p, size_t n)
                 const int below = i ? *(from - p->stride) : 255, above = i + 1 < p->planes ? from[p->stride] : 255;
                 int best = sst_min_int(*from, sst_min_int(below, above) + p->p1);
 
-                best = sst_min_int(sst_min_int(best, was + p->p2[t][x]), 255);
+                best = sst_min_int(sst_min_int(best, was + (p->step[t][x] > p->edge ? p->p2_edge : p->p2)), 255);
                 l[t] = sst_min_int(p->cost[at] + sst_max_int(best - was, 0), 255);
                 least[t] = sst_min_int(l[t], least[t]);
                 p->to[t][at] = (uint8_t)l[t];

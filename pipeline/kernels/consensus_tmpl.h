@@ -2,6 +2,21 @@
 #include "pipeline/kernels/consensus.h"
 #include "pipeline/kernels/simd.h"
 
+static void KERNEL(colour_step_row)(uint8_t *restrict step, const uint8_t *const a[3], const uint8_t *const b[3], size_t n)
+{
+    size_t i = 0;
+
+    for (; i + SIMD_BYTES <= n; i += SIMD_BYTES) {
+        simd_u8 most = { 0 };
+
+        for (int c = 0; c < 3; c++)
+            most = simd_max_u8(simd_apart_u8(simd_load_u8(a[c] + i), simd_load_u8(b[c] + i)), most);
+        simd_store_u8(step + i, most);
+    }
+    sst_colour_step_row_ref(step + i, (const uint8_t *const[]){ a[0] + i, a[1] + i, a[2] + i },
+                            (const uint8_t *const[]){ b[0] + i, b[1] + i, b[2] + i }, n - i);
+}
+
 /* Bytes of the reciprocals, lower ones first. */
 static inline void KERNEL(consensus_reciprocals)(uint8_t table[2][64])
 {
@@ -226,7 +241,8 @@ static void KERNEL(consensus_path_row)(const struct sst_consensus_paths *p, size
             below[t] = most;
             same[t] = simd_load_u8(p->from[t] + x + (t ? 1 : -1));
             was[t] = simd_load_u8(p->from_least[t] + x + (t ? 1 : -1));
-            jump[t] = simd_more_u8(was[t], simd_load_u8(p->p2[t] + x));
+            jump[t] = (simd_u8)(simd_load_u8(p->step[t] + x) > p->edge);
+            jump[t] = simd_more_u8(was[t], (jump[t] & p->p2_edge) | (~jump[t] & p->p2));
         }
         for (int i = 0; i < p->planes; i++) {
             const size_t at = (size_t)i * p->stride + x;

@@ -78,6 +78,7 @@ enum sst_cpu_level {
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
     X(shown_row)                                                                                                       \
+    X(colour_step_row)                                                                                                 \
     X(consensus_first)                                                                                                 \
     X(consensus_again)                                                                                                 \
     X(consensus_cost_row)                                                                                              \
@@ -94,6 +95,9 @@ enum sst_cpu_level {
 /** Census 9 wide, 7 high: bit set where the neighbour is darker than the centre; 62 bits, rows top down, left to right.
  *  rows[0..6] are the rows y-3 .. y+3, each readable from -4 to n+3. */
 typedef void sst_census_row_fn(uint64_t *out, const uint8_t *const rows[7], size_t n);
+
+/** step[i] = largest difference of a colour channel of pixels a and b. */
+typedef void sst_colour_step_row_fn(uint8_t *step, const uint8_t *const a[3], const uint8_t *const b[3], size_t n);
 
 /** cost[i] = 4 * popcount(a[i] ^ b[i]), at most 248. */
 typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n);

@@ -349,9 +349,10 @@ const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size
 
 /* --- a step ------------------------------------------------------------------------------------------------------- */
 
-/* The CPU has changed planes of a view (bits). */
-static void drop_changed(struct sst_runner_user *user, int view, unsigned planes)
+void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
 {
+    if (!user)
+        return;
     sst_runner_lock(user->runner);
     for (int i = 0; i < SST_PLANES; i++) {
         if (planes >> i & 1)
@@ -559,7 +560,7 @@ int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job
         err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
     for (int i = 0; user && step->changes && i < items; i++) {
         if (is_left(&r, i))
-            drop_changed(user, i, step->changes);
+            sst_run_changed(user, i, step->changes);
     }
     free(done);
     return err;

@@ -79,6 +79,9 @@ SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *
  */
 SST_MUST_CHECK int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void *job, int item);
 
+/** The CPU has changed planes of a view (bits). @param user  or NULL */
+void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
+
 /* For the work on a device: after an error, the functions below do nothing, and the view is left to the CPU. */
 
 /** Note an error: -ENOMEM, -EOVERFLOW (views too far apart for numbers of 32 bits), -ENODATA (a view's features are

@@ -106,6 +106,18 @@ static void check_cost(const struct sst_kernels *k, size_t n, const char *level)
     guard_free_all();
 }
 
+static void check_steps(const struct sst_kernels *k, size_t n, const char *level)
+{
+    uint8_t *in[6], *want = guard_random(n, &seed), *got = guard_random(n, &seed);
+
+    for (int i = 0; i < 6; i++)
+        in[i] = guard_random(n, &seed);
+    sst_colour_step_row_ref(want, (const uint8_t *const *)in, (const uint8_t *const *)in + 3, n);
+    k->colour_step_row(got, (const uint8_t *const *)in, (const uint8_t *const *)in + 3, n);
+    same(want, got, n, "colour steps", level);
+    guard_free_all();
+}
+
 static void check_rows(const struct sst_kernels *k, size_t n, int planes, const char *level)
 {
     const size_t stride = n + 2, bytes = stride * (size_t)planes;
@@ -127,13 +139,19 @@ static void check_rows(const struct sst_kernels *k, size_t n, int planes, const 
 static void check_paths(const struct sst_kernels *k, size_t n, int planes, const char *level)
 {
     const size_t stride = n + 2, bytes = stride * (size_t)planes;
-    struct sst_consensus_paths want = { .p1 = (uint8_t)below(30), .planes = planes, .stride = stride }, got;
+    struct sst_consensus_paths want = { .p1 = (uint8_t)below(30),
+                                        .p2 = (uint8_t)below(256),
+                                        .edge = (uint8_t)below(256),
+                                        .p2_edge = (uint8_t)below(256),
+                                        .planes = planes,
+                                        .stride = stride },
+                               got;
 
     want.cost = guard_random(bytes, &seed);
     for (int t = 0; t < 2; t++) {
         want.from[t] = (uint8_t *)guard_random(bytes, &seed) + 1;
         want.from_least[t] = (uint8_t *)guard_random(stride, &seed) + 1;
-        want.p2[t] = guard_random(n, &seed);
+        want.step[t] = guard_random(n, &seed);
     }
     got = want;
     for (int t = 0; t < 2; t++) {
@@ -206,6 +224,8 @@ static void all_levels_equal_the_reference(void **state SST_UNUSED)
                 check_block(&k, views, near, name);
         }
         check_block(&k, SST_CONSENSUS_VIEWS, 1, name);
+        for (size_t n = 1; n < 150; n++)
+            check_steps(&k, n, name);
         for (size_t n = BLOCK; n <= 3 * BLOCK; n += BLOCK) {
             check_cost(&k, n, name);
             for (int planes = 1; planes < 256; planes += 1 + 3 * planes) {

@@ -38,7 +38,7 @@ static int keep_map(struct sst_map_u16 *map, const struct sst_map_u16 *size)
     return sst_map_u16_init(map, size->width, size->height);
 }
 
-/* Surfaces of the matched views up to two spacings away on the axes and one on the diagonals. */
+/* Surfaces of the matched views around. */
 static int project_around(struct sst_around *a, const struct sst_visible_views *in, int k)
 {
     const struct sst_visible_view *own = &in->view[k];
@@ -55,7 +55,7 @@ static int project_around(struct sst_around *a, const struct sst_visible_views *
     for (int i = 0; i < in->count; i++) {
         const struct sst_visible_view *v = &in->view[i];
 
-        if (i != k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < 2.5)
+        if (i != k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < sst_visible_reach(in))
             project_view(&landed, own, v, in->disp_min_px);
     }
     for (int y = 0; y < own->disp->height; y++) {
@@ -257,7 +257,8 @@ static inline int add_candidates(list_lanes *list, int count, const struct sst_s
     return count;
 }
 
-/* Which pixels inside a surface have no other hypothesis than their own disparity, from column `left` on? */
+/* Which pixels have no other hypothesis than their own disparity, from column `left` on: settled ones, and those inside a
+ * surface? */
 static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n)
 {
     const int apart = r->apart;
@@ -270,6 +271,8 @@ static void find_alone(uint8_t *restrict alone, const struct around_row *r, int 
         alone[x] = (uint8_t)((d != (int)SST_DISP_NONE) & (flat[x] != 0) & ((far[x] == SST_DISP_NONE) | (off < apart)) &
                              ((near[x] == 0) | (near_off < apart)));
     }
+    for (int x = 0; r->agreed && x < n; x++)
+        alone[x] |= (uint8_t)((own[x] != SST_DISP_NONE) & (r->agreed[left + x] != 0));
     for (int x = 0; r->seen && x < n; x++)
         alone[x] &= r->seen[left + x] != 0;
 }

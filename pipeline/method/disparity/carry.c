@@ -14,7 +14,6 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define SOURCES 4  /* nearest matched views that a map comes from */
 #define AGREED  3  /* sources that must agree */
 #define STEP_Q6 64 /* neighbours with a larger difference are on two surfaces */
 
@@ -41,7 +40,7 @@ struct carry {
 };
 
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
-static int sources_of(const struct sst_visible_views *in, int k, int *source)
+int run_carry_sources(const struct sst_visible_views *in, int k, int source[CARRY_SOURCES])
 {
     struct sst_visible_views matched = *in;
     struct sst_visible_view *view = calloc((size_t)in->count, sizeof(*view));
@@ -55,7 +54,7 @@ static int sources_of(const struct sst_visible_views *in, int k, int *source)
         if (view[i].carried)
             view[i].image = NULL;
     }
-    n = sst_visible_nearest(&matched, k, SOURCES, source);
+    n = sst_visible_nearest(&matched, k, CARRY_SOURCES, source);
     free(view);
     return n;
 }
@@ -124,8 +123,8 @@ static int carry_to(uint32_t *arrived, uint32_t *farthest, const struct carry *c
     const int width = own->disp->width, height = own->disp->height;
     const size_t pixels = (size_t)width * (size_t)height;
     uint32_t *row = sst_mem_alloc_raw((size_t)width, sizeof(*row));
-    int source[SOURCES];
-    const int n = row ? sources_of(c->in, k, source) : -ENOMEM;
+    int source[CARRY_SOURCES];
+    const int n = row ? run_carry_sources(c->in, k, source) : -ENOMEM;
 
     memset(arrived, 0, pixels * sizeof(*arrived));
     for (size_t i = 0; farthest && i < pixels; i++)
@@ -230,9 +229,9 @@ static void carry_on_device(struct sst_run *r, void *job, int k)
     const size_t n = (size_t)width * (size_t)height;
     const struct sst_gpu_background background = { width, height, SST_DISP_NONE };
     const struct sst_gpu_carry push = { width, height, own->agreed != NULL, c->status != NULL };
-    struct sst_gpu_check_other source[SOURCES];
-    int from[SOURCES];
-    const int count = sources_of(c->in, k, from);
+    struct sst_gpu_check_other source[CARRY_SOURCES];
+    int from[CARRY_SOURCES];
+    const int count = run_carry_sources(c->in, k, from);
     const struct sst_gpu_range maps = sst_run_planes(r, SST_PLANE_MAP, from, sst_max_int(count, 0));
     const struct sst_gpu_range arrived = sst_run_scratch(r, ARRIVED, (own->agreed ? 3 : 1) * n * sizeof(uint32_t));
     const struct sst_gpu_range closed = sst_run_scratch(r, CLOSED, n * sizeof(uint32_t));

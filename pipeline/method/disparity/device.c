@@ -20,6 +20,7 @@ static const char *const stage_names[SST_DISPARITY_STAGES] = {
     [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel",     [SST_DISPARITY_STAGE_CARRY] = "carrying",
     [SST_DISPARITY_STAGE_CHECK] = "check",           [SST_DISPARITY_STAGE_FILL] = "filling",
     [SST_DISPARITY_STAGE_BACKGROUND] = "background",
+    [SST_DISPARITY_STAGE_SWEEP] = "sweep",
 };
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage)

@@ -11,11 +11,15 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "pipeline/method/disparity/pair_internal.h"
+#include "pipeline/method/sweep/sweep.h"
+#include "pipeline/step/run.h"
 
 /* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
+/* Mean difference to the consensus, up to which a disparity is not doubted. */
+#define SETTLED 24
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -185,8 +189,10 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
                                                   .confidence = &run->confidence[k],
                                                   .bx = v->bx,
                                                   .by = v->by,
-                                                  .carried = run_is_carried(run, k) };
+                                                  .agreed = run->settled && run->settled[k].data ? &run->settled[k] : NULL,
+                                                  .carried = !run->settled && run_is_carried(run, k) };
     }
+    out->swept = run->settled;
     return err;
 }
 
@@ -241,6 +247,10 @@ static int finish_maps(struct disparity_run *run, int threads)
     struct sst_visible_views in = { 0 };
     int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
 
+    if (run->settled) { /* all views have maps of their own */
+        free(run->carried);
+        run->carried = NULL;
+    }
     if (run->rounds)
         err = err            ? err
               : run->carried ? repair_views(run, &in, threads)
@@ -260,28 +270,68 @@ static int finish_maps(struct disparity_run *run, int threads)
     return err;
 }
 
-/* Match the views that were to be carried as well if the scene does not allow that: where the first pass's maps of the
- * key views give the reference view too many other disparities. */
-static int match_others(struct disparity_run *run, int workers)
+/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested. */
+static int settle(struct disparity_run *run, int view)
 {
-    struct sst_map_u8 *seen = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*seen));
-    struct sst_visible_views in = { 0 };
-    double error = NAN;
-    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
+    struct sst_map_u8 *cost = &run->settled[view], *confidence = &run->confidence[view];
+    int err = 0;
 
-    err = err ? err : run_carrying_error(run, &in, NULL, &error);
-    if (!err && islessequal(error, run->cfg->key_error)) {
-        if (run->cfg->report)
-            run->cfg->report->views_error = error;
-    } else if (!err) {
-        run->others = true;
-        err = run_match(run, workers, NULL, NULL);
-        if (run->cfg->report)
-            run->cfg->report->views_skipped = 0;
+    sst_map_u8_fini(confidence);
+    err = sst_map_u8_init(confidence, cost->width, cost->height);
+    for (int y = 0; !err && y < cost->height; y++) {
+        uint8_t *c = sst_map_u8_row(cost, y), *to = sst_map_u8_row(confidence, y);
+
+        for (int x = 0; x < cost->width; x++) {
+            to[x] = (uint8_t)(255 - 2 * sst_min_int(c[x], 127));
+            c[x] = c[x] <= SETTLED ? 255 : 0;
+        }
     }
-    for (int k = 0; seen && k < in.count; k++)
-        sst_map_u8_fini(&seen[k]);
+    return err;
+}
+
+/* Maps of all views by a sweep in scene space, and where they are settled. */
+static int sweep_views(struct disparity_run *run, int threads)
+{
+    const int count = run->lf->rows * run->lf->cols;
+    struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
+    struct sst_image *half = calloc((size_t)count, sizeof(*half));
+    struct sst_scene_sweep_view *view = calloc((size_t)count, sizeof(*view));
+    struct sst_visible_views in = { 0 };
+    int err = seen && half && view ? visible_views(run, &in, seen) : -ENOMEM;
+
+    run->settled = calloc((size_t)count, sizeof(*run->settled));
+    err = run->settled ? err : -ENOMEM;
+    for (int k = 0; !err && k < count; k++) {
+        const struct sst_visible_view *v = &in.view[k];
+
+        sst_map_u16_fini(v->disp);
+        sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
+        if (v->image && run->scale > 1)
+            err = sst_image_halve(&half[k], v->image);
+        view[k] = (struct sst_scene_sweep_view){ !v->image      ? NULL
+                                                 : run->scale > 1 ? &half[k]
+                                                                  : v->image,
+                                                 v->seen, v->bx, v->by, v->disp, &run->settled[k] };
+    }
+    sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
+    if (!err)
+        err = sst_scene_sweep(&(struct sst_scene_sweep){ .view = view,
+                                                         .views = count,
+                                                         .disp_min_px = run->disp_min,
+                                                         .range = run->range,
+                                                         .threads = threads,
+                                                         .cancel = run->cfg->cancel });
+    for (int k = 0; k < count; k++) {
+        if (!err && run->settled[k].data)
+            err = settle(run, k);
+        if (half)
+            sst_image_fini(&half[k]);
+        if (seen)
+            sst_map_u8_fini(&seen[k]);
+    }
     free(seen);
+    free(half);
+    free(view);
     free(in.view);
     return err;
 }
@@ -321,6 +371,81 @@ static int make_volumes(struct disparity_run *run, int threads)
     return err;
 }
 
+/* Free what the first pass has described and computed. */
+static void free_matching(struct disparity_run *run)
+{
+    free_volumes(run);
+    for (int i = 0; i < run->workers; i++)
+        sst_tiles_fini(&run->tiles[i]);
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
+        sst_descriptor_fini(&run->desc[view]);
+}
+
+/* The reference view and the key views that its map would be carried from, the only ones not to be carried for now. */
+static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in)
+{
+    int source[CARRY_SOURCES];
+    const int count = run_carry_sources(in, run->lf->ref_view, source);
+
+    for (int k = 0; k < in->count; k++)
+        run->carried[k] = k != run->lf->ref_view || in->view[k].carried;
+    for (int i = 0; i < count; i++)
+        run->carried[source[i]] = false;
+    return sst_min_int(count, 0);
+}
+
+/* What carrying would change in the reference view, by as few matched views as show it. */
+static int probe_carrying(struct disparity_run *run, int workers, double *error)
+{
+    const int count = run->lf->rows * run->lf->cols;
+    struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
+    bool *keys = malloc((size_t)count * sizeof(*keys));
+    struct sst_visible_views in = { 0 };
+    int err = seen && keys ? visible_views(run, &in, seen) : -ENOMEM;
+
+    if (keys)
+        memcpy(keys, run->carried, (size_t)count * sizeof(*keys));
+    err = err ? err : choose_probed(run, &in);
+    err = err ? err : run_match(run, workers, NULL, NULL);
+    for (int k = 0; !err && k < count; k++)
+        in.view[k].carried = run->carried[k];
+    err = err ? err : run_carrying_error(run, &in, NULL, error);
+    if (keys)
+        memcpy(run->carried, keys, (size_t)count * sizeof(*keys));
+    for (int k = 0; seen && k < count; k++)
+        sst_map_u8_fini(&seen[k]);
+    free(keys);
+    free(seen);
+    free(in.view);
+    return err;
+}
+
+/* The key views, if the scene allows that the others are carried: where their maps give the reference view few other
+ * disparities. Else a sweep over all views; or all are matched, where that would need too much memory. */
+static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *progress, void *progress_arg)
+{
+    double error = NAN;
+    int err = probe_carrying(run, workers, &error);
+
+    if (!err && !islessequal(error, run->cfg->key_error)) {
+        if (run->cfg->report)
+            run->cfg->report->views_skipped = 0;
+        free_matching(run);
+        err = sweep_views(run, sst_thread_count(run->cfg->threads));
+        if (err != -E2BIG)
+            return err;
+        err = make_volumes(run, sst_thread_count(run->cfg->threads));
+        run->others = true;
+        err = err ? err : run_match(run, workers, NULL, NULL);
+        run->others = false;
+    } else if (!err && run->cfg->report) {
+        run->cfg->report->views_error = error;
+    }
+    err = err ? err : run_match(run, workers, progress, progress_arg);
+    run->others = !islessequal(error, run->cfg->key_error);
+    return err;
+}
+
 /* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
  */
 static int choose_ranges(struct disparity_run *run, int threads)
@@ -354,14 +479,10 @@ static int allocate_workers(struct disparity_run *run, int threads)
 /* Free what the first pass alone needs. */
 static void free_first(struct disparity_run *run)
 {
-    if (run->volumes && run->parts)
-        free_volumes(run);
-    for (int i = 0; run->tiles && i < run->workers; i++)
-        sst_tiles_fini(&run->tiles[i]);
+    if (run->volumes && run->parts && run->tiles)
+        free_matching(run);
     for (int i = 0; run->nets && i < run->networks; i++)
         sst_network_close(run->nets[i]);
-    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
-        sst_descriptor_fini(&run->desc[view]);
     free(run->volumes);
     free(run->parts);
     free(run->tiles);
@@ -381,9 +502,10 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
         err = open_networks(run, threads);
     }
     err = err ? err : choose_ranges(run, threads);
-    err = err ? err : run_match(run, run->workers, progress, progress_arg);
     if (run->carried && run->rounds)
-        err = err ? err : match_others(run, run->workers);
+        err = err ? err : match_keys(run, run->workers, progress, progress_arg);
+    else
+        err = err ? err : run_match(run, run->workers, progress, progress_arg);
     free_first(run);
     run_report_ranges(run);
     err = err ? err : finish_maps(run, threads);
@@ -456,12 +578,13 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
     run->subpixel =
         cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
     run->need = calloc(views, sizeof(*run->need));
+    run->matched = calloc(views, sizeof(*run->matched));
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));
     run->status = calloc(views, sizeof(*run->status));
     run->filled = calloc(views, sizeof(*run->filled));
-    if (!run->need || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
+    if (!run->need || !run->matched || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
     run->refused = cfg->device ? run_refused(run) : NULL;
     run->device = run->refused ? NULL : cfg->device;
@@ -489,8 +612,12 @@ static void run_fini(struct disparity_run *run)
     disparity_device_forget(run->cfg->device, run);
     run_free_coarse(run);
     free(run->searched);
+    for (int view = 0; run->settled && view < run->lf->rows * run->lf->cols; view++)
+        sst_map_u8_fini(&run->settled[view]);
+    free(run->settled);
     free(run->carried);
     free(run->need);
+    free(run->matched);
     free(run->desc);
     free(run->disp);
     free(run->confidence);

@@ -65,7 +65,7 @@ struct sst_disparity_config {
      * `joint`, or where the range is too narrow for the second pass asked for, every one is. */
     int key_spacing;
     double key_error; /* with a second pass: percent of the reference view's disparities that may change by more than 1
-                         px if it is carried; else all views are matched */
+                         px if it is carried; else a sweep in scene space makes the maps of all views */
     bool whole_steps; /* one step per pixel, however short the range is */
     bool skip_ranges; /* the first pass searches, tile by tile, the disparities around those of a match at a quarter of
                          the size; with 4 paths, a joint volume and no aggregation after the optimisation */
@@ -104,6 +104,7 @@ enum sst_disparity_stage {
     SST_DISPARITY_STAGE_CHECK = 4,    /* of views against each other */
     SST_DISPARITY_STAGE_FILL = 5,     /* of what the check refuses, from other views and around it ... */
     SST_DISPARITY_STAGE_BACKGROUND = 6, /* ... and of the rest */
+    SST_DISPARITY_STAGE_SWEEP = 7,      /* in scene space, where maps are not carried */
     SST_DISPARITY_STAGES
 };
 

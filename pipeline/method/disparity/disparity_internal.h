@@ -20,6 +20,9 @@ struct disparity_run {
     int networks;
     bool fill;
     bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */
+    struct sst_map_u8 *settled;    /* [views] of maps of a sweep in scene space: 255 where no other disparity is tested;
+                                      NULL: there was none */
+    bool *matched;                 /* [views] by the first pass */
     bool others;                   /* the views that were to be carried are matched after all */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
@@ -130,6 +133,11 @@ void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct
  *  NAN. @return 0 or -errno */
 SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,
                                       struct sst_map_u8 *status, double *error);
+
+#define CARRY_SOURCES 4 /* nearest matched views that a map comes from */
+
+/** Those of view k. @return their number, -ENOMEM */
+SST_MUST_CHECK int run_carry_sources(const struct sst_visible_views *in, int k, int source[CARRY_SOURCES]);
 
 /* --- sample.c --- */
 

@@ -376,10 +376,12 @@ int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress,
     int err = m.view ? sst_parallel_for(views, threads, init_maps, run) : -ENOMEM;
 
     for (int view = 0; m.view && view < views; view++) {
-        if (run->lf->views[view].present && run_is_carried(run, view) == run->others)
+        if (run->lf->views[view].present && !run->matched[view] && run_is_carried(run, view) == run->others)
             m.view[m.count++] = view;
     }
     err = err ? err : sst_share_batches(run->cfg->share, m.count, threads, match_batch, &m, pass_maps);
+    for (int i = 0; i < m.count; i++)
+        run->matched[m.view[i]] = true;
     free(m.view);
     return err;
 }

@@ -13,16 +13,13 @@
 
 void sst_colour_step_row(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n)
 {
-    memset(out, 0, (size_t)n);
+    const uint8_t *p[3], *q[3];
+
     for (int c = 0; c < 3; c++) {
-        const uint8_t *p = sst_image_row(img, c, a.y) + a.x, *q = sst_image_row(img, c, b.y) + b.x;
-
-        for (int i = 0; i < n; i++) {
-            const uint8_t v = p[i], w = q[i], step = (uint8_t)(v > w ? v - w : w - v);
-
-            out[i] = step > out[i] ? step : out[i];
-        }
+        p[c] = sst_image_row(img, c, a.y) + a.x;
+        q[c] = sst_image_row(img, c, b.y) + b.x;
     }
+    sst_kernels_get()->colour_step_row(out, p, q, (size_t)n);
 }
 
 /* Arms, or pixels, of all rows. */

@@ -15,7 +15,6 @@
 
 #define SAMPLED_ROWS       64  /* one in this many is tested whole, to measure what skipped hypotheses change */
 #define STRIP              128 /* columns that are tested together */
-#define PROJECTED_SPACINGS 2.5 /* to matched views whose surfaces are projected, along both axes together */
 
 _Static_assert(SST_SWEEP_LEVELS == SST_GPU_SWEEP_LEVELS && SST_SWEEP_PEAKS == SST_GPU_CELL_PEAKS &&
                    SST_AROUND_EXTREMES == 2 * SST_GPU_SURFACE_WINDOWS,
@@ -222,7 +221,7 @@ static struct sst_gpu_range project(struct work *w)
     for (int i = 0; i < in->count; i++) {
         const struct sst_visible_view *v = &in->view[i];
 
-        if (i != w->k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < PROJECTED_SPACINGS)
+        if (i != w->k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < sst_visible_reach(in))
             index[++count] = i;
     }
     maps = sst_run_planes(w->r, SST_PLANE_BEFORE, index, 1 + count);

@@ -24,6 +24,7 @@ struct sst_visible_views {
     double disp_min_px;                  /* at their size */
     int range;                           /* whole pixels from there */
     bool repair;                         /* sst_disparity_visible(): the carried views, not the matched ones */
+    bool swept;                          /* the maps are those of a sweep in scene space: no surface is missing in all */
     bool skip_hypotheses;                /* see struct sst_disparity_config */
     struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
     const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
@@ -40,6 +41,12 @@ struct sst_visible_views {
  * @return their number
  */
 int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int *nearest);
+
+/** Spacings along both axes together to views whose surfaces are projected into another one. */
+static inline double sst_visible_reach(const struct sst_visible_views *in)
+{
+    return in->swept ? 1.5 : 2.5;
+}
 
 /** Views that processes exchange together (sst_share_block()). */
 int sst_visible_block(const struct sst_visible_views *in);

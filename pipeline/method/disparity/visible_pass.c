@@ -22,6 +22,7 @@
 #define P2             300
 #define EDGE_STEP      16 /* levels at which P2 is halved */
 #define SWEPT          4  /* one in this many views looks for surfaces that no map has */
+#define SWEPT_VIEWS    16 /* that maps of a sweep in scene space are tested against */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 
@@ -171,7 +172,8 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
     const struct sst_visible_view *own = &p->in->view[k];
 
     *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
-                                       .views = sst_visible_nearest(p->in, k, SST_HYPOTHESIS_VIEWS, nearest),
+                                       .views = sst_visible_nearest(p->in, k, p->in->swept ? SWEPT_VIEWS : SST_HYPOTHESIS_VIEWS,
+                                                                    nearest),
                                        .width = own->disp->width,
                                        .height = own->disp->height,
                                        .code = p->code,
@@ -264,7 +266,7 @@ static void set_sweeps(struct visible_pass *p)
     for (int k = 0; k < p->in->count; k++) {
         const struct sst_visible_view *v = &p->in->view[k];
 
-        if (!v->image || (lround(v->bx) + 2 * lround(v->by)) % SWEPT)
+        if (p->in->swept || !v->image || (lround(v->bx) + 2 * lround(v->by)) % SWEPT)
             continue;
         p->sweeps.sweep[p->sweeps.count].bx = v->bx;
         p->sweeps.sweep[p->sweeps.count].by = v->by;

@@ -1,0 +1,306 @@
+/* The maps of a view from the consensus of the planes (sweep.c): costs, their means over pixels that look alike, in the
+ * second round paths along the diagonals, and the cheapest plane. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/sweep/sweep_internal.h"
+
+#define ALIKE     40 /* levels: pixels around count up to this colour step */
+#define P1        6  /* penalties of paths */
+#define EDGE_STEP 10 /* levels: beyond it P2 is a quarter */
+#define FIRST     51 /* largest cost of the first round */
+
+enum { PLANE, BEFORE, SUM, AFTER, COST }; /* rows of a choice */
+
+/* A view in work. */
+struct mapped {
+    const struct sweep *s;
+    int k;
+    struct sweep_view *v;
+    struct sweep_scratch *own;
+};
+
+static size_t padded(const struct sweep *s)
+{
+    return s->stride - 2 * SWEEP_PAD;
+}
+
+/* Largest difference of a channel between pixels of row y and those dx, dy beside them; 255: not there. */
+static void colour_steps(uint8_t *out, const struct mapped *m, int y, int dx, int dy)
+{
+    const struct sweep *s = m->s;
+    const size_t at = (size_t)y * s->stride + SWEEP_PAD;
+    const uint8_t *a[3], *b[3];
+
+    if (y + dy < 0 || y + dy >= s->height) {
+        memset(out, 255, padded(s));
+        return;
+    }
+    for (int c = 0; c < 3; c++) {
+        a[c] = m->v->colour[c] + at;
+        b[c] = a[c] + dy * (ptrdiff_t)s->stride + dx;
+    }
+    sst_kernels_get()->colour_step_row(out, a, b, padded(s));
+    if (dx)
+        out[dx < 0 ? 0 : s->width - 1] = 255;
+}
+
+/* Costs of row y at all planes. */
+static void cost_row(uint8_t *to, const struct mapped *m, int y)
+{
+    const struct sweep *s = m->s;
+    const size_t at = (size_t)y * s->stride + SWEEP_PAD;
+    const uint8_t *own[3] = { m->v->colour[0] + at, m->v->colour[1] + at, m->v->colour[2] + at };
+
+    for (int i = 0; i < s->planes; i++) {
+        const struct sweep_plane *p = &s->plane[i];
+        const int row = (y + p->shift[m->k][1] - p->y0) % p->rows;
+        const uint8_t *at_plane = p->consensus + (size_t)row * 4 * p->stride + (p->shift[m->k][0] - p->x0);
+        const uint8_t *consensus[4] = { at_plane, at_plane + p->stride, at_plane + 2 * p->stride,
+                                        at_plane + 3 * p->stride };
+
+        sst_kernels_get()->consensus_cost_row(to + (size_t)i * s->stride + SWEEP_PAD, own, consensus,
+                                              s->again ? s->most : FIRST, padded(s));
+    }
+}
+
+/* Means of the costs of row y, whose own and those beside are in m->own->raw. */
+static void mean_row(uint8_t *to, const struct mapped *m, int y)
+{
+    const struct sweep *s = m->s;
+    const struct sst_consensus_rows rows = { m->own->raw[(y + 2) % 3] + SWEEP_PAD, m->own->raw[y % 3] + SWEEP_PAD,
+                                             m->own->raw[(y + 1) % 3] + SWEEP_PAD,
+                                             { m->own->step[0], m->own->step[1], m->own->step[2], m->own->step[3],
+                                               m->own->step[4], m->own->step[5], m->own->step[6], m->own->step[7] },
+                                             ALIKE, s->planes, s->stride };
+
+    for (int i = 0, k = 0; i < 9; i++) {
+        if (i != 4)
+            colour_steps(m->own->step[k++], m, y, i % 3 - 1, i / 3 - 1);
+    }
+    sst_kernels_get()->consensus_mean_row(to + SWEEP_PAD, &rows, padded(s));
+}
+
+/* Mean costs of rows top .. bottom - 1, to rows `layer` bytes apart, 0: the same one; after each `take` is called. */
+static void mean_rows(const struct mapped *m, int top, int bottom, size_t layer, void (*take)(const struct mapped *, int))
+{
+    uint8_t *to = m->own->mean;
+
+    for (int y = sst_max_int(top - 1, 0); y <= top && y < m->s->height; y++)
+        cost_row(m->own->raw[y % 3], m, y);
+    for (int y = top; y < bottom; y++, to += layer) {
+        if (y + 1 < m->s->height)
+            cost_row(m->own->raw[(y + 1) % 3], m, y + 1);
+        mean_row(to, m, y);
+        if (take)
+            take(m, y);
+    }
+}
+
+/* The cheapest planes of row y, without paths. */
+static void choose_first(const struct mapped *m, int y)
+{
+    const struct sweep *s = m->s;
+    const struct sst_consensus_choice choice = { .sum = { m->own->mean + SWEEP_PAD, NULL },
+                                                 .cost = m->own->mean + SWEEP_PAD,
+                                                 .planes = s->planes,
+                                                 .stride = s->stride,
+                                                 .plane = m->v->plane + (size_t)y * s->stride + SWEEP_PAD,
+                                                 .costs = m->own->choice[COST] };
+
+    sst_kernels_get()->consensus_choose_row(&choice, padded(s));
+    for (int x = 0; x < s->width; x++)
+        m->v->costs[m->own->choice[COST][x]]++;
+}
+
+/* Paths of row y from row y - dir, whose state is in path[from]. @param mean  out, of both */
+static void path_row(const struct mapped *m, int y, int dir, uint8_t *(*path)[2], uint8_t *(*least)[2], int from,
+                     const uint8_t *cost, uint8_t *mean)
+{
+    const struct sweep *s = m->s;
+    struct sst_consensus_paths p = { .cost = cost + SWEEP_PAD,
+                                     .step = { m->own->step[0], m->own->step[1] },
+                                     .p1 = P1,
+                                     .p2 = s->p2,
+                                     .edge = EDGE_STEP,
+                                     .p2_edge = s->p2 / 4,
+                                     .mean = mean + SWEEP_PAD,
+                                     .planes = s->planes,
+                                     .stride = s->stride };
+
+    for (int t = 0; t < 2; t++) {
+        p.from[t] = path[from][t] + SWEEP_PAD;
+        p.from_least[t] = least[from][t] + SWEEP_PAD;
+        p.to[t] = path[!from][t] + SWEEP_PAD;
+        p.least[t] = least[!from][t] + SWEEP_PAD;
+        colour_steps(m->own->step[t], m, y, 2 * t - 1, -dir);
+    }
+    sst_kernels_get()->consensus_path_row(&p, padded(s));
+    for (int t = 0; t < 2; t++) { /* from beyond the right edge, as from beyond the left one, no path comes */
+        p.least[t][s->width] = 0;
+        for (int i = 0; i < s->planes; i++)
+            p.to[t][(size_t)i * s->stride + (size_t)s->width] = 0;
+    }
+}
+
+static void clear_paths(const struct sweep *s, uint8_t *path[2], uint8_t *least[2])
+{
+    for (int t = 0; t < 2; t++) {
+        memset(path[t], 0, s->layer);
+        memset(least[t], 0, s->stride);
+    }
+}
+
+/* Disparity of a plane, between planes by the parabola through its sum and those beside it. */
+static int between_planes(const struct sweep *s, int plane, int before, int sum, int after)
+{
+    const int curve = before - 2 * sum + after, slope = s->step * (before - after);
+    int d = plane * s->step;
+
+    if (plane > 0 && plane + 1 < s->planes && curve > 0)
+        d += (slope + (slope < 0 ? -curve : curve)) / (2 * curve);
+    return sst_clamp_int(d, 0, s->in->range * 64);
+}
+
+static void choose_again(const struct mapped *m, int y, const uint8_t *down, const uint8_t *cost)
+{
+    const struct sweep *s = m->s;
+    uint8_t *const *row = m->own->choice;
+    const struct sst_consensus_choice choice = { .sum = { m->own->up + SWEEP_PAD, down + SWEEP_PAD },
+                                                 .cost = cost + SWEEP_PAD,
+                                                 .planes = s->planes,
+                                                 .stride = s->stride,
+                                                 .plane = row[PLANE],
+                                                 .before = row[BEFORE],
+                                                 .sums = row[SUM],
+                                                 .after = row[AFTER],
+                                                 .costs = row[COST] };
+    uint16_t *disp = sst_map_u16_row(s->in->view[m->k].disp, y);
+
+    sst_kernels_get()->consensus_choose_row(&choice, padded(s));
+    for (int x = 0; x < s->width; x++)
+        disp[x] = (uint16_t)between_planes(s, row[PLANE][x], row[BEFORE][x], row[SUM][x], row[AFTER][x]);
+    memcpy(sst_map_u8_row(s->in->view[m->k].cost, y), row[COST], (size_t)s->width);
+}
+
+/* Paths down the tile, then up from SWEEP_LOOK rows below it. */
+static void optimise(const struct mapped *m)
+{
+    const struct sweep *s = m->s;
+    const int bottom = sst_min_int(s->bottom + SWEEP_LOOK, s->height);
+    struct sweep_view *v = m->v;
+    int from = 0;
+
+    mean_rows(m, s->top, bottom, s->layer, NULL);
+    if (!s->top)
+        clear_paths(s, v->path[v->row], v->least[v->row]);
+    for (int y = s->top; y < s->bottom; y++) {
+        const size_t at = (size_t)(y - s->top) * s->layer;
+
+        path_row(m, y, 1, v->path, v->least, v->row, m->own->mean + at, m->own->sum + at);
+        v->row = !v->row;
+    }
+    clear_paths(s, m->own->path[from], m->own->least[from]);
+    for (int y = bottom - 1; y >= s->top; y--) {
+        const size_t at = (size_t)(y - s->top) * s->layer;
+
+        path_row(m, y, -1, m->own->path, m->own->least, from, m->own->mean + at, m->own->up);
+        from = !from;
+        if (y < s->bottom)
+            choose_again(m, y, m->own->sum + at, m->own->mean + at);
+    }
+}
+
+int sweep_map(void *arg, int k, int worker)
+{
+    struct sweep *s = arg;
+    const struct mapped m = { s, k, &s->view[k], &s->scratch[worker] };
+
+    if (s->in->cancel && *s->in->cancel)
+        return -ECANCELED;
+    if (!s->in->view[k].image)
+        return 0;
+    if (s->again)
+        optimise(&m);
+    else
+        mean_rows(&m, s->top, s->bottom, 0, choose_first);
+    return 0;
+}
+
+static uint8_t *layers(const struct sweep *s, int rows)
+{
+    return sst_mem_alloc(s->layer, (size_t)rows);
+}
+
+static int paths_init(const struct sweep *s, uint8_t *(*path)[2], uint8_t *(*least)[2])
+{
+    for (int i = 0; i < 4; i++) {
+        path[i / 2][i % 2] = layers(s, 1);
+        least[i / 2][i % 2] = sst_mem_alloc(s->stride, 1);
+        if (!path[i / 2][i % 2] || !least[i / 2][i % 2])
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+static void paths_fini(uint8_t *(*path)[2], uint8_t *(*least)[2])
+{
+    for (int i = 0; i < 4; i++) {
+        sst_mem_free(path[i / 2][i % 2]);
+        sst_mem_free(least[i / 2][i % 2]);
+    }
+}
+
+static int scratch_init(const struct sweep *s, struct sweep_scratch *w)
+{
+    const int rows = sst_min_int(SWEEP_TILE, s->height), deep = sst_min_int(SWEEP_TILE + SWEEP_LOOK, s->height);
+    bool there = true;
+
+    for (int i = 0; i < 3; i++)
+        there = (w->raw[i] = layers(s, 1)) && there;
+    for (int i = 0; i < 8; i++)
+        there = (w->step[i] = sst_mem_alloc(s->stride, 1)) && there;
+    for (int i = 0; i < 5; i++)
+        there = (w->choice[i] = sst_mem_alloc(s->stride, 1)) && there;
+    w->mean = layers(s, deep);
+    w->sum = layers(s, rows);
+    w->up = layers(s, 1);
+    return there && w->mean && w->sum && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
+}
+
+int sweep_maps_init(struct sweep *s)
+{
+    int err = 0;
+
+    s->scratch = calloc((size_t)s->in->threads, sizeof(*s->scratch));
+    if (!s->scratch)
+        return -ENOMEM;
+    for (int i = 0; !err && i < s->in->threads; i++)
+        err = scratch_init(s, &s->scratch[i]);
+    for (int k = 0; !err && k < s->in->views; k++)
+        err = s->in->view[k].image ? paths_init(s, s->view[k].path, s->view[k].least) : 0;
+    return err;
+}
+
+void sweep_maps_fini(struct sweep *s)
+{
+    for (int i = 0; s->scratch && i < s->in->threads; i++) {
+        struct sweep_scratch *w = &s->scratch[i];
+
+        for (int j = 0; j < 3; j++)
+            sst_mem_free(w->raw[j]);
+        for (int j = 0; j < 8; j++)
+            sst_mem_free(w->step[j]);
+        for (int j = 0; j < 5; j++)
+            sst_mem_free(w->choice[j]);
+        sst_mem_free(w->mean);
+        sst_mem_free(w->sum);
+        sst_mem_free(w->up);
+        paths_fini(w->path, w->least);
+    }
+    for (int k = 0; s->view && k < s->in->views; k++)
+        paths_fini(s->view[k].path, s->view[k].least);
+    free(s->scratch);
+}

@@ -1,0 +1,343 @@
+/*
+ * The plane sweep in scene space (design.md, 5.7). Rows of bytes of all views are compared at once: at a plane, pixels of
+ * a view move by one shift, so that nothing is gathered pixel by pixel. Tiles of rows bound the memory: of each plane only
+ * the rows are kept that the views' rows in work show.
+ */
+#include "pipeline/method/sweep/sweep.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/sweep/sweep_internal.h"
+
+#define BYTES     ((size_t)3 << 30)
+#define PLANES    81 /* at most ... */
+#define FINEST    32 /* ... and at least this far from each other, 1/64 px */
+#define TOLERANCE 2   /* planes that are nearer to each other are one surface */
+#define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
+/* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or by
+ * texture that whole pixels do not align. */
+static const struct {
+    int cost; /* median of the first round */
+    int near, most, p2;
+} thresholds[2] = { { 22, 28, 60, 40 }, { 36, 40, 80, 25 } };
+
+static int add_view(struct sweep *s, int k)
+{
+    const struct sst_scene_sweep_view *in = &s->in->view[k];
+    struct sweep_view *v = &s->view[k];
+    const bool masked = in->seen && in->seen->data;
+    const size_t bytes = s->stride * (size_t)s->height;
+
+    for (int c = 0; c < 3; c++) {
+        v->colour[c] = sst_mem_alloc(bytes, 1);
+        if (!v->colour[c])
+            return -ENOMEM;
+        for (int y = 0; y < s->height; y++)
+            memcpy(v->colour[c] + (size_t)y * s->stride + SWEEP_PAD, sst_image_row(in->image, c, y), (size_t)s->width);
+    }
+    v->plane = sst_mem_alloc(bytes, 1);
+    v->seen = masked ? sst_mem_alloc(bytes, 1) : NULL;
+    if (!v->plane || (masked && !v->seen))
+        return -ENOMEM;
+    for (int y = 0; masked && y < s->height; y++) {
+        const uint8_t *seen = sst_map_u8_row(in->seen, y);
+
+        for (int x = 0; x < s->width; x++)
+            v->seen[(size_t)y * s->stride + SWEEP_PAD + (size_t)x] = seen[x] ? 255 : 0;
+    }
+    return 0;
+}
+
+static int add_view_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sweep *s = arg;
+    const struct sst_scene_sweep_view *in = &s->in->view[k];
+    int err;
+
+    if (!in->image)
+        return 0;
+    err = sst_map_u16_init(in->disp, s->width, s->height);
+    err = err ? err : sst_map_u8_init(in->cost, s->width, s->height);
+    return err ? err : add_view(s, k);
+}
+
+/* The views that vote: each the farthest from those before it, the first one in the middle. */
+static void choose_voters(struct sweep *s)
+{
+    const struct sst_scene_sweep_view *view = s->in->view;
+    double middle[2] = { 0 };
+    int present = 0;
+
+    for (int k = 0; k < s->in->views; k++) {
+        if (!view[k].image)
+            continue;
+        middle[0] += view[k].bx;
+        middle[1] += view[k].by;
+        present++;
+    }
+    for (s->voters = 0; s->voters < present && s->voters < SST_CONSENSUS_VIEWS; s->voters++) {
+        double best = -1;
+        int next = -1;
+
+        for (int k = 0; k < s->in->views; k++) {
+            double far = s->voters ? INFINITY : 1 / (1 + hypot(view[k].bx - middle[0] / present,
+                                                               view[k].by - middle[1] / present));
+            bool votes = false;
+
+            for (int i = 0; i < s->voters; i++) {
+                votes = votes || s->voter[i] == k;
+                far = fmin(far, hypot(view[k].bx - view[s->voter[i]].bx, view[k].by - view[s->voter[i]].by));
+            }
+            if (view[k].image && !votes && far > best) {
+                best = far;
+                next = k;
+            }
+        }
+        s->voter[s->voters] = next;
+    }
+}
+
+/* Shifts of a plane, and what all views cover together. @return bytes of its consensus */
+static size_t place_plane(struct sweep *s, int i)
+{
+    const double d = s->in->disp_min_px + i * s->step / 64.0;
+    struct sweep_plane *p = &s->plane[i];
+    int right = INT32_MIN;
+
+    p->x0 = p->low = INT32_MAX;
+    p->high = INT32_MIN;
+    for (int k = 0; k < s->in->views; k++) {
+        const struct sst_scene_sweep_view *v = &s->in->view[k];
+        const int x = (int)floor(d * v->bx + 0.5), y = (int)floor(d * v->by + 0.5);
+
+        if (!v->image)
+            continue;
+        p->shift[k][0] = x;
+        p->shift[k][1] = y;
+        p->x0 = sst_min_int(p->x0, x);
+        right = sst_max_int(right, x);
+        p->low = sst_min_int(p->low, y);
+        p->high = sst_max_int(p->high, y);
+    }
+    p->y0 = p->low;
+    p->y1 = p->high + s->height;
+    p->rows = sst_min_int(SWEEP_TILE + SWEEP_LOOK + 2 + p->high - p->low, p->y1 - p->y0);
+    p->stride = sst_mem_stride((size_t)(right - p->x0) + (size_t)s->width, 1) + SST_CONSENSUS_BLOCK;
+    return 4 * p->stride * (size_t)p->rows;
+}
+
+static int make_planes(struct sweep *s)
+{
+    const size_t most = s->in->bytes ? s->in->bytes : BYTES;
+    size_t bytes = 0;
+
+    s->plane = calloc((size_t)s->planes, sizeof(*s->plane));
+    if (!s->plane)
+        return -ENOMEM;
+    for (int i = 0; i < s->planes; i++) {
+        s->plane[i].shift = calloc((size_t)s->in->views, sizeof(*s->plane[i].shift));
+        if (!s->plane[i].shift)
+            return -ENOMEM;
+        bytes += place_plane(s, i);
+    }
+    if (bytes > most)
+        return -E2BIG;
+    for (int i = 0; i < s->planes; i++) {
+        s->plane[i].consensus = sst_mem_alloc_raw(4 * s->plane[i].stride * (size_t)s->plane[i].rows, 1);
+        if (!s->plane[i].consensus)
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+/* Rows of the voters at row y of a plane. @return how many have it */
+static int voters_at(const struct sweep *s, const struct sweep_plane *p, int y, struct sst_consensus_view *row, int *left)
+{
+    int n = 0;
+
+    for (int i = 0; i < s->voters; i++) {
+        const int k = s->voter[i], own = y - p->shift[k][1];
+        const struct sweep_view *v = &s->view[k];
+        const ptrdiff_t at = (ptrdiff_t)own * (ptrdiff_t)s->stride + SWEEP_PAD;
+
+        if (own < 0 || own >= s->height)
+            continue;
+        row[n] = (struct sst_consensus_view){ { v->colour[0] + at, v->colour[1] + at, v->colour[2] + at },
+                                              v->seen ? v->seen + at : s->all + SWEEP_PAD,
+                                              v->plane + at };
+        left[n++] = p->shift[k][0];
+    }
+    return n;
+}
+
+/* The consensus of row y of plane i. */
+static void find_row(const struct sweep *s, int i, int y)
+{
+    const struct sweep_plane *p = &s->plane[i];
+    const struct sst_consensus_test test = { (uint8_t)sst_max_int(i - TOLERANCE, 0), (uint8_t)(i + TOLERANCE), s->near,
+                                             s->most };
+    const int width = (int)p->stride - SST_CONSENSUS_BLOCK;
+    uint8_t *to = p->consensus + (size_t)((y - p->y0) % p->rows) * 4 * p->stride;
+    struct sst_consensus_view row[SST_CONSENSUS_VIEWS], at[SST_CONSENSUS_VIEWS];
+    int left[SST_CONSENSUS_VIEWS];
+    const int rows = voters_at(s, p, y, row, left);
+
+    for (int x = 0; x < width; x += SST_CONSENSUS_BLOCK, to += SST_CONSENSUS_BLOCK) {
+        uint8_t *const out[4] = { to, to + p->stride, to + 2 * p->stride, to + 3 * p->stride };
+        int n = 0;
+
+        for (int k = 0; k < rows; k++) {
+            const int own = x + p->x0 - left[k]; /* column of the view that the block begins with */
+
+            if (own <= -SST_CONSENSUS_BLOCK || own >= s->width)
+                continue;
+            at[n++] = (struct sst_consensus_view){
+                { row[k].colour[0] + own, row[k].colour[1] + own, row[k].colour[2] + own }, row[k].seen + own,
+                row[k].plane + own
+            };
+        }
+        if (s->again)
+            sst_kernels_get()->consensus_again(out, at, n, &test);
+        else
+            sst_kernels_get()->consensus_first(out, at, n);
+    }
+}
+
+static int find_first_band(const struct sweep *s)
+{
+    int first = INT32_MAX;
+
+    for (int i = 0; i < s->planes; i++)
+        first = sst_min_int(first, s->plane[i].from);
+    return first;
+}
+
+static int find_band(void *arg, int band, int worker SST_UNUSED)
+{
+    const struct sweep *s = arg;
+    const int top = find_first_band(s) + band * BAND;
+
+    if (s->in->cancel && *s->in->cancel)
+        return -ECANCELED;
+    for (int i = 0; i < s->planes; i++) {
+        const struct sweep_plane *p = &s->plane[i];
+
+        for (int y = sst_max_int(top, p->from); y < top + BAND && y < p->to; y++)
+            find_row(s, i, y);
+    }
+    return 0;
+}
+
+/* The consensus of the rows that the tile needs and that are not there yet. */
+static int find_consensus(struct sweep *s)
+{
+    const int bottom = sst_min_int(s->bottom + SWEEP_LOOK + 1, s->height);
+    int last = INT32_MIN, err;
+
+    for (int i = 0; i < s->planes; i++) {
+        struct sweep_plane *p = &s->plane[i];
+
+        p->from = s->top ? p->to : p->y0;
+        p->to = bottom + p->high;
+        last = sst_max_int(last, p->to);
+    }
+    err = sst_parallel_for((last - find_first_band(s) + BAND - 1) / BAND, s->in->threads, find_band, s);
+    return err;
+}
+
+static int sweep_round(struct sweep *s, bool again)
+{
+    int err = 0;
+
+    s->again = again;
+    for (s->top = 0; !err && s->top < s->height; s->top += SWEEP_TILE) {
+        s->bottom = sst_min_int(s->top + SWEEP_TILE, s->height);
+        err = find_consensus(s);
+        err = err ? err : sst_parallel_for(s->in->views, s->in->threads, sweep_map, s);
+    }
+    return err;
+}
+
+/* Thresholds of the second round by the median cost of the first one. */
+static void set_thresholds(struct sweep *s)
+{
+    const int low = thresholds[0].cost, span = thresholds[1].cost - low;
+    int64_t pixels = 0, below = 0;
+    int cost = 0, part;
+
+    for (int k = 0; k < s->in->views; k++) {
+        for (int c = 0; c < 256; c++)
+            pixels += s->view[k].costs[c];
+    }
+    for (; cost < 255; cost++) {
+        for (int k = 0; k < s->in->views; k++)
+            below += s->view[k].costs[cost];
+        if (2 * below >= pixels)
+            break;
+    }
+    part = sst_clamp_int(cost - low, 0, span);
+    s->near = (uint8_t)(thresholds[0].near + (thresholds[1].near - thresholds[0].near) * part / span);
+    s->most = (uint8_t)(thresholds[0].most + (thresholds[1].most - thresholds[0].most) * part / span);
+    s->p2 = (uint8_t)(thresholds[0].p2 + (thresholds[1].p2 - thresholds[0].p2) * part / span);
+}
+
+static int sweep_init(struct sweep *s, const struct sst_scene_sweep *in)
+{
+    int err;
+
+    *s = (struct sweep){ .in = in };
+    for (int k = 0; k < in->views; k++) {
+        if (in->view[k].image) {
+            s->width = in->view[k].image->width;
+            s->height = in->view[k].image->height;
+        }
+    }
+    s->step = sst_max_int((in->range * 64 + PLANES - 2) / (PLANES - 1), FINEST);
+    s->planes = (in->range * 64 + s->step - 1) / s->step + 1;
+    s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
+    s->layer = s->stride * (size_t)s->planes;
+    s->view = calloc((size_t)in->views, sizeof(*s->view));
+    s->all = sst_mem_alloc(s->stride, 1);
+    if (!s->view || !s->all)
+        return -ENOMEM;
+    memset(s->all + SWEEP_PAD, 255, (size_t)s->width);
+    choose_voters(s);
+    err = make_planes(s);
+    err = err ? err : sst_parallel_for(in->views, in->threads, add_view_job, s);
+    return err ? err : sweep_maps_init(s);
+}
+
+static void sweep_fini(struct sweep *s)
+{
+    sweep_maps_fini(s);
+    for (int k = 0; s->view && k < s->in->views; k++) {
+        for (int c = 0; c < 3; c++)
+            sst_mem_free(s->view[k].colour[c]);
+        sst_mem_free(s->view[k].seen);
+        sst_mem_free(s->view[k].plane);
+    }
+    for (int i = 0; s->plane && i < s->planes; i++) {
+        free(s->plane[i].shift);
+        sst_mem_free(s->plane[i].consensus);
+    }
+    free(s->plane);
+    free(s->view);
+    sst_mem_free(s->all);
+}
+
+int sst_scene_sweep(const struct sst_scene_sweep *in)
+{
+    struct sweep s;
+    int err = sweep_init(&s, in);
+
+    err = err ? err : sweep_round(&s, false);
+    if (!err)
+        set_thresholds(&s);
+    err = err ? err : sweep_round(&s, true);
+    sweep_fini(&s);
+    return err;
+}

@@ -1,0 +1,201 @@
+/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, masks,
+ * missing views, limits. */
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/method/sweep/sweep.h"
+#include "simulators/scene/scene.h"
+#include "tests/small.h"
+
+enum { SIDE = 4, VIEWS = SIDE * SIDE };
+
+struct field {
+    struct sst_image image[VIEWS];
+    struct sst_map_f32 truth[VIEWS];
+    struct sst_map_u16 disp[VIEWS];
+    struct sst_map_u8 cost[VIEWS], seen;
+    struct sst_scene_sweep_view view[VIEWS];
+    struct sst_scene_sweep all;
+};
+
+static void make_field(struct field *f, int width, int height)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+    double least, most;
+
+    memset(f, 0, sizeof(*f));
+    sst_scene_config_defaults(&cfg);
+    cfg.width = width;
+    cfg.height = height;
+    assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
+    sst_scene_range(scene, &least, &most);
+    for (int k = 0; k < VIEWS; k++) {
+        f->view[k] = (struct sst_scene_sweep_view){ .image = &f->image[k],
+                                                    .bx = k % SIDE - 1,
+                                                    .by = k / SIDE - 1,
+                                                    .disp = &f->disp[k],
+                                                    .cost = &f->cost[k] };
+        assert_int_equal(sst_image_init(&f->image[k], width, height), 0);
+        assert_int_equal(sst_map_f32_init(&f->truth[k], width, height), 0);
+        assert_int_equal(sst_scene_render(scene, f->view[k].bx, f->view[k].by, 0,
+                                          &(struct sst_scene_maps){ .image = &f->image[k], .disp = &f->truth[k] }),
+                         0);
+    }
+    sst_scene_destroy(scene);
+    f->all = (struct sst_scene_sweep){ .view = f->view,
+                                       .views = VIEWS,
+                                       .disp_min_px = floor(least),
+                                       .range = (int)(ceil(most) - floor(least)),
+                                       .threads = 2 };
+}
+
+static void free_maps(struct field *f)
+{
+    for (int k = 0; k < VIEWS; k++) {
+        sst_map_u16_fini(&f->disp[k]);
+        sst_map_u8_fini(&f->cost[k]);
+    }
+}
+
+static void free_field(struct field *f)
+{
+    free_maps(f);
+    for (int k = 0; k < VIEWS; k++) {
+        sst_image_fini(&f->image[k]);
+        sst_map_f32_fini(&f->truth[k]);
+    }
+    sst_map_u8_fini(&f->seen);
+}
+
+/* Percent of the disparities of rows top .. bottom - 1 that are off by more than 1 px, of view k. */
+static double off(const struct field *f, int k, int top, int bottom)
+{
+    int n = 0, wrong = 0;
+
+    for (int y = top; y < bottom; y++) {
+        for (int x = 0; x < f->disp[k].width; x++) {
+            const double d = f->all.disp_min_px + sst_map_u16_row(&f->disp[k], y)[x] / 64.0;
+
+            n++;
+            wrong += fabs(d - sst_map_f32_row(&f->truth[k], y)[x]) > 1;
+        }
+    }
+    return 100.0 * wrong / n;
+}
+
+static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
+{
+    struct sst_map_u16 disp;
+    struct sst_map_u8 cost;
+    struct field f;
+
+    make_field(&f, 150, 60);
+    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    disp = f.disp[5];
+    cost = f.cost[5];
+    f.disp[5] = (struct sst_map_u16){ 0 };
+    f.cost[5] = (struct sst_map_u8){ 0 };
+    free_maps(&f);
+    f.all.threads = 3;
+    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    for (int y = 0; y < 60; y++) {
+        assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), 150 * sizeof(uint16_t));
+        assert_memory_equal(sst_map_u8_row(&cost, y), sst_map_u8_row(&f.cost[5], y), 150);
+    }
+    sst_map_u16_fini(&disp);
+    sst_map_u8_fini(&cost);
+    free_field(&f);
+}
+
+/* Where a tile ends, maps are as good as elsewhere. */
+static void maps_are_right_over_tiles(void **state SST_UNUSED)
+{
+    enum { TILE = 192 };
+    double all = 0, seam = 0;
+    struct field f;
+
+    make_field(&f, 180, 250);
+    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    for (int k = 0; k < VIEWS; k++) {
+        all += off(&f, k, 0, 250) / VIEWS;
+        seam += off(&f, k, TILE - 8, TILE + 8) / VIEWS;
+    }
+    print_message("off by more than 1 px: %.2f %%, around the end of a tile %.2f %%\n", all, seam);
+    assert_true(all < 18 && seam < 1.5 * all + 2);
+    free_field(&f);
+}
+
+static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
+{
+    enum { MASKED = 6, MISSING = 9 };
+    double before, after;
+    struct field f;
+
+    make_field(&f, 160, 80);
+    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    before = off(&f, 5, 0, 80);
+    free_maps(&f);
+    assert_int_equal(sst_map_u8_init(&f.seen, 160, 80), 0);
+    for (int y = 0; y < 80; y++) {
+        memset(sst_map_u8_row(&f.seen, y), 255, 80);
+        for (int c = 0; c < 3; c++)
+            memset(sst_image_row(&f.image[MASKED], c, y) + 80, 255, 80);
+    }
+    f.view[MASKED].seen = &f.seen;
+    f.view[MISSING].image = NULL;
+    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    after = off(&f, 5, 0, 80);
+    print_message("off by more than 1 px: %.2f %% of all views, %.2f %% without one and a half\n", before, after);
+    assert_true(after < before + 2.5);
+    assert_null(f.disp[MISSING].data);
+    free_field(&f);
+}
+
+/* A picture of one colour, views smaller than a block, one row: any map is right, and none is read beyond its end. */
+static void small_and_flat_pictures_have_maps(void **state SST_UNUSED)
+{
+    static const int sizes[][2] = { { 1, 1 }, { 2, 9 }, { 64, 1 }, { 65, 3 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
+        struct field f = { .all = { .view = f.view, .views = VIEWS, .disp_min_px = -3, .range = 9, .threads = 1 } };
+
+        for (int k = 0; k < VIEWS; k++) {
+            assert_int_equal(sst_image_init(&f.image[k], sizes[i][0], sizes[i][1]), 0);
+            f.view[k] = (struct sst_scene_sweep_view){ &f.image[k], NULL, k % SIDE * 1.3, -k / SIDE, &f.disp[k],
+                                                       &f.cost[k] };
+        }
+        assert_int_equal(sst_scene_sweep(&f.all), 0);
+        for (int k = 0; k < VIEWS; k++)
+            assert_in_range(sst_map_u16_row(&f.disp[k], 0)[0], 0, 9 * 64);
+        free_field(&f);
+    }
+}
+
+static void limits_and_cancelling_end_it(void **state SST_UNUSED)
+{
+    SST_ATOMIC(bool) cancel = true;
+    struct field f;
+
+    make_field(&f, 100, 40);
+    f.all.bytes = 1000;
+    assert_int_equal(sst_scene_sweep(&f.all), -E2BIG);
+    f.all.bytes = 0;
+    f.all.cancel = &cancel;
+    assert_int_equal(sst_scene_sweep(&f.all), -ECANCELED);
+    free_field(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(any_number_of_threads_gives_the_same_maps),
+        plain_test(maps_are_right_over_tiles),
+        serial_test(masked_pixels_and_missing_views_have_no_say),
+        cmocka_unit_test(small_and_flat_pictures_have_maps),
+        cmocka_unit_test(limits_and_cancelling_end_it),
+    };
+
+    return cmocka_run_group_tests_name("scene_sweep", tests, NULL, NULL);
+}
