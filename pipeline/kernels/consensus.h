@@ -1,5 +1,5 @@
-/* pipeline/kernels/consensus.h - kernels of the plane sweep in scene space (pipeline/method/sweep/): the colour that most
- * views agree on at a plane, costs of views against it, their means over like pixels, paths over planes, winners.
+/* pipeline/kernels/consensus.h - kernels of the plane sweep in scene space (pipeline/method/sweep/): the colour that
+ * most views agree on at a plane, costs of views against it, their means over like pixels, paths over planes, winners.
  * Included by kernels.h. */
 #ifndef SST_PIPELINE_KERNELS_CONSENSUS_H
 #define SST_PIPELINE_KERNELS_CONSENSUS_H
@@ -9,7 +9,8 @@
 
 /* Differences of colours are sums over R, G and B. All results are whole numbers and the same bytes on every level. */
 
-#define SST_CONSENSUS_BLOCK 64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
+#define SST_CONSENSUS_BLOCK                                                                                            \
+    64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
 #define SST_CONSENSUS_VIEWS 36 /* at most: 7 for each fill a byte */
 #define SST_CONSENSUS_SEEDS 12 /* first views whose colours are tried */
 #define SST_CONSENSUS_NEAR  28 /* difference from which on two colours of the first round do not agree */
@@ -29,7 +30,8 @@ struct sst_consensus_view {
  * the others are densest (sum of (SST_CONSENSUS_NEAR - difference) / 4 over the views), replaced by the mean of those
  * that agree with it.
  *
- * @param out  R, G, B, and a cost of 0..SST_CONSENSUS_SPARE that falls with the density; 255: fewer than two views see it
+ * @param out  R, G, B, and a cost of 0..SST_CONSENSUS_SPARE that falls with the density; 255: fewer than two views see
+ * it
  * @param views  0..SST_CONSENSUS_VIEWS; well spread ones first
  */
 typedef void sst_consensus_first_fn(uint8_t *const out[4], const struct sst_consensus_view *view, int views);
@@ -57,8 +59,8 @@ typedef void sst_consensus_cost_row_fn(uint8_t *cost, const uint8_t *const own[3
 /** Costs of a row, [planes][stride]. */
 struct sst_consensus_rows {
     const uint8_t *above, *own, *below; /* readable a pixel to both sides */
-    const uint8_t *step[8]; /* colour steps to the pixels around, row by row; 255: not there */
-    uint8_t alike;          /* pixels up to this step count, at most 254 */
+    const uint8_t *step[8];             /* colour steps to the pixels around, row by row; 255: not there */
+    uint8_t alike;                      /* pixels up to this step count, at most 254 */
     int planes;
     size_t stride;
 };
@@ -68,13 +70,14 @@ typedef void sst_consensus_mean_row_fn(uint8_t *mean, const struct sst_consensus
 
 /** Two paths along the diagonals from the row before to this one: from the left, from the right. */
 struct sst_consensus_paths {
-    const uint8_t *cost;                    /* [planes][stride] */
-    const uint8_t *from[2], *from_least[2]; /* of the row before, [planes][stride] and [stride]; readable a pixel beside */
-    uint8_t *to[2], *least[2];              /* out, of this row; not those of the row before */
-    const uint8_t *step[2];                 /* colour steps from the pixels of the row before, [stride] */
-    uint8_t p1, p2;                         /* penalties of a step of one plane, of larger ones ... */
-    uint8_t edge, p2_edge;                  /* ... and of those where the colour step is larger than `edge` */
-    uint8_t *mean;                          /* out, of both paths, rounded up, [planes][stride] */
+    const uint8_t *cost; /* [planes][stride] */
+    const uint8_t *from[2],
+        *from_least[2];        /* of the row before, [planes][stride] and [stride]; readable a pixel beside */
+    uint8_t *to[2], *least[2]; /* out, of this row; not those of the row before */
+    const uint8_t *step[2];    /* colour steps from the pixels of the row before, [stride] */
+    uint8_t p1, p2;            /* penalties of a step of one plane, of larger ones ... */
+    uint8_t edge, p2_edge;     /* ... of larger ones at colour steps above `edge` */
+    uint8_t *mean;             /* out, of both paths, rounded up, [planes][stride] */
     int planes;
     size_t stride;
 };
@@ -88,10 +91,10 @@ struct sst_consensus_choice {
     const uint8_t *cost;   /* likewise */
     int planes;            /* 1..255 */
     size_t stride;
-    uint8_t *plane;                /* out */
-    uint8_t *before, *sums, *after; /* out: sums of the plane before it, its own, of the plane after it; 255: none; or all
-                                       NULL */
-    uint8_t *costs;                /* out: its cost */
+    uint8_t *plane;                 /* out */
+    uint8_t *before, *sums, *after; /* out: sums of the plane before it, its own, of the plane after it; 255: none; or
+                                       all NULL */
+    uint8_t *costs;                 /* out: its cost */
 };
 typedef void sst_consensus_choose_row_fn(const struct sst_consensus_choice *choice, size_t n);
 

@@ -33,8 +33,8 @@ static void find(uint8_t *const out[4], const struct sst_consensus_view *view, i
             16;
     for (int c = 0; c < 3; c++)
         out[c][x] = (uint8_t)colour[c];
-    out[3][x] = (uint8_t)(seen < 2 ? 255
-                                   : sst_max_int(SST_CONSENSUS_SPARE - (int)(share * SST_CONSENSUS_SPARE >> 8), 0));
+    out[3][x] =
+        (uint8_t)(seen < 2 ? 255 : sst_max_int(SST_CONSENSUS_SPARE - (int)(share * SST_CONSENSUS_SPARE >> 8), 0));
 }
 
 void sst_consensus_first_ref(uint8_t *const out[4], const struct sst_consensus_view *view, int views)

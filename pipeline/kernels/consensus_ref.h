@@ -19,7 +19,8 @@ static inline int consensus_apart(const struct sst_consensus_view *v, int x, con
 
 /** Replace a colour by the mean of those of the views that a mask has at pixel x, if there is any.
  * @return how many */
-static inline int consensus_mean(int colour[3], const struct sst_consensus_view *view, int views, const bool *has, int x)
+static inline int consensus_mean(int colour[3], const struct sst_consensus_view *view, int views, const bool *has,
+                                 int x)
 {
     unsigned sum[3] = { 0 };
     int n = 0;

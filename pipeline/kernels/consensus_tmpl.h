@@ -2,7 +2,8 @@
 #include "pipeline/kernels/consensus.h"
 #include "pipeline/kernels/simd.h"
 
-static void KERNEL(colour_step_row)(uint8_t *restrict step, const uint8_t *const a[3], const uint8_t *const b[3], size_t n)
+static void KERNEL(colour_step_row)(uint8_t *restrict step, const uint8_t *const a[3], const uint8_t *const b[3],
+                                    size_t n)
 {
     size_t i = 0;
 
@@ -95,7 +96,8 @@ static inline simd_u8 KERNEL(consensus_density)(const struct sst_consensus_view 
     return sum;
 }
 
-static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_consensus_view *view, int views, size_t x)
+static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_consensus_view *view, int views,
+                                           size_t x)
 {
     simd_u8 best = { 0 };
 
@@ -135,9 +137,8 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
         KERNEL(consensus_add)(&dense, KERNEL(consensus_density)(view, views, x, colour));
         KERNEL(consensus_invert)(q, seen + SST_CONSENSUS_LEAST, table);
         for (int i = 0; i < 2; i++)
-            dense.half[i] =
-                simd_less_u16((simd_u16){ 0 } + SST_CONSENSUS_SPARE,
-                              simd_high_u16(dense.half[i] * 36, q[i]) * SST_CONSENSUS_SPARE >> 8);
+            dense.half[i] = simd_less_u16((simd_u16){ 0 } + SST_CONSENSUS_SPARE,
+                                          simd_high_u16(dense.half[i] * 36, q[i]) * SST_CONSENSUS_SPARE >> 8);
         for (int c = 0; c < 3; c++)
             simd_store_u8(out[c] + x, colour[c]);
         simd_store_u8(out[3] + x, simd_narrow(dense.half[0], dense.half[1]) | (simd_u8)(seen < 2));
@@ -152,7 +153,8 @@ static void KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_cons
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
         struct KERNEL(consensus_sum) sum[3] = { 0 }, trimmed[3] = { 0 }, apart = { 0 };
-        simd_u8 colour[3] = { 0 }, claims = { 0 }, agree = { 0 }, seen = { 0 }, alike = { 0 }, visible[SST_CONSENSUS_VIEWS];
+        simd_u8 colour[3] = { 0 }, claims = { 0 }, agree = { 0 }, seen = { 0 }, alike = { 0 },
+                visible[SST_CONSENSUS_VIEWS];
         simd_u8 cost;
 
         for (int k = 0; k < views; k++) {
@@ -165,8 +167,7 @@ static void KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_cons
         KERNEL(consensus_replace)(colour, sum, claims, table);
         for (int k = 0; k < views; k++)
             KERNEL(consensus_gather)
-            (trimmed, &agree, &view[k], x,
-             visible[k] & (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= t->near));
+        (trimmed, &agree, &view[k], x, visible[k] & (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= t->near));
         KERNEL(consensus_replace)(colour, trimmed, agree, table);
         for (int k = 0; k < views; k++) {
             const simd_u8 e = simd_min_u8(KERNEL(consensus_apart)(&view[k], x, colour), simd_set_u8(t->most));

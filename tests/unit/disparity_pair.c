@@ -89,7 +89,7 @@ static void add_path(uint32_t *sum, const struct sst_tiles *all, const struct ss
         uint8_t edge = 0;
 
         if (in)
-            sst_colour_step_row(&edge, img, (struct sst_pixel){ x, y }, (struct sst_pixel){ xb, yb }, 1);
+            sst_disparity_colour_step(&edge, img, (struct sst_pixel){ x, y }, (struct sst_pixel){ xb, yb }, 1);
         step(l + (size_t)(y * WIDTH + x) * STEPS, t, all->cost + cell(t, x, y),
              in ? l + (size_t)(yb * WIDTH + xb) * STEPS : NULL, in ? tile_at(all, xb, yb) : NULL, p->p1[edge],
              p->p2[edge]);

@@ -257,7 +257,7 @@ static inline int add_candidates(list_lanes *list, int count, const struct sst_s
     return count;
 }
 
-/* Which pixels have no other hypothesis than their own disparity, from column `left` on: settled ones, and those inside a
+/* Which pixels have no other hypothesis than their own disparity, from column `left` on: settled pixels, pixels inside a
  * surface? */
 static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n)
 {

@@ -183,14 +183,15 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
 
         if (v->present && v->valid.data)
             err = sst_disparity_mask_reduce(&seen[k], &v->valid, run->scale);
-        out->view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
-                                                  .seen = &seen[k],
-                                                  .disp = &run->disp[k],
-                                                  .confidence = &run->confidence[k],
-                                                  .bx = v->bx,
-                                                  .by = v->by,
-                                                  .agreed = run->settled && run->settled[k].data ? &run->settled[k] : NULL,
-                                                  .carried = !run->settled && run_is_carried(run, k) };
+        out->view[k] =
+            (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
+                                       .seen = &seen[k],
+                                       .disp = &run->disp[k],
+                                       .confidence = &run->confidence[k],
+                                       .bx = v->bx,
+                                       .by = v->by,
+                                       .agreed = run->settled && run->settled[k].data ? &run->settled[k] : NULL,
+                                       .carried = !run->settled && run_is_carried(run, k) };
     }
     out->swept = run->settled;
     return err;
@@ -295,7 +296,7 @@ static int sweep_views(struct disparity_run *run, int threads)
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
     struct sst_image *half = calloc((size_t)count, sizeof(*half));
-    struct sst_scene_sweep_view *view = calloc((size_t)count, sizeof(*view));
+    struct sst_planesweep_view *view = calloc((size_t)count, sizeof(*view));
     struct sst_visible_views in = { 0 };
     int err = seen && half && view ? visible_views(run, &in, seen) : -ENOMEM;
 
@@ -308,19 +309,18 @@ static int sweep_views(struct disparity_run *run, int threads)
         sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
         if (v->image && run->scale > 1)
             err = sst_image_halve(&half[k], v->image);
-        view[k] = (struct sst_scene_sweep_view){ !v->image      ? NULL
-                                                 : run->scale > 1 ? &half[k]
-                                                                  : v->image,
-                                                 v->seen, v->bx, v->by, v->disp, &run->settled[k] };
+        view[k] = (struct sst_planesweep_view){
+            !v->image ? NULL : run->scale > 1 ? &half[k] : v->image, v->seen, v->bx, v->by, v->disp, &run->settled[k]
+        };
     }
     sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
     if (!err)
-        err = sst_scene_sweep(&(struct sst_scene_sweep){ .view = view,
-                                                         .views = count,
-                                                         .disp_min_px = run->disp_min,
-                                                         .range = run->range,
-                                                         .threads = threads,
-                                                         .cancel = run->cfg->cancel });
+        err = sst_planesweep(&(struct sst_planesweep){ .view = view,
+                                                       .views = count,
+                                                       .disp_min_px = run->disp_min,
+                                                       .range = run->range,
+                                                       .threads = threads,
+                                                       .cancel = run->cfg->cancel });
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)
             err = settle(run, k);
@@ -371,7 +371,7 @@ static int make_volumes(struct disparity_run *run, int threads)
     return err;
 }
 
-/* Free what the first pass has described and computed. */
+/* Free descriptions and volumes of the first pass. */
 static void free_matching(struct disparity_run *run)
 {
     free_volumes(run);
@@ -394,7 +394,7 @@ static int choose_probed(struct disparity_run *run, const struct sst_visible_vie
     return sst_min_int(count, 0);
 }
 
-/* What carrying would change in the reference view, by as few matched views as show it. */
+/* The share of the reference view that carrying would change, by as few matched views as show it. */
 static int probe_carrying(struct disparity_run *run, int workers, double *error)
 {
     const int count = run->lf->rows * run->lf->cols;

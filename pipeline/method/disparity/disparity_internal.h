@@ -136,7 +136,7 @@ SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct ss
 
 #define CARRY_SOURCES 4 /* nearest matched views that a map comes from */
 
-/** Those of view k. @return their number, -ENOMEM */
+/** Sources of view k. @return their number, -ENOMEM */
 SST_MUST_CHECK int run_carry_sources(const struct sst_visible_views *in, int k, int source[CARRY_SOURCES]);
 
 /* --- sample.c --- */

@@ -40,7 +40,8 @@ static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx
 
     memset(out, 0, (size_t)img->width);
     if (y + dy >= 0 && y + dy < img->height && x1 > x0)
-        sst_colour_step_row(out + x0, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0 + dx, y + dy }, x1 - x0);
+        sst_disparity_colour_step(out + x0, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0 + dx, y + dy },
+                                  x1 - x0);
 }
 
 /* Paths along rows y0 .. y0 + rows - 1. */
@@ -152,7 +153,8 @@ int sst_disparity_sgm_down(const struct sst_volume *v, const struct sst_image *i
             uint16_t *swap = last;
 
             if (i)
-                sst_colour_step_row(penalty, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0, y - dir }, n);
+                sst_disparity_colour_step(penalty, img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0, y - dir },
+                                          n);
             else
                 memset(penalty, 0, (size_t)n);
             sst_kernels_get()->sgm_across_row(now, last, v->sum + at, v->cost + at, penalty, penalties->p1,

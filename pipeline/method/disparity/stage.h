@@ -197,7 +197,8 @@ struct sst_pixel {
 };
 
 /** Largest difference of a colour channel between n pixels from `a` on along a row and those from `b` on. */
-void sst_colour_step_row(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n);
+void sst_disparity_colour_step(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b,
+                               int n);
 
 /** Arms of the cross-based support regions (Zhang et al. 2009), in colour: each [height][width], and the region's pixel
  *  count. */

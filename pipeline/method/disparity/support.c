@@ -11,7 +11,7 @@
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
 #define BAND 48 /* rows of a job */
 
-void sst_colour_step_row(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n)
+void sst_disparity_colour_step(uint8_t *out, const struct sst_image *img, struct sst_pixel a, struct sst_pixel b, int n)
 {
     const uint8_t *p[3], *q[3];
 
@@ -46,8 +46,8 @@ static void arm_row(uint8_t *length, const struct all_rows *a, int y, int dx, in
 
         if (j < 0 || j >= a->img->height || x1 <= x0)
             return;
-        sst_colour_step_row(step_size, a->img, (struct sst_pixel){ x0, y }, (struct sst_pixel){ x0 + step * dx, j },
-                            x1 - x0);
+        sst_disparity_colour_step(step_size, a->img, (struct sst_pixel){ x0, y },
+                                  (struct sst_pixel){ x0 + step * dx, j }, x1 - x0);
         for (int x = x0; x < x1; x++) {
             alive[x] = (uint8_t)(step_size[x - x0] < tau ? alive[x] : 0);
             length[x] = (uint8_t)(length[x] + alive[x]);

@@ -251,8 +251,8 @@ int sst_tiles_paths_along(struct sst_tiles *all, const struct sst_image *img,
                 uint8_t *to = penalty + (size_t)r * (size_t)w;
 
                 to[dir > 0 ? 0 : w - 1] = 0;
-                sst_colour_step_row(to + (dir > 0), img, (struct sst_pixel){ dir > 0, y + r },
-                                    (struct sst_pixel){ dir < 0, y + r }, w - 1);
+                sst_disparity_colour_step(to + (dir > 0), img, (struct sst_pixel){ dir > 0, y + r },
+                                          (struct sst_pixel){ dir < 0, y + r }, w - 1);
             }
             paths_through(all, &(struct rows_of_tiles){ first, y, rows, w, penalty, lines, line }, p, dir);
         }
@@ -295,8 +295,8 @@ int sst_tiles_paths_down(struct sst_tiles *all, const struct sst_image *img,
                 const size_t at = sst_tile_cells(t, y);
 
                 if (y - dir >= 0 && y - dir < img->height)
-                    sst_colour_step_row(penalty, img, (struct sst_pixel){ t->x0, y },
-                                        (struct sst_pixel){ t->x0, y - dir }, t->width);
+                    sst_disparity_colour_step(penalty, img, (struct sst_pixel){ t->x0, y },
+                                              (struct sst_pixel){ t->x0, y - dir }, t->width);
                 else
                     memset(penalty, 0, (size_t)t->width);
                 sst_kernels_get()->sgm_across_row(now, before, all->sum + at, all->cost + at, penalty, p->p1, p->p2, 0,

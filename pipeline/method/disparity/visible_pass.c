@@ -172,8 +172,8 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
     const struct sst_visible_view *own = &p->in->view[k];
 
     *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
-                                       .views = sst_visible_nearest(p->in, k, p->in->swept ? SWEPT_VIEWS : SST_HYPOTHESIS_VIEWS,
-                                                                    nearest),
+                                       .views = sst_visible_nearest(
+                                           p->in, k, p->in->swept ? SWEPT_VIEWS : SST_HYPOTHESIS_VIEWS, nearest),
                                        .width = own->disp->width,
                                        .height = own->disp->height,
                                        .code = p->code,

@@ -27,7 +27,7 @@ static size_t padded(const struct sweep *s)
     return s->stride - 2 * SWEEP_PAD;
 }
 
-/* Largest difference of a channel between pixels of row y and those dx, dy beside them; 255: not there. */
+/* Largest difference of a channel between pixels of row y and pixels dx, dy beside them; 255: not there. */
 static void colour_steps(uint8_t *out, const struct mapped *m, int y, int dx, int dy)
 {
     const struct sweep *s = m->s;
@@ -66,15 +66,18 @@ static void cost_row(uint8_t *to, const struct mapped *m, int y)
     }
 }
 
-/* Means of the costs of row y, whose own and those beside are in m->own->raw. */
+/* Means of the costs of row y; m->own->raw has its rows and the two beside. */
 static void mean_row(uint8_t *to, const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
-    const struct sst_consensus_rows rows = { m->own->raw[(y + 2) % 3] + SWEEP_PAD, m->own->raw[y % 3] + SWEEP_PAD,
+    const struct sst_consensus_rows rows = { m->own->raw[(y + 2) % 3] + SWEEP_PAD,
+                                             m->own->raw[y % 3] + SWEEP_PAD,
                                              m->own->raw[(y + 1) % 3] + SWEEP_PAD,
                                              { m->own->step[0], m->own->step[1], m->own->step[2], m->own->step[3],
                                                m->own->step[4], m->own->step[5], m->own->step[6], m->own->step[7] },
-                                             ALIKE, s->planes, s->stride };
+                                             ALIKE,
+                                             s->planes,
+                                             s->stride };
 
     for (int i = 0, k = 0; i < 9; i++) {
         if (i != 4)
@@ -84,7 +87,8 @@ static void mean_row(uint8_t *to, const struct mapped *m, int y)
 }
 
 /* Mean costs of rows top .. bottom - 1, to rows `layer` bytes apart, 0: the same one; after each `take` is called. */
-static void mean_rows(const struct mapped *m, int top, int bottom, size_t layer, void (*take)(const struct mapped *, int))
+static void mean_rows(const struct mapped *m, int top, int bottom, size_t layer,
+                      void (*take)(const struct mapped *, int))
 {
     uint8_t *to = m->own->mean;
 
@@ -115,7 +119,7 @@ static void choose_first(const struct mapped *m, int y)
         m->v->costs[m->own->choice[COST][x]]++;
 }
 
-/* Paths of row y from row y - dir, whose state is in path[from]. @param mean  out, of both */
+/* Paths of row y from row y - dir; path[from] has its state. @param mean  out, of both */
 static void path_row(const struct mapped *m, int y, int dir, uint8_t *(*path)[2], uint8_t *(*least)[2], int from,
                      const uint8_t *cost, uint8_t *mean)
 {
@@ -153,7 +157,7 @@ static void clear_paths(const struct sweep *s, uint8_t *path[2], uint8_t *least[
     }
 }
 
-/* Disparity of a plane, between planes by the parabola through its sum and those beside it. */
+/* Disparity of a plane, between planes by the parabola through its sum and its neighbours. */
 static int between_planes(const struct sweep *s, int plane, int before, int sum, int after)
 {
     const int curve = before - 2 * sum + after, slope = s->step * (before - after);

@@ -1,7 +1,7 @@
 /*
- * The plane sweep in scene space (design.md, 5.7). Rows of bytes of all views are compared at once: at a plane, pixels of
- * a view move by one shift, so that nothing is gathered pixel by pixel. Tiles of rows bound the memory: of each plane only
- * the rows are kept that the views' rows in work show.
+ * The plane sweep in scene space (design.md, 5.7). Rows of bytes of all views are compared at once: at a plane, pixels
+ * of a view move by one shift, so that nothing is gathered pixel by pixel. Tiles of rows bound the memory: of each
+ * plane only the rows are kept that the views' rows in work show.
  */
 #include "pipeline/method/sweep/sweep.h"
 
@@ -15,11 +15,12 @@
 
 #define BYTES     ((size_t)3 << 30)
 #define PLANES    81 /* at most ... */
-#define FINEST    32 /* ... and at least this far from each other, 1/64 px */
-#define TOLERANCE 2   /* planes that are nearer to each other are one surface */
-#define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
-/* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or by
- * texture that whole pixels do not align. */
+#define FINEST    32 /* ... and at least this far from each other, 1/64 px ... */
+#define COARSEST  64 /* ... and at most this far */
+#define TOLERANCE 2  /* planes that are nearer to each other are one surface */
+#define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
+/* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
+ * by texture that whole pixels do not align. */
 static const struct {
     int cost; /* median of the first round */
     int near, most, p2;
@@ -27,7 +28,7 @@ static const struct {
 
 static int add_view(struct sweep *s, int k)
 {
-    const struct sst_scene_sweep_view *in = &s->in->view[k];
+    const struct sst_planesweep_view *in = &s->in->view[k];
     struct sweep_view *v = &s->view[k];
     const bool masked = in->seen && in->seen->data;
     const size_t bytes = s->stride * (size_t)s->height;
@@ -55,7 +56,7 @@ static int add_view(struct sweep *s, int k)
 static int add_view_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct sweep *s = arg;
-    const struct sst_scene_sweep_view *in = &s->in->view[k];
+    const struct sst_planesweep_view *in = &s->in->view[k];
     int err;
 
     if (!in->image)
@@ -65,10 +66,10 @@ static int add_view_job(void *arg, int k, int worker SST_UNUSED)
     return err ? err : add_view(s, k);
 }
 
-/* The views that vote: each the farthest from those before it, the first one in the middle. */
+/* The views that vote: each the farthest from all before it, the first one in the middle. */
 static void choose_voters(struct sweep *s)
 {
-    const struct sst_scene_sweep_view *view = s->in->view;
+    const struct sst_planesweep_view *view = s->in->view;
     double middle[2] = { 0 };
     int present = 0;
 
@@ -84,8 +85,9 @@ static void choose_voters(struct sweep *s)
         int next = -1;
 
         for (int k = 0; k < s->in->views; k++) {
-            double far = s->voters ? INFINITY : 1 / (1 + hypot(view[k].bx - middle[0] / present,
-                                                               view[k].by - middle[1] / present));
+            double far = s->voters
+                             ? INFINITY
+                             : 1 / (1 + hypot(view[k].bx - middle[0] / present, view[k].by - middle[1] / present));
             bool votes = false;
 
             for (int i = 0; i < s->voters; i++) {
@@ -101,7 +103,7 @@ static void choose_voters(struct sweep *s)
     }
 }
 
-/* Shifts of a plane, and what all views cover together. @return bytes of its consensus */
+/* Shifts of a plane, and the area that all views cover together. @return bytes of its consensus */
 static size_t place_plane(struct sweep *s, int i)
 {
     const double d = s->in->disp_min_px + i * s->step / 64.0;
@@ -111,7 +113,7 @@ static size_t place_plane(struct sweep *s, int i)
     p->x0 = p->low = INT32_MAX;
     p->high = INT32_MIN;
     for (int k = 0; k < s->in->views; k++) {
-        const struct sst_scene_sweep_view *v = &s->in->view[k];
+        const struct sst_planesweep_view *v = &s->in->view[k];
         const int x = (int)floor(d * v->bx + 0.5), y = (int)floor(d * v->by + 0.5);
 
         if (!v->image)
@@ -144,7 +146,7 @@ static int make_planes(struct sweep *s)
             return -ENOMEM;
         bytes += place_plane(s, i);
     }
-    if (bytes > most)
+    if (bytes > most || s->step > COARSEST)
         return -E2BIG;
     for (int i = 0; i < s->planes; i++) {
         s->plane[i].consensus = sst_mem_alloc_raw(4 * s->plane[i].stride * (size_t)s->plane[i].rows, 1);
@@ -155,7 +157,8 @@ static int make_planes(struct sweep *s)
 }
 
 /* Rows of the voters at row y of a plane. @return how many have it */
-static int voters_at(const struct sweep *s, const struct sweep_plane *p, int y, struct sst_consensus_view *row, int *left)
+static int voters_at(const struct sweep *s, const struct sweep_plane *p, int y, struct sst_consensus_view *row,
+                     int *left)
 {
     int n = 0;
 
@@ -195,10 +198,10 @@ static void find_row(const struct sweep *s, int i, int y)
 
             if (own <= -SST_CONSENSUS_BLOCK || own >= s->width)
                 continue;
-            at[n++] = (struct sst_consensus_view){
-                { row[k].colour[0] + own, row[k].colour[1] + own, row[k].colour[2] + own }, row[k].seen + own,
-                row[k].plane + own
-            };
+            at[n++] =
+                (struct sst_consensus_view){ { row[k].colour[0] + own, row[k].colour[1] + own, row[k].colour[2] + own },
+                                             row[k].seen + own,
+                                             row[k].plane + own };
         }
         if (s->again)
             sst_kernels_get()->consensus_again(out, at, n, &test);
@@ -285,7 +288,7 @@ static void set_thresholds(struct sweep *s)
     s->p2 = (uint8_t)(thresholds[0].p2 + (thresholds[1].p2 - thresholds[0].p2) * part / span);
 }
 
-static int sweep_init(struct sweep *s, const struct sst_scene_sweep *in)
+static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
 {
     int err;
 
@@ -329,7 +332,7 @@ static void sweep_fini(struct sweep *s)
     sst_mem_free(s->all);
 }
 
-int sst_scene_sweep(const struct sst_scene_sweep *in)
+int sst_planesweep(const struct sst_planesweep *in)
 {
     struct sweep s;
     int err = sweep_init(&s, in);

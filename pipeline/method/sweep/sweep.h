@@ -6,7 +6,7 @@
 #include "base/thread.h"
 #include "pipeline/image/image.h"
 
-struct sst_scene_sweep_view {
+struct sst_planesweep_view {
     const struct sst_image *image; /* NULL: no view here; all of one size */
     const struct sst_map_u8 *seen; /* 0 where pixels do not count; NULL or without memory: all count */
     double bx, by;                 /* offset in spacings */
@@ -14,12 +14,12 @@ struct sst_scene_sweep_view {
     struct sst_map_u8 *cost;       /* out, initialised here: mean difference to the consensus, sum of R, G and B */
 };
 
-struct sst_scene_sweep {
-    struct sst_scene_sweep_view *view; /* [views] */
+struct sst_planesweep {
+    struct sst_planesweep_view *view; /* [views] */
     int views;
     double disp_min_px;
-    int range;                       /* whole pixels from there, at least 1 */
-    size_t bytes;                    /* of the planes' consensus at most; 0: 3 GiB */
+    int range;    /* whole pixels from there, at least 1 */
+    size_t bytes; /* of the planes' consensus at most; 0: 3 GiB */
     int threads;
     const SST_ATOMIC(bool) * cancel; /* or NULL */
 };
@@ -30,8 +30,9 @@ struct sst_scene_sweep {
  * views vote that the first maps show to see the point, and paths along diagonals smooth the choice.
  *
  * The maps are the same bytes for any number of threads and every CPU level.
- * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`)
+ * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 80 px more planes
+ * than there are)
  */
-SST_MUST_CHECK int sst_scene_sweep(const struct sst_scene_sweep *in);
+SST_MUST_CHECK int sst_planesweep(const struct sst_planesweep *in);
 
 #endif

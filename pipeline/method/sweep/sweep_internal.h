@@ -1,5 +1,5 @@
-/* pipeline/method/sweep/sweep_internal.h - a sweep in work: sweep.c finds the consensus of the planes, maps.c the maps of
- * views. */
+/* pipeline/method/sweep/sweep_internal.h - a sweep in work: sweep.c finds the consensus of the planes, maps.c the maps
+ * of views. */
 #ifndef SST_PIPELINE_METHOD_SWEEP_SWEEP_INTERNAL_H
 #define SST_PIPELINE_METHOD_SWEEP_SWEEP_INTERNAL_H
 
@@ -7,7 +7,7 @@
 #include "pipeline/method/sweep/sweep.h"
 
 #define SWEEP_PAD  SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
-#define SWEEP_TILE 192                 /* rows of a view whose maps are computed together */
+#define SWEEP_TILE 192                 /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK 32                  /* rows below a tile in which paths from below begin */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
@@ -23,31 +23,31 @@ struct sweep_plane {
 
 /** A view with rows of `stride` bytes; a row begins SWEEP_PAD bytes before its first pixel. */
 struct sweep_view {
-    uint8_t *colour[3], *seen, *plane;  /* seen: NULL: all pixels are; plane: of the first round's map */
-    uint8_t *path[2][2], *least[2][2];  /* of the row before and this one, by diagonal: [planes][stride], [stride] */
-    int row;                            /* of path and least: which one is the row before */
-    int64_t costs[256];                 /* pixels of the first round's map by cost */
+    uint8_t *colour[3], *seen, *plane; /* seen: NULL: all pixels are; plane: of the first round's map */
+    uint8_t *path[2][2], *least[2][2]; /* of the row before and this one, by diagonal: [planes][stride], [stride] */
+    int row;                           /* of path and least: which one is the row before */
+    int64_t costs[256];                /* pixels of the first round's map by cost */
 };
 
 /** Scratch of a thread; rows of costs are [planes][stride]. */
 struct sweep_scratch {
-    uint8_t *raw[3], *mean, *sum; /* mean, sum: of all rows of a tile, mean those of SWEEP_LOOK as well */
+    uint8_t *raw[3], *mean, *sum; /* mean, sum: of all rows of a tile, mean of SWEEP_LOOK more */
     uint8_t *path[2][2], *least[2][2], *up;
     uint8_t *step[8], *choice[5];
 };
 
 struct sweep {
-    const struct sst_scene_sweep *in;
-    int width, height, planes, step; /* step: 1/64 px between planes */
-    size_t stride, layer;            /* bytes of a row of a view, and of its costs */
-    struct sweep_view *view;         /* [in->views] */
-    struct sweep_plane *plane;       /* [planes] */
+    const struct sst_planesweep *in;
+    int width, height, planes, step;        /* step: 1/64 px between planes */
+    size_t stride, layer;                   /* bytes of a row of a view, and of its costs */
+    struct sweep_view *view;                /* [in->views] */
+    struct sweep_plane *plane;              /* [planes] */
     int voter[SST_CONSENSUS_VIEWS], voters; /* views that make the consensus, well spread ones first */
-    uint8_t *all;                    /* a row of seen pixels */
-    bool again;                      /* second round */
-    uint8_t near, most, p2;          /* of the second round */
-    int top, bottom;                 /* rows of the tile */
-    struct sweep_scratch *scratch;   /* [in->threads] */
+    uint8_t *all;                           /* a row of seen pixels */
+    bool again;                             /* second round */
+    uint8_t near, most, p2;                 /* of the second round */
+    int top, bottom;                        /* rows of the tile */
+    struct sweep_scratch *scratch;          /* [in->threads] */
 };
 
 /** Scratch of all threads, paths of all views. @return 0, -ENOMEM; sweep_maps_fini() frees all */

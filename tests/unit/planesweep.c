@@ -1,5 +1,5 @@
-/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, masks,
- * missing views, limits. */
+/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles,
+ * masks, missing views, limits. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -15,8 +15,8 @@ struct field {
     struct sst_map_f32 truth[VIEWS];
     struct sst_map_u16 disp[VIEWS];
     struct sst_map_u8 cost[VIEWS], seen;
-    struct sst_scene_sweep_view view[VIEWS];
-    struct sst_scene_sweep all;
+    struct sst_planesweep_view view[VIEWS];
+    struct sst_planesweep all;
 };
 
 static void make_field(struct field *f, int width, int height)
@@ -32,11 +32,9 @@ static void make_field(struct field *f, int width, int height)
     assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
     sst_scene_range(scene, &least, &most);
     for (int k = 0; k < VIEWS; k++) {
-        f->view[k] = (struct sst_scene_sweep_view){ .image = &f->image[k],
-                                                    .bx = k % SIDE - 1,
-                                                    .by = k / SIDE - 1,
-                                                    .disp = &f->disp[k],
-                                                    .cost = &f->cost[k] };
+        f->view[k] = (struct sst_planesweep_view){
+            .image = &f->image[k], .bx = k % SIDE - 1, .by = k / SIDE - 1, .disp = &f->disp[k], .cost = &f->cost[k]
+        };
         assert_int_equal(sst_image_init(&f->image[k], width, height), 0);
         assert_int_equal(sst_map_f32_init(&f->truth[k], width, height), 0);
         assert_int_equal(sst_scene_render(scene, f->view[k].bx, f->view[k].by, 0,
@@ -44,11 +42,11 @@ static void make_field(struct field *f, int width, int height)
                          0);
     }
     sst_scene_destroy(scene);
-    f->all = (struct sst_scene_sweep){ .view = f->view,
-                                       .views = VIEWS,
-                                       .disp_min_px = floor(least),
-                                       .range = (int)(ceil(most) - floor(least)),
-                                       .threads = 2 };
+    f->all = (struct sst_planesweep){ .view = f->view,
+                                      .views = VIEWS,
+                                      .disp_min_px = floor(least),
+                                      .range = (int)(ceil(most) - floor(least)),
+                                      .threads = 2 };
 }
 
 static void free_maps(struct field *f)
@@ -92,14 +90,14 @@ static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
     struct field f;
 
     make_field(&f, 150, 60);
-    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    assert_int_equal(sst_planesweep(&f.all), 0);
     disp = f.disp[5];
     cost = f.cost[5];
     f.disp[5] = (struct sst_map_u16){ 0 };
     f.cost[5] = (struct sst_map_u8){ 0 };
     free_maps(&f);
     f.all.threads = 3;
-    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    assert_int_equal(sst_planesweep(&f.all), 0);
     for (int y = 0; y < 60; y++) {
         assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), 150 * sizeof(uint16_t));
         assert_memory_equal(sst_map_u8_row(&cost, y), sst_map_u8_row(&f.cost[5], y), 150);
@@ -117,7 +115,7 @@ static void maps_are_right_over_tiles(void **state SST_UNUSED)
     struct field f;
 
     make_field(&f, 180, 250);
-    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    assert_int_equal(sst_planesweep(&f.all), 0);
     for (int k = 0; k < VIEWS; k++) {
         all += off(&f, k, 0, 250) / VIEWS;
         seam += off(&f, k, TILE - 8, TILE + 8) / VIEWS;
@@ -134,7 +132,7 @@ static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
     struct field f;
 
     make_field(&f, 160, 80);
-    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    assert_int_equal(sst_planesweep(&f.all), 0);
     before = off(&f, 5, 0, 80);
     free_maps(&f);
     assert_int_equal(sst_map_u8_init(&f.seen, 160, 80), 0);
@@ -145,7 +143,7 @@ static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
     }
     f.view[MASKED].seen = &f.seen;
     f.view[MISSING].image = NULL;
-    assert_int_equal(sst_scene_sweep(&f.all), 0);
+    assert_int_equal(sst_planesweep(&f.all), 0);
     after = off(&f, 5, 0, 80);
     print_message("off by more than 1 px: %.2f %% of all views, %.2f %% without one and a half\n", before, after);
     assert_true(after < before + 2.5);
@@ -163,10 +161,10 @@ static void small_and_flat_pictures_have_maps(void **state SST_UNUSED)
 
         for (int k = 0; k < VIEWS; k++) {
             assert_int_equal(sst_image_init(&f.image[k], sizes[i][0], sizes[i][1]), 0);
-            f.view[k] = (struct sst_scene_sweep_view){ &f.image[k], NULL, k % SIDE * 1.3, -k / SIDE, &f.disp[k],
-                                                       &f.cost[k] };
+            f.view[k] =
+                (struct sst_planesweep_view){ &f.image[k], NULL, k % SIDE * 1.3, -k / SIDE, &f.disp[k], &f.cost[k] };
         }
-        assert_int_equal(sst_scene_sweep(&f.all), 0);
+        assert_int_equal(sst_planesweep(&f.all), 0);
         for (int k = 0; k < VIEWS; k++)
             assert_in_range(sst_map_u16_row(&f.disp[k], 0)[0], 0, 9 * 64);
         free_field(&f);
@@ -180,10 +178,10 @@ static void limits_and_cancelling_end_it(void **state SST_UNUSED)
 
     make_field(&f, 100, 40);
     f.all.bytes = 1000;
-    assert_int_equal(sst_scene_sweep(&f.all), -E2BIG);
+    assert_int_equal(sst_planesweep(&f.all), -E2BIG);
     f.all.bytes = 0;
     f.all.cancel = &cancel;
-    assert_int_equal(sst_scene_sweep(&f.all), -ECANCELED);
+    assert_int_equal(sst_planesweep(&f.all), -ECANCELED);
     free_field(&f);
 }
 
@@ -197,5 +195,5 @@ int main(void)
         cmocka_unit_test(limits_and_cancelling_end_it),
     };
 
-    return cmocka_run_group_tests_name("scene_sweep", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("planesweep", tests, NULL, NULL);
 }
