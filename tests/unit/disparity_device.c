@@ -294,11 +294,37 @@ static void test_refused(void **state)
     match_device_destroy(NULL);
 }
 
+/* A sweep in scene space makes the maps of views that have texture everywhere, and of no others. */
+static void test_sweep_needs_texture(void **state SST_UNUSED)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    match_init(&lf, 3, 3, 97, 60, 8);
+    assert_true(match_config(&cfg, 1));
+    cfg.key_error = -1;
+    for (int flat = 0; flat < 2; flat++) {
+        for (int k = 0; flat && k < 9; k++) {
+            for (int i = 0; lf.views[k].present && i < 3 * 60; i++) {
+                for (int x = 0; x < 40; x++) /* a wall, on the left */
+                    sst_image_row(&lf.views[k].image, i % 3, i / 3)[x] = (uint8_t)(100 + x % 9);
+            }
+        }
+        assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, !flat);
+        match_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         serial_test(test_same_bytes),
         cmocka_unit_test(test_narrow),
+        plain_test(test_sweep_needs_texture),
         serial_test(test_tiles),
         serial_test(test_bands),
         serial_test(test_fallback),

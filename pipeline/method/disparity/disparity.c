@@ -20,6 +20,12 @@
 #define VOLUME_BYTES ((size_t)6 << 30)
 /* Mean difference to the consensus, up to which a disparity is not doubted. */
 #define SETTLED 24
+/* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
+ * of one colour. */
+#define FLAT_MOST    10
+#define FLAT_REACH   3  /* of these windows, px */
+#define FLAT_LEVELS  16 /* largest difference of a channel in one */
+#define FLAT_SPACING 4  /* px between windows that are looked at */
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -381,6 +387,40 @@ static void free_matching(struct disparity_run *run)
         sst_descriptor_fini(&run->desc[view]);
 }
 
+/* Is a window of one colour? */
+static bool is_flat(const struct sst_image *img, int x0, int y0)
+{
+    for (int c = 0; c < 3; c++) {
+        int least = 255, most = 0;
+
+        for (int y = y0 - FLAT_REACH; y <= y0 + FLAT_REACH; y++) {
+            const uint8_t *row = sst_image_row(img, c, y);
+
+            for (int x = x0 - FLAT_REACH; x <= x0 + FLAT_REACH; x++) {
+                least = sst_min_int(row[x], least);
+                most = sst_max_int(row[x], most);
+            }
+        }
+        if (most - least > FLAT_LEVELS)
+            return false;
+    }
+    return true;
+}
+
+/* Has a view texture nearly everywhere? */
+static bool is_textured(const struct sst_image *img)
+{
+    int64_t windows = 0, flat = 0;
+
+    for (int y = FLAT_REACH; y + FLAT_REACH < img->height; y += FLAT_SPACING) {
+        for (int x = FLAT_REACH; x + FLAT_REACH < img->width; x += FLAT_SPACING) {
+            windows++;
+            flat += is_flat(img, x, y);
+        }
+    }
+    return 100 * flat <= FLAT_MOST * windows;
+}
+
 /* The reference view and the key views that its map would be carried from, the only ones not to be carried for now. */
 static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in)
 {
@@ -421,20 +461,24 @@ static int probe_carrying(struct disparity_run *run, int workers, double *error)
 }
 
 /* The key views, if the scene allows that the others are carried: where their maps give the reference view few other
- * disparities. Else a sweep over all views; or all are matched, where that would need too much memory. */
+ * disparities. Else a sweep over all views; or all are matched, where views lack texture or the sweep would need too
+ * much memory. */
 static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *progress, void *progress_arg)
 {
+    const struct sst_view *reference = &run->lf->views[run->lf->ref_view];
     double error = NAN;
     int err = probe_carrying(run, workers, &error);
 
     if (!err && !islessequal(error, run->cfg->key_error)) {
         if (run->cfg->report)
             run->cfg->report->views_skipped = 0;
-        free_matching(run);
-        err = sweep_views(run, sst_thread_count(run->cfg->threads));
-        if (err != -E2BIG)
-            return err;
-        err = make_volumes(run, sst_thread_count(run->cfg->threads));
+        if (reference->present && is_textured(&reference->image)) {
+            free_matching(run);
+            err = sweep_views(run, sst_thread_count(run->cfg->threads));
+            if (err != -E2BIG)
+                return err;
+            err = make_volumes(run, sst_thread_count(run->cfg->threads));
+        }
         run->others = true;
         err = err ? err : run_match(run, workers, NULL, NULL);
         run->others = false;
