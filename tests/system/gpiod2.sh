@@ -39,7 +39,7 @@ build() { # NAME SOURCES...
   gcc -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -O2 -g -pthread -Wall -Wextra -Wshadow -Wvla -Wundef \
       -Wconversion -Wno-sign-conversion -Wstrict-prototypes -Wmissing-prototypes -Werror -DWITH_GPIOD=2 \
       -I"$include" -I"$root" "$@" "$root"/drivers/trigger/{gpio,gpio_v2,pulse,trigger}.c \
-      "$root/base/log.c" "$root/base/text.c" "$root/base/clock.c" "$root/base/thread.c" "$lib"/libgpiod.so.3 -lcmocka -lm -o "$name" 2>gcc.log ||
+      "$root/base/log.c" "$root/base/text.c" "$root/base/clock.c" "$root/base/thread.c" "$lib"/libgpiod.so.3 -lcmocka -ljansson -lm -o "$name" 2>gcc.log ||
     { fail "$name against libgpiod 2.x: $(head -c 2000 gcc.log)"; return 1; }
 }
 run() { # PROGRAM: 77 is fine where there are no simulated devices

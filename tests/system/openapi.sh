@@ -3,10 +3,10 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 "$root/scripts/openapi.py" --build "${SST_BUILD:-build}" --check >out 2>&1 || fail "openapi.py: $(cat out)"
-/usr/bin/python3 - "$root" >out 2>&1 <<'EOF' || fail "cli/status.c: $(cat out)"
+/usr/bin/python3 - "$root" >out 2>&1 <<'EOF' || fail "cli/status.txt: $(cat out)"
 import json, re, sys
 api = json.load(open(sys.argv[1] + "/daemon/web/openapi.json"))
-text = open(sys.argv[1] + "/cli/status.c", encoding="utf8").read()
+text = open(sys.argv[1] + "/cli/status.txt", encoding="utf8").read()
 schemas = api["components"]["schemas"]
 
 def member(schema, path):
@@ -17,8 +17,7 @@ def member(schema, path):
     return schema
 
 named = 0
-for of, line in re.findall(r'\{ "([a-z._]*)",\s*((?:"(?:[^"\\]|\\.)*"\s*)+)\}', text):
-    line = "".join(re.findall(r'"((?:[^"\\]|\\.)*)"', line))
+for of, line in re.findall(r"^=== ?([a-z._]*)[^\n]*\n((?:(?!===).*\n)*)", text, re.M):
     for path in re.findall(r"[{\[]([a-z0-9_.]+)[}:?!+#=]", line):
         named += 1
         if path != "complete_percent":
