@@ -472,7 +472,7 @@ static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *p
     if (!err && !islessequal(error, run->cfg->key_error)) {
         if (run->cfg->report)
             run->cfg->report->views_skipped = 0;
-        if (reference->present && is_textured(&reference->image)) {
+        if (!run->cfg->frugal && reference->present && is_textured(&reference->image)) {
             free_matching(run);
             err = sweep_views(run, sst_thread_count(run->cfg->threads));
             if (err != -E2BIG)

@@ -58,7 +58,7 @@ struct sst_disparity_config {
     int phase_step;     /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
                            0: in quarters unless views are very large */
     bool frugal; /* one view after the other on one thread, with its neighbours' phases computed for it and freed again:
-                    the same result in a fraction of the memory */
+                    the same result in a fraction of the memory; no sweep in scene space, which needs more */
     int threads;
     /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in this many is matched, and the maps of the
      * others are carried over from those and, with a second pass, repaired; 1: every view is matched. Without `fill` or
