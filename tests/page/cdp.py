@@ -156,11 +156,21 @@ class Browser:
     def mouse(self, kind, x, y, **more):
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
+    def at_rest(self, where):
+        """The box of an element that no list above it is moving any more: a click beside it is a click on nothing."""
+        box = self.box(where)
+        for _ in range(100):
+            time.sleep(0.02)
+            last, box = box, self.box(where)
+            if last == box:
+                break
+        return box
+
     def click(self, where):
         """A selector, whose middle is clicked, or (x, y)."""
         if isinstance(where, str):
             self.js(f"document.querySelector({json.dumps(where)}).scrollIntoView({{block: 'nearest'}})")
-            where = self.box(where)
+            where = self.at_rest(where)
         x, y = where[:2]
         at = time.time()  # told to the page: between two calls the machine may stand still, and a press that lasts is no tap
         self.mouse("mousePressed", x, y, button="left", clickCount=1, timestamp=at)
