@@ -19,7 +19,7 @@
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
 /* Mean difference to the consensus, up to which a disparity is not doubted. */
-#define SETTLED 24
+#define SETTLED 30
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
 #define FLAT_MOST    10
