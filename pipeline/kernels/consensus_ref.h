@@ -17,7 +17,7 @@ static inline int consensus_apart(const struct sst_consensus_view *v, int x, con
     return sum;
 }
 
-/** Replace a colour by the mean of those of the views that a mask has at pixel x, if there is any.
+/** Replace a colour by the mean colour of the masked views at pixel x, if there is any.
  * @return how many */
 static inline int consensus_mean(int colour[3], const struct sst_consensus_view *view, int views, const bool *has,
                                  int x)

@@ -294,6 +294,25 @@ static void test_refused(void **state)
     match_device_destroy(NULL);
 }
 
+/* A range that is too wide for the sweep: all views are matched, and have maps. */
+static void test_wide(void **state SST_UNUSED)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    match_init(&lf, 3, 3, 97, 60, 8);
+    assert_true(match_config(&cfg, 1));
+    cfg.key_error = -1;
+    cfg.disp_max_px = 90;
+    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, 0);
+    assert_int_equal(report.views, 8 + 3); /* the reference view and its sources once more */
+    match_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
 /* A sweep in scene space makes the maps of views that have texture everywhere, and of no others. */
 static void test_sweep_needs_texture(void **state SST_UNUSED)
 {
@@ -325,6 +344,7 @@ int main(void)
         serial_test(test_same_bytes),
         cmocka_unit_test(test_narrow),
         plain_test(test_sweep_needs_texture),
+        cmocka_unit_test(test_wide),
         serial_test(test_tiles),
         serial_test(test_bands),
         serial_test(test_fallback),

@@ -18,7 +18,7 @@
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Mean difference to the consensus, up to which a disparity is not doubted. */
+/* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again. */
 #define SETTLED 30
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
@@ -312,6 +312,7 @@ static int sweep_views(struct disparity_run *run, int threads)
         const struct sst_visible_view *v = &in.view[k];
 
         sst_map_u16_fini(v->disp);
+        sst_map_u8_fini(v->confidence);
         sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
         if (v->image && run->scale > 1)
             err = sst_image_halve(&half[k], v->image);
@@ -319,7 +320,6 @@ static int sweep_views(struct disparity_run *run, int threads)
             !v->image ? NULL : run->scale > 1 ? &half[k] : v->image, v->seen, v->bx, v->by, v->disp, &run->settled[k]
         };
     }
-    sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
     if (!err)
         err = sst_planesweep(&(struct sst_planesweep){ .view = view,
                                                        .views = count,
@@ -327,6 +327,13 @@ static int sweep_views(struct disparity_run *run, int threads)
                                                        .range = run->range,
                                                        .threads = threads,
                                                        .cancel = run->cfg->cancel });
+    if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
+        free(run->settled);
+        run->settled = NULL;
+        memset(run->matched, 0, (size_t)count * sizeof(*run->matched));
+    } else {
+        sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
+    }
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)
             err = settle(run, k);

@@ -200,7 +200,7 @@ void device_upload_rows(struct render_device *d, const struct device_place *to, 
  * their pixels */
 size_t device_place_rows(const struct render_device *d, struct device_taps *taps, const struct device_chunk *c);
 
-/** Memory for rows of so many pixels. */
+/** Memory for rows, by their pixels. */
 void device_reserve_rows(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident);
 
 /** Upload the rows that were placed. @param parts  enum device_part */

@@ -33,7 +33,8 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 /** Differences of colours that do not agree, once prepared; sum of R, G, B. */
 int explainer_levels(const struct explainer *e);
 
-/** Stored disparities of the views are below, or unknown; of a light field that changes only those that were counted.
+/** A bound above all stored disparities of the views, unknown ones apart; of a light field that changes it counts noted
+ * disparities alone.
  */
 int explainer_bins(const struct explainer *e);
 
