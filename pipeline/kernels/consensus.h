@@ -13,7 +13,8 @@
     64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
 #define SST_CONSENSUS_VIEWS 36 /* at most: 7 for each fill a byte */
 #define SST_CONSENSUS_SEEDS 12 /* first views whose colours are tried */
-#define SST_CONSENSUS_NEAR  28 /* difference from which on two colours of the first round do not agree */
+#define SST_CONSENSUS_NEAR  28 /* largest difference of two colours of the first round that agree */
+#define SST_CONSENSUS_REACH 25 /* difference from which on a colour adds nothing to the density around another */
 #define SST_CONSENSUS_LEAST 4  /* views that must agree with one, so that a plane is believed */
 #define SST_CONSENSUS_ALONE 51 /* cost of each that is missing of these and the one */
 #define SST_CONSENSUS_SPARE 24 /* cost of a plane that no other view supports in the first round */
@@ -27,8 +28,8 @@ struct sst_consensus_view {
 
 /**
  * The first consensus of a block at a plane: of the colours of the first SST_CONSENSUS_SEEDS views the one around which
- * the others are densest (sum of (SST_CONSENSUS_NEAR - difference) / 4 over the views), replaced by the mean of those
- * that agree with it.
+ * the others are densest (SST_CONSENSUS_REACH - difference, means of four views each, added), replaced by the mean of
+ * those that agree with it.
  *
  * @param out  R, G, B, and a cost of 0..SST_CONSENSUS_SPARE that falls with the density; 255: fewer than two views see
  * it

@@ -1,11 +1,23 @@
 #include "pipeline/kernels/consensus_ref.h"
 
+static int mean(int a, int b)
+{
+    return (a + b + 1) / 2;
+}
+
 static int density(const struct sst_consensus_view *view, int views, int x, const int colour[3])
 {
     int sum = 0;
 
-    for (int k = 0; k < views; k++)
-        sum += view[k].seen[x] ? sst_max_int(SST_CONSENSUS_NEAR - consensus_apart(&view[k], x, colour), 0) / 4 : 0;
+    for (int k = 0; k < views; k += 4) {
+        int near[4] = { 0 };
+
+        for (int i = 0; i < 4 && k + i < views; i++) {
+            if (view[k + i].seen[x])
+                near[i] = sst_max_int(SST_CONSENSUS_REACH - consensus_apart(&view[k + i], x, colour), 0);
+        }
+        sum += mean(mean(near[0], near[1]), mean(near[2], near[3]));
+    }
     return sum;
 }
 

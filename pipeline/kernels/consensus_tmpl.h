@@ -85,15 +85,38 @@ static inline void KERNEL(consensus_replace)(simd_u8 colour[3], const struct KER
         colour[c] = (colour[c] & none) | (mean[c] & ~none);
 }
 
-static inline simd_u8 KERNEL(consensus_density)(const struct sst_consensus_view *view, int views, size_t x,
-                                                const simd_u8 colour[3])
+/* How near a view is to colours, at most SST_CONSENSUS_REACH; 0 where it does not see. */
+static inline void KERNEL(consensus_near)(simd_u8 near[2], const struct sst_consensus_view *v, size_t x,
+                                          const simd_u8 colour[2][3])
 {
-    const simd_u8 near = simd_set_u8(SST_CONSENSUS_NEAR);
-    simd_u8 sum = { 0 };
+    near[0] = near[1] = simd_load_u8(v->seen + x) & SST_CONSENSUS_REACH;
+#pragma GCC unroll 3
+    for (int c = 0; c < 3; c++) {
+        const simd_u8 own = simd_load_u8(v->colour[c] + x);
 
-    for (int k = 0; k < views; k++)
-        sum += simd_less_u8(near, KERNEL(consensus_apart)(&view[k], x, colour)) >> 2 & simd_load_u8(view[k].seen + x);
-    return sum;
+        near[0] = simd_less_u8(near[0], simd_apart_u8(own, colour[0][c]));
+        near[1] = simd_less_u8(near[1], simd_apart_u8(own, colour[1][c]));
+    }
+}
+
+/* Densities of the views around two colours: means of four views each, added. */
+static inline void KERNEL(consensus_density)(simd_u8 sum[2], const struct sst_consensus_view *view, int views, size_t x,
+                                             const simd_u8 colour[2][3])
+{
+    static const uint8_t unseen[SST_CONSENSUS_BLOCK];
+    const struct sst_consensus_view none = { { unseen, unseen, unseen }, unseen, NULL };
+
+    sum[0] = sum[1] = (simd_u8){ 0 };
+    for (int k = 0; k < views; k += 4) {
+        simd_u8 near[4][2];
+
+#pragma GCC unroll 4
+        for (int i = 0; i < 4; i++)
+            KERNEL(consensus_near)(near[i], k + i < views ? &view[k + i] : &none, x, colour);
+#pragma GCC unroll 2
+        for (int s = 0; s < 2; s++)
+            sum[s] += simd_mean_u8(simd_mean_u8(near[0][s], near[1][s]), simd_mean_u8(near[2][s], near[3][s]));
+    }
 }
 
 static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_consensus_view *view, int views,
@@ -102,15 +125,22 @@ static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_c
     simd_u8 best = { 0 };
 
     colour[0] = colour[1] = colour[2] = best;
-    for (int s = 0; s < views && s < SST_CONSENSUS_SEEDS; s++) {
-        const simd_u8 seed[3] = { simd_load_u8(view[s].colour[0] + x), simd_load_u8(view[s].colour[1] + x),
-                                  simd_load_u8(view[s].colour[2] + x) };
-        const simd_u8 sum = KERNEL(consensus_density)(view, views, x, seed) & simd_load_u8(view[s].seen + x);
-        const simd_u8 more = (simd_u8)(sum > best);
+    for (int s = 0; s < views && s < SST_CONSENSUS_SEEDS; s += 2) {
+        const struct sst_consensus_view *of[2] = { &view[s], &view[s + (s + 1 < views)] };
+        simd_u8 seed[2][3], sum[2];
 
-        best = simd_max_u8(sum, best);
-        for (int c = 0; c < 3; c++)
-            colour[c] = (colour[c] & ~more) | (seed[c] & more);
+        for (int i = 0; i < 2; i++) {
+            for (int c = 0; c < 3; c++)
+                seed[i][c] = simd_load_u8(of[i]->colour[c] + x);
+        }
+        KERNEL(consensus_density)(sum, view, views, x, seed);
+        for (int i = 0; i < 2; i++) {
+            const simd_u8 own = sum[i] & simd_load_u8(of[i]->seen + x), more = (simd_u8)(own > best);
+
+            best = simd_max_u8(own, best);
+            for (int c = 0; c < 3; c++)
+                colour[c] = (colour[c] & ~more) | (seed[i][c] & more);
+        }
     }
 }
 
@@ -121,7 +151,7 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
         struct KERNEL(consensus_sum) sum[3] = { 0 }, dense = { 0 };
-        simd_u8 colour[3], n = { 0 }, seen = { 0 };
+        simd_u8 colour[3], n = { 0 }, seen = { 0 }, density[2];
         simd_u16 q[2];
 
         KERNEL(consensus_start)(colour, view, views, x);
@@ -134,7 +164,8 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
              (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= SST_CONSENSUS_NEAR) & there);
         }
         KERNEL(consensus_replace)(colour, sum, n, table);
-        KERNEL(consensus_add)(&dense, KERNEL(consensus_density)(view, views, x, colour));
+        KERNEL(consensus_density)(density, view, views, x, (const simd_u8[2][3]){ { colour[0], colour[1], colour[2] } });
+        KERNEL(consensus_add)(&dense, density[0]);
         KERNEL(consensus_invert)(q, seen + SST_CONSENSUS_LEAST, table);
         for (int i = 0; i < 2; i++)
             dense.half[i] = simd_less_u16((simd_u16){ 0 } + SST_CONSENSUS_SPARE,

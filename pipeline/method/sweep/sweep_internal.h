@@ -7,8 +7,8 @@
 #include "pipeline/method/sweep/sweep.h"
 
 #define SWEEP_PAD  SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
-#define SWEEP_TILE 192                 /* rows of a view, of which maps are computed together */
-#define SWEEP_LOOK 32                  /* rows below a tile in which paths from below begin */
+#define SWEEP_TILE 96                  /* rows of a view, of which maps are computed together */
+#define SWEEP_LOOK 16                  /* rows below a tile in which paths from below begin */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
