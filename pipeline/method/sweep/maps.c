@@ -20,6 +20,7 @@ struct mapped {
     int k;
     struct sweep_view *v;
     struct sweep_scratch *own;
+    struct sweep_costs *costs;
 };
 
 static size_t padded(const struct sweep *s)
@@ -66,13 +67,13 @@ static void cost_row(uint8_t *to, const struct mapped *m, int y)
     }
 }
 
-/* Means of the costs of row y; m->own->raw has its rows and the two beside. */
+/* Means of the costs of row y; m->costs->raw has its rows and the two beside. */
 static void mean_row(uint8_t *to, const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
-    const struct sst_consensus_rows rows = { m->own->raw[(y + 2) % 3] + SWEEP_PAD,
-                                             m->own->raw[y % 3] + SWEEP_PAD,
-                                             m->own->raw[(y + 1) % 3] + SWEEP_PAD,
+    const struct sst_consensus_rows rows = { m->costs->raw[(y + 2) % 3] + SWEEP_PAD,
+                                             m->costs->raw[y % 3] + SWEEP_PAD,
+                                             m->costs->raw[(y + 1) % 3] + SWEEP_PAD,
                                              { m->own->step[0], m->own->step[1], m->own->step[2], m->own->step[3],
                                                m->own->step[4], m->own->step[5], m->own->step[6], m->own->step[7] },
                                              ALIKE,
@@ -86,29 +87,12 @@ static void mean_row(uint8_t *to, const struct mapped *m, int y)
     sst_kernels_get()->consensus_mean_row(to + SWEEP_PAD, &rows, padded(s));
 }
 
-/* Mean costs of rows top .. bottom - 1, to rows `layer` bytes apart, 0: the same one; after each `take` is called. */
-static void mean_rows(const struct mapped *m, int top, int bottom, size_t layer,
-                      void (*take)(const struct mapped *, int))
-{
-    uint8_t *to = m->own->mean;
-
-    for (int y = sst_max_int(top - 1, 0); y <= top && y < m->s->height; y++)
-        cost_row(m->own->raw[y % 3], m, y);
-    for (int y = top; y < bottom; y++, to += layer) {
-        if (y + 1 < m->s->height)
-            cost_row(m->own->raw[(y + 1) % 3], m, y + 1);
-        mean_row(to, m, y);
-        if (take)
-            take(m, y);
-    }
-}
-
 /* The cheapest planes of row y, without paths. */
 static void choose_first(const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
-    const struct sst_consensus_choice choice = { .sum = { m->own->mean + SWEEP_PAD, NULL },
-                                                 .cost = m->own->mean + SWEEP_PAD,
+    const struct sst_consensus_choice choice = { .sum = { m->costs->mean + SWEEP_PAD, NULL },
+                                                 .cost = m->costs->mean + SWEEP_PAD,
                                                  .planes = s->planes,
                                                  .stride = s->stride,
                                                  .plane = m->v->plane + (size_t)y * s->stride + SWEEP_PAD,
@@ -189,47 +173,72 @@ static void choose_again(const struct mapped *m, int y, const uint8_t *down, con
     memcpy(sst_map_u8_row(s->in->view[m->k].cost, y), row[COST], (size_t)s->width);
 }
 
-/* Paths down the tile, then up from SWEEP_LOOK rows below it. */
-static void optimise(const struct mapped *m)
+/* Mean costs of the views' rows from the tile's first one to `bottom`, in the first round with the cheapest planes. The
+ * views of one row of the array read the same rows of the planes, so that all of them take a row while it is in the
+ * cache. */
+static void mean_rows(const struct mapped *m, int views, int bottom)
 {
     const struct sweep *s = m->s;
-    const int bottom = sst_min_int(s->bottom + SWEEP_LOOK, s->height);
+
+    for (int y = sst_max_int(s->top - 1, 0) - 1; y < bottom; y++) {
+        for (int i = 0; i < views && y + 1 < s->height; i++)
+            cost_row(m[i].costs->raw[(y + 1) % 3], &m[i], y + 1);
+        for (int i = 0; i < views && y >= s->top; i++) {
+            mean_row(m[i].costs->mean + (s->again ? (size_t)(y - s->top) * s->layer : 0), &m[i], y);
+            if (!s->again)
+                choose_first(&m[i], y);
+        }
+    }
+}
+
+/* Paths down the tile, then up from `bottom`, below it. */
+static void optimise(const struct mapped *m, int bottom)
+{
+    const struct sweep *s = m->s;
+    const struct sweep_costs *c = m->costs;
     struct sweep_view *v = m->v;
     int from = 0;
 
-    mean_rows(m, s->top, bottom, s->layer, NULL);
     if (!s->top)
         clear_paths(s, v->path[v->row], v->least[v->row]);
     for (int y = s->top; y < s->bottom; y++) {
         const size_t at = (size_t)(y - s->top) * s->layer;
 
-        path_row(m, y, 1, v->path, v->least, v->row, m->own->mean + at, m->own->sum + at);
+        path_row(m, y, 1, v->path, v->least, v->row, c->mean + at, m->own->sum + at);
         v->row = !v->row;
     }
     clear_paths(s, m->own->path[from], m->own->least[from]);
     for (int y = bottom - 1; y >= s->top; y--) {
         const size_t at = (size_t)(y - s->top) * s->layer;
 
-        path_row(m, y, -1, m->own->path, m->own->least, from, m->own->mean + at, m->own->up);
+        path_row(m, y, -1, m->own->path, m->own->least, from, c->mean + at, m->own->up);
         from = !from;
         if (y < s->bottom)
-            choose_again(m, y, m->own->sum + at, m->own->mean + at);
+            choose_again(m, y, m->own->sum + at, c->mean + at);
     }
 }
 
-int sweep_map(void *arg, int k, int worker)
+int sweep_maps(void *arg, int group, int worker)
 {
     struct sweep *s = arg;
-    const struct mapped m = { s, k, &s->view[k], &s->scratch[worker] };
+    const int first = group * SWEEP_TOGETHER, end = sst_min_int(first + SWEEP_TOGETHER, s->in->views);
+    const int bottom = s->again ? sst_min_int(s->bottom + SWEEP_LOOK, s->height) : s->bottom;
+    struct sweep_scratch *own = &s->scratch[worker];
+    struct mapped m[SWEEP_TOGETHER];
+    int views = 0;
 
     if (s->in->cancel && *s->in->cancel)
         return -ECANCELED;
-    if (!s->in->view[k].image)
-        return 0;
-    if (s->again)
-        optimise(&m);
-    else
-        mean_rows(&m, s->top, s->bottom, 0, choose_first);
+    for (int k = first; k < end; k++) {
+        if (s->in->view[k].image) {
+            m[views] = (struct mapped){ s, k, &s->view[k], own, &own->costs[views] };
+            views++;
+        }
+    }
+    if (views)
+        mean_rows(m, views, bottom);
+    for (int i = 0; s->again && i < views; i++)
+        optimise(&m[i], bottom);
     return 0;
 }
 
@@ -262,16 +271,18 @@ static int scratch_init(const struct sweep *s, struct sweep_scratch *w)
     const int rows = sst_min_int(SWEEP_TILE, s->height), deep = sst_min_int(SWEEP_TILE + SWEEP_LOOK, s->height);
     bool there = true;
 
-    for (int i = 0; i < 3; i++)
-        there = (w->raw[i] = layers(s, 1)) && there;
+    for (int v = 0; v < SWEEP_TOGETHER; v++) {
+        for (int i = 0; i < 3; i++)
+            there = (w->costs[v].raw[i] = layers(s, 1)) && there;
+        there = (w->costs[v].mean = layers(s, deep)) && there;
+    }
     for (int i = 0; i < 8; i++)
         there = (w->step[i] = sst_mem_alloc(s->stride, 1)) && there;
     for (int i = 0; i < 5; i++)
         there = (w->choice[i] = sst_mem_alloc(s->stride, 1)) && there;
-    w->mean = layers(s, deep);
     w->sum = layers(s, rows);
     w->up = layers(s, 1);
-    return there && w->mean && w->sum && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
+    return there && w->sum && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
 }
 
 int sweep_maps_init(struct sweep *s)
@@ -293,13 +304,15 @@ void sweep_maps_fini(struct sweep *s)
     for (int i = 0; s->scratch && i < s->in->threads; i++) {
         struct sweep_scratch *w = &s->scratch[i];
 
-        for (int j = 0; j < 3; j++)
-            sst_mem_free(w->raw[j]);
+        for (int v = 0; v < SWEEP_TOGETHER; v++) {
+            for (int j = 0; j < 3; j++)
+                sst_mem_free(w->costs[v].raw[j]);
+            sst_mem_free(w->costs[v].mean);
+        }
         for (int j = 0; j < 8; j++)
             sst_mem_free(w->step[j]);
         for (int j = 0; j < 5; j++)
             sst_mem_free(w->choice[j]);
-        sst_mem_free(w->mean);
         sst_mem_free(w->sum);
         sst_mem_free(w->up);
         paths_fini(w->path, w->least);

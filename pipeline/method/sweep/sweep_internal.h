@@ -9,6 +9,7 @@
 #define SWEEP_PAD  SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
 #define SWEEP_TILE 96                  /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK 16                  /* rows below a tile in which paths from below begin */
+#define SWEEP_TOGETHER 3               /* views whose costs a thread computes together */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
@@ -29,9 +30,15 @@ struct sweep_view {
     int64_t costs[256];                /* pixels of the first round's map by cost */
 };
 
+/** Costs of a view in work, and their means: of the rows of a tile and SWEEP_LOOK more. */
+struct sweep_costs {
+    uint8_t *raw[3], *mean;
+};
+
 /** Scratch of a thread; rows of costs are [planes][stride]. */
 struct sweep_scratch {
-    uint8_t *raw[3], *mean, *sum; /* mean, sum: of all rows of a tile, mean of SWEEP_LOOK more */
+    struct sweep_costs costs[SWEEP_TOGETHER];
+    uint8_t *sum; /* of all rows of a tile */
     uint8_t *path[2][2], *least[2][2], *up;
     uint8_t *step[8], *choice[5];
 };
@@ -54,7 +61,7 @@ struct sweep {
 SST_MUST_CHECK int sweep_maps_init(struct sweep *s);
 void sweep_maps_fini(struct sweep *s);
 
-/** Maps of a view in the tile's rows. Job of sst_parallel_for(). */
-sst_work_fn sweep_map;
+/** Maps of the SWEEP_TOGETHER views of a group in the tile's rows. Job of sst_parallel_for(). */
+sst_work_fn sweep_maps;
 
 #endif
