@@ -164,7 +164,8 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
              (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= SST_CONSENSUS_NEAR) & there);
         }
         KERNEL(consensus_replace)(colour, sum, n, table);
-        KERNEL(consensus_density)(density, view, views, x, (const simd_u8[2][3]){ { colour[0], colour[1], colour[2] } });
+        KERNEL(consensus_density)
+        (density, view, views, x, (const simd_u8[2][3]){ { colour[0], colour[1], colour[2] } });
         KERNEL(consensus_add)(&dense, density[0]);
         KERNEL(consensus_invert)(q, seen + SST_CONSENSUS_LEAST, table);
         for (int i = 0; i < 2; i++)

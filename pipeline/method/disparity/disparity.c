@@ -11,21 +11,13 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "pipeline/method/disparity/pair_internal.h"
-#include "pipeline/method/sweep/sweep.h"
-#include "pipeline/step/run.h"
 
 /* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again. */
-#define SETTLED 30
-/* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
- * of one colour. */
-#define FLAT_MOST    10
-#define FLAT_REACH   3  /* of these windows, px */
-#define FLAT_LEVELS  16 /* largest difference of a channel in one */
-#define FLAT_SPACING 4  /* px between windows that are looked at */
+/* Key views miss for certain where maps of half size would change this many times key_error. */
+#define KEYS_MISS 2
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -166,8 +158,7 @@ static int open_networks(struct disparity_run *run, int threads)
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
-/* The views as the steps after the first pass see them. @param seen  [views], zeroed; owned by the caller */
-static int visible_views(const struct disparity_run *run, struct sst_visible_views *out, struct sst_map_u8 *seen)
+int run_visible_views(const struct disparity_run *run, struct sst_visible_views *out, struct sst_map_u8 *seen)
 {
     const struct sst_lightfield *lf = run->lf;
     int err = 0;
@@ -252,7 +243,7 @@ static int finish_maps(struct disparity_run *run, int threads)
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
     struct sst_visible_views in = { 0 };
-    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
+    int err = seen ? run_visible_views(run, &in, seen) : -ENOMEM;
 
     if (run->settled) { /* all views have maps of their own */
         free(run->carried);
@@ -273,78 +264,6 @@ static int finish_maps(struct disparity_run *run, int threads)
     for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);
     free(seen);
-    free(in.view);
-    return err;
-}
-
-/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested. */
-static int settle(struct disparity_run *run, int view)
-{
-    struct sst_map_u8 *cost = &run->settled[view], *confidence = &run->confidence[view];
-    int err = 0;
-
-    sst_map_u8_fini(confidence);
-    err = sst_map_u8_init(confidence, cost->width, cost->height);
-    for (int y = 0; !err && y < cost->height; y++) {
-        uint8_t *c = sst_map_u8_row(cost, y), *to = sst_map_u8_row(confidence, y);
-
-        for (int x = 0; x < cost->width; x++) {
-            to[x] = (uint8_t)(255 - 2 * sst_min_int(c[x], 127));
-            c[x] = c[x] <= SETTLED ? 255 : 0;
-        }
-    }
-    return err;
-}
-
-/* Maps of all views by a sweep in scene space, and where they are settled. */
-static int sweep_views(struct disparity_run *run, int threads)
-{
-    const int count = run->lf->rows * run->lf->cols;
-    struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
-    struct sst_image *half = calloc((size_t)count, sizeof(*half));
-    struct sst_planesweep_view *view = calloc((size_t)count, sizeof(*view));
-    struct sst_visible_views in = { 0 };
-    int err = seen && half && view ? visible_views(run, &in, seen) : -ENOMEM;
-
-    run->settled = calloc((size_t)count, sizeof(*run->settled));
-    err = run->settled ? err : -ENOMEM;
-    for (int k = 0; !err && k < count; k++) {
-        const struct sst_visible_view *v = &in.view[k];
-
-        sst_map_u16_fini(v->disp);
-        sst_map_u8_fini(v->confidence);
-        sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
-        if (v->image && run->scale > 1)
-            err = sst_image_halve(&half[k], v->image);
-        view[k] = (struct sst_planesweep_view){
-            !v->image ? NULL : run->scale > 1 ? &half[k] : v->image, v->seen, v->bx, v->by, v->disp, &run->settled[k]
-        };
-    }
-    if (!err)
-        err = sst_planesweep(&(struct sst_planesweep){ .view = view,
-                                                       .views = count,
-                                                       .disp_min_px = run->disp_min,
-                                                       .range = run->range,
-                                                       .threads = threads,
-                                                       .cancel = run->cfg->cancel });
-    if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
-        free(run->settled);
-        run->settled = NULL;
-        memset(run->matched, 0, (size_t)count * sizeof(*run->matched));
-    } else {
-        sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
-    }
-    for (int k = 0; k < count; k++) {
-        if (!err && run->settled[k].data)
-            err = settle(run, k);
-        if (half)
-            sst_image_fini(&half[k]);
-        if (seen)
-            sst_map_u8_fini(&seen[k]);
-    }
-    free(seen);
-    free(half);
-    free(view);
     free(in.view);
     return err;
 }
@@ -394,40 +313,6 @@ static void free_matching(struct disparity_run *run)
         sst_descriptor_fini(&run->desc[view]);
 }
 
-/* Is a window of one colour? */
-static bool is_flat(const struct sst_image *img, int x0, int y0)
-{
-    for (int c = 0; c < 3; c++) {
-        int least = 255, most = 0;
-
-        for (int y = y0 - FLAT_REACH; y <= y0 + FLAT_REACH; y++) {
-            const uint8_t *row = sst_image_row(img, c, y);
-
-            for (int x = x0 - FLAT_REACH; x <= x0 + FLAT_REACH; x++) {
-                least = sst_min_int(row[x], least);
-                most = sst_max_int(row[x], most);
-            }
-        }
-        if (most - least > FLAT_LEVELS)
-            return false;
-    }
-    return true;
-}
-
-/* Has a view texture nearly everywhere? */
-static bool is_textured(const struct sst_image *img)
-{
-    int64_t windows = 0, flat = 0;
-
-    for (int y = FLAT_REACH; y + FLAT_REACH < img->height; y += FLAT_SPACING) {
-        for (int x = FLAT_REACH; x + FLAT_REACH < img->width; x += FLAT_SPACING) {
-            windows++;
-            flat += is_flat(img, x, y);
-        }
-    }
-    return 100 * flat <= FLAT_MOST * windows;
-}
-
 /* The reference view and the key views that its map would be carried from, the only ones not to be carried for now. */
 static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in)
 {
@@ -448,7 +333,7 @@ static int probe_carrying(struct disparity_run *run, int workers, double *error)
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
     bool *keys = malloc((size_t)count * sizeof(*keys));
     struct sst_visible_views in = { 0 };
-    int err = seen && keys ? visible_views(run, &in, seen) : -ENOMEM;
+    int err = seen && keys ? run_visible_views(run, &in, seen) : -ENOMEM;
 
     if (keys)
         memcpy(keys, run->carried, (size_t)count * sizeof(*keys));
@@ -465,57 +350,6 @@ static int probe_carrying(struct disparity_run *run, int workers, double *error)
     free(seen);
     free(in.view);
     return err;
-}
-
-/* The key views, if the scene allows that the others are carried: where their maps give the reference view few other
- * disparities. Else a sweep over all views; or all are matched, where views lack texture or the sweep would need too
- * much memory. */
-static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *progress, void *progress_arg)
-{
-    const struct sst_view *reference = &run->lf->views[run->lf->ref_view];
-    double error = NAN;
-    int err = probe_carrying(run, workers, &error);
-
-    if (!err && !islessequal(error, run->cfg->key_error)) {
-        if (run->cfg->report)
-            run->cfg->report->views_skipped = 0;
-        if (!run->cfg->frugal && reference->present && is_textured(&reference->image)) {
-            free_matching(run);
-            err = sweep_views(run, sst_thread_count(run->cfg->threads));
-            if (err != -E2BIG)
-                return err;
-            err = make_volumes(run, sst_thread_count(run->cfg->threads));
-        }
-        run->others = true;
-        err = err ? err : run_match(run, workers, NULL, NULL);
-        run->others = false;
-    } else if (!err && run->cfg->report) {
-        run->cfg->report->views_error = error;
-    }
-    err = err ? err : run_match(run, workers, progress, progress_arg);
-    run->others = !islessequal(error, run->cfg->key_error);
-    return err;
-}
-
-/* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
- */
-static int choose_ranges(struct disparity_run *run, int threads)
-{
-    double error;
-    int err = make_volumes(run, threads);
-
-    if (err || !run->coarse)
-        return err;
-    err = run_measure_ranges(run, run->workers, &error);
-    if (!err && islessequal(error, run->cfg->range_error)) {
-        if (run->cfg->report)
-            run->cfg->report->ranges_error = error;
-        return 0;
-    }
-    run_free_coarse(run);
-    for (int i = 0; i < run->workers; i++)
-        sst_tiles_fini(&run->tiles[i]);
-    return err ? err : make_volumes(run, threads);
 }
 
 /* Allocate for as many workers as there may be. */
@@ -538,34 +372,6 @@ static void free_first(struct disparity_run *run)
     free(run->parts);
     free(run->tiles);
     free(run->nets);
-}
-
-static int run_all(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
-{
-    int err = run_make_coarse(run, threads);
-
-    if (err)
-        return err;
-    disparity_device_claim(run->cfg->device, run);
-    err = allocate_workers(run, threads);
-    if (!err) {
-        count_workers(run, threads);
-        err = open_networks(run, threads);
-    }
-    err = err ? err : choose_ranges(run, threads);
-    if (run->carried && run->rounds)
-        err = err ? err : match_keys(run, run->workers, progress, progress_arg);
-    else
-        err = err ? err : run_match(run, run->workers, progress, progress_arg);
-    free_first(run);
-    run_report_ranges(run);
-    err = err ? err : finish_maps(run, threads);
-    err = err ? err : sst_parallel_for(run->lf->rows * run->lf->cols, threads, deliver, run);
-    if (!err)
-        run->lf->disp_min_px = (double)run->disp_min * run->scale;
-    if (!err && progress)
-        progress(progress_arg, 1.0);
-    return err;
 }
 
 /*
@@ -674,6 +480,122 @@ static void run_fini(struct disparity_run *run)
     free(run->confidence);
     free(run->status);
     free(run->filled);
+}
+
+/* As probe_carrying(), on views of half size. */
+static int probe_half(const struct disparity_run *run, int threads, double *error)
+{
+    const bool tested = run->lf->disparity_tested;
+    struct sst_disparity_config cfg = *run->cfg;
+    struct disparity_run half;
+    int err;
+
+    cfg.scale = 2;
+    cfg.device = NULL;
+    cfg.share = NULL;
+    cfg.report = NULL;
+    err = run_init(&half, run->lf, &cfg);
+    run->lf->disparity_tested = tested;
+    if (!err && half.carried && half.rounds) {
+        err = allocate_workers(&half, threads);
+        err = err ? err : make_volumes(&half, threads);
+        err = err ? err : probe_carrying(&half, half.workers, error);
+        free_first(&half);
+    }
+    run_fini(&half);
+    return err;
+}
+
+/* The share of the reference view that carrying would change: at half size where that decides, and nothing is matched.
+ */
+static int measure_carrying(struct disparity_run *run, int workers, bool sweeps, double *error)
+{
+    int err = 0;
+
+    if (sweeps && run->scale == 1 && !run->networks)
+        err = probe_half(run, sst_thread_count(run->cfg->threads), error);
+    if (!err && isgreater(*error, KEYS_MISS * run->cfg->key_error))
+        return 0;
+    return err ? err : probe_carrying(run, workers, error);
+}
+
+/* The key views, if the scene allows that the others are carried: where their maps give the reference view few other
+ * disparities. Else a sweep over all views; or all are matched, where views lack texture or the sweep would need too
+ * much memory. */
+static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *progress, void *progress_arg)
+{
+    const bool sweeps = run_may_sweep(run);
+    double error = NAN;
+    int err = measure_carrying(run, workers, sweeps, &error);
+
+    if (!err && !islessequal(error, run->cfg->key_error)) {
+        if (run->cfg->report)
+            run->cfg->report->views_skipped = 0;
+        if (sweeps) {
+            free_matching(run);
+            err = run_sweep(run, sst_thread_count(run->cfg->threads));
+            if (err != -E2BIG)
+                return err;
+            err = make_volumes(run, sst_thread_count(run->cfg->threads));
+        }
+        run->others = true;
+        err = err ? err : run_match(run, workers, NULL, NULL);
+        run->others = false;
+    } else if (!err && run->cfg->report) {
+        run->cfg->report->views_error = error;
+    }
+    err = err ? err : run_match(run, workers, progress, progress_arg);
+    run->others = !islessequal(error, run->cfg->key_error);
+    return err;
+}
+
+/* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
+ */
+static int choose_ranges(struct disparity_run *run, int threads)
+{
+    double error;
+    int err = make_volumes(run, threads);
+
+    if (err || !run->coarse)
+        return err;
+    err = run_measure_ranges(run, run->workers, &error);
+    if (!err && islessequal(error, run->cfg->range_error)) {
+        if (run->cfg->report)
+            run->cfg->report->ranges_error = error;
+        return 0;
+    }
+    run_free_coarse(run);
+    for (int i = 0; i < run->workers; i++)
+        sst_tiles_fini(&run->tiles[i]);
+    return err ? err : make_volumes(run, threads);
+}
+
+static int run_all(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    int err = run_make_coarse(run, threads);
+
+    if (err)
+        return err;
+    disparity_device_claim(run->cfg->device, run);
+    err = allocate_workers(run, threads);
+    if (!err) {
+        count_workers(run, threads);
+        err = open_networks(run, threads);
+    }
+    err = err ? err : choose_ranges(run, threads);
+    if (run->carried && run->rounds)
+        err = err ? err : match_keys(run, run->workers, progress, progress_arg);
+    else
+        err = err ? err : run_match(run, run->workers, progress, progress_arg);
+    free_first(run);
+    run_report_ranges(run);
+    err = err ? err : finish_maps(run, threads);
+    err = err ? err : sst_parallel_for(run->lf->rows * run->lf->cols, threads, deliver, run);
+    if (!err)
+        run->lf->disp_min_px = (double)run->disp_min * run->scale;
+    if (!err && progress)
+        progress(progress_arg, 1.0);
+    return err;
 }
 
 int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,

@@ -92,6 +92,11 @@ SST_MUST_CHECK int run_add_features(struct disparity_run *run, int view, struct 
 /** A worker's volume: of a whole view, or of a tile. @return 0, -ENOMEM */
 SST_MUST_CHECK int run_make_volume(const struct disparity_run *run, struct sst_volume *v);
 
+/** The views as the steps after the first pass see them. @param seen  [views], zeroed; owned by the caller, as is
+ * out->view @return 0, -ENOMEM */
+SST_MUST_CHECK int run_visible_views(const struct disparity_run *run, struct sst_visible_views *out,
+                                     struct sst_map_u8 *seen);
+
 /* --- match.c: the first pass --- */
 
 /** Pixels and features of a view as they are matched. */
@@ -100,6 +105,15 @@ void run_match_source(const struct disparity_run *run, int view, struct sst_plan
 /** Describe and match all views that are not carried, or with `others` those, `threads` at a time. @return 0 or -errno
  */
 SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg);
+
+/* --- scene_sweep.c: the sweep in scene space instead of matching --- */
+
+/** Is it for this scene, if key views miss? */
+bool run_may_sweep(const struct disparity_run *run);
+
+/** Maps of all views by the sweep, and run->settled where they are not tested again. @return 0, -E2BIG: nothing has
+ * changed but that no view is matched; -ENOMEM, -ECANCELED */
+SST_MUST_CHECK int run_sweep(struct disparity_run *run, int threads);
 
 /* --- windows.c: windows of disparities from a match of all views at fewer pixels --- */
 

@@ -260,7 +260,9 @@ static int sweep_round(struct sweep *s, bool again)
     for (s->top = 0; !err && s->top < s->height; s->top += SWEEP_TILE) {
         s->bottom = sst_min_int(s->top + SWEEP_TILE, s->height);
         err = find_consensus(s);
-        err = err ? err : sst_parallel_for((s->in->views + SWEEP_TOGETHER - 1) / SWEEP_TOGETHER, s->in->threads, sweep_maps, s);
+        err =
+            err ? err
+                : sst_parallel_for((s->in->views + SWEEP_TOGETHER - 1) / SWEEP_TOGETHER, s->in->threads, sweep_maps, s);
     }
     return err;
 }

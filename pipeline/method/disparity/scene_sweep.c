@@ -1,0 +1,129 @@
+/* Maps of all views by the sweep in scene space (pipeline/method/sweep/), for scenes in which key views miss. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/sweep/sweep.h"
+#include "pipeline/step/run.h"
+
+/* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again. */
+#define SETTLED 30
+/* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
+ * of one colour. */
+#define FLAT_MOST    10
+#define FLAT_REACH   3  /* of these windows, px */
+#define FLAT_LEVELS  16 /* largest difference of a channel in one */
+#define FLAT_SPACING 4  /* px between windows that are looked at */
+
+/* Is a window of one colour? */
+static bool is_flat(const struct sst_image *img, int x0, int y0)
+{
+    for (int c = 0; c < 3; c++) {
+        int least = 255, most = 0;
+
+        for (int y = y0 - FLAT_REACH; y <= y0 + FLAT_REACH; y++) {
+            const uint8_t *row = sst_image_row(img, c, y);
+
+            for (int x = x0 - FLAT_REACH; x <= x0 + FLAT_REACH; x++) {
+                least = sst_min_int(row[x], least);
+                most = sst_max_int(row[x], most);
+            }
+        }
+        if (most - least > FLAT_LEVELS)
+            return false;
+    }
+    return true;
+}
+
+/* Has a view texture nearly everywhere? */
+static bool is_textured(const struct sst_image *img)
+{
+    int64_t windows = 0, flat = 0;
+
+    for (int y = FLAT_REACH; y + FLAT_REACH < img->height; y += FLAT_SPACING) {
+        for (int x = FLAT_REACH; x + FLAT_REACH < img->width; x += FLAT_SPACING) {
+            windows++;
+            flat += is_flat(img, x, y);
+        }
+    }
+    return 100 * flat <= FLAT_MOST * windows;
+}
+
+bool run_may_sweep(const struct disparity_run *run)
+{
+    const struct sst_view *reference = &run->lf->views[run->lf->ref_view];
+
+    return !run->cfg->frugal && reference->present && is_textured(&reference->image);
+}
+
+/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested. */
+static int settle(struct disparity_run *run, int view)
+{
+    struct sst_map_u8 *cost = &run->settled[view], *confidence = &run->confidence[view];
+    int err = 0;
+
+    sst_map_u8_fini(confidence);
+    err = sst_map_u8_init(confidence, cost->width, cost->height);
+    for (int y = 0; !err && y < cost->height; y++) {
+        uint8_t *c = sst_map_u8_row(cost, y), *to = sst_map_u8_row(confidence, y);
+
+        for (int x = 0; x < cost->width; x++) {
+            to[x] = (uint8_t)(255 - 2 * sst_min_int(c[x], 127));
+            c[x] = c[x] <= SETTLED ? 255 : 0;
+        }
+    }
+    return err;
+}
+
+int run_sweep(struct disparity_run *run, int threads)
+{
+    const int count = run->lf->rows * run->lf->cols;
+    struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
+    struct sst_image *half = calloc((size_t)count, sizeof(*half));
+    struct sst_planesweep_view *view = calloc((size_t)count, sizeof(*view));
+    struct sst_visible_views in = { 0 };
+    int err = seen && half && view ? run_visible_views(run, &in, seen) : -ENOMEM;
+
+    run->settled = calloc((size_t)count, sizeof(*run->settled));
+    err = run->settled ? err : -ENOMEM;
+    for (int k = 0; !err && k < count; k++) {
+        const struct sst_visible_view *v = &in.view[k];
+
+        sst_map_u16_fini(v->disp);
+        sst_map_u8_fini(v->confidence);
+        sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
+        if (v->image && run->scale > 1)
+            err = sst_image_halve(&half[k], v->image);
+        view[k] = (struct sst_planesweep_view){
+            !v->image ? NULL : run->scale > 1 ? &half[k] : v->image, v->seen, v->bx, v->by, v->disp, &run->settled[k]
+        };
+    }
+    if (!err)
+        err = sst_planesweep(&(struct sst_planesweep){ .view = view,
+                                                       .views = count,
+                                                       .disp_min_px = run->disp_min,
+                                                       .range = run->range,
+                                                       .threads = threads,
+                                                       .cancel = run->cfg->cancel });
+    if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
+        free(run->settled);
+        run->settled = NULL;
+        memset(run->matched, 0, (size_t)count * sizeof(*run->matched));
+    } else {
+        sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
+    }
+    for (int k = 0; k < count; k++) {
+        if (!err && run->settled[k].data)
+            err = settle(run, k);
+        if (half)
+            sst_image_fini(&half[k]);
+        if (seen)
+            sst_map_u8_fini(&seen[k]);
+    }
+    free(seen);
+    free(half);
+    free(view);
+    free(in.view);
+    return err;
+}
