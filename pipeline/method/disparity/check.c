@@ -1,3 +1,4 @@
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -211,30 +212,41 @@ static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
     }
 }
 
-/* Median of the nearest correct pixels in 16 directions (lower one of an even number); NONE if there is none. */
+/* Directions at about 22.5 degrees: a step of two pixels along one axis, and one along the other in two steps. */
+static const int8_t direction[DIRECTIONS][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },  { 1, 2 },   { 0, 2 },   { -1, 2 },
+                                                 { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
+                                                 { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
+
+/* Places that a direction has from a coordinate on before the picture ends; places r are step * r / 2 away. */
+static int places(int from, int step, int size)
+{
+    if (!step)
+        return INT_MAX;
+    return step > 0 ? (2 * (size - 1 - from) + 1) / step : (2 * from + 1) / -step;
+}
+
+/* Median of the nearest correct pixels in all directions (lower one of an even number); NONE if there is none. */
 static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_map_u8 *status, int x, int y)
 {
-    /* 16 directions at about 22.5 degrees, in half pixels. */
-    static const int8_t step[DIRECTIONS][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },  { 1, 2 },   { 0, 2 },   { -1, 2 },
-                                                { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
-                                                { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
+    const ptrdiff_t stride = (ptrdiff_t)status->stride;
+    const uint8_t *own = sst_map_u8_row(status, y) + x;
     uint16_t v[DIRECTIONS];
     int n = 0;
 
     for (int k = 0; k < DIRECTIONS; k++) {
-        for (int r = 1;; r++) {
-            const int i = x + step[k][0] * r / 2, j = y + step[k][1] * r / 2;
-            int at;
+        const int dx = direction[k][0], dy = direction[k][1];
+        const int most = sst_min_int(places(x, dx, disp->width), places(y, dy, disp->height));
+        int r = 1, at;
+        uint16_t found;
 
-            if (i < 0 || j < 0 || i >= disp->width || j >= disp->height)
-                break;
-            if (sst_map_u8_row(status, j)[i] != SST_DISPARITY_CORRECT)
-                continue;
-            for (at = n++; at > 0 && v[at - 1] > sst_map_u16_row(disp, j)[i]; at--)
-                v[at] = v[at - 1];
-            v[at] = sst_map_u16_row(disp, j)[i];
-            break;
-        }
+        while (r <= most && own[dy * r / 2 * stride + dx * r / 2] != SST_DISPARITY_CORRECT)
+            r++;
+        if (r > most)
+            continue;
+        found = sst_map_u16_row(disp, y + dy * r / 2)[x + dx * r / 2];
+        for (at = n++; at > 0 && v[at - 1] > found; at--)
+            v[at] = v[at - 1];
+        v[at] = found;
     }
     return n ? v[(n - 1) / 2] : (uint16_t)SST_DISP_NONE;
 }

@@ -8,7 +8,7 @@
 #include "pipeline/step/run.h"
 
 /* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again. */
-#define SETTLED 30
+#define SETTLED 36
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
 #define FLAT_MOST    10
