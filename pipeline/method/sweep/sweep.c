@@ -14,9 +14,9 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define BYTES     ((size_t)3 << 30)
-#define PLANES    81 /* at most ... */
-#define FINEST    32 /* ... and at least this far from each other, 1/64 px ... */
-#define COARSEST  64 /* ... and at most this far */
+#define PLANES    128 /* at most ... */
+#define FINEST    32  /* ... as far from each other as makes 65, but at least this far, 1/64 px ... */
+#define COARSEST  64  /* ... and at most this far */
 #define TOLERANCE 2  /* planes that are nearer to each other are one surface */
 #define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
@@ -146,7 +146,7 @@ static int make_planes(struct sweep *s)
             return -ENOMEM;
         bytes += place_plane(s, i);
     }
-    if (bytes > most || s->step > COARSEST)
+    if (bytes > most || s->planes > PLANES)
         return -E2BIG;
     for (int i = 0; i < s->planes; i++) {
         s->plane[i].consensus = sst_mem_alloc_raw(4 * s->plane[i].stride * (size_t)s->plane[i].rows, 1);
@@ -301,7 +301,7 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
             s->height = in->view[k].image->height;
         }
     }
-    s->step = sst_max_int((in->range * 64 + PLANES - 2) / (PLANES - 1), FINEST);
+    s->step = sst_clamp_int(in->range, FINEST, COARSEST);
     s->planes = (in->range * 64 + s->step - 1) / s->step + 1;
     s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
     s->layer = s->stride * (size_t)s->planes;
