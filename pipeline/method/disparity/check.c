@@ -144,12 +144,12 @@ static bool reaches_wanted(const struct wanted *w, const struct shifts *s, const
     int x_least, x_most, y_least, y_most;
 
     for (int i = 0; i < n; i++) {
-        const uint16_t known = d[i] == SST_DISP_NONE ? 0 : d[i];
+        const uint16_t above = (uint16_t)(d[i] + 1); /* of none: 0 */
 
         least = d[i] < least ? d[i] : least;
-        most = known > most ? known : most;
+        most = above > most ? above : most;
     }
-    if (least == SST_DISP_NONE)
+    if (!most--)
         return false;
     x_least = sst_shifted(x, s->across, least);
     x_most = sst_shifted(x, s->across, most);
