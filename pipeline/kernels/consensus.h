@@ -53,11 +53,14 @@ struct sst_consensus_test {
 typedef void sst_consensus_again_fn(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                                     const struct sst_consensus_test *test);
 
-/** Costs of n pixels of a view: the difference to the consensus and its cost, at most `most`. */
+/** Costs of n pixels of a view: the difference to the consensus and its cost, at most `most`, which is up to
+ * SST_CONSENSUS_MOST. */
 typedef void sst_consensus_cost_row_fn(uint8_t *cost, const uint8_t *const own[3], const uint8_t *const consensus[4],
                                        uint8_t most, size_t n);
 
-/** Costs of a row, [planes][stride]. */
+#define SST_CONSENSUS_MOST 85 /* cost of a pixel at most: three make a byte */
+
+/** Costs of a row, [planes][stride], up to SST_CONSENSUS_MOST. */
 struct sst_consensus_rows {
     const uint8_t *above, *own, *below; /* readable a pixel to both sides */
     const uint8_t *step[8];             /* colour steps to the pixels around, row by row; 255: not there */

@@ -249,16 +249,17 @@ static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus
         KERNEL(consensus_invert)(q, count, table);
         for (int p = 0; p < r->planes; p++) {
             const size_t at = (size_t)p * r->stride;
-            const simd_u8 own = simd_load_u8(r->own + at + x);
-            simd_u16 sum[2] = { simd_widen(own, 0), simd_widen(own, 1) };
+            simd_u8 v[8];
+            simd_u16 sum[2];
 
 #pragma GCC unroll 8
-            for (int i = 0; i < 8; i++) {
-                const simd_u8 v = simd_load_u8(from[i] + at) & mask[i];
-
-                sum[0] += simd_widen(v, 0);
-                sum[1] += simd_widen(v, 1);
-            }
+            for (int i = 0; i < 8; i++)
+                v[i] = simd_load_u8(from[i] + at) & mask[i];
+            v[0] += v[1] + v[2];
+            v[3] += simd_load_u8(r->own + at + x) + v[4];
+            v[5] += v[6] + v[7];
+            for (int i = 0; i < 2; i++)
+                sum[i] = simd_widen(v[0], i) + simd_widen(v[3], i) + simd_widen(v[5], i);
             simd_store_u8(mean + at + x, simd_narrow(simd_high_u16(sum[0], q[0]), simd_high_u16(sum[1], q[1])));
         }
     }

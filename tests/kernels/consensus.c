@@ -118,15 +118,25 @@ static void check_steps(const struct sst_kernels *k, size_t n, const char *level
     guard_free_all();
 }
 
+/* Costs of pixels. */
+static const uint8_t *random_costs(size_t n)
+{
+    uint8_t *p = guard_random(n, &seed);
+
+    for (size_t i = 0; i < n; i++)
+        p[i] %= SST_CONSENSUS_MOST + 1;
+    return p;
+}
+
 static void check_rows(const struct sst_kernels *k, size_t n, int planes, const char *level)
 {
     const size_t stride = n + 2, bytes = stride * (size_t)planes;
     struct sst_consensus_rows rows = { .alike = (uint8_t)below(255), .planes = planes, .stride = stride };
     uint8_t *want = guard_random(bytes, &seed), *got = guard_random(bytes, &seed);
 
-    rows.above = (uint8_t *)guard_random(bytes, &seed) + 1;
-    rows.own = (uint8_t *)guard_random(bytes, &seed) + 1;
-    rows.below = (uint8_t *)guard_random(bytes, &seed) + 1;
+    rows.above = random_costs(bytes) + 1;
+    rows.own = random_costs(bytes) + 1;
+    rows.below = random_costs(bytes) + 1;
     for (int i = 0; i < 8; i++)
         rows.step[i] = guard_random(n, &seed);
     sst_consensus_mean_row_ref(want, &rows, n);
