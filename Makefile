@@ -107,7 +107,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
-BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno $(TRAPPING) -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
+BASEFLAGS = -I. -I$(BUILD) $(OPT) -ffp-contract=off -fno-math-errno $(TRAPPING) -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
@@ -174,10 +174,15 @@ all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqt
 
 # Objects of other flags or optional parts are rebuilt.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
-$(BUILD)/flags: FORCE
+$(BUILD)/flags: $(BUILD)/shaders.h FORCE
 	@mkdir -p $(@D)
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
 FORCE:
+# The lists of shaders, one of each file.
+$(BUILD)/shaders.h: scripts/shaders.sh pipeline/kernels
+	@mkdir -p $(@D)
+	@scripts/shaders.sh $(sort $(basename $(notdir $(wildcard pipeline/kernels/*.comp)))) >$@.new
+	@cmp -s $@.new $@ && touch $@ || mv $@.new $@
 
 $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
@@ -411,9 +416,9 @@ fuzz: ## look for inputs that crash, leak or hang the readers of files and messa
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
 # Headers of optional parts come with what they are built with.
 HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
-$(BUILD)/headers/%.h.ok: %.h
+$(BUILD)/headers/%.h.ok: %.h | $(BUILD)/shaders.h
 	@mkdir -p $(@D)
-	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
+	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -I$(BUILD) $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
 	@touch $@
 check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh

@@ -60,7 +60,6 @@ enum sst_gpu_blend_buffer {
     SST_GPU_BLEND_TABLE = 4,  /* float [rows][SST_BLEND_COLUMNS]; not read without SST_GPU_BLEND_BY_LABEL */
     SST_GPU_BLEND_SUMS = 5, /* in and out, [4][rows * width]: R, G, B, weight; whole numbers for SST_GPU_BLEND_SUMMED */
     SST_GPU_BLEND_OUT = 6,  /* out, uint32_t[rows * width]: R, G, B, enum sst_gpu_blend_pixel */
-    SST_GPU_BLEND_BUFFERS
 };
 
 enum sst_gpu_blend_pixel {

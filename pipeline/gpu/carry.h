@@ -24,13 +24,11 @@ enum sst_gpu_carry_project_buffer {
     SST_GPU_CARRY_PROJECT_ARRIVED = 2, /* in and out, uint32_t[1 or 3][height][width]: the largest of disparity + 1 << 8
                                           | correct << 7 | half of the confidence (0: nothing); the farthest disparity
                                           (SST_DISP_NONE); bits of the sources (0) */
-    SST_GPU_CARRY_PROJECT_BUFFERS
 };
 
 enum sst_gpu_carry_close_buffer {
     SST_GPU_CARRY_CLOSE_ARRIVED = 0,
     SST_GPU_CARRY_CLOSE_OUT = 1, /* out: the view's map, gaps closed */
-    SST_GPU_CARRY_CLOSE_BUFFERS
 };
 
 #endif

@@ -54,7 +54,6 @@ enum sst_gpu_clear_land_buffer {
     SST_GPU_LAND_VALID = 3,
     SST_GPU_LAND_MASKS = 4,  /* a byte each, as valid pixels are */
     SST_GPU_LAND_LANDED = 5, /* in and out, uint32_t[views][rows][pitch] */
-    SST_GPU_LAND_BUFFERS
 };
 
 /** Buffers of clear_blend. */
@@ -62,11 +61,10 @@ enum sst_gpu_clear_blend_buffer {
     SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
     SST_GPU_CLEAR_PIXELS = 1,
     SST_GPU_CLEAR_LANDED = 2, /* with `sampled`: the colours of rays */
-    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits, 0xFFFF:
-                                 none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
+    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
+                                 0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
     SST_GPU_CLEAR_STATE = 4,  /* with `sampled`: struct sst_gpu_clear_state[rows * width]; else not read */
     SST_GPU_CLEAR_OUT = 5,    /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
-    SST_GPU_CLEAR_BUFFERS
 };
 
 #define SST_GPU_CLEAR_SUPPORT 8 /* value of a ray, at most 255 in all */

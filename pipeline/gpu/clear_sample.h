@@ -24,7 +24,6 @@ struct sst_gpu_clear_state {
 enum sst_gpu_clear_surface_buffer {
     SST_GPU_SURFACE_LANDED = 0, /* as of clear.h */
     SST_GPU_SURFACE_STATE = 1,  /* out, struct sst_gpu_clear_state[rows * width] */
-    SST_GPU_SURFACE_BUFFERS
 };
 
 /** A flag beside SST_GPU_RECTIFY_LIT: the view has no frame, and its rays are left to clear_blend. */
@@ -49,7 +48,6 @@ enum sst_gpu_clear_sample_buffer {
     SST_GPU_SAMPLE_LIGHT = SST_GPU_RECTIFY_LIGHT,
     SST_GPU_SAMPLE_STATE = 5,  /* in and out */
     SST_GPU_SAMPLE_LANDED = 6, /* in and out, of all views: R, G, B, enum sst_gpu_clear_ray of the view's rays */
-    SST_GPU_SAMPLE_BUFFERS
 };
 
 enum sst_gpu_clear_ray {

@@ -38,7 +38,6 @@ enum sst_gpu_convert_buffer {
     SST_GPU_CONVERT_MAP = 1,
     SST_GPU_CONVERT_FROM = 2,
     SST_GPU_CONVERT_TO = 3, /* in and out; of what it reads elsewhere nothing is written */
-    SST_GPU_CONVERT_BUFFERS
 };
 
 #endif

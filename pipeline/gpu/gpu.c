@@ -306,6 +306,7 @@ int sst_gpu_fill(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, siz
 
 int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
+    assert(work->push_bytes <= SST_GPU_PUSH);
     if (g->lost)
         return g->lost;
     if (g->ready[work->shader] != GPU_READY) {

@@ -9,18 +9,22 @@
 #include <stdbool.h>
 
 #include "base/base.h"
-#include "pipeline/gpu/shader_list.h"
+#include "shaders.h"
 
 #define SST_GPU_NAME    256 /* bytes of a name, with its NUL */
 #define SST_GPU_DEVICES 16  /* devices that are listed at most */
 #define SST_GPU_BUFFERS 8   /* buffers that a shader reads and writes at most */
+#define SST_GPU_PUSH    128 /* bytes of constants that a shader has at most: every device has them */
 #define SST_GPU_ALIGN   256 /* bytes: where a shader's part of a buffer may begin, on every device */
 
-/** Shaders, embedded at build. */
+/** Shaders, embedded at build: a file of pipeline/kernels each (scripts/shaders.sh); variants are the last, and the
+ * fastest the last of these. */
 enum sst_gpu_shader {
 #define X(NAME, ...) SST_GPU_##NAME,
-    SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(X)
+#define V(NAME, ...) SST_GPU_##NAME,
+    SST_GPU_SHADER_LIST(X) SST_GPU_VARIANT_LIST(V)
 #undef X
+#undef V
         SST_GPU_SHADERS
 };
 
@@ -43,6 +47,7 @@ enum sst_gpu_ability {
     SST_GPU_MATRIX = 4,      /* products of matrices of bytes (VK_KHR_cooperative_matrix) in a shape that can be used */
     SST_GPU_MATRIX_FAST = 8, /* ... are faster there than both: not on software devices */
     SST_GPU_SUBGROUP = 16,   /* subgroups of 32 invocations and more, which read each other's registers */
+    SST_GPU_SUBGROUP_FAST = SST_GPU_SUBGROUP,
 };
 
 /** Shapes of such products: rows x depth times depth x columns. */
@@ -201,7 +206,8 @@ SST_MUST_CHECK int sst_gpu_fill(struct sst_gpu *g, struct sst_gpu_buffer *b, siz
 struct sst_gpu_work {
     enum sst_gpu_shader shader;                     /* prepared */
     const void *push;                               /* constants of the shader's own structure; copied */
-    struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; the last ones may be NULL if the shader has fewer */
+    size_t push_bytes;                              /* SST_GPU_PUSH at most */
+    struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; NULL: the shader has none there */
     size_t offset[SST_GPU_BUFFERS];                 /* bytes before its part of each, multiples of SST_GPU_ALIGN */
     uint32_t groups[3];
 };

@@ -8,8 +8,6 @@
 
 struct gpu_shader {
     const char *name;
-    int buffers;
-    size_t push_bytes; /* at most 128, what every device has */
     /* Of variants: */
     uint32_t needs;         /* enum sst_gpu_ability; 0: no variant */
     uint32_t fast;          /* likewise: with it the variant is chosen by itself */
@@ -34,7 +32,6 @@ extern const struct gpu_spirv gpu_spirvs[];
 enum gpu_limits_buffer {
     GPU_LIMITS_FROM = 0, /* float [count][4] */
     GPU_LIMITS_TO = 1,   /* out, float [count][4] */
-    GPU_LIMITS_BUFFERS
 };
 
 /** The layout of pipeline/kernels/limits.comp (std430). */
@@ -234,12 +231,6 @@ struct gpu_vulkan_memory {
     VkDeviceMemory memory;
 };
 
-struct gpu_vulkan_pipeline {
-    VkDescriptorSetLayout set;
-    VkPipelineLayout layout;
-    VkPipeline pipeline;
-};
-
 #define GPU_VULKAN_BATCHES 4  /* of commands: one is gathered while others run */
 #define GPU_VULKAN_SETS    16 /* dispatches of a batch at most */
 
@@ -279,7 +270,9 @@ struct gpu_vulkan_device {
     struct gpu_vulkan_device *next; /* after close, of those that hung */
     VkPipelineCache cache;
     size_t cache_bytes; /* that were read */
-    struct gpu_vulkan_pipeline pipeline[SST_GPU_SHADERS];
+    VkDescriptorSetLayout set; /* of all shaders */
+    VkPipelineLayout layout;
+    VkPipeline pipeline[SST_GPU_SHADERS];
     struct gpu_vulkan_times times;
 };
 

@@ -23,7 +23,6 @@ enum sst_gpu_hole_buffer {
     SST_GPU_HOLE_LEVELS = 0,  /* in and out, float[4] a pixel, levels one after the other: R, G, B times weight, the
                                  weight 0..1; once filled R, G, B */
     SST_GPU_HOLE_PICTURE = 1, /* in, of hole_push also out: uint32_t[height * width]: R, G, B, weight 0..255 */
-    SST_GPU_HOLE_BUFFERS
 };
 
 #define SST_GPU_HOLE_GROUP_WIDTH  32

@@ -37,7 +37,6 @@ enum sst_gpu_hypothesis_cost_buffer {
     SST_GPU_HYPOTHESIS_COST_COUNTS = 3, /* in: how many; out: how many | how many that are left << 8 | the cheapest <<
                                            16 | mark << 24 */
     SST_GPU_HYPOTHESIS_COST_OUT = 4,    /* out, uint16_t[pixels][8] */
-    SST_GPU_HYPOTHESIS_COST_BUFFERS
 };
 
 /** `hypothesis_path`: all paths of directions way .. way + ways - 1 of sst_gpu_way(), which are straight: four a group
@@ -57,7 +56,6 @@ enum sst_gpu_hypothesis_path_buffer {
     SST_GPU_HYPOTHESIS_PATH_COUNTS = 3, /* of hypothesis_cost */
     SST_GPU_HYPOTHESIS_PATH_COST = 4,
     SST_GPU_HYPOTHESIS_PATH_SUM = 5, /* in and out, uint32_t[pixels][8] */
-    SST_GPU_HYPOTHESIS_PATH_BUFFERS
 };
 
 #define SST_GPU_HYPOTHESIS_PATHS 4 /* of a group */
@@ -74,7 +72,6 @@ enum sst_gpu_hypothesis_choice_buffer {
     SST_GPU_HYPOTHESIS_CHOICE_OUT = 3, /* out, uint32_t[pixels]: disparity | confidence << 16 | 1 << 24 if it is not the
                                           first one, which has no confidence | the cheapest << 25 | mark << 28 |
                                           (how many - 1) << 29; the disparity is SST_DISP_NONE without any */
-    SST_GPU_HYPOTHESIS_CHOICE_BUFFERS
 };
 
 #define SST_GPU_HYPOTHESIS_PIXELS 64   /* of a group */

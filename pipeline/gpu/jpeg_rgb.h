@@ -15,7 +15,6 @@
 enum sst_gpu_jpeg_buffer {
     SST_GPU_JPEG_PLANES = 0, /* bytes, as of struct sst_jpeg_planes */
     SST_GPU_JPEG_FRAME = 1,  /* out, uint32_t [height][width]: R, G, B and 255 from the lowest byte up */
-    SST_GPU_JPEG_BUFFERS
 };
 
 struct sst_gpu_jpeg {

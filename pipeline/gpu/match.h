@@ -46,7 +46,6 @@ struct sst_gpu_census {
 enum sst_gpu_census_buffer {
     SST_GPU_CENSUS_PIXELS = 0,
     SST_GPU_CENSUS_OUT = 1, /* out, uint64_t[layers][height][width] */
-    SST_GPU_CENSUS_BUFFERS
 };
 
 /** `match_cost`: groups of 32 pixels by 8 quads of a row, a row each, a layer of groups per tile. One dispatch per
@@ -74,7 +73,6 @@ enum sst_gpu_cost_buffer {
     SST_GPU_COST_OTHER_CENSUS = 5, /* uint64_t[layers][height][width] */
     SST_GPU_COST_SUM = 6,          /* in and out: the cheapest cost | the second one << 8 */
     SST_GPU_COST_OUT = 7,          /* in, with SST_GPU_MATCH_FEATURES; out, with SST_GPU_MATCH_LAST */
-    SST_GPU_COST_BUFFERS
 };
 
 /** `feature_cost`: groups as of `match_cost`, which reads the result. Features are uint8_t[height][16][width][4], as
@@ -89,7 +87,6 @@ enum sst_gpu_feature_buffer {
     SST_GPU_FEATURE_OWN = 2,
     SST_GPU_FEATURE_OTHER = 3, /* of the neighbour */
     SST_GPU_FEATURE_OUT = 4, /* out: the cost at a step's nearest pixel; SST_COST_ABSENT outside, and in the padding */
-    SST_GPU_FEATURE_BUFFERS
 };
 
 /** `support_arms`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. */
@@ -101,7 +98,6 @@ struct sst_gpu_arms {
 enum sst_gpu_arms_buffer {
     SST_GPU_ARMS_PIXELS = 0,
     SST_GPU_ARMS_OUT = 1, /* out, uint32_t[height][width]: left, right, up, down from the lowest byte up */
-    SST_GPU_ARMS_BUFFERS
 };
 
 /** `support_sum` and `support_mean`: groups of 64 quads of a row, a row each, a layer of groups per tile. */
@@ -115,7 +111,6 @@ enum sst_gpu_support_sum_buffer {
     SST_GPU_SUPPORT_SUM_ARMS = 1,
     SST_GPU_SUPPORT_SUM_COST = 2,
     SST_GPU_SUPPORT_SUM_OUT = 3, /* out: sums of costs over left and right arms */
-    SST_GPU_SUPPORT_SUM_BUFFERS
 };
 
 enum sst_gpu_support_mean_buffer {
@@ -123,7 +118,6 @@ enum sst_gpu_support_mean_buffer {
     SST_GPU_SUPPORT_MEAN_ARMS = 1,
     SST_GPU_SUPPORT_MEAN_SUM = 2,  /* in, of support_sum */
     SST_GPU_SUPPORT_MEAN_COST = 3, /* in and out */
-    SST_GPU_SUPPORT_MEAN_BUFFERS
 };
 
 #define SST_GPU_WAYS 8 /* directions of paths */
@@ -196,7 +190,6 @@ enum sst_gpu_winner_buffer {
     SST_GPU_WINNER_SUM = 1,
     SST_GPU_WINNER_COST = 2,
     SST_GPU_WINNER_OUT = 3, /* out, uint32_t[rows][width]: disparity in 1/64 px above the smallest | confidence << 16 */
-    SST_GPU_WINNER_BUFFERS
 };
 
 #define SST_GPU_WINNER_PIXELS 8
@@ -211,7 +204,6 @@ enum sst_gpu_median_buffer {
     SST_GPU_MEDIAN_MAP = 0,
     SST_GPU_MEDIAN_PIXELS = 1, /* not read without masks */
     SST_GPU_MEDIAN_OUT = 2,    /* out; the upper halves are copied */
-    SST_GPU_MEDIAN_BUFFERS
 };
 
 /** `bilateral`: likewise. */
@@ -224,7 +216,6 @@ enum sst_gpu_bilateral_buffer {
     SST_GPU_BILATERAL_MAP = 0,
     SST_GPU_BILATERAL_PIXELS = 1,
     SST_GPU_BILATERAL_OUT = 2, /* out; the upper halves are copied */
-    SST_GPU_BILATERAL_BUFFERS
 };
 
 #define SST_GPU_PLANE_WIDTH  32

@@ -25,7 +25,6 @@ enum sst_gpu_net_buffer {
     SST_GPU_NET_FIXED = 0, /* weights, biases, positions of samples */
     SST_GPU_NET_FROM = 1,
     SST_GPU_NET_TO = 2, /* out */
-    SST_GPU_NET_BUFFERS
 };
 
 /* Structures have the layout of the shaders (std430). */

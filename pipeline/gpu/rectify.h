@@ -25,7 +25,6 @@ enum sst_gpu_rectify_buffer {
     SST_GPU_RECTIFY_VALID = 5, /* out, a byte each: 255, or 0 without a position in the frame */
     SST_GPU_RECTIFY_PIXELS =
         6, /* out, and in for SST_GPU_RECTIFY_KEEP: R, G, B, label, as the shader `blend` reads them */
-    SST_GPU_RECTIFY_BUFFERS
 };
 
 struct sst_gpu_rectify {

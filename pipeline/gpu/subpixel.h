@@ -39,7 +39,6 @@ enum sst_gpu_subpixel_fit_buffer {
     SST_GPU_SUBPIXEL_FIT_PIXELS = 1, /* uint32_t[height][width] by view, packed as for struct sst_subpixel_view */
     SST_GPU_SUBPIXEL_FIT_DISP = 2,
     SST_GPU_SUBPIXEL_FIT_OUT = 3, /* out, struct sst_gpu_subpixel_weight[height][width] */
-    SST_GPU_SUBPIXEL_FIT_BUFFERS
 };
 
 /** `subpixel_window`: a step's disparities from the fits, or, with `wide`, the last ones. */
@@ -59,7 +58,6 @@ enum sst_gpu_subpixel_window_buffer {
     SST_GPU_SUBPIXEL_WINDOW_WEIGHTS = 2, /* of subpixel_fit; with `wide` those that the last step left */
     SST_GPU_SUBPIXEL_WINDOW_LEFT = 3,    /* out, without `wide`: of the windows */
     SST_GPU_SUBPIXEL_WINDOW_OUT = 4,     /* out: disparities; with `wide` SST_DISP_NONE where it is not known */
-    SST_GPU_SUBPIXEL_WINDOW_BUFFERS
 };
 
 #endif

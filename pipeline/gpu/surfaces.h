@@ -24,7 +24,6 @@ enum sst_gpu_surface_rows_buffer {
     SST_GPU_SURFACE_ROWS_OUT = 1, /* out, uint32_t[4][height][width]: farthest | nearest << 16 of each window
                                      (SST_DISP_NONE and 0 where nothing is known), then a bit per window: it holds no
                                      step */
-    SST_GPU_SURFACE_ROWS_BUFFERS
 };
 
 /** `surface_project`, a layer of groups per other view: where its disparities put its pixels in the view. */
@@ -37,7 +36,6 @@ enum sst_gpu_surface_project_buffer {
     SST_GPU_SURFACE_PROJECT_MAPS = 1,      /* of all views */
     SST_GPU_SURFACE_PROJECT_PROJECTED = 2, /* in and out, uint32_t[2][height][width]: farthest (SST_DISP_NONE: none),
                                               nearest (0: none) */
-    SST_GPU_SURFACE_PROJECT_BUFFERS
 };
 
 /** `surface_list`: windows along columns, and each pixel's hypotheses. */
@@ -55,7 +53,6 @@ enum sst_gpu_surface_list_buffer {
     SST_GPU_SURFACE_LIST_PEAKS = 4,  /* of `sweep_peaks` */
     SST_GPU_SURFACE_LIST_OUT = 5,    /* out, uint16_t[pixels][SST_HYPOTHESES]: unused ones repeat the last, or are 0 */
     SST_GPU_SURFACE_LIST_COUNTS = 6, /* out, uint32_t[pixels]: how many */
-    SST_GPU_SURFACE_LIST_BUFFERS
 };
 
 #endif

@@ -30,7 +30,6 @@ enum sst_gpu_sweep_points_buffer {
     SST_GPU_SWEEP_POINTS_PIXELS = 1, /* as of `hypothesis_cost` */
     SST_GPU_SWEEP_POINTS_MAP = 2,    /* of the view */
     SST_GPU_SWEEP_POINTS_OUT = 3,    /* out, uint32_t[rows][columns]: level | weight << 16; weight 0: no point */
-    SST_GPU_SWEEP_POINTS_BUFFERS
 };
 
 /** Sparse pixels along an axis. */
@@ -54,7 +53,6 @@ enum sst_gpu_sweep_gather_buffer {
     SST_GPU_SWEEP_GATHER_POINTS = 0,  /* struct sst_gpu_sweep_point[] */
     SST_GPU_SWEEP_GATHER_SHIFTS = 1,  /* int32_t[sweeps][levels][2]: x and y that a point's place is reduced by */
     SST_GPU_SWEEP_GATHER_WEIGHTS = 2, /* in and out, uint32_t[rows][cols][levels] */
-    SST_GPU_SWEEP_GATHER_BUFFERS
 };
 
 /** `sweep_peaks`: a group per cell, along x and y. */
@@ -72,7 +70,6 @@ enum sst_gpu_sweep_peaks_buffer {
     SST_GPU_SWEEP_PEAKS_WEIGHTS = 1,
     SST_GPU_SWEEP_PEAKS_OUT = 2, /* out, uint32_t[rows][cols][SST_GPU_CELL_PEAKS]: disparity, SST_DISP_NONE: no more;
                                     SST_GPU_SWEEP_ABSENT */
-    SST_GPU_SWEEP_PEAKS_BUFFERS
 };
 
 #endif

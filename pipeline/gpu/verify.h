@@ -66,7 +66,6 @@ enum sst_gpu_verify_share_buffer {
     SST_GPU_SHARE_SHARE = 4, /* in and out, float [3][rows * width]: the fraction, 0..1; between dispatches apertures of
                                 all rays, of those that end in front */
     SST_GPU_SHARE_CELLS = 5, /* in and out */
-    SST_GPU_SHARE_BUFFERS
 };
 
 /** A group is a cell. */
@@ -78,13 +77,11 @@ enum sst_gpu_verify_screen_buffer {
     SST_GPU_SCREEN_DISP_PX = 4, /* float [65535] disparities in pixels, by what is stored */
     SST_GPU_SCREEN_SHARE = 5,   /* in and out: becomes 0 in cells that are closed */
     SST_GPU_SCREEN_CELLS = 6,   /* in and out */
-    SST_GPU_SCREEN_BUFFERS
 };
 
 /** The first six as of verify_screen. */
 enum sst_gpu_verify_unexplained_buffer {
     SST_GPU_UNEXPLAINED_TOTALS = 6, /* out, the second plane: apertures of unexplained rays */
-    SST_GPU_UNEXPLAINED_BUFFERS
 };
 
 enum sst_gpu_verify_rays_buffer {
@@ -97,7 +94,6 @@ enum sst_gpu_verify_rays_buffer {
     SST_GPU_RAYS_SHARE = 6,
     SST_GPU_RAYS_RAYS =
         7, /* out, uint32_t [count][rays]: R, G, B, votes (0: no ray), of pixels around one with a share */
-    SST_GPU_RAYS_BUFFERS
 };
 
 enum sst_gpu_verify_mode_buffer {
@@ -106,7 +102,6 @@ enum sst_gpu_verify_mode_buffer {
     SST_GPU_MODE_NEAR = 2, /* out, uint32_t [count / 2, rounded up][rays]: weights of two views' rays, the first in the
                               lower half */
     SST_GPU_MODE_TOTALS = 3, /* out, float [2][rays]: the first plane: all votes of the pixel */
-    SST_GPU_MODE_BUFFERS
 };
 
 enum sst_gpu_verify_blend_buffer {
@@ -115,7 +110,6 @@ enum sst_gpu_verify_blend_buffer {
     SST_GPU_MIX_NEAR = 2,
     SST_GPU_MIX_TOTALS = 3,
     SST_GPU_MIX_OUT = 4, /* in and out: of blend */
-    SST_GPU_MIX_BUFFERS
 };
 
 #endif

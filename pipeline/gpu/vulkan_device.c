@@ -286,34 +286,34 @@ static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, siz
 
 static int bind(struct gpu_vulkan_device *v, const struct sst_gpu_work *work, VkDescriptorSet *set)
 {
-    const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     const VkDescriptorSetAllocateInfo info = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
                                                .descriptorPool = v->batch[v->now].descriptors,
                                                .descriptorSetCount = 1,
-                                               .pSetLayouts = &p->set };
+                                               .pSetLayouts = &v->set };
     VkDescriptorBufferInfo buffer[SST_GPU_BUFFERS];
     VkWriteDescriptorSet write[SST_GPU_BUFFERS];
     const VkResult rc = v->vk->vkAllocateDescriptorSets(v->device, &info, set);
-    const int n = gpu_shaders[work->shader].buffers;
+    uint32_t n = 0;
 
-    for (int i = 0; i < n && !rc; i++) {
+    for (uint32_t i = 0; i < SST_GPU_BUFFERS && !rc; i++) {
+        if (!work->buffer[i])
+            continue;
         buffer[i] = (VkDescriptorBufferInfo){ memory_of(work->buffer[i])->buffer, work->offset[i], VK_WHOLE_SIZE };
-        write[i] = (VkWriteDescriptorSet){ .sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
-                                           .dstSet = *set,
-                                           .dstBinding = (uint32_t)i,
-                                           .descriptorCount = 1,
-                                           .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-                                           .pBufferInfo = &buffer[i] };
+        write[n++] = (VkWriteDescriptorSet){ .sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                                             .dstSet = *set,
+                                             .dstBinding = i,
+                                             .descriptorCount = 1,
+                                             .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                             .pBufferInfo = &buffer[i] };
     }
     if (!rc)
-        v->vk->vkUpdateDescriptorSets(v->device, (uint32_t)n, write, 0, NULL);
+        v->vk->vkUpdateDescriptorSets(v->device, n, write, 0, NULL);
     return gpu_vulkan_error(rc);
 }
 
 static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
 {
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
-    const struct gpu_vulkan_pipeline *p = &v->pipeline[work->shader];
     struct gpu_vulkan_batch *b;
     VkDescriptorSet set;
     int err = v->batch[v->now].sets < GPU_VULKAN_SETS ? 0 : submit(v);
@@ -327,10 +327,10 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     b = &v->batch[v->now];
     b->sets++;
     gpu_vulkan_time_dispatch(v, v->now, work->shader, false);
-    v->vk->vkCmdBindPipeline(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->pipeline);
-    v->vk->vkCmdBindDescriptorSets(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->layout, 0, 1, &set, 0, NULL);
-    v->vk->vkCmdPushConstants(b->command, p->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                              (uint32_t)gpu_shaders[work->shader].push_bytes, work->push);
+    v->vk->vkCmdBindPipeline(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, v->pipeline[work->shader]);
+    v->vk->vkCmdBindDescriptorSets(b->command, VK_PIPELINE_BIND_POINT_COMPUTE, v->layout, 0, 1, &set, 0, NULL);
+    v->vk->vkCmdPushConstants(b->command, v->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, (uint32_t)work->push_bytes,
+                              work->push);
     v->vk->vkCmdDispatch(b->command, work->groups[0], work->groups[1], work->groups[2]);
     gpu_vulkan_time_dispatch(v, v->now, work->shader, true);
     return 0;
@@ -401,11 +401,10 @@ static void close_device(struct sst_gpu *g)
     if (v->device) {
         gpu_vulkan_store_cache(v);
         gpu_vulkan_close_times(v);
-        for (int i = 0; i < SST_GPU_SHADERS; i++) {
-            vk->vkDestroyPipeline(v->device, v->pipeline[i].pipeline, NULL);
-            vk->vkDestroyPipelineLayout(v->device, v->pipeline[i].layout, NULL);
-            vk->vkDestroyDescriptorSetLayout(v->device, v->pipeline[i].set, NULL);
-        }
+        for (int i = 0; i < SST_GPU_SHADERS; i++)
+            vk->vkDestroyPipeline(v->device, v->pipeline[i], NULL);
+        vk->vkDestroyPipelineLayout(v->device, v->layout, NULL);
+        vk->vkDestroyDescriptorSetLayout(v->device, v->set, NULL);
         vk->vkDestroyPipelineCache(v->device, v->cache, NULL);
         for (int i = 0; i < GPU_VULKAN_BATCHES; i++) {
             vk->vkDestroyDescriptorPool(v->device, v->batch[i].descriptors, NULL);
@@ -477,6 +476,32 @@ static int open_queue(struct gpu_vulkan_device *v)
     return err;
 }
 
+/* One layout for all shaders: bindings that one has not are not written. */
+static int open_layout(struct gpu_vulkan_device *v)
+{
+    VkDescriptorSetLayoutBinding binding[SST_GPU_BUFFERS] = { 0 };
+    const VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, SST_GPU_PUSH };
+    const VkDescriptorSetLayoutCreateInfo set = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
+                                                  .bindingCount = SST_GPU_BUFFERS,
+                                                  .pBindings = binding };
+    const VkPipelineLayoutCreateInfo layout = { .sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
+                                                .setLayoutCount = 1,
+                                                .pSetLayouts = &v->set,
+                                                .pushConstantRangeCount = 1,
+                                                .pPushConstantRanges = &push };
+    VkResult rc;
+
+    for (uint32_t i = 0; i < SST_GPU_BUFFERS; i++)
+        binding[i] = (VkDescriptorSetLayoutBinding){ .binding = i,
+                                                     .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                                     .descriptorCount = 1,
+                                                     .stageFlags = VK_SHADER_STAGE_COMPUTE_BIT };
+    rc = v->vk->vkCreateDescriptorSetLayout(v->device, &set, NULL, &v->set);
+    if (!rc)
+        rc = v->vk->vkCreatePipelineLayout(v->device, &layout, NULL, &v->layout);
+    return gpu_vulkan_error(rc);
+}
+
 static int open_rest(struct gpu_vulkan_device *v)
 {
     const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
@@ -485,7 +510,7 @@ static int open_rest(struct gpu_vulkan_device *v)
                                               .maxSets = GPU_VULKAN_SETS,
                                               .poolSizeCount = 1,
                                               .pPoolSizes = &size };
-    int err = 0;
+    int err = open_layout(v);
 
     for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++) {
         err = gpu_vulkan_error(v->vk->vkCreateFence(v->device, &fence, NULL, &v->batch[i].fence));

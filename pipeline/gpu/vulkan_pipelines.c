@@ -16,32 +16,6 @@ static const struct gpu_spirv *find_spirv(const char *name)
     return s;
 }
 
-static int make_layout(struct gpu_vulkan_device *v, struct gpu_vulkan_pipeline *p, const struct gpu_shader *shader)
-{
-    VkDescriptorSetLayoutBinding binding[SST_GPU_BUFFERS] = { 0 };
-    const VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, (uint32_t)shader->push_bytes };
-    const VkDescriptorSetLayoutCreateInfo set = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
-                                                  .bindingCount = (uint32_t)shader->buffers,
-                                                  .pBindings = binding };
-    const VkPipelineLayoutCreateInfo layout = { .sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
-                                                .setLayoutCount = 1,
-                                                .pSetLayouts = &p->set,
-                                                .pushConstantRangeCount = 1,
-                                                .pPushConstantRanges = &push };
-    VkResult rc = VK_SUCCESS;
-
-    for (uint32_t i = 0; i < set.bindingCount; i++)
-        binding[i] = (VkDescriptorSetLayoutBinding){ .binding = i,
-                                                     .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-                                                     .descriptorCount = 1,
-                                                     .stageFlags = VK_SHADER_STAGE_COMPUTE_BIT };
-    if (!p->set) /* of an attempt that failed later */
-        rc = v->vk->vkCreateDescriptorSetLayout(v->device, &set, NULL, &p->set);
-    if (!rc && !p->layout)
-        rc = v->vk->vkCreatePipelineLayout(v->device, &layout, NULL, &p->layout);
-    return gpu_vulkan_error(rc);
-}
-
 static int make_module(struct gpu_vulkan_device *v, enum sst_gpu_shader number, VkShaderModule *out)
 {
     const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
@@ -68,17 +42,14 @@ static int make_module(struct gpu_vulkan_device *v, enum sst_gpu_shader number, 
 int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number)
 {
     struct gpu_vulkan_device *v = (struct gpu_vulkan_device *)g;
-    struct gpu_vulkan_pipeline *p = &v->pipeline[number];
     VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
     VkShaderModule module;
     struct gpu_matrix_stage stage;
     int err;
 
-    if (p->pipeline)
+    if (v->pipeline[number])
         return 0; /* its test lacked memory, and is repeated */
-    err = make_layout(v, p, &gpu_shaders[number]);
-    if (!err)
-        err = make_module(v, number, &module);
+    err = make_module(v, number, &module);
     if (err)
         return err;
     info.stage = (VkPipelineShaderStageCreateInfo){ .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
@@ -87,8 +58,8 @@ int gpu_vulkan_compile(struct sst_gpu *g, enum sst_gpu_shader number)
                                                     .pName = "main" };
     if (number == SST_GPU_NET_CONV8_MATRIX)
         gpu_matrix_stage_init(&stage, &info.stage, &g->info.matrix);
-    info.layout = p->layout;
-    err = gpu_vulkan_error(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
+    info.layout = v->layout;
+    err = gpu_vulkan_error(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &v->pipeline[number]));
     v->vk->vkDestroyShaderModule(v->device, module, NULL);
     return err;
 }

@@ -309,11 +309,8 @@ enum sst_gpu_shader sst_run_fastest(struct sst_run *r, enum sst_gpu_shader shade
     return fastest;
 }
 
-void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],
-                      const struct sst_gpu_range *range, int ranges)
+void sst_run_dispatch(struct sst_run *r, struct sst_gpu_work work, const struct sst_gpu_range *range, int ranges)
 {
-    struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { groups[0], groups[1], groups[2] } };
-
     if (r->err)
         return;
     for (int i = 0; i < ranges; i++) {

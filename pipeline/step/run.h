@@ -141,16 +141,22 @@ void sst_run_fill(struct sst_run *r, struct sst_gpu_range to, size_t first, size
 /** The fastest variant of a shader that the device has and that gives the results of the CPU. */
 enum sst_gpu_shader sst_run_fastest(struct sst_run *r, enum sst_gpu_shader shader);
 
-/** Dispatch a shader that has been prepared. @param range  [ranges] by binding */
-void sst_run_dispatch(struct sst_run *r, enum sst_gpu_shader shader, const void *push, const uint32_t groups[3],
-                      const struct sst_gpu_range *range, int ranges);
+/** Dispatch a shader. @param work  without buffers @param range  [ranges] its buffers, by binding */
+void sst_run_dispatch(struct sst_run *r, struct sst_gpu_work work, const struct sst_gpu_range *range, int ranges);
 
-/** sst_run_dispatch() over the pixels of a view, by groups of 32 x 8; ranges follow. */
-#define SST_RUN_PIXELS(r, shader, push, width, height, layers, ...)                                                    \
-    sst_run_dispatch(r, shader, push,                                                                                  \
-                     (const uint32_t[]){ (uint32_t)((width) + 31) / 32, (uint32_t)((height) + 7) / 8, layers },        \
+/** sst_run_dispatch() of x * y * z groups; ranges follow. @param constants  pointer to the structure of the shader */
+#define SST_RUN_GROUPS(r, number, constants, x, y, z, ...)                                                             \
+    sst_run_dispatch(r,                                                                                                \
+                     (struct sst_gpu_work){ .shader = number,                                                          \
+                                            .push = constants,                                                         \
+                                            .push_bytes = sizeof(*(constants)),                                        \
+                                            .groups = { (uint32_t)(x), (uint32_t)(y), (uint32_t)(z) } },               \
                      (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
                      sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+
+/** ... over the pixels of a view, by groups of 32 x 8. */
+#define SST_RUN_PIXELS(r, shader, push, width, height, layers, ...)                                                    \
+    SST_RUN_GROUPS(r, shader, push, ((width) + 31) / 32, ((height) + 7) / 8, layers, __VA_ARGS__)
 
 /** Words of a range, once all that was dispatched is done; they stay until the next call. @return NULL after an error
  */

@@ -50,9 +50,11 @@ static int open_device(struct bench *b, const char *name)
 static int run(struct bench *b, uint32_t count, uint32_t rounds, int dispatches, int64_t *ns)
 {
     const struct gpu_limits push = { count, rounds };
-    const struct sst_gpu_work work = {
-        .shader = SST_GPU_LIMITS, .push = &push, .buffer = { b->buffer[0], b->buffer[1] }, .groups = { GROUPS, 1, 1 }
-    };
+    const struct sst_gpu_work work = { .shader = SST_GPU_LIMITS,
+                                       .push = &push,
+                                       .push_bytes = sizeof(push),
+                                       .buffer = { b->buffer[0], b->buffer[1] },
+                                       .groups = { GROUPS, 1, 1 } };
     const int64_t start_ns = sst_clock_now_ns();
     int err = 0;
 

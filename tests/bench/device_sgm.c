@@ -68,6 +68,7 @@ static int follow(struct bench *b, int way, int ways)
                                       .all = (uint32_t)b->disparities };
     struct sst_gpu_work work = { .shader = b->shader,
                                  .push = &push,
+                                 .push_bytes = sizeof(push),
                                  .groups = { sst_gpu_sgm_groups(&push), (uint32_t)ways, 1 } };
 
     for (int i = 0; i < SST_GPU_SGM_BUFFERS; i++)

@@ -42,11 +42,9 @@ static void count_on_device(struct sst_run *r, void *job, int item)
 {
     static const struct sst_gpu_features push;
     const struct sst_gpu_range any = sst_run_scratch(r, 0, 64);
-    const struct sst_gpu_range range[SST_GPU_FEATURE_BUFFERS] = { any, any, any, any, any };
 
     (void)job, (void)item;
-    sst_run_dispatch(r, sst_run_fastest(r, SST_GPU_FEATURE_COST), &push, (const uint32_t[]){ 1, 1, 1 }, range,
-                     SST_GPU_FEATURE_BUFFERS);
+    SST_RUN_GROUPS(r, sst_run_fastest(r, SST_GPU_FEATURE_COST), &push, 1, 1, 1, any, any, any, any, any);
 }
 
 static void counted(void *job, int item, struct sst_share_maps *out)

@@ -49,10 +49,7 @@ struct match {
 };
 
 /* Dispatch over the tiles of the band; ranges follow. */
-#define OVER_TILES(m, shader, push, x, y, ...)                                                                         \
-    sst_run_dispatch((m)->r, shader, push, (const uint32_t[]){ x, y, (uint32_t)(m)->tiles },                           \
-                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
-                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+#define OVER_TILES(m, shader, push, x, y, ...) SST_RUN_GROUPS((m)->r, shader, push, x, y, (m)->tiles, __VA_ARGS__)
 
 static void need(struct match *m, int which, size_t count, size_t each)
 {
@@ -277,12 +274,9 @@ static void follow(struct match *m, const struct paths *p)
                                       .load = p->load < 0 ? -1 : p->load * m->width,
                                       .store = p->store < 0 ? -1 : p->store * m->width,
                                       .all = all_steps(m) };
-    const struct sst_gpu_range range[] = {
-        m->at[TILES], m->pixels, m->at[TABLE], m->at[COST], m->at[SUM], m->at[STATE]
-    };
 
-    sst_run_dispatch(m->r, shader, &push, (const uint32_t[]){ sst_gpu_sgm_groups(&push), (uint32_t)p->ways, 1 }, range,
-                     ARRAY_LEN(range));
+    SST_RUN_GROUPS(m->r, shader, &push, sst_gpu_sgm_groups(&push), p->ways, 1, m->at[TILES], m->pixels, m->at[TABLE],
+                   m->at[COST], m->at[SUM], m->at[STATE]);
 }
 
 /* Directions downwards: straight, then slanted. Upwards: 3; 6 and 7. */

@@ -259,13 +259,10 @@ static struct sst_gpu_range gather_points(const struct work *w)
         sst_sweep_shifts(shift + (size_t)i * levels, plan, own->bx - p->sweeps.sweep[i].bx,
                          own->by - p->sweeps.sweep[i].by, p->in->disp_min_px);
     if (shift && p->points)
-        sst_run_dispatch(w->r, SST_GPU_SWEEP_GATHER, &push,
-                         (const uint32_t[]){ SST_GPU_HYPOTHESIS_ACROSS, (push.points + across - 1) / across, 1 },
-                         (const struct sst_gpu_range[]){
-                             sst_run_upload(w->r, POINTS, p->point, p->points * sizeof(*p->point)),
-                             sst_run_upload(w->r, SHIFTS, shift, (size_t)p->sweeps.count * levels * sizeof(*shift)),
-                             weights },
-                         SST_GPU_SWEEP_GATHER_BUFFERS);
+        SST_RUN_GROUPS(w->r, SST_GPU_SWEEP_GATHER, &push, SST_GPU_HYPOTHESIS_ACROSS,
+                       (push.points + across - 1) / across, 1,
+                       sst_run_upload(w->r, POINTS, p->point, p->points * sizeof(*p->point)),
+                       sst_run_upload(w->r, SHIFTS, shift, (size_t)p->sweeps.count * levels * sizeof(*shift)), weights);
     sst_mem_free(shift);
     return weights;
 }
@@ -287,9 +284,7 @@ static struct sst_gpu_range pick_peaks(const struct work *w)
     const struct sst_gpu_range weights = gather_points(w);
     const struct sst_gpu_range peaks = words_of(w, PEAKS, (size_t)plan->cols * (size_t)plan->rows * SST_GPU_CELL_PEAKS);
 
-    sst_run_dispatch(w->r, SST_GPU_SWEEP_PEAKS, &push,
-                     (const uint32_t[]){ (uint32_t)plan->cols, (uint32_t)plan->rows, 1 },
-                     (const struct sst_gpu_range[]){ w->own, weights, peaks }, SST_GPU_SWEEP_PEAKS_BUFFERS);
+    SST_RUN_GROUPS(w->r, SST_GPU_SWEEP_PEAKS, &push, plan->cols, plan->rows, 1, w->own, weights, peaks);
     return peaks;
 }
 
@@ -336,11 +331,9 @@ static struct sst_gpu_range optimise(const struct work *w)
                                                       .ways = ways[i][1],
                                                       .first = !i };
 
-        sst_run_dispatch(w->r, shader, &push,
-                         (const uint32_t[]){ (uint32_t)push.ways,
-                                             (paths + SST_GPU_HYPOTHESIS_PATHS - 1) / SST_GPU_HYPOTHESIS_PATHS, 1 },
-                         (const struct sst_gpu_range[]){ t->pixels, table, w->list, w->counts, costs, sums },
-                         SST_GPU_HYPOTHESIS_PATH_BUFFERS);
+        SST_RUN_GROUPS(w->r, shader, &push, push.ways,
+                       (paths + SST_GPU_HYPOTHESIS_PATHS - 1) / SST_GPU_HYPOTHESIS_PATHS, 1, t->pixels, table, w->list,
+                       w->counts, costs, sums);
     }
     return sums;
 }
@@ -354,10 +347,8 @@ static struct sst_gpu_range choose_on_device(const struct work *w)
     const struct sst_gpu_range sums = optimise(w), chosen = words_of(w, CHOSEN, w->pixels);
     const struct sst_gpu_range map = sst_run_plane(w->r, SST_PLANE_MAP, w->k);
 
-    sst_run_dispatch(w->r, SST_GPU_HYPOTHESIS_CHOICE, &push,
-                     (const uint32_t[]){ SST_GPU_HYPOTHESIS_ACROSS, (push.pixels + across - 1) / across, 1 },
-                     (const struct sst_gpu_range[]){ w->list, w->counts, sums, chosen },
-                     SST_GPU_HYPOTHESIS_CHOICE_BUFFERS);
+    SST_RUN_GROUPS(w->r, SST_GPU_HYPOTHESIS_CHOICE, &push, SST_GPU_HYPOTHESIS_ACROSS,
+                   (push.pixels + across - 1) / across, 1, w->list, w->counts, sums, chosen);
     SST_RUN_PIXELS(w->r, SST_GPU_CONVERT, &end, w->width, w->height, 1, chosen, chosen, chosen, map);
     return chosen;
 }

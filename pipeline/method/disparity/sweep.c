@@ -131,10 +131,8 @@ static void sweep_on_device(struct sst_run *r, void *job, int i)
     visible_load(&t, r, p, p->swept[i], VIEWS);
     push = (struct sst_gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
                                    plan->apart, plan->distinct, plan->weight_most };
-    sst_run_dispatch(
-        r, SST_GPU_SWEEP_POINTS, &push, (const uint32_t[]){ (uint32_t)columns, (uint32_t)rows, 1 },
-        (const struct sst_gpu_range[]){ t.views, t.pixels, sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found },
-        SST_GPU_SWEEP_POINTS_BUFFERS);
+    SST_RUN_GROUPS(r, SST_GPU_SWEEP_POINTS, &push, columns, rows, 1, t.views, t.pixels,
+                   sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found);
     words = sst_run_fetch(r, found, n);
     if (words)
         sst_run_fail(r, take_points(&p->sweeps.sweep[i], words, columns, rows, plan->stride));

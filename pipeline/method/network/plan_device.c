@@ -553,8 +553,7 @@ static bool rounds_once(struct sst_run *r, bool by_parts)
         values[4 * i] = 1 + (float)(i * i * i + 1) / (1 << 22);
     weights = sst_run_upload(r, PROBED, fixed, sizeof(fixed));
     at = sst_run_upload(r, ARENA, values, sizeof(values));
-    sst_run_dispatch(r, SST_GPU_NET_CONV, &c, (const uint32_t[]){ 1, 1, 1 },
-                     (const struct sst_gpu_range[]){ weights, at, at }, SST_GPU_NET_BUFFERS);
+    SST_RUN_GROUPS(r, SST_GPU_NET_CONV, &c, 1, 1, 1, weights, at, at);
     sst_run_read(r, values, at, sizeof(values));
     for (int i = 0; i < PIXELS * OUTS && !sst_run_failed(r); i++) {
         if (values[4 * PIXELS + i] != fmaf(values[i / OUTS * 4], fixed[i % OUTS], bias[i % OUTS]))
@@ -717,8 +716,10 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
     const struct sst_network_keeper *k = job->keeper;
     const struct tensor *from = &p->tensors[p->input], *to = &p->tensors[p->output];
     const size_t values = (size_t)to->at.width * (size_t)to->at.height * (size_t)to->channels;
-    struct sst_gpu_range arena = sst_run_scratch(r, ARENA, p->arena_bytes);
-    const struct sst_gpu_range range[] = { { p->weights, 0 }, arena, arena };
+    const struct sst_gpu_range arena = sst_run_scratch(r, ARENA, p->arena_bytes);
+    const struct sst_gpu_range in = { arena.buffer, 4 * (size_t)from->at.at };
+    const struct sst_gpu_range out = { arena.buffer, 4 * (size_t)to->at.at };
+    const struct sst_gpu_range weights = { p->weights, 0 };
 
     if (!arena.buffer) {
         char why[NET_DEVICE_WHY];
@@ -727,21 +728,19 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
         sst_run_leave(r, why);
         return;
     }
-    arena.offset = 4 * (size_t)from->at.at;
-    sst_run_write(r, arena, job->in, (size_t)from->channels * from->at.pitch * 4);
+    sst_run_write(r, in, job->in, (size_t)from->channels * from->at.pitch * 4);
     for (int i = 0; i < p->n_steps; i++) {
         struct step *s = &p->steps[i];
 
         if (s->shader == SST_GPU_NET_UNIT)
             s->layer.factor = job->factor;
-        sst_run_dispatch(r, s->shader, &s->conv, s->groups, range, SST_GPU_NET_BUFFERS);
+        SST_RUN_GROUPS(r, s->shader, &s->conv, s->groups[0], s->groups[1], s->groups[2], weights, arena, arena);
     }
     job->kept = k && k->keep && !sst_run_failed(r) && !sst_gpu_is_dummy(p->gpu) &&
                 k->keep(k->arg, p->gpu, arena.buffer, to->at.at);
-    arena.offset = 4 * (size_t)to->at.at;
     if (job->kept)
         sst_run_fail(r, sst_gpu_wait(p->gpu));
     else
-        sst_run_read(r, job->out ? (void *)job->out : job->out_s8, arena, p->ends_in_bytes ? values : 4 * values);
+        sst_run_read(r, job->out ? (void *)job->out : job->out_s8, out, p->ends_in_bytes ? values : 4 * values);
     job->done = !sst_run_failed(r);
 }

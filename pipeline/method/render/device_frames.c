@@ -249,15 +249,13 @@ static void make_colours(struct render_device *d, const struct sst_jpeg_planes *
                                  .down = p->down,
                                  .chroma_width = p->chroma_width,
                                  .chroma_height = p->chroma_height };
-    const uint32_t of[3] = { groups(p->width, SST_GPU_JPEG_GROUP_WIDTH), groups(p->height, SST_GPU_JPEG_GROUP_HEIGHT),
-                             1 };
 
     for (int i = 0; i < p->count; i++) {
         push.at[i] = (uint32_t)p->at[i];
         push.stride[i] = (uint32_t)p->stride[i];
     }
-    sst_run_dispatch(d->run, SST_GPU_JPEG_RGB, &push, of, (const struct sst_gpu_range[]){ d->frames.samples, frame },
-                     SST_GPU_JPEG_BUFFERS);
+    SST_RUN_GROUPS(d->run, SST_GPU_JPEG_RGB, &push, groups(p->width, SST_GPU_JPEG_GROUP_WIDTH),
+                   groups(p->height, SST_GPU_JPEG_GROUP_HEIGHT), 1, d->frames.samples, frame);
 }
 
 /* Copy a frame to the device: to stay there, if other pictures may need it and there is room, else to where the next
@@ -356,11 +354,8 @@ void device_make_rows(struct render_device *d, const struct device_taps *taps, i
     push.flags |= labelled ? SST_GPU_RECTIFY_KEEP : 0U;
     push.part_x = (float)f->part_x;
     push.part_y = (float)f->part_y;
-    sst_run_dispatch(d->run, SST_GPU_RECTIFY, &push,
-                     (const uint32_t[]){ groups(t.width, SST_GPU_RECTIFY_GROUP_WIDTH),
-                                         groups(to->end - to->top, SST_GPU_RECTIFY_GROUP_HEIGHT), 1 },
-                     (const struct sst_gpu_range[]){ d->frames.weights, source, d->frames.places, d->frames.list,
-                                                     d->frames.light, c->plane[DEVICE_VALID], c->plane[DEVICE_PIXELS] },
-                     SST_GPU_RECTIFY_BUFFERS);
+    SST_RUN_GROUPS(d->run, SST_GPU_RECTIFY, &push, groups(t.width, SST_GPU_RECTIFY_GROUP_WIDTH),
+                   groups(to->end - to->top, SST_GPU_RECTIFY_GROUP_HEIGHT), 1, d->frames.weights, source,
+                   d->frames.places, d->frames.list, d->frames.light, c->plane[DEVICE_VALID], c->plane[DEVICE_PIXELS]);
     d->report.rectified++;
 }

@@ -40,13 +40,11 @@ void clear_fill_on_device(struct sst_run *r, const struct clear *c, struct sst_g
     for (int i = 0; i < 2 * n; i++) {
         const bool pulls = i < n;
         const struct sst_gpu_hole *p = &pair[pulls ? i : 2 * n - 1 - i];
-        const uint32_t of[3] = {
-            groups(pulls ? sst_pyramid_half(p->width) : p->width, SST_GPU_HOLE_GROUP_WIDTH),
-            groups(pulls ? sst_pyramid_half(p->height) : p->height, SST_GPU_HOLE_GROUP_HEIGHT), 1
-        };
+        const int width = pulls ? sst_pyramid_half(p->width) : p->width;
+        const int height = pulls ? sst_pyramid_half(p->height) : p->height;
 
-        sst_run_dispatch(r, pulls ? SST_GPU_HOLE_PULL : SST_GPU_HOLE_PUSH, p, of,
-                         (const struct sst_gpu_range[]){ levels, picture }, SST_GPU_HOLE_BUFFERS);
+        SST_RUN_GROUPS(r, pulls ? SST_GPU_HOLE_PULL : SST_GPU_HOLE_PUSH, p, groups(width, SST_GPU_HOLE_GROUP_WIDTH),
+                       groups(height, SST_GPU_HOLE_GROUP_HEIGHT), 1, levels, picture);
     }
 }
 

@@ -263,12 +263,9 @@ void device_begin_runs(struct device_batch *b);
 
 /** Dispatch a shader over rows of pixels. @param height  of a group @param ranges  by binding */
 #define DEVICE_DISPATCH(b, shader, constants, rows, height, ...)                                                       \
-    sst_run_dispatch((b)->d->run, shader, constants,                                                                   \
-                     (const uint32_t[]){ (uint32_t)((b)->push.blend.width + SST_GPU_BLEND_GROUP_WIDTH - 1) /           \
-                                             SST_GPU_BLEND_GROUP_WIDTH,                                                \
-                                         (uint32_t)((rows) + (height)-1) / (height), 1 },                              \
-                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
-                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+    SST_RUN_GROUPS((b)->d->run, shader, constants,                                                                     \
+                   ((b)->push.blend.width + SST_GPU_BLEND_GROUP_WIDTH - 1) / SST_GPU_BLEND_GROUP_WIDTH,                \
+                   ((rows) + (height)-1) / (height), 1, __VA_ARGS__)
 
 /* --- device_band.c: rows of the views --- */
 
@@ -338,13 +335,9 @@ struct clear_band {
 
 /** Dispatch a shader over the pixels of a band. @param ranges  by binding */
 #define CLEAR_DISPATCH(r, b, shader, constants, rows, layers, ...)                                                     \
-    sst_run_dispatch(                                                                                                  \
-        r, shader, constants,                                                                                          \
-        (const uint32_t[]){ (uint32_t)((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,   \
-                            (uint32_t)((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT,          \
-                            (uint32_t)(layers) },                                                                      \
-        (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                                 \
-        sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+    SST_RUN_GROUPS(r, shader, constants,                                                                               \
+                   ((b)->push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,                      \
+                   ((rows) + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT, layers, __VA_ARGS__)
 
 /** Replace the landed rays of a band with their colours, sampled from frames. */
 void clear_sample_rays(struct sst_run *r, const struct clear_band *b);

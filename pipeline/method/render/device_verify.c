@@ -158,19 +158,15 @@ static void upload_explained(struct device_batch *b)
 static void explain(struct device_batch *b, enum sst_gpu_shader shader, struct sst_gpu_range last, int rows, int height)
 {
     const struct device_chunk *c = b->taps.place[0].chunk;
-    const uint32_t of[3] = { shader == SST_GPU_VERIFY_SCREEN
-                                 ? (uint32_t)cell_cols(b)
-                                 : (uint32_t)(b->push.blend.width + SST_GPU_VERIFY_GROUP_WIDTH - 1) /
-                                       SST_GPU_VERIFY_GROUP_WIDTH,
-                             (uint32_t)((rows + height - 1) / height), 1 };
+    const int cols = shader == SST_GPU_VERIFY_SCREEN
+                         ? (int)cell_cols(b)
+                         : (b->push.blend.width + SST_GPU_VERIFY_GROUP_WIDTH - 1) / SST_GPU_VERIFY_GROUP_WIDTH;
     struct sst_gpu_verify push = b->push;
 
     push.nearest = b->p->numbers.nearest_end;
     push.levels = explainer_levels(b->p->explainer);
-    sst_run_dispatch(b->d->run, shader, &push, of,
-                     (const struct sst_gpu_range[]){ b->around, c->plane[DEVICE_PIXELS], c->plane[DEVICE_DISP],
-                                                     c->plane[DEVICE_VALID], b->disp_px, b->share, last },
-                     SST_GPU_SCREEN_BUFFERS);
+    SST_RUN_GROUPS(b->d->run, shader, &push, cols, (rows + height - 1) / height, 1, b->around, c->plane[DEVICE_PIXELS],
+                   c->plane[DEVICE_DISP], c->plane[DEVICE_VALID], b->disp_px, b->share, last);
 }
 
 /* --- votes -------------------------------------------------------------------------------------------------------- */
