@@ -9,19 +9,18 @@
 
 _Static_assert(SST_MAX_VIEWS <= SST_PLANE_VIEWS, "a place each");
 
-static const struct sst_step *const steps[] = { &disparity_features_step,   &disparity_match_step,
-                                                &disparity_check_step,      &disparity_fill_step,
-                                                &disparity_background_step, &disparity_sweep_step,
-                                                &disparity_surfaces_step,   &disparity_subpixel_step,
-                                                &disparity_carry_step };
+#define X(STAGE, name)
+#define S(STAGE, step, name) &disparity_##step##_step,
+static const struct sst_step *const steps[] = { &disparity_features_step, &disparity_match_step, &disparity_sweep_step,
+                                                SST_DISPARITY_STAGE_LIST(X, S) };
+#undef X
+#undef S
 
-static const char *const stage_names[SST_DISPARITY_STAGES] = {
-    [SST_DISPARITY_STAGE_RANGE] = "range",           [SST_DISPARITY_STAGE_SURFACES] = "surfaces",
-    [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel",     [SST_DISPARITY_STAGE_CARRY] = "carrying",
-    [SST_DISPARITY_STAGE_CHECK] = "check",           [SST_DISPARITY_STAGE_FILL] = "filling",
-    [SST_DISPARITY_STAGE_BACKGROUND] = "background",
-    [SST_DISPARITY_STAGE_SWEEP] = "sweep",
-};
+#define X(STAGE, name)       name,
+#define S(STAGE, step, name) name,
+static const char *const stage_names[SST_DISPARITY_STAGES] = { SST_DISPARITY_STAGE_LIST(X, S) };
+#undef X
+#undef S
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
 {
@@ -41,9 +40,7 @@ int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_ru
         return -ENOMEM;
     }
     d->shared = shared;
-    d->user = (struct sst_runner_user){
-        .steps = steps, .step_count = ARRAY_LEN(steps), .work = "match"
-    };
+    d->user = (struct sst_runner_user){ .steps = steps, .step_count = ARRAY_LEN(steps), .work = "match" };
     err = sst_runner_join(shared, &d->user);
     if (err)
         free(d);

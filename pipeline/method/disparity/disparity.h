@@ -95,17 +95,23 @@ struct sst_disparity_report {
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
-/** What is done on the CPU although there is a device, and named: it has no shader for that, or fails at it. */
+/** Stages that are named where they are done on the CPU although there is a device, which has no shader for them or
+ * fails at them: X(STAGE, name), and of stages that have a step S(STAGE, step, name): disparity_<step>_step. */
+#define SST_DISPARITY_STAGE_LIST(X, S)                                                                                 \
+    X(RANGE, "range")                       /* of disparities of a light field: a pair of its views */                 \
+    S(SURFACES, surfaces, "surfaces")       /* of the second pass: around each pixel, its hypotheses */                \
+    S(SUBPIXEL, subpixel, "subpixel")       /* refinement between pixels */                                            \
+    S(CARRY, carry, "carrying")             /* maps carried to other views */                                          \
+    S(CHECK, check, "check")                /* of views against each other */                                          \
+    S(FILL, fill, "filling")                /* of what the check refuses, from other views and around it ... */        \
+    S(BACKGROUND, background, "background") /* ... and of the rest */                                                  \
+    X(SWEEP, "sweep")                       /* in scene space, where maps are not carried */
+
 enum sst_disparity_stage {
-    SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field: a pair of its views */
-    SST_DISPARITY_STAGE_SURFACES = 1, /* of the second pass: the surfaces around each pixel, which are its hypotheses */
-    SST_DISPARITY_STAGE_SUBPIXEL = 2, /* refinement between pixels */
-    SST_DISPARITY_STAGE_CARRY = 3,    /* maps carried to other views */
-    SST_DISPARITY_STAGE_CHECK = 4,    /* of views against each other */
-    SST_DISPARITY_STAGE_FILL = 5,     /* of what the check refuses, from other views and around it ... */
-    SST_DISPARITY_STAGE_BACKGROUND = 6, /* ... and of the rest */
-    SST_DISPARITY_STAGE_SWEEP = 7,      /* in scene space, where maps are not carried */
-    SST_DISPARITY_STAGES
+#define X(STAGE, ...) SST_DISPARITY_STAGE_##STAGE,
+    SST_DISPARITY_STAGE_LIST(X, X)
+#undef X
+        SST_DISPARITY_STAGES
 };
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage);
