@@ -198,7 +198,7 @@ int run_visible_views(const struct disparity_run *run, struct sst_visible_views 
 static int carry(struct disparity_run *run, const struct sst_visible_views *in, int threads)
 {
     double error = NAN;
-    int err = run_check_views(run, threads);
+    int err = run_step(run, &disparity_check_step, threads);
 
     err = err ? err : run_carrying_error(run, in, run->status, &error);
     if (!err && run->cfg->report)
@@ -258,8 +258,8 @@ static int finish_maps(struct disparity_run *run, int threads)
     if (run->carried) {
         err = err ? err : carry(run, &in, threads);
     } else if (run->fill) {
-        err = err ? err : run_check_views(run, threads);
-        err = err ? err : run_fill_views(run, threads);
+        err = err ? err : run_step(run, &disparity_check_step, threads);
+        err = err ? err : run_step(run, &disparity_fill_step, threads);
     }
     for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);

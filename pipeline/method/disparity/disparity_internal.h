@@ -130,9 +130,16 @@ void run_report_ranges(const struct disparity_run *run);
 
 /* --- shared.c: with other processes, if there are any --- */
 
-/** run_check() and run_fill() of all views, on the device where it can. @return 0 or -errno */
-SST_MUST_CHECK int run_check_views(struct disparity_run *run, int threads);
-SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
+/** A step whose job is the run, over all views, on the device where it can. @return 0 or -errno */
+SST_MUST_CHECK int run_step(struct disparity_run *run, const struct sst_step *step, int threads);
+
+bool run_is_present(const void *job, int view);
+void run_source(const void *job, int view, struct sst_plane_source *out);
+void run_free_sample(void *job);
+
+/** Members of such a step that changes maps, with disparity_sample() as its sample. */
+#define RUN_STEP                                                                                                       \
+    .wants = run_is_present, .source = run_source, .changes = 1U << SST_PLANE_MAP, .sample_free = run_free_sample
 
 /** Continue the background into pixels that no view shows, as the last step of carrying; 0 where nothing is known. */
 SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);

@@ -11,19 +11,26 @@ static struct sst_run_options options_of(const struct disparity_run *run, int th
                                      sst_share_block((size_t)run->width * (size_t)run->height), run->cfg->cancel };
 }
 
-static void free_sample(void *job)
+int run_step(struct disparity_run *run, const struct sst_step *step, int threads)
+{
+    const struct sst_run_options how = options_of(run, threads);
+
+    return sst_run(disparity_device_user(run->cfg->device), step, run, run->lf->rows * run->lf->cols, &how);
+}
+
+void run_free_sample(void *job)
 {
     disparity_sample_free(job);
 }
 
-static bool is_present(const void *job, int view)
+bool run_is_present(const void *job, int view)
 {
     const struct disparity_run *run = job;
 
     return run->lf->views[view].present;
 }
 
-static void run_source(const void *job, int view, struct sst_plane_source *out)
+void run_source(const void *job, int view, struct sst_plane_source *out)
 {
     const struct disparity_run *run = job;
 
@@ -59,8 +66,6 @@ static void load_maps(struct neighbours *to, struct sst_run *r, const struct dis
                                        sst_shift_by(sign * from.view[i].by, run->disp_min)));
     }
 }
-
-#define SHARED .wants = is_present, .source = run_source, .changes = 1U << SST_PLANE_MAP, .sample_free = free_sample
 
 /* --- check -------------------------------------------------------------------------------------------------------- */
 
@@ -103,19 +108,11 @@ static void *check_sample(uint32_t seed)
 
 const struct sst_step disparity_check_step = { .name = "check",
                                                .stages = 1U << SST_DISPARITY_STAGE_CHECK,
-                                               SHARED,
+                                               RUN_STEP,
                                                .cpu = run_check,
                                                .device = check_on_device,
                                                .writes = checked_maps,
                                                .sample = check_sample };
-
-int run_check_views(struct disparity_run *run, int threads)
-{
-    const struct sst_run_options how = options_of(run, threads);
-
-    return sst_run(disparity_device_user(run->cfg->device), &disparity_check_step, run, run->lf->rows * run->lf->cols,
-                   &how);
-}
 
 /* --- filling ------------------------------------------------------------------------------------------------------ */
 
@@ -174,19 +171,11 @@ static void *fill_sample(uint32_t seed)
 const struct sst_step disparity_fill_step = { .name = "filling",
                                               .stages =
                                                   1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                              SHARED,
+                                              RUN_STEP,
                                               .cpu = run_fill,
                                               .device = fill_on_device,
                                               .writes = filled_maps,
                                               .sample = fill_sample };
-
-int run_fill_views(struct disparity_run *run, int threads)
-{
-    const struct sst_run_options how = options_of(run, threads);
-
-    return sst_run(disparity_device_user(run->cfg->device), &disparity_fill_step, run, run->lf->rows * run->lf->cols,
-                   &how);
-}
 
 static int fill_rest(void *arg, int view, int worker SST_UNUSED)
 {
@@ -222,7 +211,7 @@ static void rest_maps(void *arg, int view, struct sst_share_maps *out)
 
 const struct sst_step disparity_background_step = { .name = "background",
                                                     .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
-                                                    SHARED,
+                                                    RUN_STEP,
                                                     .cpu = fill_rest,
                                                     .device = fill_rest_on_device,
                                                     .writes = rest_maps,
