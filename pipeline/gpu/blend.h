@@ -51,17 +51,6 @@ struct sst_gpu_blend_params {
     uint8_t rarity[4096]; /* of colours, as in struct sst_voting; not read by `blend` */
 };
 
-/** Buffers, by binding. */
-enum sst_gpu_blend_buffer {
-    SST_GPU_BLEND_PARAMS = 0, /* struct sst_gpu_blend_params */
-    SST_GPU_BLEND_PIXELS = 1, /* R, G, B, label from the lowest byte up; rows `pitch` pixels apart */
-    SST_GPU_BLEND_DISP = 2,   /* uint16_t; not read by plans without weights */
-    SST_GPU_BLEND_VALID = 3,  /* a byte each, 0: not valid; not read without SST_GPU_VIEW_VALID */
-    SST_GPU_BLEND_TABLE = 4,  /* float [rows][SST_BLEND_COLUMNS]; not read without SST_GPU_BLEND_BY_LABEL */
-    SST_GPU_BLEND_SUMS = 5, /* in and out, [4][rows * width]: R, G, B, weight; whole numbers for SST_GPU_BLEND_SUMMED */
-    SST_GPU_BLEND_OUT = 6,  /* out, uint32_t[rows * width]: R, G, B, enum sst_gpu_blend_pixel */
-};
-
 enum sst_gpu_blend_pixel {
     SST_GPU_PIXEL_SUPPORTED = 1,
     SST_GPU_PIXEL_BELOW = 2, /* the weights sum to less than SST_BLEND_FLOOR: the colour means nothing */

@@ -27,21 +27,10 @@ struct sst_gpu_check_other {
     struct sst_gpu_shift shift;
 };
 
-enum sst_gpu_check_buffer {
-    SST_GPU_CHECK_OTHERS = 0,
-    SST_GPU_CHECK_MAPS = 1, /* out: the result in the words of the view */
-};
-
 /** `fill_start`: mismatches get the median around them; nothing has arrived. */
 struct sst_gpu_fill {
     int32_t width, height;
     uint32_t own;
-};
-
-enum sst_gpu_fill_start_buffer {
-    SST_GPU_FILL_START_MAPS = 0,
-    SST_GPU_FILL_START_OUT = 1,     /* out: the view's map with these disparities */
-    SST_GPU_FILL_START_ARRIVED = 2, /* out, uint32_t[height][width]: 0 */
 };
 
 /** `fill_project`: what arrives from the correct pixels of another view. */
@@ -51,27 +40,10 @@ struct sst_gpu_project {
     struct sst_gpu_shift shift;
 };
 
-enum sst_gpu_fill_project_buffer {
-    SST_GPU_FILL_PROJECT_MAPS = 0,
-    SST_GPU_FILL_PROJECT_ARRIVED = 1, /* in and out: disparity + 1 */
-};
-
-/** `fill_take`, with struct sst_gpu_fill: occlusions get what has arrived. */
-enum sst_gpu_fill_take_buffer {
-    SST_GPU_FILL_TAKE_MAPS = 0,
-    SST_GPU_FILL_TAKE_ARRIVED = 1, /* in; out: 0 */
-    SST_GPU_FILL_TAKE_OUT = 2,     /* in and out */
-};
-
 /** `fill_along`, then `fill_down`: the rest gets the background, as sst_fill_background() has it. */
 struct sst_gpu_background {
     int32_t width, height;
     int32_t none; /* disparity where nothing is known at all */
-};
-
-enum sst_gpu_background_buffer {
-    SST_GPU_BACKGROUND_FROM = 0, /* a map */
-    SST_GPU_BACKGROUND_TO = 1,   /* out: its words with these disparities; another buffer */
 };
 
 #endif

@@ -45,30 +45,9 @@ struct sst_gpu_clear {
     uint32_t sampled;                    /* clear_blend: not 0: rays were sampled from raw frames (clear_sample.h) */
 };
 
-/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view, from its first row on.
- */
-enum sst_gpu_clear_land_buffer {
-    SST_GPU_LAND_VIEWS = 0,  /* struct sst_gpu_clear_view[views] */
-    SST_GPU_LAND_PIXELS = 1, /* as of blend.h */
-    SST_GPU_LAND_DISP = 2,
-    SST_GPU_LAND_VALID = 3,
-    SST_GPU_LAND_MASKS = 4,  /* a byte each, as valid pixels are */
-    SST_GPU_LAND_LANDED = 5, /* in and out, uint32_t[views][rows][pitch] */
-};
-
-/** Buffers of clear_blend. */
-enum sst_gpu_clear_blend_buffer {
-    SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
-    SST_GPU_CLEAR_PIXELS = 1,
-    SST_GPU_CLEAR_LANDED = 2, /* with `sampled`: the colours of rays */
-    SST_GPU_CLEAR_SEEN = 3,   /* out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits,
-                                 0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
-    SST_GPU_CLEAR_STATE = 4,  /* with `sampled`: struct sst_gpu_clear_state[rows * width]; else not read */
-    SST_GPU_CLEAR_OUT = 5,    /* out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough */
-};
-
 #define SST_GPU_CLEAR_SUPPORT 8 /* value of a ray, at most 255 in all */
 
+/* Pixels of a group, for clear_land of one view, from its first row on. */
 #define SST_GPU_CLEAR_GROUP_WIDTH  32
 #define SST_GPU_CLEAR_GROUP_HEIGHT 4
 

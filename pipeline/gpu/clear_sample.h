@@ -20,12 +20,6 @@ struct sst_gpu_clear_state {
     uint32_t wanted; /* rays of full weight that are missing */
 };
 
-/** Buffers of clear_surface, by binding; constants are struct sst_gpu_clear. */
-enum sst_gpu_clear_surface_buffer {
-    SST_GPU_SURFACE_LANDED = 0, /* as of clear.h */
-    SST_GPU_SURFACE_STATE = 1,  /* out, struct sst_gpu_clear_state[rows * width] */
-};
-
 /** A flag beside SST_GPU_RECTIFY_LIT: the view has no frame, and its rays are left to clear_blend. */
 #define SST_GPU_SAMPLE_PLAIN 8U
 
@@ -36,18 +30,6 @@ struct sst_gpu_clear_sample {
     int32_t top, rows;            /* of the picture */
     int32_t cell_rows;            /* pieces of a column */
     uint32_t view;                /* whose landed rays these are */
-};
-
-/** Buffers of clear_sample, the first ones those of `rectify`. A group has SST_GPU_CLEAR_GROUP_WIDTH x _HEIGHT pixels.
- */
-enum sst_gpu_clear_sample_buffer {
-    SST_GPU_SAMPLE_WEIGHTS = SST_GPU_RECTIFY_WEIGHTS,
-    SST_GPU_SAMPLE_FRAME = SST_GPU_RECTIFY_FRAME,
-    SST_GPU_SAMPLE_PATCHES = 2,                 /* struct sst_place_patch[cell_rows][cells] */
-    SST_GPU_SAMPLE_LIST = SST_GPU_RECTIFY_LIST, /* of listed places */
-    SST_GPU_SAMPLE_LIGHT = SST_GPU_RECTIFY_LIGHT,
-    SST_GPU_SAMPLE_STATE = 5,  /* in and out */
-    SST_GPU_SAMPLE_LANDED = 6, /* in and out, of all views: R, G, B, enum sst_gpu_clear_ray of the view's rays */
 };
 
 enum sst_gpu_clear_ray {

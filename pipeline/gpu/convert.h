@@ -32,12 +32,4 @@ struct sst_gpu_convert {
     uint32_t colours, from, to;
 };
 
-/** Buffers, by binding; those that a conversion does not read: any. */
-enum sst_gpu_convert_buffer {
-    SST_GPU_CONVERT_COLOURS = 0,
-    SST_GPU_CONVERT_MAP = 1,
-    SST_GPU_CONVERT_FROM = 2,
-    SST_GPU_CONVERT_TO = 3, /* in and out; of what it reads elsewhere nothing is written */
-};
-
 #endif

@@ -28,12 +28,6 @@ extern const struct gpu_spirv gpu_spirvs[];
  *
  * Without rounds it copies; with rounds each of 16 sums of an invocation is multiplied and increased once a round. */
 
-/** Buffers, by binding. */
-enum gpu_limits_buffer {
-    GPU_LIMITS_FROM = 0, /* float [count][4] */
-    GPU_LIMITS_TO = 1,   /* out, float [count][4] */
-};
-
 /** The layout of pipeline/kernels/limits.comp (std430). */
 struct gpu_limits {
     uint32_t count, rounds;

@@ -30,15 +30,6 @@ struct sst_gpu_hypothesis_cost {
     uint32_t cheap;   /* first costs between `change` and this are marked */
 };
 
-enum sst_gpu_hypothesis_cost_buffer {
-    SST_GPU_HYPOTHESIS_COST_VIEWS = 0,
-    SST_GPU_HYPOTHESIS_COST_PIXELS = 1,
-    SST_GPU_HYPOTHESIS_COST_LIST = 2,   /* uint16_t[pixels][8] */
-    SST_GPU_HYPOTHESIS_COST_COUNTS = 3, /* in: how many; out: how many | how many that are left << 8 | the cheapest <<
-                                           16 | mark << 24 */
-    SST_GPU_HYPOTHESIS_COST_OUT = 4,    /* out, uint16_t[pixels][8] */
-};
-
 /** `hypothesis_path`: all paths of directions way .. way + ways - 1 of sst_gpu_way(), which are straight: four a group
  * along y, a layer of groups along x a direction. */
 struct sst_gpu_hypothesis_path {
@@ -49,29 +40,11 @@ struct sst_gpu_hypothesis_path {
     int32_t first; /* not 0: set the sums instead of adding to them; one direction */
 };
 
-enum sst_gpu_hypothesis_path_buffer {
-    SST_GPU_HYPOTHESIS_PATH_PIXELS = 0,
-    SST_GPU_HYPOTHESIS_PATH_TABLE = 1, /* uint32_t[256]: p1 | p2 << 16 by colour step */
-    SST_GPU_HYPOTHESIS_PATH_LIST = 2,
-    SST_GPU_HYPOTHESIS_PATH_COUNTS = 3, /* of hypothesis_cost */
-    SST_GPU_HYPOTHESIS_PATH_COST = 4,
-    SST_GPU_HYPOTHESIS_PATH_SUM = 5, /* in and out, uint32_t[pixels][8] */
-};
-
 #define SST_GPU_HYPOTHESIS_PATHS 4 /* of a group */
 
 /** `hypothesis_choice`: groups of 64 pixels, 1024 of them along x. */
 struct sst_gpu_hypothesis_choice {
     uint32_t pixels;
-};
-
-enum sst_gpu_hypothesis_choice_buffer {
-    SST_GPU_HYPOTHESIS_CHOICE_LIST = 0,
-    SST_GPU_HYPOTHESIS_CHOICE_COUNTS = 1,
-    SST_GPU_HYPOTHESIS_CHOICE_SUM = 2,
-    SST_GPU_HYPOTHESIS_CHOICE_OUT = 3, /* out, uint32_t[pixels]: disparity | confidence << 16 | 1 << 24 if it is not the
-                                          first one, which has no confidence | the cheapest << 25 | mark << 28 |
-                                          (how many - 1) << 29; the disparity is SST_DISP_NONE without any */
 };
 
 #define SST_GPU_HYPOTHESIS_PIXELS 64   /* of a group */

@@ -43,11 +43,6 @@ struct sst_gpu_census {
     uint32_t phase[2]; /* 4 * py + px quarter pixels by layer, four bits each from the lowest ones up */
 };
 
-enum sst_gpu_census_buffer {
-    SST_GPU_CENSUS_PIXELS = 0,
-    SST_GPU_CENSUS_OUT = 1, /* out, uint64_t[layers][height][width] */
-};
-
 /** `match_cost`: groups of 32 pixels by 8 quads of a row, a row each, a layer of groups per tile. One dispatch per
  * neighbour. */
 struct sst_gpu_match {
@@ -64,29 +59,10 @@ enum sst_gpu_match_flag {
     SST_GPU_MATCH_ALONE = 32,    /* with that: it is the latter; the census is not read */
 };
 
-enum sst_gpu_cost_buffer {
-    SST_GPU_COST_TILES = 0,        /* struct sst_gpu_tile[] */
-    SST_GPU_COST_STEPS = 1,        /* struct sst_gpu_step[]: all steps of the view */
-    SST_GPU_COST_PIXELS = 2,       /* of the view; not read without SST_GPU_MATCH_MASKS */
-    SST_GPU_COST_OTHERS = 3,       /* of the neighbour; likewise */
-    SST_GPU_COST_CENSUS = 4,       /* uint64_t[height][width] */
-    SST_GPU_COST_OTHER_CENSUS = 5, /* uint64_t[layers][height][width] */
-    SST_GPU_COST_SUM = 6,          /* in and out: the cheapest cost | the second one << 8 */
-    SST_GPU_COST_OUT = 7,          /* in, with SST_GPU_MATCH_FEATURES; out, with SST_GPU_MATCH_LAST */
-};
-
 /** `feature_cost`: groups as of `match_cost`, which reads the result. Features are uint8_t[height][16][width][4], as
  * struct sst_descriptor has them: SST_FEATURE_ZERO more than the components of vectors of length SST_FEATURE_ONE. */
 struct sst_gpu_features {
     int32_t width, height;
-};
-
-enum sst_gpu_feature_buffer {
-    SST_GPU_FEATURE_TILES = 0,
-    SST_GPU_FEATURE_STEPS = 1,
-    SST_GPU_FEATURE_OWN = 2,
-    SST_GPU_FEATURE_OTHER = 3, /* of the neighbour */
-    SST_GPU_FEATURE_OUT = 4, /* out: the cost at a step's nearest pixel; SST_COST_ABSENT outside, and in the padding */
 };
 
 /** `support_arms`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. */
@@ -95,29 +71,10 @@ struct sst_gpu_arms {
     int32_t arm, tau; /* longest arm; least step of a colour that ends one */
 };
 
-enum sst_gpu_arms_buffer {
-    SST_GPU_ARMS_PIXELS = 0,
-    SST_GPU_ARMS_OUT = 1, /* out, uint32_t[height][width]: left, right, up, down from the lowest byte up */
-};
-
 /** `support_sum` and `support_mean`: groups of 64 quads of a row, a row each, a layer of groups per tile. */
 struct sst_gpu_support {
     int32_t width, height;
     int32_t across, down; /* pixels to the sides, above and below of a tile's that are computed as well */
-};
-
-enum sst_gpu_support_sum_buffer {
-    SST_GPU_SUPPORT_SUM_TILES = 0,
-    SST_GPU_SUPPORT_SUM_ARMS = 1,
-    SST_GPU_SUPPORT_SUM_COST = 2,
-    SST_GPU_SUPPORT_SUM_OUT = 3, /* out: sums of costs over left and right arms */
-};
-
-enum sst_gpu_support_mean_buffer {
-    SST_GPU_SUPPORT_MEAN_TILES = 0,
-    SST_GPU_SUPPORT_MEAN_ARMS = 1,
-    SST_GPU_SUPPORT_MEAN_SUM = 2,  /* in, of support_sum */
-    SST_GPU_SUPPORT_MEAN_COST = 3, /* in and out */
 };
 
 #define SST_GPU_WAYS 8 /* directions of paths */
@@ -185,13 +142,6 @@ struct sst_gpu_winner {
     int32_t from_cost; /* not 0: of the costs instead of the sums */
 };
 
-enum sst_gpu_winner_buffer {
-    SST_GPU_WINNER_TILES = 0,
-    SST_GPU_WINNER_SUM = 1,
-    SST_GPU_WINNER_COST = 2,
-    SST_GPU_WINNER_OUT = 3, /* out, uint32_t[rows][width]: disparity in 1/64 px above the smallest | confidence << 16 */
-};
-
 #define SST_GPU_WINNER_PIXELS 8
 
 /** `median`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. Maps are those of `winner`. */
@@ -200,22 +150,10 @@ struct sst_gpu_median {
     int32_t masks; /* not 0: pixels that are not seen get no disparity */
 };
 
-enum sst_gpu_median_buffer {
-    SST_GPU_MEDIAN_MAP = 0,
-    SST_GPU_MEDIAN_PIXELS = 1, /* not read without masks */
-    SST_GPU_MEDIAN_OUT = 2,    /* out; the upper halves are copied */
-};
-
 /** `bilateral`: likewise. */
 struct sst_gpu_bilateral {
     int32_t width, height, tau, masks;
     int32_t weight[16]; /* by distance: 4 * |y| + |x| */
-};
-
-enum sst_gpu_bilateral_buffer {
-    SST_GPU_BILATERAL_MAP = 0,
-    SST_GPU_BILATERAL_PIXELS = 1,
-    SST_GPU_BILATERAL_OUT = 2, /* out; the upper halves are copied */
 };
 
 #define SST_GPU_PLANE_WIDTH  32

@@ -1,7 +1,8 @@
 /* pipeline/gpu/net.h - the shaders of convolutional networks: layers between tensors in the memory of a device.
  *
  * A tensor of c channels has pixels row by row, the channels of a pixel side by side in a multiple of four: floats of a
- * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits.
+ * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits. A layer may read
+ * and write one buffer, if what is read is not what is written.
  *
  * They give the same bytes on every device: sums of bytes are exact, sums of floats have one order and one rounding for
  * a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts. They are defined by the plan
@@ -18,13 +19,6 @@ enum sst_gpu_net_type {
     SST_GPU_NET_U8 = 1,
     SST_GPU_NET_S8 = 2,
     SST_GPU_NET_PLANES = 3, /* floats, [channel][row][column] */
-};
-
-/** Buffers of all these shaders, by binding. FROM and TO may be one buffer, if what is read is not what is written. */
-enum sst_gpu_net_buffer {
-    SST_GPU_NET_FIXED = 0, /* weights, biases, positions of samples */
-    SST_GPU_NET_FROM = 1,
-    SST_GPU_NET_TO = 2, /* out */
 };
 
 /* Structures have the layout of the shaders (std430). */

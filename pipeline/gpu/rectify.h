@@ -14,19 +14,6 @@
 
 /* Structures have the layout of pipeline/kernels/rectify.comp (std430). */
 
-/** Buffers, by binding. */
-enum sst_gpu_rectify_buffer {
-    SST_GPU_RECTIFY_WEIGHTS = 0, /* int32_t [SST_RESAMPLE_PHASES][taps], as of struct sst_resample */
-    SST_GPU_RECTIFY_FRAME = 1,   /* uint32_t [raw_height][raw_width]: R, G, B and an unused byte from the lowest up */
-    SST_GPU_RECTIFY_PLACES = 2,  /* struct sst_places [height][cells], a table */
-    SST_GPU_RECTIFY_LIST = 3,    /* int32_t pairs, for SST_PLACES_LISTED */
-    SST_GPU_RECTIFY_LIGHT = 4, /* float: sst_gpu_rectify_light(), the fall-off's factors [light_rows][light_cols], their
-                                  2.4th roots likewise; not read without SST_GPU_RECTIFY_LIT */
-    SST_GPU_RECTIFY_VALID = 5, /* out, a byte each: 255, or 0 without a position in the frame */
-    SST_GPU_RECTIFY_PIXELS =
-        6, /* out, and in for SST_GPU_RECTIFY_KEEP: R, G, B, label, as the shader `blend` reads them */
-};
-
 struct sst_gpu_rectify {
     int32_t width, height, pitch; /* of the view; `pitch` is a multiple of 4 */
     int32_t raw_width, raw_height;

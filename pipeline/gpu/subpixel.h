@@ -34,13 +34,6 @@ struct sst_gpu_subpixel_fit {
     float inverse_limit; /* likewise */
 };
 
-enum sst_gpu_subpixel_fit_buffer {
-    SST_GPU_SUBPIXEL_FIT_VIEWS = 0,
-    SST_GPU_SUBPIXEL_FIT_PIXELS = 1, /* uint32_t[height][width] by view, packed as for struct sst_subpixel_view */
-    SST_GPU_SUBPIXEL_FIT_DISP = 2,
-    SST_GPU_SUBPIXEL_FIT_OUT = 3, /* out, struct sst_gpu_subpixel_weight[height][width] */
-};
-
 /** `subpixel_window`: a step's disparities from the fits, or, with `wide`, the last ones. */
 struct sst_gpu_subpixel_window {
     int32_t width, height;
@@ -50,14 +43,6 @@ struct sst_gpu_subpixel_window {
     float few;                    /* weight of the pixel's own disparity */
     float enough;                 /* weight at which a window and the large window around it count alike; few + enough
                                      is the most that a weight is stored with */
-};
-
-enum sst_gpu_subpixel_window_buffer {
-    SST_GPU_SUBPIXEL_WINDOW_COLOURS = 0, /* uint32_t[height][width]: R, G, B from the lowest byte up */
-    SST_GPU_SUBPIXEL_WINDOW_DISP = 1,
-    SST_GPU_SUBPIXEL_WINDOW_WEIGHTS = 2, /* of subpixel_fit; with `wide` those that the last step left */
-    SST_GPU_SUBPIXEL_WINDOW_LEFT = 3,    /* out, without `wide`: of the windows */
-    SST_GPU_SUBPIXEL_WINDOW_OUT = 4,     /* out: disparities; with `wide` SST_DISP_NONE where it is not known */
 };
 
 #endif

@@ -25,13 +25,6 @@ struct sst_gpu_sweep {
     int32_t distinct, weight_most;       /* least and largest distance to the next surface that counts */
 };
 
-enum sst_gpu_sweep_points_buffer {
-    SST_GPU_SWEEP_POINTS_VIEWS = 0,  /* struct sst_gpu_hypothesis_view[] */
-    SST_GPU_SWEEP_POINTS_PIXELS = 1, /* as of `hypothesis_cost` */
-    SST_GPU_SWEEP_POINTS_MAP = 2,    /* of the view */
-    SST_GPU_SWEEP_POINTS_OUT = 3,    /* out, uint32_t[rows][columns]: level | weight << 16; weight 0: no point */
-};
-
 /** Sparse pixels along an axis. */
 static inline int sst_gpu_sweep_samples(int size, int stride)
 {
@@ -49,12 +42,6 @@ struct sst_gpu_sweep_point {
     uint32_t found; /* level | weight << 8 | number of the sweep << 16 */
 };
 
-enum sst_gpu_sweep_gather_buffer {
-    SST_GPU_SWEEP_GATHER_POINTS = 0,  /* struct sst_gpu_sweep_point[] */
-    SST_GPU_SWEEP_GATHER_SHIFTS = 1,  /* int32_t[sweeps][levels][2]: x and y that a point's place is reduced by */
-    SST_GPU_SWEEP_GATHER_WEIGHTS = 2, /* in and out, uint32_t[rows][cols][levels] */
-};
-
 /** `sweep_peaks`: a group per cell, along x and y. */
 struct sst_gpu_sweep_peaks {
     int32_t width, height;
@@ -63,13 +50,6 @@ struct sst_gpu_sweep_peaks {
     int32_t levels, level, apart; /* apart: levels next to a peak that are no other one */
     uint32_t gathered;            /* weight that makes a peak */
     uint32_t mapped;              /* sparse pixels of the map that do not make a surface, each counted twice */
-};
-
-enum sst_gpu_sweep_peaks_buffer {
-    SST_GPU_SWEEP_PEAKS_MAP = 0, /* of the view */
-    SST_GPU_SWEEP_PEAKS_WEIGHTS = 1,
-    SST_GPU_SWEEP_PEAKS_OUT = 2, /* out, uint32_t[rows][cols][SST_GPU_CELL_PEAKS]: disparity, SST_DISP_NONE: no more;
-                                    SST_GPU_SWEEP_ABSENT */
 };
 
 #endif

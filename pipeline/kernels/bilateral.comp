@@ -1,13 +1,13 @@
 // Bilateral filter of 7x7 disparities: bilateral_row of kernels.h, whose float quotient is rounded as the whole numbers
-// here are: they are at most 25736, so a quotient that is no half is farther from it than floats are off. Buffers and
-// constants: pipeline/gpu/match.h. Definition: bilateral_ref.c.
+// here are: they are at most 25736, so a quotient that is no half is farther from it than floats are off. Constants:
+// pipeline/gpu/match.h. Definition: bilateral_ref.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Map { uint map[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 2) writeonly buffer Out { uint result[]; }; // out; the upper halves are copied
 
 layout(std430, push_constant) uniform Constants {
     int width, height, tau, masks;

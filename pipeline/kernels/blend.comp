@@ -1,6 +1,6 @@
 // The rays of views summed into a picture: blend_rays, blend_plain, blend_support and blend_finish of kernels.h for all
-// views and rows. An invocation has several pixels of a column, whose rays share the rows between them. Buffers and
-// constants: pipeline/gpu/blend.h. Definition: blend_*_ref.c.
+// views and rows. An invocation has several pixels of a column, whose rays share the rows between them. Constants:
+// pipeline/gpu/blend.h. Definition: blend_*_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -9,12 +9,18 @@ layout(local_size_x = 32, local_size_y = 4) in;
 
 #include "blend_view.glsl"
 
+// struct sst_gpu_blend_params
 layout(std430, binding = 0) readonly buffer Params { Label label[256]; uint rarity[1024]; View view[]; };
+// R, G, B, label from the lowest byte up; rows `pitch` pixels apart
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
-layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
+layout(std430, binding = 2) readonly buffer Disp { uint disp[]; }; // uint16_t; not read by plans without weights
+// a byte each, 0: not valid; not read without SST_GPU_VIEW_VALID
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };
+// float [rows][SST_BLEND_COLUMNS]; not read without SST_GPU_BLEND_BY_LABEL
 layout(std430, binding = 4) readonly buffer Table { float table[]; };
+// in and out, [4][rows * width]: R, G, B, weight; whole numbers for SST_GPU_BLEND_SUMMED
 layout(std430, binding = 5) buffer Sums { uint sums[]; };
+// out, uint32_t[rows * width]: R, G, B, enum sst_gpu_blend_pixel
 layout(std430, binding = 6) buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,6 @@
-// Colour and weight of a ray: for blend.comp and verify_rays.comp, which declare the buffers `label`, `view`, `pixel`, `disp`,
-// `valid` and `table`, and the constants `focus_whole`, `focus_part`, `scale`, `power`, `c1`, `first` and `count`.
+// Colour and weight of a ray: for blend.comp and verify_rays.comp, which declare the buffers `label`, `view`, `pixel`,
+// `disp`, `valid` and `table`, and the constants `focus_whole`, `focus_part`, `scale`, `power`, `c1`, `first` and
+// `count`.
 
 const uint COLUMN_SHIFT = 4, COLUMN_BITS = 12;
 const float LEVEL = 16384.0;

@@ -1,8 +1,8 @@
-// Maps carried to a view, the end: gaps of a pixel between pixels of one nearer surface, along rows, then along columns,
-// and where the sources agree. Buffers and constants: pipeline/gpu/carry.h. Definition: sst_disparity_carry(), which
-// goes from pixel to pixel. All pixels at once give the same: a gap that is closed gets the farther one of its two
-// neighbours, so that it is no nearer than the next pixel, which then is no gap; before, it was farther than that pixel
-// or unknown, and that one was no gap either.
+// Maps carried to a view, the end: gaps of a pixel between pixels of one nearer surface, along rows, then along
+// columns, and where the sources agree. Constants: pipeline/method/disparity/carry.c. Definition:
+// sst_disparity_carry(), which goes from pixel to pixel. All pixels at once give the same: a gap that is closed gets
+// the farther one of its two neighbours, so that it is no nearer than the next pixel, which then is no gap; before, it
+// was farther than that pixel or unknown, and that one was no gap either.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -11,7 +11,7 @@ layout(local_size_x = 32, local_size_y = 8) in;
 #include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Arrived { uint arrived[]; };
-layout(std430, binding = 1) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 1) writeonly buffer Out { uint result[]; }; // out: the view's map, gaps closed
 
 layout(std430, push_constant) uniform Constants {
     int width, height, agreed, checked;

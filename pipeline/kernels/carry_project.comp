@@ -1,5 +1,5 @@
 // Maps carried to a view: the pixels of others arrive where their disparities put them. The largest value stays: the
-// nearest surface, correct ones first. Buffers and constants: pipeline/gpu/carry.h. Definition:
+// nearest surface, correct ones first. Constants: pipeline/method/disparity/carry.c. Definition:
 // sst_disparity_carry().
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -13,8 +13,10 @@ struct Source {
     int across, across_part, across_step, down, down_part, down_step;
 };
 
-layout(std430, binding = 0) readonly buffer Sources { Source sources[]; };
+layout(std430, binding = 0) readonly buffer Sources { Source sources[]; }; // struct sst_gpu_check_other[]
 layout(std430, binding = 1) readonly buffer Maps { uint maps[]; };
+// in and out, uint32_t[1 or 3][height][width]: the largest of disparity + 1 << 8 | correct << 7 | half of the
+// confidence (0: nothing); the farthest disparity (SST_DISP_NONE); bits of the sources (0)
 layout(std430, binding = 2) buffer Arrived { uint arrived[]; };
 
 layout(std430, push_constant) uniform Constants {

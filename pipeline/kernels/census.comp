@@ -1,11 +1,11 @@
-// Census of a view between pixels: census_row of kernels.h over the view sampled at (x, y) + phase, one phase per layer of
-// groups. Buffers and constants: pipeline/gpu/match.h. Definition: census_ref.c, and census_reference() for the samples.
+// Census of a view between pixels: census_row of kernels.h over the view sampled at (x, y) + phase, one phase per layer
+// of groups. Constants: pipeline/gpu/match.h. Definition: census_ref.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 1) writeonly buffer Census { uvec2 census[]; };
+layout(std430, binding = 1) writeonly buffer Census { uvec2 census[]; }; // out, uint64_t[layers][height][width]
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

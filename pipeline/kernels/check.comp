@@ -1,5 +1,5 @@
-// Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? The disparities that
-// pixels without such a surface are tested at are shared by the group. Buffers and constants: pipeline/gpu/check.h.
+// Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? The disparities
+// that pixels without such a surface are tested at are shared by the group. Constants: pipeline/gpu/check.h.
 // Definition: sst_disparity_check_views().
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -15,7 +15,7 @@ struct Other {
 };
 
 layout(std430, binding = 0) readonly buffer Others { Other others[]; };
-layout(std430, binding = 1) buffer Maps { uint maps[]; };
+layout(std430, binding = 1) buffer Maps { uint maps[]; }; // out: the result in the words of the view
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

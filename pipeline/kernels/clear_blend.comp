@@ -1,5 +1,5 @@
 // The nearest surface of each pixel that enough views confirm, and the colour of the rays that see it: clear_surface,
-// clear_take and clear_blend of kernels.h. Buffers and constants: pipeline/gpu/clear.h.
+// clear_take and clear_blend of kernels.h. Constants: pipeline/gpu/clear.h.
 // Definition: clear_{surface,take,blend}_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -12,11 +12,15 @@ struct View {
     int top, end;
 };
 
-layout(std430, binding = 0) readonly buffer Views { View view[]; };
+layout(std430, binding = 0) readonly buffer Views { View view[]; }; // struct sst_gpu_clear_view[views]
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
-layout(std430, binding = 2) readonly buffer Landed { uint landed[]; };
+layout(std430, binding = 2) readonly buffer Landed { uint landed[]; }; // with `sampled`: the colours of rays
+// out if merged, uint32_t[rows * width]: stored disparity of the surface in 16 bits, 0xFFFF: none; above it how many
+// rays agree on the colour, times SST_GPU_CLEAR_SUPPORT
 layout(std430, binding = 3) writeonly buffer Seen { uint seen[]; };
+// with `sampled`: struct sst_gpu_clear_state[rows * width]; else not read
 layout(std430, binding = 4) readonly buffer State { uint state[]; };
+// out, uint32_t[rows * width]: R, G, B, weight 0..255: 255 is enough
 layout(std430, binding = 5) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,5 @@
-// All rays of all views go to the viewpoint; the nearest one at each pixel stays: clear_removed, clear_state, clear_land
-// of kernels.h. Buffers and constants: pipeline/gpu/clear.h. Definition: clear_{removed,state,land}_ref.c.
+// All rays of all views go to the viewpoint; the nearest one at each pixel stays: clear_removed, clear_state,
+// clear_land of kernels.h. Constants: pipeline/gpu/clear.h. Definition: clear_{removed,state,land}_ref.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 4) in;
@@ -10,12 +10,12 @@ struct View {
     int top, end;
 };
 
-layout(std430, binding = 0) readonly buffer Views { View view[]; };
-layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
+layout(std430, binding = 0) readonly buffer Views { View view[]; }; // struct sst_gpu_clear_view[views]
+layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; }; // as of blend.h
 layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };
-layout(std430, binding = 4) readonly buffer Masks { uint masks[]; };
-layout(std430, binding = 5) buffer Landed { uint landed[]; };
+layout(std430, binding = 4) readonly buffer Masks { uint masks[]; }; // a byte each, as valid pixels are
+layout(std430, binding = 5) buffer Landed { uint landed[]; }; // in and out, uint32_t[views][rows][pitch]
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;

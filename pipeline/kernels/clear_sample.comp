@@ -1,5 +1,5 @@
-// The rays of one view, sampled from its raw frame where they see the surface of their pixel: clear_take of kernels.h with
-// the colours of sst_sampler_row(). Buffers and constants: pipeline/gpu/clear_sample.h.
+// The rays of one view, sampled from its raw frame where they see the surface of their pixel: clear_take of kernels.h
+// with the colours of sst_sampler_row(). Constants: pipeline/gpu/clear_sample.h.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -13,10 +13,11 @@ struct Patch {
 
 layout(std430, binding = 0) readonly buffer Weights { int weight[]; };
 layout(std430, binding = 1) readonly buffer Frame { uint frame[]; };
-layout(std430, binding = 2) readonly buffer Patches { Patch patches[]; };
+layout(std430, binding = 2) readonly buffer Patches { Patch patches[]; }; // struct sst_place_patch[cell_rows][cells]
 layout(std430, binding = 3) readonly buffer List { int list[]; };
 layout(std430, binding = 4) readonly buffer Light { float light[]; };
-layout(std430, binding = 5) buffer State { uint state[]; };
+layout(std430, binding = 5) buffer State { uint state[]; }; // in and out
+// in and out, of all views: R, G, B, enum sst_gpu_clear_ray of the view's rays
 layout(std430, binding = 6) buffer Landed { uint landed[]; };
 
 layout(std430, push_constant) uniform Constants {

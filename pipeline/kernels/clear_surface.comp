@@ -5,8 +5,8 @@
 
 layout(local_size_x = 32, local_size_y = 4) in;
 
-layout(std430, binding = 0) readonly buffer Landed { uint landed[]; };
-layout(std430, binding = 1) writeonly buffer State { uint state[]; };
+layout(std430, binding = 0) readonly buffer Landed { uint landed[]; }; // as of clear.h
+layout(std430, binding = 1) writeonly buffer State { uint state[]; }; // out, struct sst_gpu_clear_state[rows * width]
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;

@@ -1,5 +1,5 @@
-// Costs of a view's features against those of one neighbour, at every step: feature_cost_rows of kernels.h. Buffers and
-// constants: pipeline/gpu/match.h. Definition: feature_cost_ref.c.
+// Costs of a view's features against those of one neighbour, at every step: feature_cost_rows of kernels.h. Constants:
+// pipeline/gpu/match.h. Definition: feature_cost_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,10 +1,11 @@
-// Costs of a view's features against those of one neighbour: for feature_cost.comp and feature_cost_dot.comp, which define
-// dot_of(a, b, sum), sum + the products of four components of type `Four`, and four_of(word) to make these.
+// Costs of a view's features against those of one neighbour: for feature_cost.comp and feature_cost_dot.comp, which
+// define dot_of(a, b, sum), sum + the products of four components of type `Four`, and four_of(word) to make these.
 
 #include "match_block.glsl"
 
 layout(std430, binding = 2) readonly buffer Features { uint features[]; };
-layout(std430, binding = 3) readonly buffer Others { uint others[]; };
+layout(std430, binding = 3) readonly buffer Others { uint others[]; }; // of the neighbour
+// out: the cost at a step's nearest pixel; SST_COST_ABSENT outside, and in the padding
 layout(std430, binding = 4) writeonly buffer Cost { uint cost[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,5 @@
-// Filling of what no view shows, along rows: the farther of the nearest known disparities to both sides, which is that of
-// the background. Buffers and constants: pipeline/gpu/check.h. Definition: sst_fill_background().
+// Filling of what no view shows, along rows: the farther of the nearest known disparities to both sides, which is that
+// of the background. Constants: pipeline/gpu/check.h. Definition: sst_fill_background().
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -7,8 +7,8 @@ layout(local_size_x = 32, local_size_y = 8) in;
 
 #include "planes.glsl"
 
-layout(std430, binding = 0) readonly buffer From { uint from[]; };
-layout(std430, binding = 1) writeonly buffer To { uint to[]; };
+layout(std430, binding = 0) readonly buffer From { uint from[]; }; // a map
+layout(std430, binding = 1) writeonly buffer To { uint to[]; }; // out: its words with these disparities; another buffer
 
 layout(std430, push_constant) uniform Constants {
     int width, height, none;

@@ -1,5 +1,5 @@
-// Filling of what no view shows, after fill_along: rows are known as a whole or not at all. Unknown ones get the last known
-// one above, or the first one below; without any, all are `none`. Buffers and constants: pipeline/gpu/check.h. Definition:
+// Filling of what no view shows, after fill_along: rows are known as a whole or not at all. Unknown ones get the last
+// known one above, or the first one below; without any, all are `none`. Constants: pipeline/gpu/check.h. Definition:
 // sst_fill_background().
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -8,8 +8,8 @@ layout(local_size_x = 32, local_size_y = 8) in;
 
 #include "planes.glsl"
 
-layout(std430, binding = 0) readonly buffer From { uint from[]; };
-layout(std430, binding = 1) writeonly buffer To { uint to[]; };
+layout(std430, binding = 0) readonly buffer From { uint from[]; }; // a map
+layout(std430, binding = 1) writeonly buffer To { uint to[]; }; // out: its words with these disparities; another buffer
 
 layout(std430, push_constant) uniform Constants {
     int width, height, none;

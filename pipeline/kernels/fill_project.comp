@@ -1,5 +1,5 @@
-// Filling: the correct pixels of another view arrive where their disparities put them; the nearest surface stays. Buffers
-// and constants: pipeline/gpu/check.h. Definition: sst_fill_views().
+// Filling: the correct pixels of another view arrive where their disparities put them; the nearest surface stays.
+// Constants: pipeline/gpu/check.h. Definition: sst_fill_views().
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -8,7 +8,7 @@ layout(local_size_x = 32, local_size_y = 8) in;
 #include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
-layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
+layout(std430, binding = 1) buffer Arrived { uint arrived[]; }; // in and out: disparity + 1
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

@@ -1,5 +1,5 @@
 // Filling of a view's disparities, the beginning: mismatches get the median of the nearest correct pixels in 16
-// directions, occlusions nothing yet. A group shares the directions of its mismatches. Buffers and constants:
+// directions, occlusions nothing yet. A group shares the directions of its mismatches. Constants:
 // pipeline/gpu/check.h. Definition: sst_fill_views().
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -10,8 +10,8 @@ layout(local_size_x = 32, local_size_y = 8) in;
 #include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
-layout(std430, binding = 1) writeonly buffer Out { uint result[]; };
-layout(std430, binding = 2) writeonly buffer Arrived { uint arrived[]; };
+layout(std430, binding = 1) writeonly buffer Out { uint result[]; }; // out: the view's map with these disparities
+layout(std430, binding = 2) writeonly buffer Arrived { uint arrived[]; }; // out, uint32_t[height][width]: 0
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

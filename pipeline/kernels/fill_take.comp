@@ -1,4 +1,4 @@
-// Filling: occlusions that are not known yet get what arrived there. Buffers and constants: pipeline/gpu/check.h.
+// Filling: occlusions that are not known yet get what arrived there. Constants: pipeline/gpu/check.h.
 // Definition: sst_fill_views().
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -8,8 +8,8 @@ layout(local_size_x = 32, local_size_y = 8) in;
 #include "planes.glsl"
 
 layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
-layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
-layout(std430, binding = 2) buffer Out { uint result[]; };
+layout(std430, binding = 1) buffer Arrived { uint arrived[]; }; // in; out: 0
+layout(std430, binding = 2) buffer Out { uint result[]; }; // in and out
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

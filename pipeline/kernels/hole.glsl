@@ -1,6 +1,9 @@
-// What the shaders of the pyramid that fills holes share. Buffers and constants: pipeline/gpu/hole.h.
+// What the shaders of the pyramid that fills holes share. Constants: pipeline/method/render/device_holes.c.
 
+// in and out, float[4] a pixel, levels one after the other: R, G, B times weight, the weight 0..1; once filled R, G,
+// B
 layout(std430, binding = 0) buffer Levels { vec4 level[]; };
+// in, of hole_push also out: uint32_t[height * width]: R, G, B, weight 0..255
 layout(std430, binding = 1) buffer Picture { uint picture[]; };
 
 layout(std430, push_constant) uniform Constants {

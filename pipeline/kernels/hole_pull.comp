@@ -1,5 +1,5 @@
-// A coarser level of the pyramid that fills holes: weighted means of four pixels. Buffers and constants:
-// pipeline/gpu/hole.h. Definition: pyramid_ref.h.
+// A coarser level of the pyramid that fills holes: weighted means of four pixels. Constants:
+// pipeline/method/render/device_holes.c. Definition: pyramid_ref.h.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,5 @@
-// Pixels of a level, or of the picture, filled from the coarser level as far as they lack weight. Buffers and constants:
-// pipeline/gpu/hole.h. Definition: pyramid_ref.h.
+// Pixels of a level, or of the picture, filled from the coarser level as far as they lack weight. Constants:
+// pipeline/method/render/device_holes.c. Definition: pyramid_ref.h.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

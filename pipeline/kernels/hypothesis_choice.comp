@@ -1,5 +1,5 @@
-// The cheapest hypothesis of each pixel; where it is not the pixel's own disparity, the confidence is the distance to the
-// next one. Buffers and constants: pipeline/gpu/hypotheses.h. Definition: hypothesis_choice_reference().
+// The cheapest hypothesis of each pixel; where it is not the pixel's own disparity, the confidence is the distance to
+// the next one. Constants: pipeline/gpu/hypotheses.h. Definition: `cpu` of the step.
 #version 450
 
 layout(local_size_x = 64) in;
@@ -7,6 +7,8 @@ layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Hypotheses { uint hypotheses[]; };
 layout(std430, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, binding = 2) readonly buffer Sum { uvec4 sums[]; };
+// out, uint32_t[pixels]: disparity | confidence << 16 | 1 << 24 if it is not the first one, which has no confidence
+// | the cheapest << 25 | mark << 28 | (how many - 1) << 29; the disparity is SST_DISP_NONE without any
 layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

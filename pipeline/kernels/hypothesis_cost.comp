@@ -1,5 +1,5 @@
 // Costs of the hypotheses of a view: hypothesis_cost_row of kernels.h, and what follows from them for the optimisation.
-// An invocation per pixel. Buffers and constants: pipeline/gpu/hypotheses.h. Definition: hypothesis_cost_ref.c.
+// An invocation per pixel. Constants: pipeline/gpu/hypotheses.h. Definition: hypothesis_cost_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -12,9 +12,10 @@ struct View {
 
 layout(std430, binding = 0) readonly buffer Views { View views[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 2) readonly buffer Hypotheses { uvec4 hypotheses[]; };
+layout(std430, binding = 2) readonly buffer Hypotheses { uvec4 hypotheses[]; }; // uint16_t[pixels][8]
+// in: how many; out: how many | how many that are left << 8 | the cheapest << 16 | mark << 24
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
-layout(std430, binding = 4) writeonly buffer Cost { uvec4 costs[]; };
+layout(std430, binding = 4) writeonly buffer Cost { uvec4 costs[]; }; // out, uint16_t[pixels][8]
 
 layout(std430, push_constant) uniform Constants {
     int width, height, count;

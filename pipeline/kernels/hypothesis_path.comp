@@ -1,16 +1,17 @@
 // Paths of the optimisation over hypotheses: hypothesis_path_row of kernels.h. Eight invocations follow a
-// path together, each with one hypothesis of every pixel; four paths a group. Buffers and constants:
+// path together, each with one hypothesis of every pixel; four paths a group. Constants:
 // pipeline/gpu/hypotheses.h. Definition: hypothesis_path_ref.c.
 #version 450
 
 layout(local_size_x = 8, local_size_y = 4) in;
 
 layout(std430, binding = 0) readonly buffer Pixels { uint pixels[]; };
+// uint32_t[256]: p1 | p2 << 16 by colour step
 layout(std430, binding = 1) readonly buffer Penalties { uint penalties[256]; };
 layout(std430, binding = 2) readonly buffer Hypotheses { uint hypotheses[]; };
-layout(std430, binding = 3) readonly buffer Counts { uint counts[]; };
+layout(std430, binding = 3) readonly buffer Counts { uint counts[]; }; // of hypothesis_cost
 layout(std430, binding = 4) readonly buffer Cost { uint costs[]; };
-layout(std430, binding = 5) buffer Sum { uint sum[]; };
+layout(std430, binding = 5) buffer Sum { uint sum[]; }; // in and out, uint32_t[pixels][8]
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

@@ -1,6 +1,6 @@
-// hypothesis_path.comp for devices whose subgroups have a group's 32 invocations: the last pixel's path costs and hypotheses
-// come from the other invocations' registers, without a barrier. What four pixels need is read while the four before them
-// are followed.
+// hypothesis_path.comp for devices whose subgroups have a group's 32 invocations: the last pixel's path costs and
+// hypotheses come from the other invocations' registers, without a barrier. What four pixels need is read while the
+// four before them are followed.
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_basic : require

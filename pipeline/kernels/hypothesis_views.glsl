@@ -1,5 +1,5 @@
-// Cost of a disparity of a pixel by the other views, shared by hypothesis_cost and sweep_points, which declare the views,
-// the pixels and the constants that it reads. Definition: hypothesis_cost_ref.c.
+// Cost of a disparity of a pixel by the other views, shared by hypothesis_cost and sweep_points, which declare the
+// views, the pixels and the constants that it reads. Definition: hypothesis_cost_ref.c.
 
 const uint LIMIT = 480, FAR = 12000, OUTSIDE = 255;
 

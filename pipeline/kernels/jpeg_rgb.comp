@@ -1,10 +1,11 @@
-// The pixels of a frame from the samples of a JPEG: chroma enlarged, then colours. Buffers and constants:
-// pipeline/gpu/jpeg_rgb.h. Definition: jpeg_rgb_reference().
+// The pixels of a frame from the samples of a JPEG: chroma enlarged, then colours. Constants:
+// pipeline/method/render/device_frames.c. Definition: libjpeg-turbo.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-layout(std430, binding = 0) readonly buffer Planes { uint planes[]; };
+layout(std430, binding = 0) readonly buffer Planes { uint planes[]; }; // bytes, as of struct sst_jpeg_planes
+// out, uint32_t [height][width]: R, G, B and 255 from the lowest byte up
 layout(std430, binding = 1) buffer Frame { uint frame[]; };
 
 layout(std430, push_constant) uniform Constants {

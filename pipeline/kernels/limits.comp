@@ -1,10 +1,10 @@
-// What a device reaches at most: copies words, or multiplies and adds. Buffers and constants: pipeline/gpu/gpu_internal.h.
+// What a device reaches at most: copies words, or multiplies and adds. Constants: pipeline/gpu/gpu_internal.h.
 #version 450
 
 layout(local_size_x = 256) in;
 
-layout(std430, binding = 0) readonly buffer From { vec4 from[]; };
-layout(std430, binding = 1) writeonly buffer To { vec4 to[]; };
+layout(std430, binding = 0) readonly buffer From { vec4 from[]; }; // float [count][4]
+layout(std430, binding = 1) writeonly buffer To { vec4 to[]; }; // out, float [count][4]
 
 layout(std430, push_constant) uniform Constants {
     uint count, rounds;

@@ -1,6 +1,6 @@
-// A block of a tile's volume, 32 pixels of a row by 8 quads of disparities: for match_cost.comp and feature_cost.comp. An
-// invocation has a quad of a pixel. Neighbouring ones compute neighbouring pixels, whose reads of the views lie side by side;
-// the volume lies pixel by pixel, so what is read from and written to it passes through shared memory.
+// A block of a tile's volume, 32 pixels of a row by 8 quads of disparities: for match_cost.comp and feature_cost.comp.
+// An invocation has a quad of a pixel. Neighbouring ones compute neighbouring pixels, whose reads of the views lie side
+// by side; the volume lies pixel by pixel, so what is read from and written to it passes through shared memory.
 
 struct Tile {
     int x0, y0, width, height, left, top, pitch, rows, first, steps, nd;
@@ -11,8 +11,8 @@ struct Step {
     int x, y, layer, near_x, near_y;
 };
 
-layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
-layout(std430, binding = 1) readonly buffer Steps { Step steps[]; };
+layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; }; // struct sst_gpu_tile[]
+layout(std430, binding = 1) readonly buffer Steps { Step steps[]; }; // struct sst_gpu_step[]: all steps of the view
 
 const uint PIXELS = 32, QUADS = 8, PITCH = QUADS + 1; // of shared memory: other banks for other pixels
 

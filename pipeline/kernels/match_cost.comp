@@ -1,5 +1,5 @@
 // Matching costs of a view against one neighbour, of the census, of features or of both, gathered over neighbours:
-// hamming_row, cheapest_row and cheapest_mean_row of kernels.h. Buffers and constants: pipeline/gpu/match.h. Definitions:
+// hamming_row, cheapest_row and cheapest_mean_row of kernels.h. Constants: pipeline/gpu/match.h. Definitions:
 // census_ref.c, cheapest_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -8,11 +8,13 @@ layout(local_size_x = 256) in;
 
 #include "match_block.glsl"
 
+// of the view; not read without SST_GPU_MATCH_MASKS
 layout(std430, binding = 2) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 3) readonly buffer Others { uint others[]; };
-layout(std430, binding = 4) readonly buffer Census { uvec2 census[]; };
-layout(std430, binding = 5) readonly buffer OtherCensus { uvec2 other_census[]; };
-layout(std430, binding = 6) buffer Sum { uvec2 cheapest[]; };
+layout(std430, binding = 3) readonly buffer Others { uint others[]; }; // of the neighbour; likewise
+layout(std430, binding = 4) readonly buffer Census { uvec2 census[]; }; // uint64_t[height][width]
+layout(std430, binding = 5) readonly buffer OtherCensus { uvec2 other_census[]; }; // uint64_t[layers][height][width]
+layout(std430, binding = 6) buffer Sum { uvec2 cheapest[]; }; // in and out: the cheapest cost | the second one << 8
+// in, with SST_GPU_MATCH_FEATURES; out, with SST_GPU_MATCH_LAST
 layout(std430, binding = 7) buffer Cost { uint cost[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,12 +1,12 @@
-// Median of 5x5 disparities, borders repeated: median5_row of kernels.h. Buffers and constants: pipeline/gpu/match.h.
+// Median of 5x5 disparities, borders repeated: median5_row of kernels.h. Constants: pipeline/gpu/match.h.
 // Definition: median_ref.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Map { uint map[]; };
-layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; }; // not read without masks
+layout(std430, binding = 2) writeonly buffer Out { uint result[]; }; // out; the upper halves are copied
 
 layout(std430, push_constant) uniform Constants {
     int width, height, masks;

@@ -1,11 +1,11 @@
-// A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order; each
-// product is rounded with its sum. Buffers and constants: pipeline/gpu/net.h. Definition: the plan
-// for the CPU, pipeline/method/network/plan_conv.c.
+// A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order;
+// each product is rounded with its sum. Constants: pipeline/gpu/net.h. Definition: the plan for the CPU,
+// pipeline/method/network/plan_conv.c.
 #version 450
 
 layout(local_size_x = 128) in;
 
-layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; };
+layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; }; // weights, biases, positions of samples
 layout(std430, binding = 1) readonly buffer From { uint from_word[]; };
 layout(std430, binding = 2) buffer To { uint to_word[]; };
 

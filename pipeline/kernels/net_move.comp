@@ -1,4 +1,4 @@
-// Copies and converts a tensor: layouts, floats and bytes. Buffers and constants: pipeline/gpu/net.h. Definition:
+// Copies and converts a tensor: layouts, floats and bytes. Constants: pipeline/gpu/net.h. Definition:
 // reorders of the plan for the CPU, pipeline/method/network/plan_dnnl.c.
 #version 450
 

@@ -1,4 +1,4 @@
-// Means over bins, to floats. A group sums four channels of a bin, in two parts. Buffers and constants:
+// Means over bins, to floats. A group sums four channels of a bin, in two parts. Constants:
 // pipeline/gpu/net.h. Definition: op_adaptive_pool().
 #version 450
 #extension GL_GOOGLE_include_directive : require

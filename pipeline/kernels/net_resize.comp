@@ -1,4 +1,4 @@
-// Bilinear resize to floats. Buffers and constants: pipeline/gpu/net.h. Definition: op_resize().
+// Bilinear resize to floats. Constants: pipeline/gpu/net.h. Definition: op_resize().
 #version 450
 
 layout(local_size_x = 64) in;

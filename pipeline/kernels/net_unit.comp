@@ -1,4 +1,4 @@
-// Vectors over the channels of a pixel, brought to a length and rounded to bytes. Buffers and constants:
+// Vectors over the channels of a pixel, brought to a length and rounded to bytes. Constants:
 // pipeline/gpu/net.h. Definition: op_normalize_s8().
 #version 450
 

@@ -1,5 +1,5 @@
-// The pixels of a view from its raw frame: place_row, resample_row and light_row of kernels.h. Buffers and constants:
-// pipeline/gpu/rectify.h. Definition: rectify_reference().
+// The pixels of a view from its raw frame: place_row, resample_row and light_row of kernels.h. Constants:
+// pipeline/gpu/rectify.h. Definition: sst_rectify_view() of the CPU.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -11,11 +11,16 @@ struct Places {
     int most[2];
 };
 
+// int32_t [SST_RESAMPLE_PHASES][taps], as of struct sst_resample
 layout(std430, binding = 0) readonly buffer Weights { int weight[]; };
+// uint32_t [raw_height][raw_width]: R, G, B and an unused byte from the lowest up
 layout(std430, binding = 1) readonly buffer Frame { uint frame[]; };
-layout(std430, binding = 2) readonly buffer Cells { Places places[]; };
-layout(std430, binding = 3) readonly buffer List { int list[]; };
+layout(std430, binding = 2) readonly buffer Cells { Places places[]; }; // struct sst_places [height][cells], a table
+layout(std430, binding = 3) readonly buffer List { int list[]; }; // int32_t pairs, for SST_PLACES_LISTED
+// float: sst_gpu_rectify_light(), the fall-off's factors [light_rows][light_cols], their 2.4th roots likewise; not
+// read without SST_GPU_RECTIFY_LIT
 layout(std430, binding = 4) readonly buffer Light { float light[]; };
+// out, a byte each: 255, or 0 without a position in the frame
 layout(std430, binding = 5) buffer Valid { uint valid[]; };
 layout(std430, binding = 6) buffer Pixels { uint pixel[]; };
 

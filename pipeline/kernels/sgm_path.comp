@@ -1,5 +1,5 @@
 // Paths of the semi-global optimisation: sgm_along_rows and sgm_across_row of kernels.h. A group follows
-// one path, pixel by pixel, from tile to tile; each invocation has four disparities of every 128. Buffers and constants:
+// one path, pixel by pixel, from tile to tile; each invocation has four disparities of every 128. Constants:
 // pipeline/gpu/match.h. Definition: sgm_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

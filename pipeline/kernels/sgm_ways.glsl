@@ -1,5 +1,5 @@
-// Directions of paths, for sgm_path.comp and its variant: sst_gpu_way() of pipeline/gpu/match.h. They declare the constants
-// that this reads.
+// Directions of paths, for sgm_path.comp and its variant: sst_gpu_way() of pipeline/gpu/match.h. They declare the
+// constants that this reads.
 
 int dx, dy;
 

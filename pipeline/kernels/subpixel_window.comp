@@ -1,5 +1,5 @@
 // Sums of weights and disparities over the similar pixels of 5x5 windows, subpixel_window_row of kernels.h, and the
-// disparities that follow from them. Buffers and constants: pipeline/gpu/subpixel.h. Definition: subpixel_ref.c, and
+// disparities that follow from them. Constants: pipeline/gpu/subpixel.h. Definition: subpixel_ref.c, and
 // step_all() and finish() of pipeline/method/disparity/subpixel.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -8,10 +8,13 @@
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
+// uint32_t[height][width]: R, G, B from the lowest byte up
 layout(std430, binding = 0) readonly buffer Colours { uint colours[]; };
 layout(std430, binding = 1) readonly buffer Disparities { uint disp[]; };
+// of subpixel_fit; with `wide` those that the last step left
 layout(std430, binding = 2) readonly buffer Weights { vec2 weights[]; };
-layout(std430, binding = 3) writeonly buffer Left { vec2 left[]; };
+layout(std430, binding = 3) writeonly buffer Left { vec2 left[]; }; // out, without `wide`: of the windows
+// out: disparities; with `wide` SST_DISP_NONE where it is not known
 layout(std430, binding = 4) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

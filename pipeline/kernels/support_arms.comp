@@ -1,10 +1,11 @@
-// Arms of the support regions: how far a pixel's colour goes to the left, right, up and down. Buffers and constants:
-// pipeline/gpu/match.h. Definition: support_arms_reference().
+// Arms of the support regions: how far a pixel's colour goes to the left, right, up and down. Constants:
+// pipeline/gpu/match.h. Definition: pipeline/method/disparity/support.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Pixels { uint pixels[]; };
+// out, uint32_t[height][width]: left, right, up, down from the lowest byte up
 layout(std430, binding = 1) writeonly buffer Arms { uint arms[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,5 @@
 // Means over the support regions from the sums of their rows: the second half of an aggregation, support_mean_row of
-// kernels.h with the sum over rows. An invocation has four disparities of a pixel. Buffers and constants:
+// kernels.h with the sum over rows. An invocation has four disparities of a pixel. Constants:
 // pipeline/gpu/match.h. Definition: support_ref.c.
 #version 450
 
@@ -12,8 +12,8 @@ struct Tile {
 
 layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
 layout(std430, binding = 1) readonly buffer Arms { uint arms[]; };
-layout(std430, binding = 2) readonly buffer Sum { uint sum[]; };
-layout(std430, binding = 3) writeonly buffer Cost { uint cost[]; };
+layout(std430, binding = 2) readonly buffer Sum { uint sum[]; }; // in, of support_sum
+layout(std430, binding = 3) writeonly buffer Cost { uint cost[]; }; // in and out
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

@@ -1,5 +1,5 @@
 // Costs summed over the horizontal arms of the support regions: the first half of an aggregation, support_sum_row of
-// kernels.h without the sum over rows. An invocation has four disparities of a pixel. Buffers and constants:
+// kernels.h without the sum over rows. An invocation has four disparities of a pixel. Constants:
 // pipeline/gpu/match.h. Definition: support_ref.c.
 #version 450
 
@@ -13,7 +13,7 @@ struct Tile {
 layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
 layout(std430, binding = 1) readonly buffer Arms { uint arms[]; };
 layout(std430, binding = 2) readonly buffer Cost { uint cost[]; };
-layout(std430, binding = 3) writeonly buffer Sum { uint sum[]; };
+layout(std430, binding = 3) writeonly buffer Sum { uint sum[]; }; // out: sums of costs over left and right arms
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

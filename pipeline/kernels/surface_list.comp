@@ -1,18 +1,19 @@
 // The hypotheses of each pixel: its own disparity, the surfaces around it, surfaces that other views project onto
-// it and surfaces that the sweep finds. Windows of surface_rows are completed along columns. Buffers and constants:
+// it and surfaces that the sweep finds. Windows of surface_rows are completed along columns. Constants:
 // pipeline/gpu/surfaces.h. Definition: sst_around_list() of pipeline/method/disparity/around.c.
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-layout(std430, binding = 0) readonly buffer Map { uint map[]; };
-layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = 0) readonly buffer Map { uint map[]; }; // of the view
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; }; // of the view, with depth codes: hypotheses.h
 layout(std430, binding = 2) readonly buffer Rows { uint rows[]; };
 layout(std430, binding = 3) readonly buffer Projected { uint projected[]; };
-layout(std430, binding = 4) readonly buffer Peaks { uint peaks[]; };
+layout(std430, binding = 4) readonly buffer Peaks { uint peaks[]; }; // of `sweep_peaks`
+// out, uint16_t[pixels][SST_HYPOTHESES]: unused ones repeat the last, or are 0
 layout(std430, binding = 5) writeonly buffer Hypotheses { uvec4 hypotheses[]; };
-layout(std430, binding = 6) writeonly buffer Counts { uint counts[]; };
+layout(std430, binding = 6) writeonly buffer Counts { uint counts[]; }; // out, uint32_t[pixels]: how many
 
 layout(std430, push_constant) uniform Constants {
     int width, height;

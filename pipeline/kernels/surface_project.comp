@@ -1,4 +1,4 @@
-// Surfaces that other views project onto each pixel of a view: the farthest and the nearest one. Buffers and constants:
+// Surfaces that other views project onto each pixel of a view: the farthest and the nearest one. Constants:
 // pipeline/gpu/surfaces.h. Definition: project_around() of
 // pipeline/method/disparity/around.c.
 #version 450
@@ -10,8 +10,9 @@ struct Other {
     int across, across_part, across_step, down, down_part, down_step;
 };
 
-layout(std430, binding = 0) readonly buffer Others { Other others[]; };
-layout(std430, binding = 1) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 0) readonly buffer Others { Other others[]; }; // struct sst_gpu_check_other[]
+layout(std430, binding = 1) readonly buffer Maps { uint maps[]; }; // of all views
+// in and out, uint32_t[2][height][width]: farthest (SST_DISP_NONE: none), nearest (0: none)
 layout(std430, binding = 2) buffer Projected { uint projected[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,11 +1,13 @@
-// Surfaces around each pixel of a view, the part along rows: farthest and nearest disparity in windows of three sizes, and
-// whether those hold a step. Buffers and constants: pipeline/gpu/surfaces.h. Definition: find_extremes() and find_steps() of
+// Surfaces around each pixel of a view, the part along rows: farthest and nearest disparity in windows of three sizes,
+// and whether those hold a step. Constants: pipeline/gpu/surfaces.h. Definition: find_extremes() and find_steps() of
 // pipeline/method/disparity/around.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
-layout(std430, binding = 0) readonly buffer Map { uint map[]; };
+layout(std430, binding = 0) readonly buffer Map { uint map[]; }; // of the view
+// out, uint32_t[4][height][width]: farthest | nearest << 16 of each window (SST_DISP_NONE and 0 where nothing is
+// known), then a bit per window: it holds no step
 layout(std430, binding = 1) writeonly buffer Rows { uint rows[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,5 @@
-// Pixels left to votes are mixed with what their rays agree on: agree_sum of kernels.h over all views. Buffers and constants:
-// pipeline/gpu/verify.h. Definition: verify_blend_reference().
+// Pixels left to votes are mixed with what their rays agree on: agree_sum of kernels.h over all views. Constants:
+// pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -9,7 +9,7 @@ layout(std430, binding = 0) readonly buffer Share { float share[]; };
 layout(std430, binding = 1) readonly buffer Rays { uint ray[]; };
 layout(std430, binding = 2) readonly buffer NearIn { uint near[]; };
 layout(std430, binding = 3) readonly buffer Totals { float totals[]; };
-layout(std430, binding = 4) buffer Out { uint result[]; };
+layout(std430, binding = 4) buffer Out { uint result[]; }; // in and out: of blend
 
 #include "verify.glsl"
 #include "verify_ramp.glsl"

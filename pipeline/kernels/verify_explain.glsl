@@ -1,4 +1,5 @@
-// Whether the maps explain a ray: for verify_screen.comp and verify_unexplained.comp. Definition: explainer_contradicts().
+// Whether the maps explain a ray: for verify_screen.comp and verify_unexplained.comp. Definition:
+// explainer_contradicts().
 
 struct Near {
     float bx, by;
@@ -11,12 +12,13 @@ struct Explained {
     Near near[8];
 };
 
-layout(std430, binding = 0) readonly buffer Views { Explained view[]; };
+layout(std430, binding = 0) readonly buffer Views { Explained view[]; }; // struct sst_gpu_verify_view[count]
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };
+// float [65535] disparities in pixels, by what is stored
 layout(std430, binding = 4) readonly buffer DispPx { float disp_px[]; };
-layout(std430, binding = 5) buffer Share { float share[]; };
+layout(std430, binding = 5) buffer Share { float share[]; }; // in and out: becomes 0 in cells that are closed
 
 const uint NONE = 0xFFFF;
 const int PART = 64;

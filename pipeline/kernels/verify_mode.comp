@@ -1,5 +1,5 @@
-// The colour of each pixel with most votes, and how near its rays are to it: agree_mode and agree_near of kernels.h. Buffers
-// and constants: pipeline/gpu/verify.h. Definition: verify_mode_reference().
+// The colour of each pixel with most votes, and how near its rays are to it: agree_mode and agree_near of kernels.h.
+// Constants: pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -7,7 +7,9 @@ layout(local_size_x = 32, local_size_y = 4) in;
 
 layout(std430, binding = 0) readonly buffer Share { float share[]; };
 layout(std430, binding = 1) readonly buffer Rays { uint ray[]; };
+// out, uint32_t [count / 2, rounded up][rays]: weights of two views' rays, the first in the lower half
 layout(std430, binding = 2) writeonly buffer NearOut { uint near[]; };
+// out, float [2][rays]: the first plane: all votes of the pixel
 layout(std430, binding = 3) writeonly buffer Totals { float totals[]; };
 
 #include "verify.glsl"

@@ -1,5 +1,5 @@
-// Colours and votes of the rays around pixels left to votes: blend_take and agree_votes of kernels.h. Buffers and constants:
-// pipeline/gpu/verify.h. Definition: verify_rays_reference().
+// Colours and votes of the rays around pixels left to votes: blend_take and agree_votes of kernels.h. Constants:
+// pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -7,11 +7,13 @@ layout(local_size_x = 32, local_size_y = 4) in;
 
 #include "blend_view.glsl"
 
+// as of verify_share
 layout(std430, binding = 0) readonly buffer Params { Label label[256]; uint rarity[1024]; View view[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };
 layout(std430, binding = 4) readonly buffer Table { float table[]; };
+// a byte each; not read without SST_GPU_VIEW_CONFIDENCE
 layout(std430, binding = 5) readonly buffer Confidence { uint confidence[]; };
 layout(std430, binding = 6) readonly buffer Share { float share[]; };
 layout(std430, binding = 7) writeonly buffer Rays { uint ray[]; };

@@ -1,5 +1,5 @@
-// Cells of which the maps explain most rays are closed. Buffers and constants: pipeline/gpu/verify.h. Definition:
-// verify_screen_reference().
+// Cells of which the maps explain most rays are closed. Constants: pipeline/gpu/verify.h. Definition:
+// pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -9,7 +9,7 @@ layout(local_size_x = 32) in;
 #include "verify.glsl"
 #include "verify_explain.glsl"
 
-layout(std430, binding = 6) buffer Cells { uint cell[]; };
+layout(std430, binding = 6) buffer Cells { uint cell[]; }; // in and out
 
 const int STEP = 4, SCREEN_SHARE = 8;
 const int ACROSS = int(CELL_WIDTH) / STEP; // pixels of a row that are looked at

@@ -1,5 +1,5 @@
-// What fraction of each pixel the maps leave to votes: sst_verify_share() of verify_ref.h over all rays. Buffers and
-// constants: pipeline/gpu/verify.h. Definition: verify_share_reference().
+// What fraction of each pixel the maps leave to votes: sst_verify_share() of verify_ref.h over all rays. Constants:
+// pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -7,10 +7,13 @@ layout(local_size_x = 32, local_size_y = 4) in;
 
 #include "blend_view.glsl"
 
+// struct sst_gpu_blend_params, with the place of each view among all of the picture
 layout(std430, binding = 0) readonly buffer Params { Label label[256]; uint rarity[1024]; View view[]; };
-layout(std430, binding = 1) readonly buffer Disp { uint disp[]; };
-layout(std430, binding = 2) readonly buffer Sums { float sums[]; };
-layout(std430, binding = 3) readonly buffer Out { uint result[]; };
+layout(std430, binding = 1) readonly buffer Disp { uint disp[]; }; // as of blend.h
+layout(std430, binding = 2) readonly buffer Sums { float sums[]; }; // in: sums of weights in the fourth plane
+layout(std430, binding = 3) readonly buffer Out { uint result[]; }; // in: of blend
+// in and out, float [3][rows * width]: the fraction, 0..1; between dispatches apertures of all rays, of those that
+// end in front
 layout(std430, binding = 4) buffer Share { float share[]; };
 layout(std430, binding = 5) buffer Cells { uint cell[]; };
 

@@ -1,5 +1,5 @@
-// Unexplained rays of the pixels around those left to votes. Buffers and constants: pipeline/gpu/verify.h. Definition:
-// verify_unexplained_reference().
+// Unexplained rays of the pixels around those left to votes. Constants: pipeline/gpu/verify.h. Definition:
+// pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -10,7 +10,7 @@ layout(local_size_x = 32, local_size_y = 4) in;
 #include "verify_explain.glsl"
 #include "verify_needed.glsl"
 
-layout(std430, binding = 6) buffer Totals { float totals[]; };
+layout(std430, binding = 6) buffer Totals { float totals[]; }; // out, the second plane: apertures of unexplained rays
 
 bool seen(uint v, int x, int y)
 {

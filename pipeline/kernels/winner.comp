@@ -1,6 +1,6 @@
 // Winner of each pixel's summed costs between the steps, and its confidence: winner_row of kernels.h and the parabola
-// through three costs. Eight invocations look through a pixel's costs together. Buffers and constants:
-// pipeline/gpu/match.h. Definition: winner_ref.c, and winner_reference() for the parabola.
+// through three costs. Eight invocations look through a pixel's costs together. Constants: pipeline/gpu/match.h.
+// Definition: winner_ref.c.
 #version 450
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -13,6 +13,7 @@ struct Tile {
 layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
 layout(std430, binding = 1) readonly buffer Sum { uint sum[]; };
 layout(std430, binding = 2) readonly buffer Cost { uint cost[]; };
+// out, uint32_t[rows][width]: disparity in 1/64 px above the smallest | confidence << 16
 layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -9,7 +9,6 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/gpu/carry.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -219,6 +218,13 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
+/* Constants of carry_project, with a layer of groups per source, and carry_close (std430). Maps are SST_PLANE_MAP. */
+struct carry_constants {
+    int32_t width, height;
+    int32_t agreed;  /* not 0: wanted; else only the first one of `arrived` is used */
+    int32_t checked; /* not 0: pixels that the check calls correct come first, and their results are correct */
+};
+
 /* The same on a device. */
 static void carry_on_device(struct sst_run *r, void *job, int k)
 {
@@ -228,7 +234,7 @@ static void carry_on_device(struct sst_run *r, void *job, int k)
     const int width = own->disp->width, height = own->disp->height;
     const size_t n = (size_t)width * (size_t)height;
     const struct sst_gpu_background background = { width, height, SST_DISP_NONE };
-    const struct sst_gpu_carry push = { width, height, own->agreed != NULL, c->status != NULL };
+    const struct carry_constants push = { width, height, own->agreed != NULL, c->status != NULL };
     struct sst_gpu_check_other source[CARRY_SOURCES];
     int from[CARRY_SOURCES];
     const int count = run_carry_sources(c->in, k, from);

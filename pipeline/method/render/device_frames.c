@@ -13,7 +13,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/rectify.h"
 #include "pipeline/kernels/place_patch.h"
 #include "pipeline/method/render/device_internal.h"
@@ -239,10 +238,25 @@ static uint32_t groups(int n, int of)
     return (uint32_t)((n + of - 1) / of);
 }
 
+/* Constants of jpeg_rgb (std430): chroma is enlarged with the weights 3/4 and 1/4 (9/16, 3/16, 3/16, 1/16 in both
+ * directions), then colours are those of BT.601 in full range, in 1/65536: whole numbers, with the bytes of
+ * libjpeg-turbo, whose decoder for images is the definition. */
+struct jpeg_rgb {
+    int32_t width, height;
+    int32_t count;        /* of planes: 3, or 1: grey */
+    int32_t across, down; /* pixels for one sample of chroma: 1 x 1, 2 x 1, 2 x 2 */
+    int32_t chroma_width, chroma_height;
+    uint32_t at[3], stride[3]; /* of the planes; bytes */
+};
+
+/* Pixels of a group. */
+#define JPEG_GROUP_WIDTH  32
+#define JPEG_GROUP_HEIGHT 8
+
 /* The pixels of a frame from the samples of a JPEG. */
 static void make_colours(struct render_device *d, const struct sst_jpeg_planes *p, struct sst_gpu_range frame)
 {
-    struct sst_gpu_jpeg push = { .width = p->width,
+    struct jpeg_rgb push = { .width = p->width,
                                  .height = p->height,
                                  .count = p->count,
                                  .across = p->across,
@@ -254,8 +268,8 @@ static void make_colours(struct render_device *d, const struct sst_jpeg_planes *
         push.at[i] = (uint32_t)p->at[i];
         push.stride[i] = (uint32_t)p->stride[i];
     }
-    SST_RUN_GROUPS(d->run, SST_GPU_JPEG_RGB, &push, groups(p->width, SST_GPU_JPEG_GROUP_WIDTH),
-                   groups(p->height, SST_GPU_JPEG_GROUP_HEIGHT), 1, d->frames.samples, frame);
+    SST_RUN_GROUPS(d->run, SST_GPU_JPEG_RGB, &push, groups(p->width, JPEG_GROUP_WIDTH),
+                   groups(p->height, JPEG_GROUP_HEIGHT), 1, d->frames.samples, frame);
 }
 
 /* Copy a frame to the device: to stay there, if other pictures may need it and there is room, else to where the next

@@ -1,27 +1,38 @@
-/* The holes of clear pictures on a device: a pyramid of weighted means, as fill.c makes it. */
+/* The holes of clear pictures on a device: a pyramid of weighted means, as fill.c makes it, each level half the size of
+ * the finer one, up to a single pixel. hole_pull makes a level from the finer one or from the picture, hole_push fills
+ * a level or the picture from the coarser one. */
 #include "base/thread.h"
-#include "pipeline/gpu/hole.h"
 #include "pipeline/kernels/pyramid_ref.h"
 #include "pipeline/method/render/device_internal.h"
 
-_Static_assert(sizeof(struct sst_gpu_hole) == 20, "the layout of hole.glsl");
+/* Constants of both shaders (std430, pipeline/kernels/hole.glsl). */
+struct hole {
+    int32_t width, height; /* of the finer level, or of the picture; the coarser one has half of it, rounded up */
+    uint32_t finer;        /* where the levels begin in their buffer; not read with from_picture */
+    uint32_t coarser;
+    uint32_t from_picture; /* not 0: the finer level is the picture */
+};
+
+/* Pixels of a group: of the coarser level for hole_pull, of the finer one for hole_push. */
+#define GROUP_WIDTH  32
+#define GROUP_HEIGHT 4
+#define LEVELS_MOST  17 /* of sides up to 2^16 */
 
 /* Pairs of a level and the next one, the picture and the first level first. @return their number */
-static int plan_levels(struct sst_gpu_hole pair[SST_GPU_HOLE_LEVELS_MOST], int width, int height)
+static int plan_levels(struct hole pair[LEVELS_MOST], int width, int height)
 {
     uint32_t at = 0;
     int n = 0;
 
-    pair[n++] = (struct sst_gpu_hole){ .width = width, .height = height, .from_picture = 1 };
+    pair[n++] = (struct hole){ .width = width, .height = height, .from_picture = 1 };
     for (;;) {
         width = sst_pyramid_half(width);
         height = sst_pyramid_half(height);
         if (width == 1 && height == 1)
             return n;
-        pair[n++] = (struct sst_gpu_hole){ .width = width,
-                                           .height = height,
-                                           .finer = at,
-                                           .coarser = at + (uint32_t)width * (uint32_t)height };
+        pair[n++] = (struct hole){
+            .width = width, .height = height, .finer = at, .coarser = at + (uint32_t)width * (uint32_t)height
+        };
         at = pair[n - 1].coarser;
     }
 }
@@ -34,17 +45,17 @@ static uint32_t groups(int n, int of)
 void clear_fill_on_device(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture,
                           struct sst_gpu_range levels)
 {
-    struct sst_gpu_hole pair[SST_GPU_HOLE_LEVELS_MOST];
+    struct hole pair[LEVELS_MOST];
     const int n = plan_levels(pair, c->width, c->height);
 
     for (int i = 0; i < 2 * n; i++) {
         const bool pulls = i < n;
-        const struct sst_gpu_hole *p = &pair[pulls ? i : 2 * n - 1 - i];
+        const struct hole *p = &pair[pulls ? i : 2 * n - 1 - i];
         const int width = pulls ? sst_pyramid_half(p->width) : p->width;
         const int height = pulls ? sst_pyramid_half(p->height) : p->height;
 
-        SST_RUN_GROUPS(r, pulls ? SST_GPU_HOLE_PULL : SST_GPU_HOLE_PUSH, p, groups(width, SST_GPU_HOLE_GROUP_WIDTH),
-                       groups(height, SST_GPU_HOLE_GROUP_HEIGHT), 1, levels, picture);
+        SST_RUN_GROUPS(r, pulls ? SST_GPU_HOLE_PULL : SST_GPU_HOLE_PUSH, p, groups(width, GROUP_WIDTH),
+                       groups(height, GROUP_HEIGHT), 1, levels, picture);
     }
 }
 
