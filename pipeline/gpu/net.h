@@ -2,7 +2,7 @@
  *
  * A tensor of c channels has pixels row by row, the channels of a pixel side by side in a multiple of four: floats of a
  * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits. A layer may read
- * and write one buffer, if what is read is not what is written.
+ * and write one buffer, if no word is both read and written.
  *
  * They give the same bytes on every device: sums of bytes are exact, sums of floats have one order and one rounding for
  * a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts. They are defined by the plan

@@ -1,5 +1,5 @@
 // The rays of views summed into a picture: blend_rays, blend_plain, blend_support and blend_finish of kernels.h for all
-// views and rows. An invocation has several pixels of a column, whose rays share the rows between them. Constants:
+// views and rows. An invocation has several pixels of a column, which share the rows of their rays. Constants:
 // pipeline/gpu/blend.h. Definition: blend_*_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

@@ -1,5 +1,5 @@
-// What stays of a view in the words that a step reads, and what a step leaves in those that stay. Constants and
-// conversions: pipeline/gpu/convert.h. Definition: the steps.
+// Words that a step reads made of resident planes, and resident planes of its results. Constants and conversions:
+// pipeline/gpu/convert.h. Definition: the steps.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
@@ -7,7 +7,7 @@ layout(local_size_x = 32, local_size_y = 8) in;
 layout(std430, binding = 0) readonly buffer Colours { uint pixel[]; };
 layout(std430, binding = 1) readonly buffer Map { uint map[]; };
 layout(std430, binding = 2) readonly buffer From { uint source[]; };
-layout(std430, binding = 3) buffer To { uint result[]; }; // in and out; of what it reads elsewhere nothing is written
+layout(std430, binding = 3) buffer To { uint result[]; }; // in and out; nothing else is written
 
 layout(std430, push_constant) uniform Constants {
     int width, height, full_width;

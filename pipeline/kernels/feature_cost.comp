@@ -1,4 +1,4 @@
-// Costs of a view's features against those of one neighbour, at every step: feature_cost_rows of kernels.h. Constants:
+// Costs of a view's features and one neighbour's, at every step: feature_cost_rows of kernels.h. Constants:
 // pipeline/gpu/match.h. Definition: feature_cost_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

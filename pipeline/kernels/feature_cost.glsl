@@ -1,5 +1,5 @@
-// Costs of a view's features against those of one neighbour: for feature_cost.comp and feature_cost_dot.comp, which
-// define dot_of(a, b, sum), sum + the products of four components of type `Four`, and four_of(word) to make these.
+// Costs of a view's features and one neighbour's: for feature_cost.comp and feature_cost_dot.comp, which define
+// dot_of(a, b, sum), sum + the products of four components of type `Four`, and four_of(word) to make these.
 
 #include "match_block.glsl"
 

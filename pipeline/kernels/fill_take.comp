@@ -1,4 +1,4 @@
-// Filling: occlusions that are not known yet get what arrived there. Constants: pipeline/gpu/check.h.
+// Filling: occlusions that are not known yet get the disparity that arrived there. Constants: pipeline/gpu/check.h.
 // Definition: sst_fill_views().
 #version 450
 #extension GL_GOOGLE_include_directive : require

@@ -1,4 +1,5 @@
-// What the shaders of the pyramid that fills holes share. Constants: pipeline/method/render/device_holes.c.
+// Buffers and constants of the shaders of the pyramid that fills holes. Constants:
+// pipeline/method/render/device_holes.c.
 
 // in and out, float[4] a pixel, levels one after the other: R, G, B times weight, the weight 0..1; once filled R, G,
 // B

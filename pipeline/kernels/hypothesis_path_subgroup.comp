@@ -1,5 +1,5 @@
-// hypothesis_path.comp for devices whose subgroups have a group's 32 invocations: the last pixel's path costs and
-// hypotheses come from the other invocations' registers, without a barrier. What four pixels need is read while the
+// hypothesis_path.comp for devices with subgroups of a group's 32 invocations: the last pixel's path costs and
+// hypotheses come from the other invocations' registers, without a barrier. Words of four pixels are read while the
 // four before them are followed.
 #version 450
 #extension GL_EXT_control_flow_attributes : require

@@ -1,4 +1,4 @@
-// What a device reaches at most: copies words, or multiplies and adds. Constants: pipeline/gpu/gpu_internal.h.
+// Limits of a device: copies words, or multiplies and adds. Constants: pipeline/gpu/gpu_internal.h.
 #version 450
 
 layout(local_size_x = 256) in;

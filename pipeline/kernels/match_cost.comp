@@ -10,7 +10,7 @@ layout(local_size_x = 256) in;
 
 // of the view; not read without SST_GPU_MATCH_MASKS
 layout(std430, binding = 2) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = 3) readonly buffer Others { uint others[]; }; // of the neighbour; likewise
+layout(std430, binding = 3) readonly buffer Others { uint others[]; }; // of the neighbour; not read without SST_GPU_MATCH_MASKS
 layout(std430, binding = 4) readonly buffer Census { uvec2 census[]; }; // uint64_t[height][width]
 layout(std430, binding = 5) readonly buffer OtherCensus { uvec2 other_census[]; }; // uint64_t[layers][height][width]
 layout(std430, binding = 6) buffer Sum { uvec2 cheapest[]; }; // in and out: the cheapest cost | the second one << 8

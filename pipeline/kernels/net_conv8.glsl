@@ -1,5 +1,5 @@
-// What net_conv8.comp and its variants share: buffers, constants, and what becomes of a sum. A group has a tile of
-// pixels times channels, and works through the words of the kernel in slabs. Definition: the plan for the CPU,
+// Buffers, constants and results of net_conv8.comp and its variants. A group has a tile of pixels times channels, and
+// works through the words of the kernel in slabs. Definition: the plan for the CPU,
 // pipeline/method/network/plan_conv.c.
 
 layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; };

@@ -1,6 +1,6 @@
 // net_conv8.comp by products of matrices of bytes, ROWS x DEPTH times DEPTH x COLUMNS, which a subgroup computes
 // together. A group has 128 pixels by 64 channels; each subgroup has 2 x 4 matrices of sums, and the group has as many
-// invocations as that takes. What the next slab needs is read while this one is multiplied. Of bytes u from 0 to 255, u
+// invocations as that takes. Words of the next slab are read while this one is multiplied. Of bytes u from 0 to 255, u
 // - 128 is multiplied, as in net_conv8_dot.comp.
 #version 450
 #pragma use_vulkan_memory_model

@@ -11,7 +11,7 @@ layout(local_size_x = 32, local_size_y = 8) in;
 // uint32_t[height][width]: R, G, B from the lowest byte up
 layout(std430, binding = 0) readonly buffer Colours { uint colours[]; };
 layout(std430, binding = 1) readonly buffer Disparities { uint disp[]; };
-// of subpixel_fit; with `wide` those that the last step left
+// of subpixel_fit; with `wide` the last step's
 layout(std430, binding = 2) readonly buffer Weights { vec2 weights[]; };
 layout(std430, binding = 3) writeonly buffer Left { vec2 left[]; }; // out, without `wide`: of the windows
 // out: disparities; with `wide` SST_DISP_NONE where it is not known

@@ -1,5 +1,5 @@
 // Points in space that a view finds: sparse pixels that their own disparity does not explain, at the disparity that
-// alone does. A group per pixel, whose invocations test the disparities. Constants: pipeline/gpu/sweep.h. Definition:
+// alone does. A group per pixel; its invocations test the disparities. Constants: pipeline/gpu/sweep.h. Definition:
 // sst_sweep_view() of pipeline/method/disparity/sweep.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

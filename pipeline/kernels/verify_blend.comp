@@ -1,5 +1,5 @@
-// Pixels left to votes are mixed with what their rays agree on: agree_sum of kernels.h over all views. Constants:
-// pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
+// Pixels left to votes are mixed with the colour that their rays agree on: agree_sum of kernels.h over all views.
+// Constants: pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

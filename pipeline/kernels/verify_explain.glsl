@@ -16,7 +16,7 @@ layout(std430, binding = 0) readonly buffer Views { Explained view[]; }; // stru
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Disp { uint disp[]; };
 layout(std430, binding = 3) readonly buffer Valid { uint valid[]; };
-// float [65535] disparities in pixels, by what is stored
+// float [65535] disparities in pixels, by the stored number
 layout(std430, binding = 4) readonly buffer DispPx { float disp_px[]; };
 layout(std430, binding = 5) buffer Share { float share[]; }; // in and out: becomes 0 in cells that are closed
 

@@ -1,4 +1,4 @@
-// What fraction of each pixel the maps leave to votes: sst_verify_share() of verify_ref.h over all rays. Constants:
+// Fraction of each pixel that the maps leave to votes: sst_verify_share() of verify_ref.h over all rays. Constants:
 // pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -12,7 +12,7 @@ layout(std430, binding = 0) readonly buffer Params { Label label[256]; uint rari
 layout(std430, binding = 1) readonly buffer Disp { uint disp[]; }; // as of blend.h
 layout(std430, binding = 2) readonly buffer Sums { float sums[]; }; // in: sums of weights in the fourth plane
 layout(std430, binding = 3) readonly buffer Out { uint result[]; }; // in: of blend
-// in and out, float [3][rows * width]: the fraction, 0..1; between dispatches apertures of all rays, of those that
+// in and out, float [3][rows * width]: the fraction, 0..1; between dispatches apertures of all rays, of rays that
 // end in front
 layout(std430, binding = 4) buffer Share { float share[]; };
 layout(std430, binding = 5) buffer Cells { uint cell[]; };

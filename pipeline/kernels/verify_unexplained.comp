@@ -1,4 +1,4 @@
-// Unexplained rays of the pixels around those left to votes. Constants: pipeline/gpu/verify.h. Definition:
+// Unexplained rays of the pixels around pixels left to votes. Constants: pipeline/gpu/verify.h. Definition:
 // pipeline/method/render/verify.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

@@ -103,7 +103,7 @@ struct sst_disparity_report {
     S(SUBPIXEL, subpixel, "subpixel")       /* refinement between pixels */                                            \
     S(CARRY, carry, "carrying")             /* maps carried to other views */                                          \
     S(CHECK, check, "check")                /* of views against each other */                                          \
-    S(FILL, fill, "filling")                /* of what the check refuses, from other views and around it ... */        \
+    S(FILL, fill, "filling")                /* of refused pixels, from other views and around it ... */                \
     S(BACKGROUND, background, "background") /* ... and of the rest */                                                  \
     X(SWEEP, "sweep")                       /* in scene space, where maps are not carried */
 

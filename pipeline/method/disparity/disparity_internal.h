@@ -130,7 +130,7 @@ void run_report_ranges(const struct disparity_run *run);
 
 /* --- shared.c: with other processes, if there are any --- */
 
-/** A step whose job is the run, over all views, on the device where it can. @return 0 or -errno */
+/** Run a step over all views with the run as its job, on the device where it can. @return 0 or -errno */
 SST_MUST_CHECK int run_step(struct disparity_run *run, const struct sst_step *step, int threads);
 
 bool run_is_present(const void *job, int view);
@@ -203,7 +203,7 @@ struct match_sample {
 struct match_sample *disparity_match_sample(uint32_t seed);
 void disparity_match_sample_free(struct match_sample *s); /* NULL is fine */
 
-/** Steps of a run, for sst_step_check(): those of stages, and others. */
+/** Steps of a run, for sst_step_check(): of stages, and others. */
 #define X(STAGE, name)
 #define S(STAGE, step, name) extern const struct sst_step disparity_##step##_step;
 SST_DISPARITY_STAGE_LIST(X, S)

@@ -239,8 +239,8 @@ static uint32_t groups(int n, int of)
 }
 
 /* Constants of jpeg_rgb (std430): chroma is enlarged with the weights 3/4 and 1/4 (9/16, 3/16, 3/16, 1/16 in both
- * directions), then colours are those of BT.601 in full range, in 1/65536: whole numbers, with the bytes of
- * libjpeg-turbo, whose decoder for images is the definition. */
+ * directions), then colours as of BT.601 in full range, in 1/65536: whole numbers, with the bytes of
+ * libjpeg-turbo, by definition. */
 struct jpeg_rgb {
     int32_t width, height;
     int32_t count;        /* of planes: 3, or 1: grey */
