@@ -1,5 +1,6 @@
 #include "base/clock.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -14,6 +15,14 @@ static int64_t read_ns(clockid_t id)
 int64_t sst_clock_now_ns(void)
 {
     return read_ns(CLOCK_MONOTONIC);
+}
+
+void sst_clock_sleep_until(int64_t t_ns)
+{
+    const struct timespec t = { .tv_sec = t_ns / 1000000000, .tv_nsec = t_ns % 1000000000 };
+
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR)
+        ;
 }
 
 int64_t sst_clock_cpu_ns(void)

@@ -7,6 +7,9 @@
 /** CLOCK_MONOTONIC in nanoseconds. */
 int64_t sst_clock_now_ns(void);
 
+/** Sleep until sst_clock_now_ns() is t_ns; signals do not end it. */
+void sst_clock_sleep_until(int64_t t_ns);
+
 /** CPU time of the whole process in nanoseconds. */
 int64_t sst_clock_cpu_ns(void);
 

@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -111,14 +110,6 @@ static bool cancelled(const struct sst_scan_grab *g)
     return g->cancel && atomic_load(g->cancel);
 }
 
-static void sleep_until(int64_t t_ns)
-{
-    const struct timespec t = { .tv_sec = t_ns / 1000000000, .tv_nsec = t_ns % 1000000000 };
-
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR)
-        ;
-}
-
 static int fire(struct sst_scan_grab *g)
 {
     const int64_t t_ns = sst_clock_now_ns();
@@ -153,7 +144,7 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame 
         if (err || !g->trigger || now_ns + POLL_MS * 1000000 < fire_ns)
             continue;
         pthread_mutex_unlock(&g->lock);
-        sleep_until(fire_ns);
+        sst_clock_sleep_until(fire_ns);
         err = fire(g);
         fire_ns = sst_clock_now_ns() + FIRE_AGAIN_NS;
         pthread_mutex_lock(&g->lock);
@@ -244,7 +235,7 @@ static int wait_streaming(struct sst_scan_grab *g)
             return 0;
         if (state == SST_GRAB_REFUSED)
             break;
-        sleep_until(sst_clock_now_ns() + POLL_MS * 1000000);
+        sst_clock_sleep_until(sst_clock_now_ns() + POLL_MS * 1000000);
     }
     if (cancelled(g))
         return -EINTR;

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -22,14 +21,6 @@ struct sst_scan_still {
     char extension[16];
     uint32_t sequence;
 };
-
-static void sleep_until(int64_t t_ns)
-{
-    const struct timespec t = { .tv_sec = t_ns / 1000000000, .tv_nsec = t_ns % 1000000000 };
-
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR)
-        ;
-}
 
 /* --- as a camera of a rig ----------------------------------------------------------------------------------------- */
 
@@ -72,7 +63,7 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms SST_UNUSED, struct
     struct sst_scan_still *s = arg;
     int err;
 
-    sleep_until(after_ns);
+    sst_clock_sleep_until(after_ns);
     err = sst_still_capture(s->still, &s->shot);
     if (err)
         return err;

@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -60,14 +59,6 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
 
 /* --- sleeping ----------------------------------------------------------------------------------------------------- */
 
-static void sleep_until(int64_t t_ns)
-{
-    const struct timespec ts = { t_ns / 1000000000, t_ns % 1000000000 };
-
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &ts, NULL) == EINTR)
-        ;
-}
-
 /* @return false: stopped before t_ns */
 static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 {
@@ -76,7 +67,7 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
     if (t->stop || t->quit)
         return false;
     pthread_mutex_unlock(&t->lock);
-    sleep_until(t_ns);
+    sst_clock_sleep_until(t_ns);
     pthread_mutex_lock(&t->lock);
     return !t->stop && !t->quit;
 }
@@ -158,7 +149,7 @@ static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t e
                 reported = true;
             }
         }
-        sleep_until(at_ns);
+        sst_clock_sleep_until(at_ns);
         if (!i)
             edge->before_ns = sst_clock_now_ns();
         err = gpio_chip_set(t->chip, t->step[i].active);
