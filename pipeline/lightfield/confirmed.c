@@ -5,15 +5,12 @@
 
 struct job {
     const struct sst_lightfield *lf;
-    struct count {
-        int64_t pixels, confirmed;
-    } count[SST_MAX_VIEWS];
+    struct sst_confirmed count[SST_MAX_VIEWS];
 };
 
-static int count_view(void *arg, int view, int worker SST_UNUSED)
+struct sst_confirmed sst_view_confirmed(const struct sst_view *v)
 {
-    struct job *job = arg;
-    const struct sst_view *v = &job->lf->views[view];
+    struct sst_confirmed n = { 0, 0 };
 
     for (int y = 0; y < v->confidence.height; y++) {
         const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
@@ -22,10 +19,18 @@ static int count_view(void *arg, int view, int worker SST_UNUSED)
         for (int x = 0; x < v->confidence.width; x++) {
             const int seen = !valid || valid[x];
 
-            job->count[view].pixels += seen;
-            job->count[view].confirmed += seen && confidence[x];
+            n.pixels += seen;
+            n.confirmed += seen && confidence[x];
         }
     }
+    return n;
+}
+
+static int count_view(void *arg, int view, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+
+    job->count[view] = sst_view_confirmed(&job->lf->views[view]);
     return 0;
 }
 
@@ -33,7 +38,7 @@ double sst_lightfield_confirmed(const struct sst_lightfield *lf, int threads)
 {
     const int views = lf->rows * lf->cols;
     struct job job = { .lf = lf };
-    struct count all = { 0, 0 };
+    struct sst_confirmed all = { 0, 0 };
 
     if (sst_parallel_for(views, sst_thread_count(threads), count_view, &job))
         return NAN;

@@ -88,8 +88,14 @@ void sst_lightfield_fini(struct sst_lightfield *lf);
 bool sst_view_has(const struct sst_view *v, enum sst_lightfield_load kind);
 bool sst_lightfield_has(const struct sst_lightfield *lf, enum sst_lightfield_load kind);
 
-/** Fraction of the disparities that another view confirms: matching gives the others confidence 0. NaN: no confidences.
- */
+/** Valid pixels of a view's confidence map, and how many of them another view confirms: matching gives the others
+ * confidence 0. */
+struct sst_confirmed {
+    int64_t pixels, confirmed;
+};
+struct sst_confirmed sst_view_confirmed(const struct sst_view *v);
+
+/** Fraction of the disparities that another view confirms. NaN: no confidences. */
 double sst_lightfield_confirmed(const struct sst_lightfield *lf, int threads);
 
 /** Copy a view's image, validity mask and offset; buffers of `to` of the same size are reused.

@@ -10,7 +10,7 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES 8 /* nearest labelled views that labels come from */
+#define SOURCES PROCESS_SOURCES /* nearest labelled views that labels come from */
 
 struct job {
     const struct process_carry *c;
@@ -29,31 +29,12 @@ struct sources {
 
 static struct sources sources_of(const struct process_carry *c, int view)
 {
-    const struct sst_lightfield *lf = c->lf;
-    const struct sst_view *own = &lf->views[view];
-    struct sources found = { .n = 0 };
-    struct process_source *source = found.at;
-    double distance[SOURCES];
-    int n = 0;
+    bool labelled[SST_MAX_VIEWS];
+    struct sources found;
 
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const struct sst_view *from = &lf->views[k];
-        const double far = hypot(from->bx - own->bx, from->by - own->by);
-        int at;
-
-        if (k == view || !from->present || c->carried[k] || (n == SOURCES && far >= distance[n - 1]) ||
-            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > PROCESS_REACH_MOST)
-            continue;
-        n += n < SOURCES;
-        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
-            distance[at] = distance[at - 1];
-            source[at] = source[at - 1];
-        }
-        distance[at] = far;
-        source[at] = (struct process_source){ k, sst_shift_by(own->bx - from->bx, lf->disp_min_px),
-                                              sst_shift_by(own->by - from->by, lf->disp_min_px) };
-    }
-    found.n = n;
+    for (int k = 0; k < c->lf->rows * c->lf->cols; k++)
+        labelled[k] = c->lf->views[k].present && !c->carried[k];
+    found.n = process_nearest(c->lf, view, labelled, SOURCES, found.at);
     return found;
 }
 

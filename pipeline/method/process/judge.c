@@ -218,20 +218,9 @@ void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *
 
 static double confirmed_of(const struct sst_view *v)
 {
-    int64_t pixels = 0, confirmed = 0;
+    const struct sst_confirmed n = sst_view_confirmed(v);
 
-    for (int y = 0; y < v->confidence.height; y++) {
-        const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
-        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
-
-        for (int x = 0; x < v->confidence.width; x++) {
-            const int seen = !valid || valid[x];
-
-            pixels += seen;
-            confirmed += seen && confidence[x];
-        }
-    }
-    return pixels ? 100.0 * (double)confirmed / (double)pixels : NAN;
+    return n.pixels ? 100.0 * (double)n.confirmed / (double)n.pixels : NAN;
 }
 
 void sst_judge_maps(struct sst_judgement *out, const struct sst_lightfield *lf, double confirmed)

@@ -26,6 +26,12 @@ struct process_source {
     struct sst_shift across, down; /* from a view's pixels to the other view's */
 };
 
+#define PROCESS_SOURCES 8
+
+/** The nearest views other than the view itself, the nearest first, within PROCESS_REACH_MOST.
+ * @param of  [views] false: not that view @param most  PROCESS_SOURCES at most @return their number */
+int process_nearest(const struct sst_lightfield *lf, int view, const bool *of, int most, struct process_source *out);
+
 /** Where another view would show the surface of pixel (x, y), whose stored disparity is d. */
 static inline struct process_place process_place_in(const struct process_source *s, int x, int y, int d)
 {

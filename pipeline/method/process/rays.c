@@ -1,10 +1,38 @@
 /* Where other views show the pixels of a row. */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
+
+int process_nearest(const struct sst_lightfield *lf, int view, const bool *of, int most, struct process_source *out)
+{
+    const struct sst_view *own = &lf->views[view];
+    double distance[PROCESS_SOURCES];
+    int n = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *other = &lf->views[k];
+        const double far = hypot(other->bx - own->bx, other->by - own->by);
+        int at;
+
+        if (k == view || !of[k] || (n == most && far >= distance[n - 1]) ||
+            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > PROCESS_REACH_MOST)
+            continue;
+        n += n < most;
+        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
+            distance[at] = distance[at - 1];
+            out[at] = out[at - 1];
+        }
+        distance[at] = far;
+        out[at] = (struct process_source){ k, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
+                                           sst_shift_by(own->by - other->by, lf->disp_min_px) };
+    }
+    return n;
+}
 
 int process_rays_init(struct process_rays *r, int width)
 {

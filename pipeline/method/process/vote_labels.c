@@ -1,10 +1,8 @@
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
-#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
 #define SOURCES 4 /* nearest views that vote beside the view itself */
@@ -13,7 +11,8 @@ struct vote {
     const struct sst_lightfield *lf;
     const bool *skip;       /* or NULL */
     struct sst_map_u8 *out; /* [views] */
-    int *view;              /* those that vote */
+    int *view;              /* of voters */
+    bool votes[SST_MAX_VIEWS];
 };
 
 static bool votes(const struct vote *v, int view)
@@ -21,34 +20,6 @@ static bool votes(const struct vote *v, int view)
     const struct sst_view *at = &v->lf->views[view];
 
     return at->present && at->label.data && at->disp.data && !(v->skip && v->skip[view]);
-}
-
-/* The nearest voters, the nearest first. @return their number */
-static int voters_of(const struct vote *v, int view, struct process_source voter[SOURCES])
-{
-    const struct sst_lightfield *lf = v->lf;
-    const struct sst_view *own = &lf->views[view];
-    double distance[SOURCES];
-    int n = 0;
-
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const struct sst_view *other = &lf->views[k];
-        const double far = hypot(other->bx - own->bx, other->by - own->by);
-        int at;
-
-        if (k == view || !votes(v, k) || (n == SOURCES && far >= distance[n - 1]) ||
-            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > PROCESS_REACH_MOST)
-            continue;
-        n += n < SOURCES;
-        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
-            distance[at] = distance[at - 1];
-            voter[at] = voter[at - 1];
-        }
-        distance[at] = far;
-        voter[at] = (struct process_source){ k, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
-                                             sst_shift_by(own->by - other->by, lf->disp_min_px) };
-    }
-    return n;
 }
 
 /* A voter, and where pixels of the own view lie there. */
@@ -114,7 +85,7 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
     struct ballot ballot[SOURCES];
     int n, err;
 
-    n = voters_of(v, view, voter);
+    n = process_nearest(v->lf, view, v->votes, SOURCES, voter);
     for (int i = 0; i < n; i++)
         ballot[i] = (struct ballot){ &v->lf->views[voter[i].view], process_way_to(&voter[i]) };
     err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
@@ -146,7 +117,8 @@ int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_
     int count = 0, err = v.out && v.view ? 0 : -ENOMEM;
 
     for (int k = 0; !err && k < views; k++) {
-        if (votes(&v, k))
+        v.votes[k] = votes(&v, k);
+        if (v.votes[k])
             v.view[count++] = k;
     }
     err = err ? err : sst_share_for(share, count, threads, vote_job, &v, elected_map);
