@@ -182,7 +182,7 @@ FORCE:
 $(BUILD)/shaders.h: scripts/shaders.sh pipeline/kernels
 	@mkdir -p $(@D)
 	@scripts/shaders.sh $(sort $(basename $(notdir $(wildcard pipeline/kernels/*.comp)))) >$@.new
-	@cmp -s $@.new $@ && touch $@ || mv $@.new $@
+	@cmp -s $@.new $@ && rm $@.new || mv $@.new $@
 
 $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
