@@ -23,7 +23,7 @@ alike() { /usr/bin/python3 alike.py "$@" || fail "$1: the labels of lavapipe dif
 
 # --- labels: the network on a device ---
 view=world/views/$(ls world/views | head -n 1)
-int8="--precision int8" # processors without VNNI have floats by default
+int8="--precision int8" # some processors have floats by default
 "$sst" segment "$view" --precision f32 --scale 0.2 -o labels.png || fail "segment on floats"
 "$sst" segment "$view" --precision f32 --scale 0.2 -o labels1.png --device lavapipe || fail "segment on floats on lavapipe"
 alike "on floats" labels.png labels1.png

@@ -144,7 +144,7 @@ static int choose_precision(struct sst_network *net)
         return -ENOTSUP;
     }
     if (net->precision == SST_PRECISION_AUTO)
-        net->precision = net->graph.range && net_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+        net->precision = net->graph.range && net_plan_int8_pays() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
     return 0;
 }
 #endif

@@ -14,7 +14,7 @@ struct sst_shape {
 
 /** Numbers that a network computes with. */
 enum sst_precision {
-    SST_PRECISION_AUTO = 0, /* 8 bits where the file has ranges for them and the processor VNNI, else floats */
+    SST_PRECISION_AUTO = 0, /* 8 bits where the file has ranges for them and they are faster, else floats */
     SST_PRECISION_F32 = 1,
     SST_PRECISION_INT8 = 2,
 };

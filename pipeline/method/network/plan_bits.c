@@ -20,6 +20,15 @@ bool net_plan_fast_int8(void)
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
+/* Pairs of bytes take about half the time of floats with SSE4.1 and AVX2. AVX-512 without VNNI has no gain; oneDNN for
+ * arm64 names no instruction set. */
+bool net_plan_int8_pays(void)
+{
+    const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa();
+
+    return net_plan_fast_int8() || ((isa & dnnl_cpu_isa_sse41) && net_plan_bias_first());
+}
+
 bool net_plan_bias_first(void)
 {
     const unsigned avx512 = dnnl_cpu_isa_avx512_core;
