@@ -351,8 +351,8 @@ What the program leaves out, what that saves and what it spoils. Further left is
 threads; one run each, so that differences of 10 % are noise. The chart has the figure that suffers most, the clear picture.
 Percentage points of pixels off by more than 2 px in all views, mIoU of all views, dB of pictures. *Skipped*: views
 not matched, hypotheses not tested, views not labeled; *wrong*: what the program itself estimates by doing some of the
-skipped work all the same. `keys` carries no maps where the first pass of the key views does not allow it, `labels` carries
-no labels where key views do not show the same surfaces as the maps of the others (bush): then nothing is skipped.
+skipped work all the same. `keys` carries no maps where the first pass of the key views does not allow it: then nothing
+is skipped.
 
 ![time left against error added](skips-process.svg)
 {labels_chart}

@@ -8,33 +8,36 @@
 
 #include "pipeline/method/process/process_internal.h"
 
-#define NOWHERE (-2 * PROCESS_FILL_REACH) /* a row that is out of reach of all */
+#define SPAN_SHARE 4 /* surfaces farther apart than this part of a view's span of disparities do not share labels */
+#define NOWHERE    (-2 * PROCESS_FILL_REACH) /* a row that is out of reach of all */
 
 /* Directions in the order in which equals win. */
 enum { LEFT, RIGHT, UP, DOWN, UP_LEFT, UP_RIGHT, DOWN_LEFT, DOWN_RIGHT };
 
 /* A pixel without a label, and the best that was found for it. */
 struct gap {
-    uint32_t least; /* difference of colour << 16 | of disparity */
+    uint32_t least; /* far << 31 | difference of colour << 16 | of disparity */
     uint16_t x;
     uint8_t label, direction;
 };
 
 struct gaps {
     const struct sst_view *v;
+    int far;         /* 1/64 px: disparities that differ by more win only where all do */
     struct gap *gap; /* row by row */
     size_t *row;     /* [height + 1] first one of each row */
     int *last;       /* [columns, falling diagonals, rising diagonals] row of the last labelled pixel, see sweep() */
 };
 
-static void consider(struct gap *g, const struct sst_view *v, int y, struct process_place from, int direction)
+static void consider(const struct gaps *gaps, struct gap *g, int y, struct process_place from, int direction)
 {
+    const struct sst_view *v = gaps->v;
     const int off_disp = abs(sst_map_u16_row(&v->disp, y)[g->x] - sst_map_u16_row(&v->disp, from.y)[from.x]);
     uint32_t colour = 0, off;
 
     for (int c = 0; c < 3; c++)
         colour += (uint32_t)abs(sst_image_row(&v->image, c, y)[g->x] - sst_image_row(&v->image, c, from.y)[from.x]);
-    off = colour << 16 | (uint32_t)off_disp;
+    off = (uint32_t)(off_disp > gaps->far) << 31 | colour << 16 | (uint32_t)off_disp;
     if (off < g->least || (off == g->least && direction < g->direction)) {
         g->least = off;
         g->label = sst_map_u8_row(&v->label, from.y)[from.x];
@@ -85,9 +88,9 @@ static int list_gaps(struct gaps *g)
 
                 *gap = (struct gap){ UINT32_MAX, (uint16_t)x, SST_LABEL_NONE, 0 };
                 if (from > 0 && x - from < PROCESS_FILL_REACH)
-                    consider(gap, g->v, y, (struct process_place){ from - 1, y }, LEFT);
+                    consider(g, gap, y, (struct process_place){ from - 1, y }, LEFT);
                 if (end < label->width && end - x <= PROCESS_FILL_REACH)
-                    consider(gap, g->v, y, (struct process_place){ end, y }, RIGHT);
+                    consider(g, gap, y, (struct process_place){ end, y }, RIGHT);
             }
         }
     }
@@ -114,12 +117,11 @@ static void sweep(struct gaps *g, bool up)
                       right = i - rising[x + i];
 
             if (straight <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, (struct process_place){ x, y + step * straight }, up ? DOWN : UP);
+                consider(g, gap, y, (struct process_place){ x, y + step * straight }, up ? DOWN : UP);
             if (left <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, (struct process_place){ x - left, y + step * left }, up ? DOWN_LEFT : UP_LEFT);
+                consider(g, gap, y, (struct process_place){ x - left, y + step * left }, up ? DOWN_LEFT : UP_LEFT);
             if (right <= PROCESS_FILL_REACH)
-                consider(gap, g->v, y, (struct process_place){ x + right, y + step * right },
-                         up ? DOWN_RIGHT : UP_RIGHT);
+                consider(g, gap, y, (struct process_place){ x + right, y + step * right }, up ? DOWN_RIGHT : UP_RIGHT);
         }
         for (int x = 0; x < w; x++)
             column[x] = row[x] != SST_LABEL_NONE ? i : column[x];
@@ -153,10 +155,27 @@ static void fill_row(struct sst_view *v, const struct gap *gap, int y)
         label[x] &= valid[x];
 }
 
+/* Disparities of a view from the least to the greatest, 1/64 px. */
+static int span_of(const struct sst_map_u16 *disp)
+{
+    int least = SST_DISP_NONE, most = 0;
+
+    for (int y = 0; y < disp->height; y++) {
+        const uint16_t *d = sst_map_u16_row(disp, y);
+
+        for (int x = 0; x < disp->width; x++) {
+            least = sst_min_int(least, d[x]);
+            most = d[x] == SST_DISP_NONE ? most : sst_max_int(most, d[x]);
+        }
+    }
+    return sst_max_int(most - least, 0);
+}
+
 int process_fill_labels(struct sst_view *v)
 {
     const size_t w = (size_t)v->label.width, h = (size_t)v->label.height;
-    struct gaps g = { v, NULL, calloc(h + 1, sizeof(*g.row)), malloc((w + 2 * (w + h - 1)) * sizeof(*g.last)) };
+    struct gaps g = { v, span_of(&v->disp) / SPAN_SHARE, NULL, calloc(h + 1, sizeof(*g.row)),
+                      malloc((w + 2 * (w + h - 1)) * sizeof(*g.last)) };
     int err = g.row && g.last ? list_gaps(&g) : -ENOMEM;
 
     for (int up = 0; !err && up < 2 && g.row[h]; up++)

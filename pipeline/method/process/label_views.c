@@ -27,6 +27,7 @@ struct choice {
     struct samples grid;
     uint8_t *shown; /* [candidate][view][samples] 1: the candidate shows that surface */
     uint8_t *left;  /* [view][samples] 1: no chosen view does */
+    int labelled;   /* views that are chosen */
     bool *carried;
 };
 
@@ -98,12 +99,12 @@ static int probe_view(void *arg, int view, int worker SST_UNUSED)
     return 0;
 }
 
-static void choose(struct choice *c, struct process_cover *cover, int view)
+static void choose(struct choice *c, int view)
 {
     const uint8_t *shown = shown_by(c, view, 0);
 
     c->carried[view] = false;
-    cover->labelled++;
+    c->labelled++;
     for (int i = 0; i < c->views * c->samples; i++)
         c->left[i] &= !shown[i];
 }
@@ -147,37 +148,33 @@ static int find_farthest(const struct choice *c)
     return best;
 }
 
-static void choose_all(struct choice *c, struct process_cover *cover)
+static void choose_all(struct choice *c)
 {
-    int all = 0, present = 0, left = 0;
+    int all = 0, present = 0;
 
     for (int k = 0; k < c->views; k++) {
         c->carried[k] = true;
         present += c->lf->views[k].present;
         all += count_left(shown_by(c, k, k), shown_by(c, k, k), c->samples);
     }
-    choose(c, cover, c->lf->ref_view);
-    for (int best = 0; best >= 0 && cover->labelled * VIEWS_SHARE < present;) {
+    choose(c, c->lf->ref_view);
+    for (int best = 0; best >= 0 && c->labelled * VIEWS_SHARE < present;) {
         best = find_best(c, (int)ceil(GAIN_LEAST * all));
-        if (best < 0 && cover->labelled < c->least)
+        if (best < 0 && c->labelled < c->least)
             best = find_farthest(c);
         if (best >= 0)
-            choose(c, cover, best);
+            choose(c, best);
     }
     for (int k = 0; k < c->views; k++) {
         const uint8_t *own = shown_by(c, k, k);
         const int own_left = count_left(own, c->left + k * c->samples, c->samples);
 
         if (c->carried[k] && own_left > (1 - SHOWN_LEAST) * count_left(own, own, c->samples))
-            choose(c, cover, k);
+            choose(c, k);
     }
-    for (int i = 0; i < c->views * c->samples; i++)
-        left += c->left[i];
-    cover->shown = all ? 1 - (double)left / all : 1;
 }
 
-int process_choose_labelled(bool *carried, struct process_cover *cover, const struct sst_lightfield *lf, int least,
-                            int threads)
+int process_choose_labelled(bool *carried, int *labelled, const struct sst_lightfield *lf, int least, int threads)
 {
     const int views = lf->rows * lf->cols;
     struct choice c = { .lf = lf, .views = views, .least = least, .carried = carried };
@@ -189,8 +186,8 @@ int process_choose_labelled(bool *carried, struct process_cover *cover, const st
     c.left = calloc((size_t)views, (size_t)c.samples);
     err = c.shown && c.left ? sst_parallel_for(views, threads, probe_view, &c) : -ENOMEM;
     if (!err) {
-        *cover = (struct process_cover){ 0 };
-        choose_all(&c, cover);
+        choose_all(&c);
+        *labelled = c.labelled;
     }
     free(c.shown);
     free(c.left);

@@ -13,12 +13,11 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SHOWN_LEAST       0.995 /* share of all views' pixels that labelled views must show, unless maps were carried */
-#define LABELLED_LEAST    5     /* views, or all of fewer */
-#define LABELLED_TESTED   8     /* likewise, with maps that were tested (balanced, accurate) */
-#define DIFFER_SOME       0.01  /* of the labels that two views see: more views are labelled, which vote */
-#define JITTER_PX         6.0   /* pairs that are off by less are corrected, not judged */
-#define INFINITY_SLACK_PX 1.0   /* of an estimated range around what is infinitely far: errors of positions and noise */
+#define LABELLED_LEAST    5    /* views, or all of fewer */
+#define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
+#define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
+#define JITTER_PX         6.0  /* pairs that are off by less are corrected, not judged */
+#define INFINITY_SLACK_PX 1.0  /* of an estimated range around what is infinitely far: errors of positions and noise */
 
 struct run {
     struct sst_lightfield *lf;
@@ -258,15 +257,14 @@ static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSE
 /* The choice of one process, for all. */
 struct choice {
     struct run *run;
-    int least;
-    struct process_cover cover;
+    int least, labelled; /* views */
 };
 
 static int find_choice(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct choice *c = arg;
 
-    return process_choose_labelled(c->run->carried, &c->cover, c->run->lf, c->least, c->run->cfg->threads);
+    return process_choose_labelled(c->run->carried, &c->labelled, c->run->lf, c->least, c->run->cfg->threads);
 }
 
 static void choice_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
@@ -274,7 +272,7 @@ static void choice_values(void *arg, int index SST_UNUSED, struct sst_share_maps
     struct choice *c = arg;
 
     sst_share_add_values(out, c->run->carried, (size_t)views_of(c->run) * sizeof(*c->run->carried));
-    sst_share_add_values(out, &c->cover, sizeof(c->cover));
+    sst_share_add_values(out, &c->labelled, sizeof(c->labelled));
 }
 
 static int count_present(const struct run *run)
@@ -286,11 +284,6 @@ static int count_present(const struct run *run)
     return present;
 }
 
-static bool has_carried_maps(const struct run *run)
-{
-    return isgreater(run->report->skipped.views_skipped, 0);
-}
-
 /* All views that have no labels yet are the network's. */
 static void carry_nothing(struct run *run)
 {
@@ -299,21 +292,18 @@ static void carry_nothing(struct run *run)
     run->report->labels_skipped = NAN;
 }
 
-/* Choose the views that the network labels. Labels go to the right surfaces only where maps could be carried, or all
- * surfaces are found in other views: behind foliage, whose views have a map each, see-through pictures of carried
- * labels lose up to 2 dB, although more labels are right. @param least  views */
+/* Choose the views that the network labels: all where most are shown too little by others. @param least  views */
 static int choose_labelled(struct run *run, int least)
 {
     const int present = count_present(run);
     struct choice choice = { .run = run, .least = least };
     const int err = sst_share_for(run->cfg->share, 1, 1, find_choice, &choice, choice_values);
 
-    if (err || choice.cover.labelled < 2 || choice.cover.labelled >= present ||
-        !(has_carried_maps(run) || choice.cover.shown >= SHOWN_LEAST)) {
+    if (err || choice.labelled < 2 || choice.labelled >= present) {
         carry_nothing(run);
         return err;
     }
-    run->report->labels_skipped = 100.0 * (present - choice.cover.labelled) / present;
+    run->report->labels_skipped = 100.0 * (present - choice.labelled) / present;
     return 0;
 }
 

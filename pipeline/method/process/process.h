@@ -22,8 +22,8 @@ struct sst_process_config {
     bool keep_disparity;                 /* external maps: nothing is matched */
     bool align;                          /* estimate displacements and gains of the pictures and undo them */
     bool refine;
-    bool skip_labels; /* the network labels some views only, whose labels are carried to the others: if maps were
-                         carried, or those views show nearly all that the others see */
+    bool skip_labels; /* the network labels some views only, whose labels are carried to the others: if those views
+                         show most of what the others see */
     /* `threads` and `cancel` below replace those of these two. Equal range ends: the light field's, else estimated. */
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;

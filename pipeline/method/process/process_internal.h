@@ -106,12 +106,6 @@ uint64_t *process_rays_pack(const struct sst_view *v);
 void process_rays_find(struct process_rays *r, const struct sst_view *there, const uint64_t *packed,
                        const struct process_source *s);
 
-/** What is known of the views that are labelled, from samples of all views' pixels. */
-struct process_cover {
-    int labelled; /* views */
-    double shown; /* share of the pixels of all views whose surface one of the labelled views shows */
-};
-
 /**
  * Choose the views that the network labels: the reference view, then each time the one that shows most of what those
  * before it do not, until one more would show little, or a third of the views are labelled; then those farthest from
@@ -120,10 +114,11 @@ struct process_cover {
  *
  * @param lf       images and disparities of all present views, the reference view among them
  * @param carried  out, [views] true: not labelled; absent views are
+ * @param labelled  out, number of the others
  * @return 0, -ENOMEM. The same choice for any number of threads; with a greater `least` the same views and more.
  */
-SST_MUST_CHECK int process_choose_labelled(bool *carried, struct process_cover *cover, const struct sst_lightfield *lf,
-                                           int least, int threads);
+SST_MUST_CHECK int process_choose_labelled(bool *carried, int *labelled, const struct sst_lightfield *lf, int least,
+                                           int threads);
 
 /**
  * Share of the samples that a labelled view and another one label differently, of those that both show and label with
@@ -165,7 +160,8 @@ SST_MUST_CHECK int process_carry_labels(const struct process_carry *c, struct ss
 /**
  * Give the pixels of a view that have no label one of its labelled pixels: of the first ones that are met in the row,
  * the column and the two diagonals, up to PROCESS_FILL_REACH pixels away, that of the most similar colour (sum of the
- * channels' differences), then of the nearest disparity; where there is none that near, that of the labelled pixel to
+ * channels' differences), then of the nearest disparity, among those within a quarter of the view's span of
+ * disparities, or among all if none is; where there is none that near, that of the labelled pixel to
  * the left or right in the row whose disparity is nearer. Pixels that are not valid get none.
  *
  * @param v  label, disp and image
