@@ -1,7 +1,11 @@
-/* cell_land. With AVX-512 neighbouring cells that all move alike are stored at once. The others are stored one by one:
- * masked stores of a part of them stall the loads that follow. */
+/* cell_land. With AVX-512 and AVX2 neighbouring cells that all move alike are stored at once. The others are stored one
+ * by one: masked stores of a part of them stall the loads that follow. */
 
+#if defined(__AVX2__) && !defined(__AVX512DQ__)
+#define CELL_BLOCK 8
+#else
 #define CELL_BLOCK 16
+#endif
 
 #if defined(__AVX512DQ__)
 /* (q b + 2^22) >> 23 of 16 numbers, by products of 64 bits. */
@@ -55,6 +59,71 @@ static void KERNEL(cell_land)(uint32_t *landed, const struct sst_cell_way *w, co
             landed[at[k]] = landed[at[k]] > value[k] ? landed[at[k]] : value[k];
         }
     }
+}
+#elif defined(__AVX2__)
+/* (q b + 2^22) >> 23 of 8 numbers, by products of 64 bits. */
+static inline __m256i KERNEL(cell_shift)(__m256i q, __m256i b)
+{
+    const __m256i half = _mm256_set1_epi64x(1 << 22);
+    const __m256i even = _mm256_add_epi64(_mm256_mul_epi32(q, b), half);
+    const __m256i odd = _mm256_add_epi64(_mm256_mul_epi32(_mm256_srli_epi64(q, 32), b), half);
+
+    return _mm256_blend_epi32(_mm256_srli_epi64(even, 23), _mm256_slli_epi64(odd, 9), 0xAA);
+}
+
+/* v is within 0 .. limit - 1. */
+static inline __m256i KERNEL(cell_within)(__m256i v, int limit)
+{
+    return _mm256_cmpeq_epi32(_mm256_min_epu32(v, _mm256_set1_epi32(limit - 1)), v);
+}
+
+static void KERNEL(cell_land)(uint32_t *landed, const struct sst_cell_way *w, const uint32_t *cells, int x, int y,
+                              int n)
+{
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), rank = _mm256_set1_epi32((int)w->rank);
+    const __m256i bx = _mm256_set1_epi32(w->bx_q16), by = _mm256_set1_epi32(w->by_q16);
+    int i = 0;
+
+    for (; i + CELL_BLOCK <= n; i += CELL_BLOCK) {
+        const __m256i cell = _mm256_loadu_si256((const __m256i *)(const void *)(cells + i));
+        const __m256i disp = _mm256_and_si256(_mm256_srli_epi32(cell, 8), _mm256_set1_epi32(0xFFFF));
+        const __m256i q = _mm256_add_epi32(disp, _mm256_set1_epi32(w->zero_q6));
+        const __m256i to_x = _mm256_sub_epi32(_mm256_add_epi32(lane, _mm256_set1_epi32(x + i)), KERNEL(cell_shift)(q, bx));
+        const __m256i to_y = _mm256_sub_epi32(_mm256_set1_epi32(y), KERNEL(cell_shift)(q, by));
+        const __m256i ranked = _mm256_or_si256(cell, rank);
+        const __m256i to = _mm256_add_epi32(_mm256_mullo_epi32(to_y, _mm256_set1_epi32(w->width)), to_x);
+        const __m256i inside = _mm256_andnot_si256(
+            _mm256_cmpeq_epi32(cell, _mm256_setzero_si256()),
+            _mm256_and_si256(KERNEL(cell_within)(to_x, w->width), KERNEL(cell_within)(to_y, w->height)));
+        unsigned left = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(inside));
+        int32_t at[CELL_BLOCK];
+        uint32_t value[CELL_BLOCK];
+
+        _mm256_storeu_si256((__m256i *)(void *)at, to);
+        if (left == 0xFF) {
+            const __m256i first = _mm256_broadcastd_epi32(_mm256_castsi256_si128(to));
+
+            if (_mm256_testc_si256(_mm256_cmpeq_epi32(to, _mm256_add_epi32(first, lane)), _mm256_set1_epi32(-1))) {
+                __m256i *row = (__m256i *)(void *)(landed + at[0]);
+
+                _mm256_storeu_si256(row, _mm256_max_epu32(_mm256_loadu_si256(row), ranked));
+                continue;
+            }
+        }
+        _mm256_storeu_si256((__m256i *)(void *)value, ranked);
+        if (left == 0xFF) {
+            for (int k = 0; k < CELL_BLOCK; k++)
+                landed[at[k]] = landed[at[k]] > value[k] ? landed[at[k]] : value[k];
+            continue;
+        }
+        for (; left; left &= left - 1) {
+            const int k = __builtin_ctz(left);
+
+            landed[at[k]] = landed[at[k]] > value[k] ? landed[at[k]] : value[k];
+        }
+    }
+    if (i < n)
+        sst_cell_land_ref(landed, w, cells + i, x + i, y, n - i);
 }
 #else
 static void KERNEL(cell_land)(uint32_t *landed, const struct sst_cell_way *w, const uint32_t *cells, int x, int y,

@@ -82,33 +82,46 @@ static inline __m256i KERNEL(count_bits)(__m256i v)
     return _mm256_sad_epu8(bytes, _mm256_setzero_si256());
 }
 
-/* Byte k of lane i is pixel 4 k + i, without the factor of 4. */
+/* Counts of 32 pixels, four in each vector, as bytes: within 16 bytes in the order 0 8 1 9 4 12 5 13 of pixels, without
+ * 2 3 6 7 of each eight, which the upper half has, then the same of the next 16. */
+static inline __m256i KERNEL(pack_counts)(const __m256i n[8])
+{
+    __m256i words[2];
+
+    for (int k = 0; k < 2; k++)
+        words[k] = _mm256_or_si256(_mm256_packs_epi32(n[4 * k], n[4 * k + 1]),
+                                   _mm256_slli_epi32(_mm256_packs_epi32(n[4 * k + 2], n[4 * k + 3]), 16));
+    return _mm256_packus_epi16(words[0], words[1]);
+}
+
+/* Packed counts, without the factor of 4. */
 static inline void KERNEL(store_costs)(uint8_t *to, __m256i v)
 {
-    const __m256i pairs = _mm256_setr_epi8(0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15, 0, 8, 1, 9, 2, 10, 3,
-                                           11, 4, 12, 5, 13, 6, 14, 7, 15);
-    const __m256i paired = _mm256_shuffle_epi8(_mm256_slli_epi64(v, 2), pairs);
-    const __m128i a = _mm256_castsi256_si128(paired), b = _mm256_extracti128_si256(paired, 1);
+    const __m256i order = _mm256_setr_epi8(0, 2, 4, 6, 1, 3, 5, 7, 8, 10, 12, 14, 9, 11, 13, 15, 0, 2, 4, 6, 1, 3, 5, 7,
+                                           8, 10, 12, 14, 9, 11, 13, 15);
+    const __m256i pairs = _mm256_shuffle_epi8(_mm256_slli_epi64(v, 2), order);
+    const __m128i a = _mm256_castsi256_si128(pairs), b = _mm256_extracti128_si256(pairs, 1);
 
     _mm_storeu_si128((__m128i *)(void *)to, _mm_unpacklo_epi16(a, b));
     _mm_storeu_si128((__m128i *)(void *)(to + 16), _mm_unpackhi_epi16(a, b));
 }
 
-/* 32 pixels: four at a time, one byte of each lane. */
+/* 32 pixels, four at a time. */
 static void KERNEL(cheapest_hamming)(uint8_t *first, uint8_t *second, const uint64_t *a, const uint64_t *const *b,
                                      int count, size_t at)
 {
     __m256i one = _mm256_set1_epi8(63), two = one;
 
     for (int i = 0; i < count; i++) {
-        __m256i cost = _mm256_setzero_si256(), over;
+        __m256i bits[8], cost, over;
 
         for (int k = 0; k < 8; k++) {
             const __m256i own = _mm256_loadu_si256((const __m256i *)(const void *)(a + at + 4 * k));
             const __m256i there = _mm256_loadu_si256((const __m256i *)(const void *)(b[i] + at + 4 * k));
 
-            cost = _mm256_or_si256(cost, _mm256_slli_epi64(KERNEL(count_bits)(_mm256_xor_si256(own, there)), 8 * k));
+            bits[k] = KERNEL(count_bits)(_mm256_xor_si256(own, there));
         }
+        cost = KERNEL(pack_counts)(bits);
         over = _mm256_max_epu8(one, cost);
         one = _mm256_min_epu8(one, cost);
         two = _mm256_min_epu8(two, over);

@@ -149,7 +149,6 @@ int scene_matcher_init(struct scene_matcher *m, double min_px, double max_px, in
     made.volume.divisor = DIVISOR;
     made.volume.phase_step = PHASE_STEP;
     err = err ? err : sst_map_u16_init(&made.disp, width, height);
-    err = err ? err : sst_map_u8_init(&made.confidence, width, height);
     if (err)
         scene_matcher_fini(&made);
     else
@@ -161,7 +160,6 @@ void scene_matcher_fini(struct scene_matcher *m)
 {
     sst_volume_fini(&m->volume);
     sst_map_u16_fini(&m->disp);
-    sst_map_u8_fini(&m->confidence);
 }
 
 /* The part of a picture inside a rectangle; borrowed. */
@@ -203,7 +201,6 @@ int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, 
     const struct sst_image part = part_of(&desc[key->view].image, rect);
     struct sst_neighbour neighbours[SST_SCENE_NEIGHBOURS];
     struct sst_map_u16 disp = m->disp;
-    struct sst_map_u8 confidence = m->confidence;
     int err;
 
     for (int i = 0; i < key->neighbours; i++) {
@@ -211,12 +208,12 @@ int scene_match(struct scene_matcher *m, const struct scene_pictures *pictures, 
 
         neighbours[i] = (struct sst_neighbour){ &desc[n], lf->views[n].bx - v->bx, lf->views[n].by - v->by };
     }
-    disp.width = confidence.width = part.width;
-    disp.height = confidence.height = part.height;
+    disp.width = part.width;
+    disp.height = part.height;
     sst_volume_window(&m->volume, rect->x0, rect->y0, part.width, part.height);
     sst_volume_fill(&m->volume, &desc[key->view], neighbours, key->neighbours);
     err = sst_disparity_sgm(&m->volume, &part, &cfg);
-    err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
+    err = err ? err : sst_volume_winner(&m->volume, false, &disp, NULL);
     err = err ? err : sst_disparity_median5(&disp, &m->volume.lines);
     if (!err)
         store(key, &disp, &desc[key->view], rect, dirty);

@@ -94,7 +94,6 @@ int scene_gather(struct sst_rect rects[SST_SCENE_RECTS], struct scene_dirty dirt
 struct scene_matcher {
     struct sst_volume volume;
     struct sst_map_u16 disp;
-    struct sst_map_u8 confidence;
 };
 
 /** @param min_px, max_px  of the light field, full size @param width, height  half size */

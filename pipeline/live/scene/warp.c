@@ -153,7 +153,23 @@ static struct sst_rect landing_box(const struct sst_rect *tile, const struct sce
                               tile->x1 - sst_min_int(ax, bx), tile->y1 - sst_min_int(ay, by) };
 }
 
-/* Warp the tiles of a key that may reach a changed tile. */
+/* May a tile of a key reach a changed tile? */
+static bool reaches_changed(const struct scene_composer *c, const struct scene_key *key, const struct scene_warp *way,
+                            int col, int row)
+{
+    const struct scene_span *span = &key->tile[row * c->cols + col];
+    const int x0 = col * SST_SCENE_CELLS, y0 = row * SST_SCENE_CELLS;
+    const struct sst_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
+                                   sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
+    struct sst_rect box;
+
+    if (span->far_q6 > span->near_q6)
+        return false;
+    box = landing_box(&tile, span, way);
+    return meets_changed(c, &box);
+}
+
+/* Warp the tiles of a key that may reach a changed tile, in runs. */
 static void land(struct scene_composer *c, const struct sst_lightfield *lf, int view, const struct scene_key *key,
                  uint32_t rank)
 {
@@ -161,22 +177,19 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
     const struct sst_cell_way w = {
         (int32_t)way.zero_q6, (int32_t)way.bx_q16, (int32_t)way.by_q16, rank << RANK_SHIFT, c->width, c->height
     };
-    const struct sst_kernels *kernels = sst_kernels_get();
 
-    for (int i = 0; i < c->cols * c->rows; i++) {
-        const struct scene_span *span = &key->tile[i];
-        const int x0 = i % c->cols * SST_SCENE_CELLS, y0 = i / c->cols * SST_SCENE_CELLS;
-        const struct sst_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
-                                       sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
-        struct sst_rect box;
+    for (int row = 0; row < c->rows; row++) {
+        const int y0 = row * SST_SCENE_CELLS, y1 = sst_min_int(y0 + SST_SCENE_CELLS, c->height);
 
-        if (span->far_q6 > span->near_q6)
-            continue;
-        box = landing_box(&tile, span, &way);
-        if (!meets_changed(c, &box))
-            continue;
-        for (int y = tile.y0; y < tile.y1; y++)
-            kernels->cell_land(c->z, &w, key->packed + (size_t)y * (size_t)c->width + x0, x0, y, tile.x1 - x0);
+        for (int col = 0, end; col < c->cols; col = end + 1) {
+            const int x0 = col * SST_SCENE_CELLS;
+
+            for (end = col; end < c->cols && reaches_changed(c, key, &way, end, row); end++)
+                ;
+            for (int y = y0; y < y1 && end > col; y++)
+                sst_kernels_get()->cell_land(c->z, &w, key->packed + (size_t)y * (size_t)c->width + x0, x0, y,
+                                             sst_min_int(end * SST_SCENE_CELLS, c->width) - x0);
+        }
     }
 }
 
