@@ -72,6 +72,7 @@ enum sst_cpu_level {
     X(cell_score)                                                                                                      \
     X(score_add)                                                                                                       \
     X(enlarge_row)                                                                                                     \
+    X(split_row)                                                                                                       \
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
     X(light_row)                                                                                                       \
@@ -660,6 +661,9 @@ struct sst_enlarge {
  * another surface has a mean green nearer to the pixel's; ties in the order own, beside, other row, other row beside.
  */
 typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst_enlarge *e, size_t n);
+
+/** Planes R, G, B of n pixels of four bytes: R, G, B, and one that is ignored. */
+typedef void sst_split_row_fn(uint8_t *const plane[3], const uint8_t *pixels, size_t n);
 
 /* --- rectification (pipeline/lightfield/rectify/) --- */
 

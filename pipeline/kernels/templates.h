@@ -25,6 +25,7 @@
 #include "pipeline/kernels/sgm_tmpl.h"
 #include "pipeline/kernels/sha256_tmpl.h"
 #include "pipeline/kernels/shown_row_tmpl.h"
+#include "pipeline/kernels/split_row_tmpl.h"
 #include "pipeline/kernels/subpixel_tmpl.h"
 #include "pipeline/kernels/support_tmpl.h"
 #include "pipeline/kernels/transpose_tmpl.h"

@@ -79,6 +79,7 @@ static const struct {
     { "agree_near", SST_AGREE_NEAR * 255.0, UINT16_MAX, "distance times votes" },
     { "agree_sum", 9 * SST_AGREE_NEAR * 255.0, 1 << FLT_MANT_DIG, "9 pixels; whole numbers in a float" },
     { "enlarge_row", 4 * 255, UINT16_MAX, "four levels" },
+    { "split_row", UINT8_MAX, UINT8_MAX, "moves" },
     { "cell_land", UINT16_MAX, UINT16_MAX, "compares and moves" },
     { "shown_row", 65534 * 32768.0 + 65535, INT32_MAX, "disparity times spacing, and the part" },
     { "disp_span", UINT16_MAX, UINT16_MAX, "compares" },

@@ -100,6 +100,24 @@ static void check_cells(const struct sst_kernels *k, int w, int h, enum sst_cpu_
     guard_free_all();
 }
 
+static void check_split(const struct sst_kernels *k, size_t n, enum sst_cpu_level level)
+{
+    const uint8_t *pixels = guard_random(4 * n, &seed);
+    uint8_t *want[3], *got[3];
+
+    for (int c = 0; c < 3; c++) {
+        want[c] = guard_random(n, &seed);
+        got[c] = guard_random(n, &seed);
+    }
+    sst_split_row_ref(want, pixels, n);
+    k->split_row(got, pixels, n);
+    for (int c = 0; c < 3; c++) {
+        if (memcmp(want[c], got[c], n))
+            fail_msg("%s, split, n=%zu", sst_cpu_level_name(level), n);
+    }
+    guard_free_all();
+}
+
 static void check_states(const struct sst_kernels *k, size_t n, enum sst_cpu_level level)
 {
     uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
@@ -231,6 +249,7 @@ static void clear_equals_reference(void **state SST_UNUSED)
             const int h = 1 + (int)below(12);
 
             check_states(&k, (size_t)w, (enum sst_cpu_level)level);
+            check_split(&k, (size_t)w, (enum sst_cpu_level)level);
             check_land(&k, w, h, w % 2, (enum sst_cpu_level)level);
             check_cells(&k, w, h, (enum sst_cpu_level)level);
             for (int i = 0; i < 10; i++)

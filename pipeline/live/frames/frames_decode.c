@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/live/frames/frames_internal.h"
 
 #define MOST_PARTS 8 /* of a frame that are decoded by themselves */
@@ -18,15 +19,10 @@ static void unpack(struct sst_image *image, const struct sst_rect *part, const u
     const int x0 = part->x0, y0 = part->y0;
 
     for (int y = y0; y < part->y1; y++) {
-        const uint8_t *from = pixels + (size_t)(y - y0) * stride;
-        uint8_t *restrict r = sst_image_row(image, 0, y) + x0, *restrict g = sst_image_row(image, 1, y) + x0;
-        uint8_t *restrict b = sst_image_row(image, 2, y) + x0;
+        uint8_t *const row[3] = { sst_image_row(image, 0, y) + x0, sst_image_row(image, 1, y) + x0,
+                                  sst_image_row(image, 2, y) + x0 };
 
-        for (int x = 0; x < part->x1 - x0; x++) {
-            r[x] = from[4 * x];
-            g[x] = from[4 * x + 1];
-            b[x] = from[4 * x + 2];
-        }
+        sst_kernels_get()->split_row(row, pixels + (size_t)(y - y0) * stride, (size_t)(part->x1 - x0));
     }
 }
 
