@@ -79,6 +79,75 @@ static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst
             KERNEL(clear_land_16)(landed, stride, v, _mm256_maskz_loadu_epi16(inside, disp + i), states, x + i, y);
     }
 }
+#elif defined(__AVX2__)
+/* Whole pixels, rounded down, by which rays of these disparities move. */
+static inline __m256i KERNEL(clear_moved)(__m256i disp, float q6, float at_0)
+{
+    const __m256 at =
+        _mm256_add_ps(_mm256_mul_ps(_mm256_cvtepi32_ps(disp), _mm256_set1_ps(q6)), _mm256_set1_ps(at_0));
+
+    return _mm256_cvttps_epi32(_mm256_floor_ps(at));
+}
+
+/* Lanes 0 .. limit - 1 in all bits. */
+static inline __m256i KERNEL(clear_within)(__m256i v, int limit)
+{
+    return _mm256_cmpeq_epi32(_mm256_min_epu32(v, _mm256_set1_epi32(limit - 1)), v);
+}
+
+/* All eight are equal. */
+static inline bool KERNEL(clear_alike)(__m256i v)
+{
+    const __m256i same = _mm256_cmpeq_epi32(v, _mm256_broadcastd_epi32(_mm256_castsi256_si128(v)));
+
+    return _mm256_movemask_epi8(same) == -1;
+}
+
+/* Rays that move alike are stored at once, eight where all do. */
+static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
+                               const uint8_t *state, int x, int y, int n)
+{
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    int i = 0;
+
+    for (; i + 8 <= n; i += 8) {
+        const __m128i q = _mm_loadu_si128((const __m128i *)(const void *)(disp + i));
+        const __m128i states = _mm_loadl_epi64((const __m128i *)(const void *)(state + i));
+        const __m128i level = _mm_add_epi16(_mm_srl_epi16(q, _mm_cvtsi32_si128(v->coarse)), _mm_set1_epi16(1));
+        const __m128i kept = _mm_srli_epi16(_mm_cvtepu8_epi16(states), 1);
+        const __m128i ray = _mm_or_si128(_mm_slli_epi16(level, 1), kept);
+        const __m256i dx = KERNEL(clear_moved)(_mm256_cvtepu16_epi32(q), v->x_q6, v->x_0);
+        const __m256i dy = KERNEL(clear_moved)(_mm256_cvtepu16_epi32(q), v->y_q6, v->y_0);
+        const __m256i to_x = _mm256_add_epi32(_mm256_add_epi32(dx, lane), _mm256_set1_epi32(x + i));
+        const __m256i to_y = _mm256_add_epi32(dy, _mm256_set1_epi32(y));
+        const __m256i none = _mm256_cmpeq_epi32(_mm256_cvtepu8_epi32(states), _mm256_setzero_si256());
+        const __m256i inside =
+            _mm256_and_si256(KERNEL(clear_within)(to_x, v->width), KERNEL(clear_within)(to_y, v->height));
+        unsigned rays = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_andnot_si256(none, inside)));
+        int32_t at_x[8], at_y[8];
+        uint16_t value[8];
+
+        if (!rays)
+            continue;
+        _mm256_storeu_si256((__m256i *)(void *)at_x, to_x);
+        _mm256_storeu_si256((__m256i *)(void *)at_y, to_y);
+        if (rays == 0xFF && KERNEL(clear_alike)(dx) && KERNEL(clear_alike)(dy)) {
+            __m128i *to = (__m128i *)(void *)(landed + (size_t)at_y[0] * stride + (size_t)at_x[0]);
+
+            _mm_storeu_si128(to, _mm_max_epu16(_mm_loadu_si128(to), ray));
+            continue;
+        }
+        _mm_storeu_si128((__m128i *)(void *)value, ray);
+        for (; rays; rays &= rays - 1) {
+            const int k = __builtin_ctz(rays);
+            uint16_t *to = landed + (size_t)at_y[k] * stride + (size_t)at_x[k];
+
+            *to = *to < value[k] ? value[k] : *to;
+        }
+    }
+    if (i < n)
+        sst_clear_land_ref(landed, stride, v, disp + i, state + i, x + i, y, n - i);
+}
 #else
 static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
                                const uint8_t *state, int x, int y, int n)
