@@ -11,11 +11,11 @@
 #define PROBE_HEIGHT 240
 
 static const char *const names[] = {
-    "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL
+    "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", "bust", "terrace", NULL
 };
 
 static build_fn *const builders[] = { build_bush,     build_pedestrian, build_transportation, build_cell, build_humvee,
-                                      build_cd_cases, build_cat };
+                                      build_cd_cases, build_cat,        build_bust,           build_terrace };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -34,7 +34,8 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases, cat or layers",
+    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, "
+                  "terrace or layers",
                   name);
     return -EINVAL;
 }

@@ -37,8 +37,8 @@ struct sst_scene; /* opaque; read-only after create: any number of threads may r
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg); /* 1000x750, 6x6, seed 1 */
 
-/** NULL-terminated list: bush pedestrian transportation cell humvee cd-cases cat; `layers`, which has no surfaces, is
- * not in it. */
+/** NULL-terminated list: bush pedestrian transportation cell humvee cd-cases cat bust terrace; `layers`, which has
+ * no surfaces, is not in it. */
 const char *const *sst_scene_names(void);
 
 /** @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM. */

@@ -111,7 +111,8 @@ void add_figure(struct sst_scene_world *w, const struct figure *f);
 
 /* Build functions of the scenes. */
 typedef void build_fn(struct sst_scene_world *w);
-build_fn build_bush, build_pedestrian, build_transportation, build_cell, build_humvee, build_cd_cases, build_cat;
+build_fn build_bush, build_pedestrian, build_transportation, build_cell, build_humvee, build_cd_cases, build_cat, build_bust,
+    build_terrace;
 
 /* --- hedge: the person behind it (hedge_person.c) --- */
 
