@@ -14,6 +14,7 @@ static inline simd_s32 KERNEL(blend_pairs)(const uint8_t *p, int half)
     return (simd_s32)_mm512_maskz_permutexvar_epi8(0x5555555555555555, (__m512i)at, _mm512_castsi256_si512(bytes));
 }
 
+/* Lanes below a count of 1 or more. */
 static inline KERNEL(blend_where) KERNEL(blend_below)(simd_u16 v, uint16_t count)
 {
     return _mm512_cmplt_epu16_mask((__m512i)v, _mm512_set1_epi16((int16_t)count));
@@ -24,7 +25,8 @@ static inline KERNEL(blend_where) KERNEL(blend_labelled)(const uint8_t *label, u
     return _mm256_cmpeq_epi8_mask(_mm256_loadu_si256((const __m256i *)(const void *)label), _mm256_set1_epi8((char)as));
 }
 
-/* Bit x: pixel x. */
+#define BLEND_BITS 1 /* of blend_bits() for a pixel */
+
 static inline uint32_t KERNEL(blend_bits)(KERNEL(blend_where) m)
 {
     return m;
@@ -57,9 +59,7 @@ static inline simd_s32 KERNEL(blend_pairs)(const uint8_t *p, int half)
 
 static inline KERNEL(blend_where) KERNEL(blend_below)(simd_u16 v, uint16_t count)
 {
-    const __m256i left = (__m256i)simd_less_u16(simd_set_u16(count), v);
-
-    return (simd_u16)_mm256_xor_si256(_mm256_cmpeq_epi16(left, _mm256_setzero_si256()), _mm256_set1_epi16(-1));
+    return (simd_u16)(simd_min_u16(v, simd_set_u16((uint16_t)(count - 1))) == v);
 }
 
 static inline KERNEL(blend_where) KERNEL(blend_labelled)(const uint8_t *label, uint8_t as)
@@ -68,10 +68,11 @@ static inline KERNEL(blend_where) KERNEL(blend_labelled)(const uint8_t *label, u
         _mm_cmpeq_epi8(_mm_loadu_si128((const __m128i *)(const void *)label), _mm_set1_epi8((char)as)));
 }
 
+#define BLEND_BITS 2
+
 static inline uint32_t KERNEL(blend_bits)(KERNEL(blend_where) m)
 {
-    return (uint32_t)_mm_movemask_epi8(
-        _mm_packs_epi16(_mm256_castsi256_si128((__m256i)m), _mm256_extracti128_si256((__m256i)m, 1)));
+    return (uint32_t)_mm256_movemask_epi8((__m256i)m);
 }
 
 static inline simd_f32 KERNEL(blend_select)(KERNEL(blend_where) m, int half, simd_f32 yes, simd_f32 no)
@@ -129,7 +130,7 @@ static inline simd_f32 KERNEL(blend_disp)(const uint16_t *p)
 }
 
 #define BLEND_BLOCK   (2 * BLEND_HALF)
-#define BLEND_ALL     ((uint32_t)((1ULL << BLEND_BLOCK) - 1))
+#define BLEND_ALL     UINT32_MAX                                          /* blend_bits() of all pixels */
 #define BLEND_UNKNOWN ((SST_BLEND_COLUMNS - 1) << SST_BLEND_COLUMN_SHIFT) /* and above: the last column of W_s */
 
 /* Of a run: weights of the pixels of both rows, and of a block. */
@@ -157,7 +158,7 @@ static inline struct KERNEL(blend_taps) KERNEL(blend_set_taps)(const struct sst_
 
 /* Colours of half a block. */
 static inline simd_s32 KERNEL(blend_colours)(const struct sst_blend *b, int c, size_t x, int half,
-                                             const struct KERNEL(blend_taps) *t)
+                                             const struct KERNEL(blend_taps) * t)
 {
     const SIMD_INT top = SIMD_OP(madd_epi16)((SIMD_INT)KERNEL(blend_pairs)(b->top[c] + x, half), (SIMD_INT)t->top);
 
@@ -179,7 +180,7 @@ static __attribute__((noinline)) struct KERNEL(blend_weights)
 }
 
 /* Put the W_s of the pixels `of` a block that have a label into w. */
-static inline void KERNEL(blend_one_label)(struct KERNEL(blend_weights) *w, const struct sst_blend *b,
+static inline void KERNEL(blend_one_label)(struct KERNEL(blend_weights) * w, const struct sst_blend *b,
                                            const struct sst_blend_range *r, KERNEL(blend_where) of, size_t x)
 {
     for (int i = 0; i < r->ranges; i++) {
@@ -190,23 +191,17 @@ static inline void KERNEL(blend_one_label)(struct KERNEL(blend_weights) *w, cons
     }
 }
 
-/* W_s of a block: one label after the other. */
-static inline struct KERNEL(blend_weights) KERNEL(blend_block_labels)(const struct sst_blend *b, size_t x)
+/* W_s of a block with several labels, one after the other. */
+static __attribute__((noinline)) struct KERNEL(blend_weights)
+    KERNEL(blend_some_labels)(const struct sst_blend *b, size_t x)
 {
-    const struct sst_blend_range *r = &b->range[b->label[x]];
-    KERNEL(blend_where) of = KERNEL(blend_labelled)(b->label + x, b->label[x]);
-    uint32_t left = BLEND_ALL & ~KERNEL(blend_bits)(of);
-    struct KERNEL(blend_weights) w;
+    struct KERNEL(blend_weights) w = { { { 0 } } };
 
-    if (r->ranges > SST_BLEND_RANGES || KERNEL(blend_bits)(KERNEL(blend_within)(b->disp + x, BLEND_UNKNOWN, 16)))
-        return KERNEL(blend_label_table)(b, x);
-    w.half[0] = w.half[1] = simd_set_f32(r->outside);
-    KERNEL(blend_one_label)(&w, b, r, of, x);
-    while (left) {
-        const uint8_t label = b->label[x + (size_t)__builtin_ctz(left)];
+    for (uint32_t left = BLEND_ALL; left;) {
+        const uint8_t label = b->label[x + (size_t)__builtin_ctz(left) / BLEND_BITS];
+        const struct sst_blend_range *r = &b->range[label];
+        const KERNEL(blend_where) of = KERNEL(blend_labelled)(b->label + x, label);
 
-        r = &b->range[label];
-        of = KERNEL(blend_labelled)(b->label + x, label);
         if (r->ranges > SST_BLEND_RANGES)
             return KERNEL(blend_label_table)(b, x);
         for (int half = 0; half < 2; half++)
@@ -217,12 +212,30 @@ static inline struct KERNEL(blend_weights) KERNEL(blend_block_labels)(const stru
     return w;
 }
 
+/* W_s of a block. */
+static inline struct KERNEL(blend_weights) KERNEL(blend_block_labels)(const struct sst_blend *b, size_t x)
+{
+    const struct sst_blend_range *r = &b->range[b->label[x]];
+    const KERNEL(blend_where) of = KERNEL(blend_labelled)(b->label + x, b->label[x]);
+    struct KERNEL(blend_weights) w;
+
+    if (r->ranges > SST_BLEND_RANGES || KERNEL(blend_bits)(KERNEL(blend_within)(b->disp + x, BLEND_UNKNOWN, 16)))
+        return KERNEL(blend_label_table)(b, x);
+    if (KERNEL(blend_bits)(of) != BLEND_ALL)
+        return KERNEL(blend_some_labels)(b, x);
+    w.half[0] = w.half[1] = simd_set_f32(r->outside);
+    KERNEL(blend_one_label)(&w, b, r, of, x);
+    return w;
+}
+
 /* A W_s W_d of a block. */
-static inline struct KERNEL(blend_weights) KERNEL(blend_block_weights)(const struct sst_blend *b, size_t x)
+static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
+    KERNEL(blend_block_weights)(const struct sst_blend *b, size_t x)
 {
     const simd_f32 aperture = simd_set_f32(b->aperture), c1 = simd_set_f32(b->c1);
     struct KERNEL(blend_weights) w = { { aperture, aperture } };
     KERNEL(blend_where) near;
+    uint32_t bits;
 
     if (!b->disp)
         return w;
@@ -232,7 +245,8 @@ static inline struct KERNEL(blend_weights) KERNEL(blend_block_weights)(const str
             w.half[half] = aperture * w.half[half];
     }
     near = KERNEL(blend_within)(b->disp + x, b->first, b->count);
-    if (!KERNEL(blend_bits)(near)) {
+    bits = b->count ? KERNEL(blend_bits)(near) : 0;
+    if (!bits) {
         for (int half = 0; half < 2; half++)
             w.half[half] = w.half[half] * c1;
         return w;
@@ -246,7 +260,9 @@ static inline struct KERNEL(blend_weights) KERNEL(blend_block_weights)(const str
         for (int i = 3; i >= 0; i--)
             p = p * r + b->power[i];
         p = (simd_f32)((simd_u32)p - ((simd_u32)m << 23)); /* times a power of 2 */
-        w.half[half] *= KERNEL(blend_select)(near, half, p, simd_set_f32(0)) + c1;
+        if (bits != BLEND_ALL)
+            p = KERNEL(blend_select)(near, half, p, simd_set_f32(0));
+        w.half[half] *= p + c1;
     }
     return w;
 }
@@ -259,18 +275,6 @@ static inline simd_s32 KERNEL(blend_undone)(size_t done, int half)
     return (simd_s32)(lane + half * BLEND_HALF >= (int32_t)done);
 }
 
-static inline void KERNEL(blend_prefetch)(const struct sst_blend *next, size_t x)
-{
-    for (int c = 0; c < 3; c++)
-        __builtin_prefetch(next->bottom[c] + x, 0, 2);
-    if (next->disp) {
-        __builtin_prefetch(next->disp + x, 0, 2);
-        __builtin_prefetch(next->disp + x + 32, 0, 2);
-    }
-    if (next->label)
-        __builtin_prefetch(next->label + x, 0, 2);
-}
-
 static inline void KERNEL(blend_increase)(float *at, simd_f32 by)
 {
     simd_store_f32(at, simd_load_f32(at) + by);
@@ -278,7 +282,7 @@ static inline void KERNEL(blend_increase)(float *at, simd_f32 by)
 
 /* A block, without its first `done` pixels. */
 static inline void KERNEL(blend_rays_block)(float *const acc[4], const struct sst_blend *b, size_t x,
-                                            const struct KERNEL(blend_taps) *t, size_t done)
+                                            const struct KERNEL(blend_taps) * t, size_t done)
 {
     const struct KERNEL(blend_weights) w = KERNEL(blend_block_weights)(b, x);
 
@@ -303,18 +307,15 @@ static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, s
         KERNEL(blend_rays_parts)(acc, b, n);
         return;
     }
-    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK) {
-        if (of.next && x % 64 == 0)
-            KERNEL(blend_prefetch)(of.next, x);
+    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK)
         KERNEL(blend_rays_block)(to, &of, x, &t, 0);
-    }
     if (x < n)
         KERNEL(blend_rays_block)(to, &of, n - BLEND_BLOCK, &t, x - (n - BLEND_BLOCK));
 }
 
 /* A block, without its first `done` pixels. */
 static inline void KERNEL(blend_plain_block)(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t x,
-                                             const struct KERNEL(blend_taps) *t, size_t done)
+                                             const struct KERNEL(blend_taps) * t, size_t done)
 {
     for (int half = 0; half < 2; half++) {
         const simd_s32 undone = done ? KERNEL(blend_undone)(done, half) : simd_set_s32(-1);
@@ -345,11 +346,8 @@ static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struc
         KERNEL(blend_plain_parts)(sum, count, b, n);
         return;
     }
-    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK) {
-        if (of.next && x % 64 == 0)
-            KERNEL(blend_prefetch)(of.next, x);
+    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK)
         KERNEL(blend_plain_block)(to, count, &of, x, &t, 0);
-    }
     if (x < n)
         KERNEL(blend_plain_block)(to, count, &of, n - BLEND_BLOCK, &t, x - (n - BLEND_BLOCK));
 }
@@ -372,8 +370,8 @@ static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const st
             simd_store_f32(weight + at, w.half[half]);
             for (int c = 0; c < 3; c++)
                 KERNEL(blend_bytes)
-                (colour[c] + at,
-                 (KERNEL(blend_colours)(b, c, from, half, &t) + SST_BLEND_LEVEL / 2) >> SST_BLEND_LEVEL_BITS);
+            (colour[c] + at,
+             (KERNEL(blend_colours)(b, c, from, half, &t) + SST_BLEND_LEVEL / 2) >> SST_BLEND_LEVEL_BITS);
         }
     }
 }
@@ -381,4 +379,5 @@ static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const st
 #undef BLEND_HALF
 #undef BLEND_BLOCK
 #undef BLEND_ALL
+#undef BLEND_BITS
 #undef BLEND_UNKNOWN

@@ -440,7 +440,7 @@ static inline void sst_blend_set_taps(int16_t tap[4], double fx, double fy)
 #define SST_BLEND_RANGES 3
 
 /** W_s of a label by stored disparity; in short, but for disparities of the last column: inside[i] for first[i] ..
- *  first[i] + count[i] - 1, else `outside`. ranges > SST_BLEND_RANGES: only `weight` has them. */
+ *  first[i] + count[i] - 1 (count[i] >= 1), else `outside`. ranges > SST_BLEND_RANGES: only `weight` has them. */
 struct sst_blend_range {
     const float *weight; /* [SST_BLEND_COLUMNS], by stored disparity / 16 */
     int ranges;
@@ -453,7 +453,6 @@ struct sst_blend_range {
 struct sst_blend {
     const uint8_t *top[3], *bottom[3]; /* R, G, B of the two source rows, n + 1 pixels readable in each */
     int16_t tap[4];                    /* sst_blend_set_taps(): of top[x], top[x + 1], bottom[x], bottom[x + 1] */
-    const struct sst_blend *next;      /* of the next call, prefetched as far as n; NULL: unknown */
     /* not for blend_plain */
     float aperture;                      /* weight of the view */
     const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */

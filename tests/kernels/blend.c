@@ -63,7 +63,7 @@ static struct weights *random_weights(void)
         for (size_t c = 0; c < SST_BLEND_COLUMNS; c++)
             row[c] = r->ranges > SST_BLEND_RANGES || c == SST_BLEND_COLUMNS - 1 ? random_share() : r->outside;
         for (int i = 0; i < r->ranges && r->ranges <= SST_BLEND_RANGES; i++) {
-            const size_t from = 20 * (size_t)i + sst_random_u64(&seed) % 10, to = from + sst_random_u64(&seed) % 10;
+            const size_t from = 20 * (size_t)i + sst_random_u64(&seed) % 10, to = from + 1 + sst_random_u64(&seed) % 9;
 
             r->first[i] = (uint16_t)(from * 16);
             r->count[i] = (uint16_t)((to - from) * 16);

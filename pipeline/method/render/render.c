@@ -13,6 +13,8 @@
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
+#define TOGETHER 4 /* views whose rays are summed before the next row */
+
 _Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
 
 void sst_render_config_defaults(struct sst_render_config *cfg)
@@ -210,7 +212,6 @@ static void blend(const struct render_sink *s, int skip, const struct sst_render
     const struct sst_kernels *k = sst_kernels_get();
 
     set_maps(b, p, t, from, y, s->plain);
-    b->next = s->next;
     if (s->samples) {
         uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
                                      s->samples->colour[2] + skip };
@@ -354,35 +355,45 @@ struct sums {
     } of[4];
 };
 
-/* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights @param support  out, [n], or
- * NULL */
-static void render_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+/* n pixels of the rows from y on, n at most SST_BLEND_MAX: a few views at a time, whose rows then are few streams from
+ * memory and long ones. @param weight  out, sums of weights @param support  out, or NULL */
+static void render_rows(const struct render_picture *pic, float (*weight)[SST_BLEND_MAX],
+                        uint8_t (*support)[SST_BLEND_MAX], int x, int n, int y, int rows)
 {
     const struct sst_render_plan *p = pic->plan;
-    struct sums sums;
-    struct render_sink s = { .acc = { sums.of[0].sum, sums.of[1].sum, sums.of[2].sum, sums.of[3].sum },
-                             .sum = { sums.of[0].count, sums.of[1].count, sums.of[2].count },
-                             .count = sums.of[3].sum,
-                             .support = support,
-                             .plain = p->summed };
-    struct sst_blend next;
+    struct sums sums[SST_RENDER_CELL_HEIGHT];
+    struct render_sink s[SST_RENDER_CELL_HEIGHT];
 
-    for (int c = 0; c < 4; c++)
-        memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
-    if (support)
-        memset(support, 0, (size_t)n);
-    for (int k = 0; k < p->count; k++) {
-        s.next = k + 1 < p->count ? render_read_ahead(&next, p, &p->tap[k + 1], x, n, y, p->summed)
-                                  : render_read_ahead(&next, p, &p->tap[0], x, n, y + 1, p->summed);
-        render_add_view(&s, p, &p->tap[k], x, n, y);
+    for (int i = 0; i < rows; i++) {
+        float *const acc[4] = { sums[i].of[0].sum, sums[i].of[1].sum, sums[i].of[2].sum, sums[i].of[3].sum };
+
+        s[i] = (struct render_sink){ .acc = { acc[0], acc[1], acc[2], acc[3] },
+                                     .sum = { sums[i].of[0].count, sums[i].of[1].count, sums[i].of[2].count },
+                                     .count = acc[3],
+                                     .support = support ? support[i] : NULL,
+                                     .plain = p->summed };
+        for (int c = 0; c < 4; c++)
+            memset(acc[c], 0, (size_t)n * sizeof(*acc[c]));
+        if (support)
+            memset(support[i], 0, (size_t)n);
     }
-    for (int c = 0; c < 3; c++) {
-        for (int i = 0; p->summed && i < n; i++)
-            s.acc[c][i] = (float)s.sum[c][i];
-        sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, s.acc[c], s.acc[3], (size_t)n);
+    for (int first = 0; first < p->count; first += TOGETHER) {
+        const int end = sst_min_int(first + TOGETHER, p->count);
+
+        for (int i = 0; i < rows; i++) {
+            for (int k = first; k < end; k++)
+                render_add_view(&s[i], p, &p->tap[k], x, n, y + i);
+        }
     }
-    memcpy(weight, s.acc[3], (size_t)n * sizeof(*weight));
-    render_mend_row(pic->plan, pic->out, weight, x, n, y);
+    for (int i = 0; i < rows; i++) {
+        for (int c = 0; c < 3; c++) {
+            for (int at = 0; p->summed && at < n; at++)
+                s[i].acc[c][at] = (float)s[i].sum[c][at];
+            sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y + i) + x, s[i].acc[c], s[i].acc[3], (size_t)n);
+        }
+        memcpy(weight[i], s[i].acc[3], (size_t)n * sizeof(**weight));
+        render_mend_row(pic->plan, pic->out, weight[i], x, n, y + i);
+    }
 }
 
 /* The same from what a device has blended. Without a verifier, weights matter only where they are too small. */
@@ -427,8 +438,10 @@ static int render_band(void *arg, int index, int worker)
     for (int x = 0, to; x < width; x = to) {
         x = cells ? next_cell(cells, x, width, true) : x;
         to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
-        for (int y = top; y < end && x < to; y++)
-            (pic->words ? unpack_run : render_run)(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
+        if (!pic->words && x < to)
+            render_rows(pic, weight, count ? support : NULL, x, to - x, top, end - top);
+        for (int y = top; y < end && pic->words && x < to; y++)
+            unpack_run(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
         if (verifier && x < to)
             sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
         for (int y = top; y < end && count && x < to; y++)

@@ -146,7 +146,6 @@ struct render_sink {
     float *count;     /* ... and of acc[3] */
     uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
     const struct sst_render_samples *samples; /* NULL: acc */
-    const struct sst_blend *next;             /* what the view after this one will read, or NULL */
     bool plain;                               /* weights are 1, whatever the maps: plans that sum, and skips */
     bool support_only;                        /* nothing is summed */
 };
