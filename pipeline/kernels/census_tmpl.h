@@ -69,6 +69,40 @@ static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *re
         }
     }
 }
+#elif defined(__AVX2__)
+/* 32 places of a pixel: four at a time from the last one on, counted by halves of bytes, one byte of each lane. */
+static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
+                                      size_t n, size_t nd)
+{
+    const __m256i bits = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4, 0, 1, 1, 2, 1, 2, 2, 3, 1, 2,
+                                          2, 3, 2, 3, 3, 4);
+    const __m256i half = _mm256_set1_epi8(15), zero = _mm256_setzero_si256();
+    const __m256i pairs = _mm256_setr_epi8(8, 0, 9, 1, 10, 2, 11, 3, 12, 4, 13, 5, 14, 6, 15, 7, 8, 0, 9, 1, 10, 2, 11,
+                                           3, 12, 4, 13, 5, 14, 6, 15, 7);
+
+    for (size_t x = 0; x < n; x++) {
+        const __m256i own = _mm256_set1_epi64x((int64_t)a[x]);
+
+        for (size_t d = 0; d < nd; d += 32) {
+            __m256i bytes = zero;
+            __m128i late, early;
+
+            for (int k = 7; k >= 0; k--) {
+                const __m256i there = _mm256_loadu_si256((const __m256i *)(const void *)(b + x - d - 3 - 4 * k));
+                const __m256i differ = _mm256_xor_si256(own, there);
+                const __m256i low = _mm256_shuffle_epi8(bits, _mm256_and_si256(differ, half));
+                const __m256i high = _mm256_shuffle_epi8(bits, _mm256_and_si256(_mm256_srli_epi16(differ, 4), half));
+
+                bytes = _mm256_or_si256(_mm256_slli_epi64(bytes, 8), _mm256_sad_epu8(_mm256_add_epi8(low, high), zero));
+            }
+            bytes = _mm256_shuffle_epi8(_mm256_slli_epi64(bytes, 2), pairs);
+            late = _mm256_castsi256_si128(bytes);
+            early = _mm256_extracti128_si256(bytes, 1);
+            _mm_storeu_si128((__m128i *)(void *)(cost + x * nd + d), _mm_unpacklo_epi16(early, late));
+            _mm_storeu_si128((__m128i *)(void *)(cost + x * nd + d + 16), _mm_unpackhi_epi16(early, late));
+        }
+    }
+}
 #else
 static void KERNEL(hamming_steps_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
                                       size_t n, size_t nd)
