@@ -9,6 +9,7 @@ the first half of the images and reported on the second. Raw figures go to BUILD
 """
 import argparse
 import glob
+import itertools
 import json
 import os
 import shutil
@@ -26,6 +27,7 @@ import labels_scenes
 from bench import say
 
 PARTS = ("quality", "drives", "changes", "calibration", "times", "layouts", "refinement", "sheets")
+LEVELS = {"best": {}, "AVX2": {"SST_CPU": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2"}}  # of the processor, by environment
 CHUNK = 8  # images whose probabilities lie on the disk at a time
 
 
@@ -128,17 +130,18 @@ def quality(pairs, model, *options):
 
 
 def times(images, models, rounds):
-    """Median wall and CPU ms per 480x360 image, networks and threads taking turns."""
-    folder, taken = f"{ARGS.out}/labels-run", {}
-    for _ in range(rounds):
-        for model in models:
-            for threads in (1, 2):
-                said = segment(images, folder, model, "--threads", threads)["images"][1:]  # the first plans its memory
-                for key in ("ms", "cpu_ms"):
-                    taken.setdefault((model, threads, key), []).append(statistics.median(i[key] for i in said))
+    """Median wall and CPU ms per 480x360 image, networks, levels of the processor and threads taking turns."""
+    folder, taken, environment = f"{ARGS.out}/labels-run", {}, dict(os.environ)
+    for _, model, (level, limit), threads in itertools.product(range(rounds), models, LEVELS.items(), (1, 2)):
+        os.environ.update(limit)
+        said = segment(images, folder, model, "--threads", threads)["images"][1:]  # the first plans its memory
+        os.environ.clear()
+        os.environ.update(environment)
+        for key in ("ms", "cpu_ms"):
+            taken.setdefault((model, level, threads, key), []).append(statistics.median(i[key] for i in said))
     shutil.rmtree(folder)
-    return [{"model": os.path.basename(m), "threads": t, "key": k, "ms": statistics.median(v), "least": min(v),
-             "most": max(v)} for (m, t, k), v in taken.items()]
+    return [{"model": os.path.basename(m), "level": c, "threads": t, "key": k, "ms": statistics.median(v),
+             "least": min(v), "most": max(v)} for (m, c, t, k), v in taken.items()]
 
 
 def drives(known):

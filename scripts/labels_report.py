@@ -27,10 +27,10 @@ def quality_part(networks):
 def times_part(times):
     rows = {}
     for t in times:
-        rows.setdefault((t["model"], t["threads"]), {})[t["key"]] = t
-    return table(["network", "threads", "wall ms", "least..most", "CPU ms"],
-                 [[m, n, number(r["ms"]["ms"], 0), f"{r['ms']['least']:.0f}..{r['ms']['most']:.0f}",
-                   number(r["cpu_ms"]["ms"], 0)] for (m, n), r in rows.items()])
+        rows.setdefault((t["model"], t["level"], t["threads"]), {})[t["key"]] = t
+    return table(["network", "processor", "threads", "wall ms", "least..most", "CPU ms"],
+                 [[m, c, n, number(r["ms"]["ms"], 0), f"{r['ms']['least']:.0f}..{r['ms']['most']:.0f}",
+                   number(r["cpu_ms"]["ms"], 0)] for (m, c, n), r in rows.items()])
 
 
 def calibration_part(networks):
@@ -170,7 +170,8 @@ CamVid val, changed before it is given to the network; %.
 {changes}
 ## Time per 480x360 picture
 
-Without loading; networks and threads taking turns, median of 5 rounds.
+Without loading; networks, levels of the processor and threads taking turns, median of 5 rounds. AVX2: without AVX-512 and
+VNNI.
 
 {times}
 ## Calibration
