@@ -39,6 +39,17 @@ for image in report["images"]:
     assert (image["width"], image["height"]) == (200, 150) and image["ms"] > 0
     assert abs(sum(image["percent"].values()) - 100) < 1e-3 and "Tree" in image["percent"]
 PY
+
+# --- 8 bits by default without VNNI; AVX-512 without it has floats ---
+if grep -qw avx2 /proc/cpuinfo; then
+  for run in AVX2: AVX2:int8 AVX512_CORE: AVX512_CORE:f32; do
+    precision=${run#*:}
+    ONEDNN_MAX_CPU_ISA=${run%:*} ok segment $a --scale 0.5 -o l.png --prob "p$run.npy" ${precision:+--precision "$precision"}
+  done
+  cmp pAVX2:.npy pAVX2:int8.npy || fail "AVX2: not on 8 bits"
+  ! grep -qw avx512bw /proc/cpuinfo || cmp pAVX512_CORE:.npy pAVX512_CORE:f32.npy || fail "AVX-512 without VNNI: not on floats"
+fi
+
 python3 - prob/00_00.npy <<'PY' || fail "probabilities do not sum to 1"
 import array, sys
 
