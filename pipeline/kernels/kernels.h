@@ -51,6 +51,7 @@ enum sst_cpu_level {
     X(hypothesis_cost_row)                                                                                             \
     X(hypothesis_path_row)                                                                                             \
     X(subpixel_fit_row)                                                                                                \
+    X(subpixel_plane_row)                                                                                              \
     X(subpixel_window_row)                                                                                             \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
@@ -386,6 +387,7 @@ struct sst_subpixel_fit {
     int width, height;   /* of all views, at least 2 */
     int tolerance;       /* 1/64 px: a surface nearer by more than this hides the point */
     float inverse_limit; /* 1 / luma difference from which on a view does not count */
+    int across;          /* 1: gradients are means over three rows or columns, weights 1, 2, 1; 0: of one */
 };
 
 /**
@@ -399,19 +401,44 @@ struct sst_subpixel_fit {
 typedef void sst_subpixel_fit_row_fn(float *weight, float *product, const int32_t *disp,
                                      const struct sst_subpixel_fit *fit, int y, size_t n);
 
-/** Planes of one stride, pointers to the first pixel of a row; 2 * step pixels on all sides are readable. */
+/** Planes of one stride, pointers to the first pixel of a row. Each pixel has a plane: its disparity, and slopes that say
+ * what a pixel of the window would have on it. */
 struct sst_subpixel_window {
     const uint32_t *colour; /* R, G, B from the lowest byte up */
     const int32_t *disp;    /* 1/64 px */
     const float *weight, *product;
+    const float *slope[2]; /* px per pixel to the right, down */
     ptrdiff_t stride;
-    int step;           /* pixels between those of the window */
-    int similar, apart; /* channels and disparities that differ by at most this count */
+    int similar; /* channels that differ by at most this count ... */
+    float apart; /* ... and disparities that are at most this far from the plane, px */
 };
 
-/** Sums of weight and product over windows of 5x5 pixels, of which those count that are of similar colour and
- * disparity. Both kernels give the same bytes at every level: no sum is split. */
+/** Sums over the similar pixels of a window of 5x5 pixels that lie on its middle pixel's plane: of the weights, and of the
+ * products less weight times slope, so that their quotient is the disparity in the middle. 2 pixels on all sides are
+ * readable. Here and in subpixel_plane_row all levels give the same bytes: no sum is split. */
 typedef void sst_subpixel_window_row_fn(float *weight, float *product, const struct sst_subpixel_window *w, size_t n);
+
+#define SST_SUBPIXEL_STEP  4                       /* pixels between those of a large window, of 7x7 ... */
+#define SST_SUBPIXEL_REACH (3 * SST_SUBPIXEL_STEP) /* ... which is as large as this */
+#define SST_SUBPIXEL_RIDGE 0.2f                    /* variance that positions have besides: holds the slopes */
+
+/** Planes likewise. */
+struct sst_subpixel_planes {
+    const uint32_t *colour;
+    const float *disp, *weight; /* px; pixels of weight 0 do not count */
+    ptrdiff_t stride;
+    int similar;
+    float apart;
+};
+
+/**
+ * Planes through the similar pixels of large windows that lie on the middle pixel's plane: least squares, weighted.
+ * SST_SUBPIXEL_REACH pixels on all sides are readable.
+ * @param disp   out, px, in the middle of the window
+ * @param slope  in and out, px per pixel to the right and down, [n] each
+ */
+typedef void sst_subpixel_plane_row_fn(float *disp, float *const slope[2], const struct sst_subpixel_planes *p,
+                                       size_t n);
 
 /* --- rendering (pipeline/method/render/) --- */
 

@@ -22,6 +22,7 @@ layout(std430, push_constant) uniform Constants {
     uint own;
     int tolerance;
     float inverse_limit;
+    int across; // 1: gradients over three rows or columns
 };
 
 const int NONE = 32768;
@@ -34,6 +35,17 @@ float level(uint pixel)
 float own_level(int x, int y)
 {
     return level(pixels[own + uint(clamp(y, 0, height - 1) * width + clamp(x, 0, width - 1))]);
+}
+
+// Gradient along (dx, dy), the mean of three across it: exact.
+float slope_along(int x, int y, int dx, int dy)
+{
+    const int ax = dy * across, ay = dx * across;
+    const float before = own_level(x + dx - ax, y + dy - ay) - own_level(x - dx - ax, y - dy - ay);
+    const float here = own_level(x + dx, y + dy) - own_level(x - dx, y - dy);
+    const float after = own_level(x + dx + ax, y + dy + ay) - own_level(x - dx + ax, y - dy + ay);
+
+    return (before + 2.0 * here + after) * 0.125;
 }
 
 void main()
@@ -51,8 +63,8 @@ void main()
         return;
     }
     here = own_level(x, y);
-    gx = (own_level(x + 1, y) - own_level(x - 1, y)) * 0.5; // exact
-    gy = (own_level(x, y + 1) - own_level(x, y - 1)) * 0.5;
+    gx = slope_along(x, y, 1, 0);
+    gy = slope_along(x, y, 0, 1);
     for (int k = 0; k < count; k++) {
         const View v = views[k];
         const int px = v.x + d * v.dx, py = v.y + d * v.dy, xv = x + (px >> 16), yv = y + (py >> 16);

@@ -32,13 +32,23 @@ static SST_NOINLINE void KERNEL(subpixel_view)(float *restrict ss, float *restri
     }
 }
 
+/* `across` is the stride or 0, `beside` 1 or 0. */
 static SST_NOINLINE void KERNEL(subpixel_gradient)(float *restrict gx, float *restrict gy, float *restrict own,
-                                                   const uint32_t *restrict at, ptrdiff_t stride)
+                                                   const uint32_t *restrict at, ptrdiff_t stride, ptrdiff_t across,
+                                                   ptrdiff_t beside)
 {
-    for (int x = 0; x < SST_SUBPIXEL_BLOCK; x++) {
+    const uint32_t *restrict above = at - across, *restrict below = at + across;
+    const uint32_t *restrict up = at - stride, *restrict down = at + stride;
+
+    for (ptrdiff_t x = 0; x < SST_SUBPIXEL_BLOCK; x++) {
+        const int right = (int)((above[x + 1] & 255) + 2 * (at[x + 1] & 255) + (below[x + 1] & 255));
+        const int left = (int)((above[x - 1] & 255) + 2 * (at[x - 1] & 255) + (below[x - 1] & 255));
+        const int lower = (int)((down[x - beside] & 255) + 2 * (down[x] & 255) + (down[x + beside] & 255));
+        const int upper = (int)((up[x - beside] & 255) + 2 * (up[x] & 255) + (up[x + beside] & 255));
+
         own[x] = (float)(int)(at[x] & 255);
-        gx[x] = ((float)(int)(at[x + 1] & 255) - (float)(int)(at[x - 1] & 255)) * 0.5f;
-        gy[x] = ((float)(int)(at[x + stride] & 255) - (float)(int)(at[x - stride] & 255)) * 0.5f;
+        gx[x] = (float)(right - left) * 0.125f;
+        gy[x] = (float)(lower - upper) * 0.125f;
     }
 }
 
@@ -66,7 +76,8 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
     }
     for (size_t x = 0; x < n; x += SST_SUBPIXEL_BLOCK) {
         x = x < n - SST_SUBPIXEL_BLOCK ? x : n - SST_SUBPIXEL_BLOCK;
-        KERNEL(subpixel_gradient)(gx, gy, own, f->own.pixels + y * f->own.stride + (ptrdiff_t)x, f->own.stride);
+        KERNEL(subpixel_gradient)(gx, gy, own, f->own.pixels + y * f->own.stride + (ptrdiff_t)x, f->own.stride,
+                                  f->across ? f->own.stride : 0, f->across ? 1 : 0);
         memset(ss, 0, sizeof(ss));
         memset(sr, 0, sizeof(sr));
         for (int k = 0; k < f->views; k++)
@@ -77,42 +88,129 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
 
 #define SUBPIXEL_LANES ((size_t)SIMD_BYTES / 4)
 
+/* Lanes whose colours differ by more than `similar`, a byte a channel, are not 0. */
+static inline simd_s32 KERNEL(subpixel_unlike)(const uint32_t *at, simd_u8 colour, simd_u8 similar)
+{
+    return (simd_s32)simd_less_u8(simd_apart_u8(simd_load_u8((const uint8_t *)at), colour), similar);
+}
+
+static inline simd_u8 KERNEL(subpixel_similar)(int similar)
+{
+    return (simd_u8)(simd_set_s32(sst_clamp_int(similar, 0, 255) * 0x010101) | (int32_t)0xFF000000);
+}
+
+static inline simd_s32 KERNEL(subpixel_within)(simd_f32 v, float most)
+{
+    return (simd_s32)(v <= most) & (simd_s32)(v >= -most);
+}
+
 /* Sums stay in registers; the last vector of pixels overlaps its predecessor. */
 static void KERNEL(subpixel_window_row)(float *weight, float *product, const struct sst_subpixel_window *w, size_t n)
 {
-    const simd_s32 channels = simd_set_s32(sst_clamp_int(w->similar, 0, 255) * 0x010101);
-    const simd_u8 similar = (simd_u8)(channels | (int32_t)0xFF000000);
-    /* Differences from -apart to apart are the least numbers when `base` is added; all are below 2^29. */
-    const int32_t apart = sst_clamp_int(w->apart, 0, 1 << 29), most = INT32_MIN + 2 * apart;
-    const uint32_t base = (uint32_t)apart + 0x80000000;
+    const simd_u8 similar = KERNEL(subpixel_similar)(w->similar);
 
-    if (n < SUBPIXEL_LANES || w->similar < 0 || w->apart < 0) {
+    if (n < SUBPIXEL_LANES || w->similar < 0) {
         sst_subpixel_window_row_ref(weight, product, w, n);
         return;
     }
     for (size_t x = 0; x < n; x += SUBPIXEL_LANES) {
-        simd_f32 sum = simd_set_f32(0), products = sum;
+        simd_f32 sum = simd_set_f32(0), products = sum, right, down;
         simd_u8 colour;
-        simd_u32 disp;
+        simd_s32 disp;
 
         x = x < n - SUBPIXEL_LANES ? x : n - SUBPIXEL_LANES;
         colour = simd_load_u8((const uint8_t *)(w->colour + x));
-        disp = (simd_u32)simd_load_s32(w->disp + x) - base;
+        disp = simd_load_s32(w->disp + x);
+        right = simd_load_f32(w->slope[0] + x);
+        down = simd_load_f32(w->slope[1] + x);
         for (int i = -2; i <= 2; i++) {
-            ptrdiff_t at = (ptrdiff_t)x + w->step * (i * w->stride - 2);
+            const ptrdiff_t row = (ptrdiff_t)x + i * w->stride;
 
-            for (int j = -2; j <= 2; j++, at += w->step) {
-                const simd_u8 off = simd_apart_u8(simd_load_u8((const uint8_t *)(w->colour + at)), colour);
-                const simd_s32 beyond = (simd_s32)simd_less_u8(off, similar);
-                const simd_s32 step = (simd_s32)((simd_u32)simd_load_s32(w->disp + at) - disp);
-                const simd_s32 counts = (simd_s32)(beyond == 0) & (simd_s32)(step <= most);
+            for (int j = -2; j <= 2; j++) {
+                const simd_s32 unlike = KERNEL(subpixel_unlike)(w->colour + row + j, colour, similar);
+                const simd_s32 step = simd_load_s32(w->disp + row + j) - disp;
+                const simd_f32 off = down * (float)i + right * (float)j;
+                const simd_f32 above = __builtin_convertvector(step, simd_f32) * (1 / 64.0f) - off;
+                const simd_s32 counts = (simd_s32)(unlike == 0) & KERNEL(subpixel_within)(above, w->apart);
+                const simd_f32 each = simd_load_f32(w->weight + row + j);
 
-                sum += (simd_f32)((simd_s32)simd_load_f32(w->weight + at) & counts);
-                products += (simd_f32)((simd_s32)simd_load_f32(w->product + at) & counts);
+                sum += (simd_f32)((simd_s32)each & counts);
+                products += (simd_f32)((simd_s32)(simd_load_f32(w->product + row + j) - each * off) & counts);
             }
         }
         simd_store_f32(weight + x, sum);
         simd_store_f32(product + x, products);
     }
+}
+
+/* Planes of one vector of pixels. */
+static inline void KERNEL(subpixel_planes)(float *disp, float *right, float *down, const struct sst_subpixel_planes *p,
+                                           ptrdiff_t at, simd_u8 similar)
+{
+    const simd_u8 colour = simd_load_u8((const uint8_t *)(p->colour + at));
+    const simd_f32 here = simd_load_f32(p->disp + at), gx = simd_load_f32(right), gy = simd_load_f32(down);
+    simd_f32 n = simd_set_f32(0), x = n, y = n, xx = n, xy = n, yy = n, z = n, xz = n, yz = n, each, mx, my, mz, u, v;
+
+    for (int i = -3; i <= 3; i++) {
+        const ptrdiff_t row = at + i * SST_SUBPIXEL_STEP * p->stride;
+        const simd_f32 middle = here + gy * (float)(i * SST_SUBPIXEL_STEP);
+        simd_f32 rn = simd_set_f32(0), rx = rn, rxx = rn, rz = rn, rxz = rn;
+
+        for (int j = -3; j <= 3; j++) {
+            const ptrdiff_t to = row + j * SST_SUBPIXEL_STEP;
+            const simd_f32 above = simd_load_f32(p->disp + to) - (middle + gx * (float)(j * SST_SUBPIXEL_STEP));
+            const simd_s32 unlike = KERNEL(subpixel_unlike)(p->colour + to, colour, similar);
+            const simd_s32 counts = (simd_s32)(unlike == 0) & KERNEL(subpixel_within)(above, p->apart);
+            const simd_f32 w = (simd_f32)((simd_s32)simd_load_f32(p->weight + to) & counts);
+            const simd_f32 wz = w * (simd_f32)((simd_s32)above & counts);
+
+            rn += w;
+            rx += w * (float)j;
+            rxx += w * (float)(j * j);
+            rz += wz;
+            rxz += wz * (float)j;
+        }
+        n += rn;
+        x += rx;
+        y += rn * (float)i;
+        xx += rxx;
+        xy += rx * (float)i;
+        yy += rn * (float)(i * i);
+        z += rz;
+        xz += rxz;
+        yz += rz * (float)i;
+    }
+    n += (simd_f32)((simd_s32)simd_set_f32(1) & (simd_s32)(n <= 0));
+    each = 1 / n;
+    mx = x * each;
+    my = y * each;
+    mz = z * each;
+    xx = xx - x * mx + n * SST_SUBPIXEL_RIDGE;
+    xy = xy - x * my;
+    yy = yy - y * my + n * SST_SUBPIXEL_RIDGE;
+    xz = xz - x * mz;
+    yz = yz - y * mz;
+    each = 1 / (xx * yy - xy * xy);
+    u = (xz * yy - yz * xy) * each;
+    v = (yz * xx - xz * xy) * each;
+    simd_store_f32(disp, here + (mz - u * mx - v * my));
+    simd_store_f32(right, gx + u * (1.0f / SST_SUBPIXEL_STEP));
+    simd_store_f32(down, gy + v * (1.0f / SST_SUBPIXEL_STEP));
+}
+
+/* The slopes are in and out: the last pixels, fewer than a vector, are the reference's. */
+static void KERNEL(subpixel_plane_row)(float *disp, float *const slope[2], const struct sst_subpixel_planes *p,
+                                       size_t n)
+{
+    const simd_u8 similar = KERNEL(subpixel_similar)(p->similar);
+    struct sst_subpixel_planes rest = *p;
+    size_t x = 0;
+
+    for (; p->similar >= 0 && x + SUBPIXEL_LANES <= n; x += SUBPIXEL_LANES)
+        KERNEL(subpixel_planes)(disp + x, slope[0] + x, slope[1] + x, p, (ptrdiff_t)x, similar);
+    rest.colour += x;
+    rest.disp += x;
+    rest.weight += x;
+    sst_subpixel_plane_row_ref(disp + x, (float *const[]){ slope[0] + x, slope[1] + x }, &rest, n - x);
 }
 #undef SUBPIXEL_LANES

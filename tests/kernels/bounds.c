@@ -297,7 +297,8 @@ static void subpixel_steps(void **state SST_UNUSED)
                                       .width = W,
                                       .height = H,
                                       .tolerance = 70,
-                                      .inverse_limit = 1 / 12.0F };
+                                      .inverse_limit = 1 / 12.0F,
+                                      .across = i / 2 % 2 };
         float weight[W], product[W];
         int32_t disp[W];
 
@@ -336,21 +337,92 @@ static void subpixel_windows(void **state SST_UNUSED)
     struct bound b = { "subpixel_window_row", "float", "relative", "25 positive terms: 24 u", 24 * 6e-8, 0, 0, "" };
     uint32_t colour[25];
     int32_t disp[25];
-    float weight[25], product[25], out[2];
-    const struct sst_subpixel_window w = { colour + 12, disp + 12, weight + 12, product + 12, 5, 1, 10, 20 };
+    float weight[25], product[25], out[2], slope[2];
+    const struct sst_subpixel_window w = {
+        colour + 12, disp + 12, weight + 12, product + 12, { slope, slope + 1 }, 5, 10, 20.5F / 64
+    };
 
     for (int i = 0; i < 20000; i++) {
         wide want = 0;
 
+        slope[0] = (float)((int)below(9) - 4) / 64; /* exact, as are the disparities */
+        slope[1] = (float)((int)below(9) - 4) / 64;
         for (int k = 0; k < 25; k++) {
             colour[k] = 100 + below(14);
             disp[k] = 1000 + (int)below(30);
             product[k] = weight[k] = i % 3 ? real(0, 65000) : exp2f(real(-20, 20));
         }
-        for (int k = 0; k < 25; k++)
-            want += abs((int)colour[k] - (int)colour[12]) <= 10 && abs(disp[k] - disp[12]) <= 20 ? (wide)weight[k] : 0;
+        for (int k = 0; k < 25; k++) {
+            const int off = (int)(64 * slope[0]) * (k % 5 - 2) + (int)(64 * slope[1]) * (k / 5 - 2);
+
+            want += abs((int)colour[k] - (int)colour[12]) <= 10 && abs(disp[k] - disp[12] - off) <= 20 ? (wide)weight[k] : 0;
+        }
         sst_subpixel_window_row_ref(&out[0], &out[1], &w, 1);
         bound_relative(&b, out[0], want, 0, "sum %.3Lg", want);
+    }
+    bound_end(&b);
+}
+
+/* All pixels of a window on one plane but for `apart`: least squares with the ridge, in wide numbers. */
+static void ref_plane(wide out[3], const float *disp, const float *weight, int stride)
+{
+    wide n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0, det, u, v;
+
+    for (int pass = 0; pass < 2; pass++) { /* means, then what is left of them */
+        const wide mx = pass ? x / n : 0, my = pass ? y / n : 0, mz = pass ? z / n : 0;
+
+        for (int i = -3; i <= 3; i++) {
+            for (int j = -3; j <= 3; j++) {
+                const ptrdiff_t at = SST_SUBPIXEL_STEP * (i * stride + j);
+                const wide w = weight[at], a = j - mx, b = i - my, c = (wide)disp[at] - disp[0] - mz;
+
+                n += pass ? 0 : w;
+                x += pass ? 0 : w * a;
+                y += pass ? 0 : w * b;
+                z += pass ? 0 : w * c;
+                xx += pass ? w * a * a : 0;
+                xy += pass ? w * a * b : 0;
+                yy += pass ? w * b * b : 0;
+                xz += pass ? w * a * c : 0;
+                yz += pass ? w * b * c : 0;
+            }
+        }
+    }
+    xx += n * (wide)SST_SUBPIXEL_RIDGE;
+    yy += n * (wide)SST_SUBPIXEL_RIDGE;
+    det = xx * yy - xy * xy;
+    u = (xz * yy - yz * xy) / det;
+    v = (yz * xx - xz * xy) / det;
+    out[0] = disp[0] + z / n - u * x / n - v * y / n;
+    out[1] = u / SST_SUBPIXEL_STEP;
+    out[2] = v / SST_SUBPIXEL_STEP;
+}
+
+static void subpixel_planes(void **state SST_UNUSED)
+{
+    enum { SIDE = 2 * SST_SUBPIXEL_REACH + 1, MIDDLE = SST_SUBPIXEL_REACH * SIDE + SST_SUBPIXEL_REACH };
+    static uint32_t colour[SIDE * SIDE];
+    static float disp[SIDE * SIDE], weight[SIDE * SIDE];
+    struct bound b = {
+        "subpixel_plane_row", "float", "px", "9 sums of 49 terms within 1/4 px, det over 1/25 of its terms", 1e-5, 0, 0, ""
+    };
+    const struct sst_subpixel_planes p = { colour + MIDDLE, disp + MIDDLE, weight + MIDDLE, SIDE, 10, 0.5F };
+
+    for (int i = 0; i < 5000; i++) {
+        float at[1], slope[2] = { 0, 0 };
+        wide want[3];
+
+        for (int k = 0; k < SIDE * SIDE; k++) {
+            disp[k] = real(2, 2.25);
+            weight[k] = i % 3 ? real(10, 1e5) : exp2f(real(4, 16));
+            weight[k] = i % 2 || k % SIDE <= SST_SUBPIXEL_REACH ? weight[k] : 0; /* one side alone */
+        }
+        weight[MIDDLE] += 10;
+        ref_plane(want, disp + MIDDLE, weight + MIDDLE, SIDE);
+        sst_subpixel_plane_row_ref(at, (float *const[]){ slope, slope + 1 }, &p, 1);
+        bound_note(&b, (double)fabsl(at[0] - want[0]), "at %.5Lf", want[0]);
+        bound_note(&b, (double)fabsl(slope[0] - want[1]), "to the right %.5Lf", want[1]);
+        bound_note(&b, (double)fabsl(slope[1] - want[2]), "down %.5Lf", want[2]);
     }
     bound_end(&b);
 }
@@ -672,7 +744,7 @@ static void light(void **state SST_UNUSED)
 
 /* Kernels with a line above, beside those that count. */
 static const char *const measured[] = { "class_row",        "guide_cells",         "support_mean_row", "bilateral_row",
-                                        "subpixel_fit_row", "subpixel_window_row", "blend_rays",       "blend_take",
+                                        "subpixel_fit_row", "subpixel_plane_row", "subpixel_window_row", "blend_rays",       "blend_take",
                                         "blend_finish",     "clear_land",          "clear_surface",    "clear_take",
                                         "clear_blend",      "agree_votes",         "place_row",        "resample_row",
                                         "light_row" };
@@ -709,6 +781,7 @@ int main(void)
         cmocka_unit_test(parabolas),
         cmocka_unit_test(subpixel_steps),
         cmocka_unit_test(subpixel_windows),
+        cmocka_unit_test(subpixel_planes),
         cmocka_unit_test(rays_of_a_view),
         cmocka_unit_test(quotients),
         cmocka_unit_test(landings),

@@ -12,7 +12,7 @@ static uint64_t seed = 0xFEDCBA987654321ull;
     for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++)                                                    \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
-enum { MOST = 150, H = 9, STRIDE = MOST + 3, REACH = 8 };
+enum { MOST = 150, H = 9, STRIDE = MOST + 3, REACH = SST_SUBPIXEL_REACH };
 
 static int below(int n)
 {
@@ -37,7 +37,8 @@ static struct sst_subpixel_fit random_fit(int width)
                                   .width = width,
                                   .height = H,
                                   .tolerance = below(100),
-                                  .inverse_limit = 0.1f };
+                                  .inverse_limit = 0.1f,
+                                  .across = below(2) };
 
     for (int i = 0; i < f.views; i++)
         f.view[i] = (struct sst_subpixel_view){ .view = random_view(width),
@@ -116,15 +117,20 @@ static void fit_of_a_ramp(void **state SST_UNUSED)
     }
 }
 
+enum { ROWS = 2 * REACH + 1, WIDE = MOST + 2 * REACH, ORIGIN = REACH * WIDE + REACH };
+
+static float between(float lo, float hi)
+{
+    return lo + (hi - lo) * (float)below(1 << 16) / (1 << 16);
+}
+
 static void windows(void **state SST_UNUSED)
 {
-    enum { ROWS = 2 * REACH + 1, WIDE = MOST + 2 * REACH };
     static uint32_t colour[ROWS * WIDE];
     static int32_t disp[ROWS * WIDE];
-    static float weight[ROWS * WIDE], product[ROWS * WIDE];
-    const ptrdiff_t origin = REACH * WIDE + REACH;
+    static float weight[ROWS * WIDE], product[ROWS * WIDE], slope[2][WIDE];
     struct sst_subpixel_window w = {
-        colour + origin, disp + origin, weight + origin, product + origin, WIDE, 1, 24, 20
+        colour + ORIGIN, disp + ORIGIN, weight + ORIGIN, product + ORIGIN, { slope[0], slope[1] }, WIDE, 24, 0.3f
     };
     struct sst_kernels k;
 
@@ -134,20 +140,88 @@ static void windows(void **state SST_UNUSED)
         weight[i] = (float)below(100000) * 0.37f;
         product[i] = (float)below(100000) * 0.11f;
     }
-    for (w.step = 1; w.step <= 4; w.step += 3) {
-        for (size_t n = 1; n <= MOST; n += n < 62 ? 61 : 1) {
-            float *want[2] = { guard_random(n * sizeof(float), &seed), guard_random(n * sizeof(float), &seed) };
-            float *got[2] = { guard_random(n * sizeof(float), &seed), guard_random(n * sizeof(float), &seed) };
+    for (int x = 0; x < WIDE; x++) {
+        slope[0][x] = between(-0.1f, 0.1f);
+        slope[1][x] = between(-0.1f, 0.1f);
+    }
+    for (size_t n = 1; n <= MOST; n += n < 62 ? 61 : 1) {
+        float *want[2] = { guard_random(n * sizeof(float), &seed), guard_random(n * sizeof(float), &seed) };
+        float *got[2] = { guard_random(n * sizeof(float), &seed), guard_random(n * sizeof(float), &seed) };
 
-            sst_subpixel_window_row_ref(want[0], want[1], &w, n);
-            FOR_EACH_LEVEL(k, level)
-            {
-                k.subpixel_window_row(got[0], got[1], &w, n);
-                assert_memory_equal(got[0], want[0], n * sizeof(float));
-                assert_memory_equal(got[1], want[1], n * sizeof(float));
-            }
-            guard_free_all();
+        sst_subpixel_window_row_ref(want[0], want[1], &w, n);
+        FOR_EACH_LEVEL(k, level)
+        {
+            k.subpixel_window_row(got[0], got[1], &w, n);
+            assert_memory_equal(got[0], want[0], n * sizeof(float));
+            assert_memory_equal(got[1], want[1], n * sizeof(float));
         }
+        guard_free_all();
+    }
+}
+
+static void planes(void **state SST_UNUSED)
+{
+    static uint32_t colour[ROWS * WIDE];
+    static float disp[ROWS * WIDE], weight[ROWS * WIDE], slope[2][WIDE];
+    struct sst_subpixel_planes p = { colour + ORIGIN, disp + ORIGIN, weight + ORIGIN, WIDE, 24, 0.2f };
+    struct sst_kernels k;
+
+    for (int i = 0; i < ROWS * WIDE; i++) {
+        colour[i] = (uint32_t)sst_random_u64(&seed) & (below(3) ? 0x1F1F1Fu : 0xFFFFFFu);
+        disp[i] = between(2, 2.6f);
+        weight[i] = below(5) ? between(0, 1e5f) : 0;
+    }
+    for (int x = 0; x < WIDE; x++) {
+        slope[0][x] = between(-0.02f, 0.02f);
+        slope[1][x] = between(-0.02f, 0.02f);
+    }
+    memset(weight, 0, (size_t)WIDE * REACH * sizeof(*weight)); /* half of each window */
+    for (size_t n = 1; n <= MOST; n += n < 62 ? 61 : 1) {
+        const size_t bytes = n * sizeof(float);
+        float *want[3] = { guard_random(bytes, &seed), guard_random(bytes, &seed), guard_random(bytes, &seed) };
+        float *got[3] = { guard_random(bytes, &seed), guard_random(bytes, &seed), guard_random(bytes, &seed) };
+
+        memcpy(want[1], slope[0], bytes);
+        memcpy(want[2], slope[1], bytes);
+        sst_subpixel_plane_row_ref(want[0], want + 1, &p, n);
+        FOR_EACH_LEVEL(k, level)
+        {
+            memcpy(got[1], slope[0], bytes);
+            memcpy(got[2], slope[1], bytes);
+            k.subpixel_plane_row(got[0], got + 1, &p, n);
+            for (int i = 0; i < 3; i++)
+                assert_memory_equal(got[i], want[i], bytes);
+        }
+        guard_free_all();
+    }
+}
+
+/* Columns of noise beside a plane, and one surface that is nearer: the slopes are the plane's, less what the ridge
+ * holds back, and the middle lies on it. */
+static void plane_of_a_slope(void **state SST_UNUSED)
+{
+    static uint32_t colour[ROWS * WIDE];
+    static float disp[ROWS * WIDE], weight[ROWS * WIDE];
+    const struct sst_subpixel_planes p = { colour + ORIGIN, disp + ORIGIN, weight + ORIGIN, WIDE, 24, 0.3f };
+    float out[1], right[1] = { 0 }, down[1] = { 0 };
+    struct sst_kernels k;
+
+    for (int i = 0; i < ROWS * WIDE; i++) {
+        disp[i] = 2 + 0.005f * (float)(i % WIDE - REACH) - 0.01f * (float)(i / WIDE - REACH);
+        weight[i] = 1000;
+        if (i % WIDE > REACH + 6) {
+            disp[i] += 1;
+            weight[i] = 1e5f;
+        }
+    }
+    FOR_EACH_LEVEL(k, level)
+    {
+        right[0] = down[0] = 0;
+        for (int i = 0; i < 3; i++)
+            k.subpixel_plane_row(out, (float *const[]){ right, down }, &p, 1);
+        assert_true(fabsf(out[0] - 2) < 1e-3f);
+        assert_true(fabsf(right[0] - 0.005f) < 2e-4f);
+        assert_true(fabsf(down[0] + 0.01f) < 2e-4f);
     }
 }
 
@@ -157,6 +231,8 @@ int main(void)
         cmocka_unit_test(fits),
         cmocka_unit_test(fit_of_a_ramp),
         cmocka_unit_test(windows),
+        cmocka_unit_test(planes),
+        cmocka_unit_test(plane_of_a_slope),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -38,10 +38,14 @@ static inline void ref_subpixel(wide *weight, wide *product, int d, const struct
 {
     const uint32_t *own = f->own.pixels + y * f->own.stride + x;
     const ptrdiff_t down = f->own.stride;
-    const wide gx = ((wide)(own[1] & 255) - (own[-1] & 255)) / 2,
-               gy = ((wide)(own[down] & 255) - (own[-down] & 255)) / 2;
-    wide ss = 0, sr = 0;
+    wide gx = 0, gy = 0, ss = 0, sr = 0;
 
+    for (int i = -f->across; i <= f->across; i++) {
+        const wide share = (f->across ? 2 - abs(i) : 4) / (wide)8;
+
+        gx += share * ((wide)(own[1 + i * down] & 255) - (own[i * down - 1] & 255));
+        gy += share * ((wide)(own[down + i] & 255) - (own[i - down] & 255));
+    }
     for (int k = 0; k < f->views; k++) {
         const struct sst_subpixel_view *v = &f->view[k];
         const int64_t px = (int64_t)v->x + (int64_t)d * v->dx, py = (int64_t)v->y + (int64_t)d * v->dy;

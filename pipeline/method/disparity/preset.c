@@ -8,7 +8,7 @@
     .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12,            \
     .key_error = 5, .skip_ranges = true, .range_bytes = (size_t)512 << 20
 #define SUPPORT                                                                                                        \
-    .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 2,                 \
+    .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 3,                 \
     .subpixel_views = 12
 
 /* One parameter set per preset for all inputs; chosen on simulated scenes and stereo pairs, see docs/. */

@@ -1,8 +1,8 @@
 /*
  * Refinement between pixels (design.md, 5.8). The first pass searches quarter pixels, and its answers gather around
  * them. Here the luma of the views around a pixel, whose differences are nearly linear in the disparity, gives each
- * pixel a disparity and a weight; windows of similar pixels share them. Windows that carry no texture follow larger
- * ones.
+ * pixel a disparity and a weight; windows of similar pixels share them along the slope of the surface. Windows that carry
+ * little texture follow planes through larger ones, from which the slopes are.
  */
 #include <errno.h>
 #include <math.h>
@@ -16,17 +16,15 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define FIRST_VIEWS 8    /* that the first step compares */
 #define LIMIT       10   /* levels: from this difference on, a view does not count */
 #define MOST        20   /* 1/64 px: farthest from the first pass's answer */
 #define TOLERANCE   20   /* 1/64 px: a surface that is nearer by more than this hides a point */
 #define SIMILAR     24   /* levels: pixels of a window that count ... */
-#define APART       20   /* ... and 1/64 px */
+#define APART       14   /* ... and 1/64 px from the middle's plane */
 #define WIDE_APART  12   /* the same for the large windows */
-#define WIDE_STEP   4    /* pixels between those of the large windows */
-#define FEW         30.f /* weight of the pixel's own answer: noise where there is no texture */
-#define ENOUGH      1e5f /* weight at which a window and the large window around it count alike */
-#define MARGIN      (2 * WIDE_STEP)
+#define FEW         10.f /* weight of the pixel's own answer: noise where there is no texture */
+#define ENOUGH      1e5f /* weight from which on a window does not follow the large one around it */
+#define MARGIN      SST_SUBPIXEL_REACH
 #define GAIN_STEP   8
 #define GAIN_LIMIT  32   /* levels: pixels that differ by more are not the same surface */
 #define GAIN_LEAST  64   /* pixels */
@@ -196,11 +194,13 @@ struct planes {
     ptrdiff_t stride;
     void *memory;
     uint32_t *colour;
-    int32_t *first, *disp, *next; /* 1/64 px: the answer that is refined, of this step, of the next one */
-    float *weight, *product, *wide_weight, *wide_product;
+    int32_t *first, *disp; /* 1/64 px: the answer that is refined, that of this step */
+    float *weight, *product; /* of the fit */
+    float *shared, *kept;    /* the windows' disparity, px, and its weight */
+    float *slope[2];         /* px per pixel to the right, down */
 };
 
-enum { PLANES = 8 };
+enum { PLANES = 9 };
 
 static int planes_init(struct planes *p, int width, int height)
 {
@@ -217,11 +217,12 @@ static int planes_init(struct planes *p, int width, int height)
     p->colour = at;
     p->first = (int32_t *)(at + plane);
     p->disp = (int32_t *)(at + 2 * plane);
-    p->next = (int32_t *)(at + 3 * plane);
-    p->weight = (float *)p->memory + origin + 4 * plane;
+    p->weight = (float *)p->memory + origin + 3 * plane;
     p->product = p->weight + plane;
-    p->wide_weight = p->weight + 2 * plane;
-    p->wide_product = p->weight + 3 * plane;
+    p->shared = p->weight + 2 * plane;
+    p->kept = p->weight + 3 * plane;
+    p->slope[0] = p->weight + 4 * plane;
+    p->slope[1] = p->weight + 5 * plane;
     return 0;
 }
 
@@ -236,6 +237,8 @@ static void load_row(struct planes *p, const struct sst_image *img, const struct
         colour[x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
         to[x] = first[x] = d[x] < SST_SUBPIXEL_NONE ? d[x] : SST_SUBPIXEL_NONE;
     }
+    for (int i = 0; i < 2; i++)
+        memset(p->slope[i] + y * p->stride, 0, (size_t)p->width * sizeof(float));
 }
 
 static int load(struct planes *p, const struct pass *pass, const struct sst_visible_view *v)
@@ -251,21 +254,6 @@ static int load(struct planes *p, const struct pass *pass, const struct sst_visi
     return err;
 }
 
-static void sum_window(float *weight, float *product, const struct planes *p, int y, bool wide)
-{
-    const ptrdiff_t row = y * p->stride;
-    const struct sst_subpixel_window w = { .colour = p->colour + row,
-                                           .disp = p->disp + row,
-                                           .weight = (wide ? p->wide_weight : p->weight) + row,
-                                           .product = (wide ? p->wide_product : p->product) + row,
-                                           .stride = p->stride,
-                                           .step = wide ? WIDE_STEP : 1,
-                                           .similar = SIMILAR,
-                                           .apart = wide ? WIDE_APART : APART };
-
-    sst_kernels_get()->subpixel_window_row(weight, product, &w, (size_t)p->width);
-}
-
 /* 1/64 px. */
 static int32_t near_first(float disp_px, int32_t first, int most)
 {
@@ -274,49 +262,74 @@ static int32_t near_first(float disp_px, int32_t first, int most)
     return sst_clamp_int(d, sst_max_int(first - MOST, 0), sst_min_int(first + MOST, most));
 }
 
-/* One step: fit each pixel, then share among windows. @param weight, product  rows of scratch */
-static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int range, float *weight, float *product)
+/* Share the fits of row y in small windows. @param weight, product  rows of scratch */
+static void share_row(struct planes *p, int y, float *weight, float *product)
 {
-    int32_t *swap = p->next;
+    const ptrdiff_t row = y * p->stride;
+    const struct sst_subpixel_window w = { .colour = p->colour + row,
+                                           .disp = p->disp + row,
+                                           .weight = p->weight + row,
+                                           .product = p->product + row,
+                                           .slope = { p->slope[0] + row, p->slope[1] + row },
+                                           .stride = p->stride,
+                                           .similar = SIMILAR,
+                                           .apart = APART / 64.0f };
+    const int32_t *disp = p->disp + row;
+    float *shared = p->shared + row, *kept = p->kept + row;
 
+    sst_kernels_get()->subpixel_window_row(weight, product, &w, (size_t)p->width);
+    for (int x = 0; x < p->width; x++) {
+        shared[x] = (product[x] + FEW * ((float)disp[x] * (1 / 64.0f))) / (weight[x] + FEW);
+        kept[x] = disp[x] < SST_SUBPIXEL_NONE ? (weight[x] < ENOUGH ? weight[x] : ENOUGH) + FEW : 0;
+    }
+}
+
+/* Let the small windows of row y follow the large ones by what their weights lack. @param wide  row of scratch */
+static void follow_row(struct planes *p, int y, int range, float *wide)
+{
+    const ptrdiff_t row = y * p->stride;
+    const struct sst_subpixel_planes w = { .colour = p->colour + row,
+                                           .disp = p->shared + row,
+                                           .weight = p->kept + row,
+                                           .stride = p->stride,
+                                           .similar = SIMILAR,
+                                           .apart = WIDE_APART / 64.0f };
+    const float *shared = p->shared + row, *kept = p->kept + row;
+    const int32_t *first = p->first + row;
+    int32_t *disp = p->disp + row;
+
+    sst_kernels_get()->subpixel_plane_row(wide, (float *const[]){ p->slope[0] + row, p->slope[1] + row }, &w,
+                                          (size_t)p->width);
+    for (int x = 0; x < p->width; x++) {
+        const float share = kept[x] < ENOUGH ? 1 - kept[x] / ENOUGH : 0;
+        const float mixed = shared[x] + share * (wide[x] - shared[x]);
+
+        disp[x] = disp[x] < SST_SUBPIXEL_NONE ? near_first(mixed, first[x], range * 64) : disp[x];
+    }
+}
+
+/* One step: fit each pixel, share among windows, follow planes. @param rows  scratch, 2 */
+static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int range, float *rows)
+{
     for (int y = 0; y < p->height; y++) {
         const ptrdiff_t row = y * p->stride;
 
         sst_kernels_get()->subpixel_fit_row(p->weight + row, p->product + row, p->disp + row, f, y, (size_t)p->width);
     }
-    for (int y = 0; y < p->height; y++) {
-        const ptrdiff_t row = y * p->stride;
-
-        sum_window(weight, product, p, y, false);
-        for (int x = 0; x < p->width; x++) {
-            const int32_t d = p->disp[row + x];
-            const float refined = (product[x] + FEW * ((float)d * (1 / 64.0f))) / (weight[x] + FEW);
-
-            p->next[row + x] = d < SST_SUBPIXEL_NONE ? near_first(refined, p->first[row + x], range * 64) : d;
-            p->wide_weight[row + x] = (weight[x] < ENOUGH ? weight[x] : ENOUGH) + FEW;
-            p->wide_product[row + x] = p->wide_weight[row + x] * refined;
-        }
-    }
-    p->next = p->disp;
-    p->disp = swap;
+    for (int y = 0; y < p->height; y++)
+        share_row(p, y, rows, rows + p->width);
+    for (int y = 0; y < p->height; y++)
+        follow_row(p, y, range, rows);
 }
 
-static void finish(struct planes *p, struct sst_map_u16 *out, int range, float *weight, float *product)
+static void store(const struct planes *p, struct sst_map_u16 *out)
 {
     for (int y = 0; y < p->height; y++) {
-        const ptrdiff_t row = y * p->stride;
+        const int32_t *disp = p->disp + y * p->stride;
         uint16_t *to = sst_map_u16_row(out, y);
 
-        sum_window(weight, product, p, y, true);
-        for (int x = 0; x < p->width; x++) {
-            const int32_t d = p->disp[row + x];
-            const float own = p->wide_weight[row + x], share = own < ENOUGH ? 1 - own / ENOUGH : 0;
-            const float refined = p->wide_product[row + x] / own, mean = product[x] / weight[x];
-            const float mixed = refined + share * (mean - refined);
-
-            to[x] = d < SST_SUBPIXEL_NONE ? (uint16_t)near_first(mixed, p->first[row + x], range * 64)
-                                          : (uint16_t)SST_DISP_NONE;
-        }
+        for (int x = 0; x < p->width; x++)
+            to[x] = (uint16_t)(disp[x] < SST_SUBPIXEL_NONE ? disp[x] : (int32_t)SST_DISP_NONE);
     }
 }
 
@@ -333,7 +346,7 @@ static int refine_job(void *arg, int k, int worker)
     struct planes *planes = &p->planes[worker];
     struct sst_subpixel_fit fit;
     float *rows = NULL;
-    int nearest[SST_SUBPIXEL_VIEWS], err, views;
+    int nearest[SST_SUBPIXEL_VIEWS], err;
 
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
@@ -346,12 +359,11 @@ static int refine_job(void *arg, int k, int worker)
     }
     if (!err) {
         set_fit(&fit, p, k, nearest);
-        views = fit.views;
         for (int i = 0; i < p->steps; i++) {
-            fit.views = i ? views : sst_min_int(views, FIRST_VIEWS);
-            step_all(planes, &fit, p->in->range, rows, rows + planes->width);
+            fit.across = i + 1 < p->steps;
+            step_all(planes, &fit, p->in->range, rows);
         }
-        finish(planes, &p->out[k], p->in->range, rows, rows + planes->width);
+        store(planes, &p->out[k]);
     }
     sst_mem_free(rows);
     return err;
@@ -407,13 +419,12 @@ static struct sst_gpu_range load_lumas(struct sst_run *r, const struct pass *p, 
 
 static void refine_on_device(struct sst_run *r, void *job, int k)
 {
-    enum { VIEWS, FITS, WINDOWS, FIRST, NEXT };
+    enum { VIEWS, FITS, WINDOWS, SLOPES, DISP };
     struct pass *p = job;
     const int width = p->in->view[k].disp->width, height = p->in->view[k].disp->height, last = p->in->range * 64;
-    const size_t n = (size_t)width * (size_t)height, weights = n * sizeof(struct sst_gpu_subpixel_weight);
-    const struct sst_gpu_subpixel_window window = { width, height, 1, SIMILAR, APART, 0, MOST, last, FEW, ENOUGH };
-    const struct sst_gpu_subpixel_window wide = { width, height, WIDE_STEP, SIMILAR, WIDE_APART,
-                                                  1,     MOST,   last,      FEW,     ENOUGH };
+    const size_t n = (size_t)width * (size_t)height, pairs = n * sizeof(struct sst_gpu_subpixel_weight);
+    const struct sst_gpu_subpixel_window window = { width, height, SIMILAR, APART / 64.0f, FEW, ENOUGH };
+    struct sst_gpu_subpixel_planes planes = { width, height, SIMILAR, 1, MOST, last, WIDE_APART / 64.0f, ENOUGH };
     const struct sst_gpu_convert start = { .width = width, .height = height, .conversion = SST_GPU_TO_STEPS };
     const struct sst_gpu_convert end = { .width = width, .height = height, .conversion = SST_GPU_FROM_PLAIN };
     struct sst_subpixel_fit f;
@@ -421,27 +432,24 @@ static void refine_on_device(struct sst_run *r, void *job, int k)
     const struct sst_gpu_range lumas = load_lumas(r, p, k, &f, &views);
     const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(p->in), k);
     const struct sst_gpu_range map = sst_run_plane(r, SST_PLANE_MAP, k);
-    const struct sst_gpu_range fits = sst_run_scratch(r, FITS, weights), shared = sst_run_scratch(r, WINDOWS, weights);
-    const struct sst_gpu_range disp[2] = { sst_run_scratch(r, FIRST, n * sizeof(uint32_t)),
-                                           sst_run_scratch(r, NEXT, n * sizeof(uint32_t)) };
+    const struct sst_gpu_range fits = sst_run_scratch(r, FITS, pairs), shared = sst_run_scratch(r, WINDOWS, pairs);
+    const struct sst_gpu_range slopes = sst_run_scratch(r, SLOPES, pairs);
+    const struct sst_gpu_range disp = sst_run_scratch(r, DISP, n * sizeof(uint32_t));
     struct sst_gpu_subpixel_fit push = {
-        width,       height,         sst_min_int(f.views, FIRST_VIEWS), sst_run_first(r, SST_PLANE_DERIVED, k),
-        f.tolerance, f.inverse_limit
+        width, height, f.views, sst_run_first(r, SST_PLANE_DERIVED, k), f.tolerance, f.inverse_limit, 0
     };
     const uint32_t *words;
 
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &start, width, height, 1, map, map, map, disp[0]);
+    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &start, width, height, 1, map, map, map, disp);
+    SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_PLANE, &planes, width, height, 1, colours, disp, shared, slopes);
+    planes.start = 0;
     for (int i = 0; i < p->steps; i++) {
-        const struct sst_gpu_range from = disp[i % 2], to = disp[(i + 1) % 2];
-
-        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_FIT, &push, width, height, 1, views, lumas, from, fits);
-        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &window, width, height, 1, colours, from, fits, shared, to);
-        push.views = f.views;
+        push.across = i + 1 < p->steps;
+        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_FIT, &push, width, height, 1, views, lumas, disp, fits);
+        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &window, width, height, 1, colours, disp, fits, slopes, shared);
+        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_PLANE, &planes, width, height, 1, colours, disp, shared, slopes);
     }
-    /* The large windows write no weights. */
-    SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &wide, width, height, 1, colours, disp[p->steps % 2], shared, fits,
-                   disp[(p->steps + 1) % 2]);
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &end, width, height, 1, map, map, disp[(p->steps + 1) % 2], map);
+    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &end, width, height, 1, map, map, disp, map);
     words = sst_run_fetch(r, map, n);
     sst_map_u16_fini(&p->out[k]);
     sst_run_fail(r, sst_map_u16_init(&p->out[k], width, height));
