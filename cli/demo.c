@@ -189,7 +189,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int port = 0;
     const struct cli_option options[] = {
         { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian; once: bush)", 0, 0,
-          "pedestrian hedge bush transportation cell humvee cd-cases cat" },
+          "pedestrian hedge bush transportation cell humvee cd-cases cat bust "
+          "terrace" },
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
         { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
         { "output", 'o', CLI_MADE, &out, "DIR", "folder for all that is written (sst-demo)" },

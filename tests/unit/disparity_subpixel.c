@@ -17,21 +17,23 @@ struct scene {
     struct sst_visible_views all;
 };
 
+static double slope = 0.008, contrast = 1;
+
 /* Disparity at a pixel of the middle view: a plane. The left columns have no texture. */
 static double depth_at(double x)
 {
-    return 0.2 + 0.008 * x;
+    return 0.2 + slope * x;
 }
 
 static double luma_at(double x, double y)
 {
-    return x < FLAT ? 120 : 120 + 30 * sin(0.9 * x + 0.3 * y) + 25 * sin(0.4 * x - 0.8 * y + 1);
+    return x < FLAT ? 120 : 120 + contrast * (30 * sin(0.9 * x + 0.3 * y) + 25 * sin(0.4 * x - 0.8 * y + 1));
 }
 
 /* The point of the middle view that a pixel of another view shows: x0 - d(x0) bx = x. */
 static double middle_x(double x, double bx)
 {
-    return (x + 0.2 * bx) / (1 - 0.008 * bx);
+    return (x + 0.2 * bx) / (1 - slope * bx);
 }
 
 static void draw(struct scene *s, int k)
@@ -93,6 +95,22 @@ static void finds_what_lies_between_steps(void **state SST_UNUSED)
     assert_int_equal(sst_disparity_subpixel(&s.all, 2, 8, 1), 0);
     assert_true(error_of(&s, FLAT + 6, W - 6) < 0.015);
     scene_fini(&s);
+}
+
+/* Where levels hardly differ, large windows decide: they must follow the slope. */
+static void weak_texture_on_a_steep_slope(void **state SST_UNUSED)
+{
+    struct scene s;
+
+    slope = 0.05;
+    contrast = 0.04;
+    scene_init(&s);
+    s.all.range = 6;
+    assert_int_equal(sst_disparity_subpixel(&s.all, 3, 8, 1), 0);
+    assert_true(error_of(&s, FLAT + 10, W - 10) < 0.02);
+    scene_fini(&s);
+    slope = 0.008;
+    contrast = 1;
 }
 
 static void flat_pixels_stay_near(void **state SST_UNUSED)
@@ -167,6 +185,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_what_lies_between_steps),
+        cmocka_unit_test(weak_texture_on_a_steep_slope),
         cmocka_unit_test(flat_pixels_stay_near),
         cmocka_unit_test(same_bytes_for_any_threads),
         cmocka_unit_test(unknown_pixels),

@@ -257,7 +257,7 @@ static int load(struct planes *p, const struct pass *pass, const struct sst_visi
 /* 1/64 px. */
 static int32_t near_first(float disp_px, int32_t first, int most)
 {
-    const int32_t d = (int32_t)floorf(disp_px * 64 + 0.5f);
+    const int32_t d = (int32_t)(disp_px * 64 + 0.5f); /* below 0 it is clamped */
 
     return sst_clamp_int(d, sst_max_int(first - MOST, 0), sst_min_int(first + MOST, most));
 }

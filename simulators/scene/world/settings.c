@@ -15,8 +15,8 @@
 #define SIDE_MAX   8192
 #define FRAMES_MAX 1000
 #define US_MAX     1e7
-#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, hedge or board"
-#define OPTICS     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat or board"
+#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, terrace, hedge or board"
+#define OPTICS     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, terrace or board"
 
 /* Scenes of surfaces, with which boards and any optics go together. */
 static bool has_surfaces(const char *name)
