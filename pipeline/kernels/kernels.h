@@ -401,8 +401,8 @@ struct sst_subpixel_fit {
 typedef void sst_subpixel_fit_row_fn(float *weight, float *product, const int32_t *disp,
                                      const struct sst_subpixel_fit *fit, int y, size_t n);
 
-/** Planes of one stride, pointers to the first pixel of a row. Each pixel has a plane: its disparity, and slopes that say
- * what a pixel of the window would have on it. */
+/** Planes of one stride, pointers to the first pixel of a row. Each pixel has a plane: its disparity and two
+ * slopes. */
 struct sst_subpixel_window {
     const uint32_t *colour; /* R, G, B from the lowest byte up */
     const int32_t *disp;    /* 1/64 px */
@@ -418,11 +418,11 @@ struct sst_subpixel_window {
  * readable. Here and in subpixel_plane_row all levels give the same bytes: no sum is split. */
 typedef void sst_subpixel_window_row_fn(float *weight, float *product, const struct sst_subpixel_window *w, size_t n);
 
-#define SST_SUBPIXEL_STEP  4                       /* pixels between those of a large window, of 7x7 ... */
+#define SST_SUBPIXEL_STEP  4                       /* pixels from one to the next of a large window, of 7x7 ... */
 #define SST_SUBPIXEL_REACH (3 * SST_SUBPIXEL_STEP) /* ... which is as large as this */
 #define SST_SUBPIXEL_RIDGE 0.2f                    /* variance that positions have besides: holds the slopes */
 
-/** Planes likewise. */
+/** Planes of one stride, pointers to the first pixel of a row. */
 struct sst_subpixel_planes {
     const uint32_t *colour;
     const float *disp, *weight; /* px; pixels of weight 0 do not count */

@@ -94,7 +94,7 @@ void sst_subpixel_window_row_ref(float *weight, float *product, const struct sst
     }
 }
 
-/* Sums over a window: of weights, of positions (in steps) and their products, of what lies above the plane. */
+/* Sums over a window: of weights, of positions (in steps) and their products, of heights above the plane. */
 struct moments {
     float n, x, y, xx, xy, yy, z, xz, yz;
 };

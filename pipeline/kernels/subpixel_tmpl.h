@@ -88,7 +88,7 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
 
 #define SUBPIXEL_LANES ((size_t)SIMD_BYTES / 4)
 
-/* Lanes whose colours differ by more than `similar`, a byte a channel, are not 0. */
+/* Lanes of colours that differ by more than `similar`, a byte a channel, are not 0. */
 static inline simd_s32 KERNEL(subpixel_unlike)(const uint32_t *at, simd_u8 colour, simd_u8 similar)
 {
     return (simd_s32)simd_less_u8(simd_apart_u8(simd_load_u8((const uint8_t *)at), colour), similar);

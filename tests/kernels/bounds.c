@@ -368,7 +368,7 @@ static void ref_plane(wide out[3], const float *disp, const float *weight, int s
 {
     wide n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0, det, u, v;
 
-    for (int pass = 0; pass < 2; pass++) { /* means, then what is left of them */
+    for (int pass = 0; pass < 2; pass++) { /* means, then differences from them */
         const wide mx = pass ? x / n : 0, my = pass ? y / n : 0, mz = pass ? z / n : 0;
 
         for (int i = -3; i <= 3; i++) {

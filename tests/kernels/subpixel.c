@@ -196,8 +196,8 @@ static void planes(void **state SST_UNUSED)
     }
 }
 
-/* Columns of noise beside a plane, and one surface that is nearer: the slopes are the plane's, less what the ridge
- * holds back, and the middle lies on it. */
+/* Columns of noise beside a plane, and one surface that is nearer: the slopes are the plane's, less the ridge's share,
+ * and the middle lies on it. */
 static void plane_of_a_slope(void **state SST_UNUSED)
 {
     static uint32_t colour[ROWS * WIDE];

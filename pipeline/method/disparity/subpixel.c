@@ -194,7 +194,7 @@ struct planes {
     ptrdiff_t stride;
     void *memory;
     uint32_t *colour;
-    int32_t *first, *disp; /* 1/64 px: the answer that is refined, that of this step */
+    int32_t *first, *disp; /* 1/64 px: the answer that is refined, the answer of this step */
     float *weight, *product; /* of the fit */
     float *shared, *kept;    /* the windows' disparity, px, and its weight */
     float *slope[2];         /* px per pixel to the right, down */
@@ -284,7 +284,7 @@ static void share_row(struct planes *p, int y, float *weight, float *product)
     }
 }
 
-/* Let the small windows of row y follow the large ones by what their weights lack. @param wide  row of scratch */
+/* Let the small windows of row y follow the large ones by the weight that they lack. @param wide  row of scratch */
 static void follow_row(struct planes *p, int y, int range, float *wide)
 {
     const ptrdiff_t row = y * p->stride;
