@@ -101,7 +101,7 @@ static inline simd_u8 KERNEL(subpixel_similar)(int similar)
 
 static inline simd_s32 KERNEL(subpixel_within)(simd_f32 v, float most)
 {
-    return (simd_s32)(v <= most) & (simd_s32)(v >= -most);
+    return (simd_s32)((simd_f32)((simd_s32)v & INT32_MAX) <= most);
 }
 
 /* Sums stay in registers; the last vector of pixels overlaps its predecessor. */
@@ -162,13 +162,15 @@ static inline void KERNEL(subpixel_planes)(float *disp, float *right, float *dow
             const simd_s32 unlike = KERNEL(subpixel_unlike)(p->colour + to, colour, similar);
             const simd_s32 counts = (simd_s32)(unlike == 0) & KERNEL(subpixel_within)(above, p->apart);
             const simd_f32 w = (simd_f32)((simd_s32)simd_load_f32(p->weight + to) & counts);
-            const simd_f32 wz = w * (simd_f32)((simd_s32)above & counts);
+            const simd_f32 wz = w * above;
 
             rn += w;
-            rx += w * (float)j;
-            rxx += w * (float)(j * j);
             rz += wz;
-            rxz += wz * (float)j;
+            if (j) { /* else nothing is added */
+                rx += w * (float)j;
+                rxx += w * (float)(j * j);
+                rxz += wz * (float)j;
+            }
         }
         n += rn;
         x += rx;
