@@ -198,7 +198,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "where pictures are rendered and labels computed: cpu, gpu, auto or a part of a device's name (cpu, or as in "
           "a kept configuration)",
           0, 0 },
-        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },
+        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate", 0, 0,
+          CLI_PRESETS },
         { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },
     };
     struct demo d;

@@ -413,9 +413,9 @@ struct sst_subpixel_window {
     float apart; /* ... and disparities that are at most this far from the plane, px */
 };
 
-/** Sums over the similar pixels of a window of 5x5 pixels that lie on its middle pixel's plane: of the weights, and of the
- * products less weight times slope, so that their quotient is the disparity in the middle. 2 pixels on all sides are
- * readable. Here and in subpixel_plane_row all levels give the same bytes: no sum is split. */
+/** Sums over the similar pixels of a window of 5x5 pixels that lie on its middle pixel's plane: of the weights, and of
+ * the products less weight times slope, so that their quotient is the disparity in the middle. 2 pixels on all sides
+ * are readable. Here and in subpixel_plane_row all levels give the same bytes: no sum is split. */
 typedef void sst_subpixel_window_row_fn(float *weight, float *product, const struct sst_subpixel_window *w, size_t n);
 
 #define SST_SUBPIXEL_STEP  4                       /* pixels from one to the next of a large window, of 7x7 ... */
@@ -782,8 +782,8 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
 /**
  * Most probable class of n pixels, ties to the smaller index, and the entropy of their distributions:
  * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near
- * 0 keep their precision. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings. With a NaN among
- * them the entropy is NaN, which is below no threshold; all 0: class 0, entropy 0.
+ * 0 keep their precision. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings. With a
+ * NaN among them the entropy is NaN, which is below no threshold; all 0: class 0, entropy 0.
  *
  * @param top      out [n]
  * @param entropy  out [n], 0 or more; or NULL

@@ -76,8 +76,9 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
     }
     for (size_t x = 0; x < n; x += SST_SUBPIXEL_BLOCK) {
         x = x < n - SST_SUBPIXEL_BLOCK ? x : n - SST_SUBPIXEL_BLOCK;
-        KERNEL(subpixel_gradient)(gx, gy, own, f->own.pixels + y * f->own.stride + (ptrdiff_t)x, f->own.stride,
-                                  f->across ? f->own.stride : 0, f->across ? 1 : 0);
+        KERNEL(subpixel_gradient)
+        (gx, gy, own, f->own.pixels + y * f->own.stride + (ptrdiff_t)x, f->own.stride, f->across ? f->own.stride : 0,
+         f->across ? 1 : 0);
         memset(ss, 0, sizeof(ss));
         memset(sr, 0, sizeof(sr));
         for (int k = 0; k < f->views; k++)

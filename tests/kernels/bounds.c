@@ -47,9 +47,9 @@ static const struct {
     { "hamming_steps_row", 4 * 62, SST_COST_MAX, "likewise" },
     { "feature_cost_rows", SST_FEATURE_CHANNELS * 128.0 * 255, INT32_MAX, "64 signed by unsigned bytes" },
     { "colour_step_row", 255, UINT8_MAX, "difference of bytes" },
-    { "consensus_first", (double)SST_CONSENSUS_REACH * ((SST_CONSENSUS_VIEWS + 3) / 4), UINT8_MAX,
+    { "consensus_first", (double)SST_CONSENSUS_REACH *((SST_CONSENSUS_VIEWS + 3) / 4), UINT8_MAX,
       "a mean for each four views" },
-    { "consensus_again", 255.0 * SST_CONSENSUS_VIEWS + SST_CONSENSUS_ALONE * (SST_CONSENSUS_LEAST + 1), UINT16_MAX,
+    { "consensus_again", 255.0 * SST_CONSENSUS_VIEWS + SST_CONSENSUS_ALONE *(SST_CONSENSUS_LEAST + 1), UINT16_MAX,
       "a byte for each view, and the cost of views that are missing" },
     { "consensus_cost_row", 255, UINT8_MAX, "sums that saturate" },
     { "consensus_mean_row", 3 * SST_CONSENSUS_MOST, UINT8_MAX, "costs of three of 3x3 pixels" },
@@ -338,9 +338,8 @@ static void subpixel_windows(void **state SST_UNUSED)
     uint32_t colour[25];
     int32_t disp[25];
     float weight[25], product[25], out[2], slope[2];
-    const struct sst_subpixel_window w = {
-        colour + 12, disp + 12, weight + 12, product + 12, { slope, slope + 1 }, 5, 10, 20.5F / 64
-    };
+    const struct sst_subpixel_window w = { colour + 12,          disp + 12, weight + 12, product + 12,
+                                           { slope, slope + 1 }, 5,         10,          20.5F / 64 };
 
     for (int i = 0; i < 20000; i++) {
         wide want = 0;
@@ -355,7 +354,8 @@ static void subpixel_windows(void **state SST_UNUSED)
         for (int k = 0; k < 25; k++) {
             const int off = (int)(64 * slope[0]) * (k % 5 - 2) + (int)(64 * slope[1]) * (k / 5 - 2);
 
-            want += abs((int)colour[k] - (int)colour[12]) <= 10 && abs(disp[k] - disp[12] - off) <= 20 ? (wide)weight[k] : 0;
+            want += abs((int)colour[k] - (int)colour[12]) <= 10 && abs(disp[k] - disp[12] - off) <= 20 ? (wide)weight[k]
+                                                                                                       : 0;
         }
         sst_subpixel_window_row_ref(&out[0], &out[1], &w, 1);
         bound_relative(&b, out[0], want, 0, "sum %.3Lg", want);
@@ -403,9 +403,14 @@ static void subpixel_planes(void **state SST_UNUSED)
     enum { SIDE = 2 * SST_SUBPIXEL_REACH + 1, MIDDLE = SST_SUBPIXEL_REACH * SIDE + SST_SUBPIXEL_REACH };
     static uint32_t colour[SIDE * SIDE];
     static float disp[SIDE * SIDE], weight[SIDE * SIDE];
-    struct bound b = {
-        "subpixel_plane_row", "float", "px", "9 sums of 49 terms within 1/4 px, det over 1/25 of its terms", 1e-5, 0, 0, ""
-    };
+    struct bound b = { "subpixel_plane_row",
+                       "float",
+                       "px",
+                       "9 sums of 49 terms within 1/4 px, det over 1/25 of its terms",
+                       1e-5,
+                       0,
+                       0,
+                       "" };
     const struct sst_subpixel_planes p = { colour + MIDDLE, disp + MIDDLE, weight + MIDDLE, SIDE, 10, 0.5F };
 
     for (int i = 0; i < 5000; i++) {
@@ -743,11 +748,11 @@ static void light(void **state SST_UNUSED)
 }
 
 /* Kernels with a line above, beside those that count. */
-static const char *const measured[] = { "class_row",        "guide_cells",         "support_mean_row", "bilateral_row",
-                                        "subpixel_fit_row", "subpixel_plane_row", "subpixel_window_row", "blend_rays",       "blend_take",
-                                        "blend_finish",     "clear_land",          "clear_surface",    "clear_take",
-                                        "clear_blend",      "agree_votes",         "place_row",        "resample_row",
-                                        "light_row" };
+static const char *const measured[] = {
+    "class_row",           "guide_cells", "support_mean_row", "bilateral_row", "subpixel_fit_row", "subpixel_plane_row",
+    "subpixel_window_row", "blend_rays",  "blend_take",       "blend_finish",  "clear_land",       "clear_surface",
+    "clear_take",          "clear_blend", "agree_votes",      "place_row",     "resample_row",     "light_row"
+};
 
 static void every_kernel_has_a_bound(void **state SST_UNUSED)
 {

@@ -9,7 +9,7 @@
 static uint64_t seed = 0xFEDCBA987654321ull;
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++)                                                    \
+    for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++)                                                     \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 enum { MOST = 150, H = 9, STRIDE = MOST + 3, REACH = SST_SUBPIXEL_REACH };
@@ -228,11 +228,8 @@ static void plane_of_a_slope(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(fits),
-        cmocka_unit_test(fit_of_a_ramp),
-        cmocka_unit_test(windows),
-        cmocka_unit_test(planes),
-        cmocka_unit_test(plane_of_a_slope),
+        cmocka_unit_test(fits),   cmocka_unit_test(fit_of_a_ramp),    cmocka_unit_test(windows),
+        cmocka_unit_test(planes), cmocka_unit_test(plane_of_a_slope),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -508,8 +508,8 @@ static void rounding(void **state SST_UNUSED)
     assert_in_range(differ, 0, 27 * W * H / 10000);
     assert_in_range(farthest, 0, 20);
     assert_in_range(most, 0, 1);
-    bound_case("the four rounding modes", "%d disparities of %d differ, by up to %d/64 px; pictures within %d level", differ,
-               27 * W * H, farthest, most);
+    bound_case("the four rounding modes", "%d disparities of %d differ, by up to %d/64 px; pictures within %d level",
+               differ, 27 * W * H, farthest, most);
 }
 
 /* --- geometry

@@ -1,8 +1,8 @@
 /*
  * Refinement between pixels (design.md, 5.8). The first pass searches quarter pixels, and its answers gather around
  * them. Here the luma of the views around a pixel, whose differences are nearly linear in the disparity, gives each
- * pixel a disparity and a weight; windows of similar pixels share them along the slope of the surface. Windows that carry
- * little texture follow planes through larger ones, from which the slopes are.
+ * pixel a disparity and a weight; windows of similar pixels share them along the slope of the surface. Windows that
+ * carry little texture follow planes through larger ones, from which the slopes are.
  */
 #include <errno.h>
 #include <math.h>
@@ -16,19 +16,19 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define LIMIT       10   /* levels: from this difference on, a view does not count */
-#define MOST        20   /* 1/64 px: farthest from the first pass's answer */
-#define TOLERANCE   20   /* 1/64 px: a surface that is nearer by more than this hides a point */
-#define SIMILAR     24   /* levels: pixels of a window that count ... */
-#define APART       14   /* ... and 1/64 px from the middle's plane */
-#define WIDE_APART  12   /* the same for the large windows */
-#define FEW         10.f /* weight of the pixel's own answer: noise where there is no texture */
-#define ENOUGH      1e5f /* weight from which on a window does not follow the large one around it */
-#define MARGIN      SST_SUBPIXEL_REACH
-#define GAIN_STEP   8
-#define GAIN_LIMIT  32   /* levels: pixels that differ by more are not the same surface */
-#define GAIN_LEAST  64   /* pixels */
-#define GAIN_MOST   1.25 /* gains are within 1 / this and this */
+#define LIMIT      10   /* levels: from this difference on, a view does not count */
+#define MOST       20   /* 1/64 px: farthest from the first pass's answer */
+#define TOLERANCE  20   /* 1/64 px: a surface that is nearer by more than this hides a point */
+#define SIMILAR    24   /* levels: pixels of a window that count ... */
+#define APART      14   /* ... and 1/64 px from the middle's plane */
+#define WIDE_APART 12   /* the same for the large windows */
+#define FEW        10.f /* weight of the pixel's own answer: noise where there is no texture */
+#define ENOUGH     1e5f /* weight from which on a window does not follow the large one around it */
+#define MARGIN     SST_SUBPIXEL_REACH
+#define GAIN_STEP  8
+#define GAIN_LIMIT 32   /* levels: pixels that differ by more are not the same surface */
+#define GAIN_LEAST 64   /* pixels */
+#define GAIN_MOST  1.25 /* gains are within 1 / this and this */
 
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
@@ -194,7 +194,7 @@ struct planes {
     ptrdiff_t stride;
     void *memory;
     uint32_t *colour;
-    int32_t *first, *disp; /* 1/64 px: the answer that is refined, the answer of this step */
+    int32_t *first, *disp;   /* 1/64 px: the answer that is refined, the answer of this step */
     float *weight, *product; /* of the fit */
     float *shared, *kept;    /* the windows' disparity, px, and its weight */
     float *slope[2];         /* px per pixel to the right, down */
@@ -435,9 +435,8 @@ static void refine_on_device(struct sst_run *r, void *job, int k)
     const struct sst_gpu_range fits = sst_run_scratch(r, FITS, pairs), shared = sst_run_scratch(r, WINDOWS, pairs);
     const struct sst_gpu_range slopes = sst_run_scratch(r, SLOPES, pairs);
     const struct sst_gpu_range disp = sst_run_scratch(r, DISP, n * sizeof(uint32_t));
-    struct sst_gpu_subpixel_fit push = {
-        width, height, f.views, sst_run_first(r, SST_PLANE_DERIVED, k), f.tolerance, f.inverse_limit, 0
-    };
+    struct sst_gpu_subpixel_fit push = { width,       height,          f.views, sst_run_first(r, SST_PLANE_DERIVED, k),
+                                         f.tolerance, f.inverse_limit, 0 };
     const uint32_t *words;
 
     SST_RUN_PIXELS(r, SST_GPU_CONVERT, &start, width, height, 1, map, map, map, disp);
