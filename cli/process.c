@@ -176,7 +176,7 @@ static void report_device(const struct sst_disparity_device_report *d)
 /* Options of the command line beyond the matching. */
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *device;
-    int device_memory; /* MiB; 0: three quarters */
+    int memory, device_memory; /* MiB; 0: not given */
     struct sst_network_device *networks;
     double range_min, range_max;
     bool no_labels, no_verify, json;
@@ -639,6 +639,7 @@ static int read_options(const struct cli_command *cmd, struct job *job, const st
         return r;
     cfg->threads = cfg->disparity.threads;
     cfg->precision = cfg->disparity.precision;
+    cfg->disparity.memory = (size_t)w->memory << 20;
     cfg->disparity.disp_min_px = isnan(w->range_min) ? 0 : w->range_min;
     cfg->disparity.disp_max_px = isnan(w->range_max) ? 0 : w->range_max;
     job->preset = m->preset;
@@ -677,6 +678,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of "
           "a name" },
         { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
+        { "memory", 0, CLI_INT, &job.w.memory, "MIB",
+          "memory of cost volumes, or of the planes of a sweep, beyond which foliage is matched view by view; default: "
+          "1536, 3072",
+          1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),
         { "split-views", 0, CLI_FLAG, &job.split, NULL,

@@ -371,7 +371,7 @@ static void threads_share_a_volume(void **state SST_UNUSED)
         cfg.threads = 1;
         assert_int_equal(sst_disparity_lightfield(&one, &cfg, NULL, NULL), 0);
         cfg.threads = cases[i].threads;
-        cfg.volume_bytes = cases[i].volumes < 2 ? 1 : 2 * sst_volume_bytes(cases[i].width, cases[i].height, 51);
+        cfg.memory = cases[i].volumes < 2 ? 1 : 2 * sst_volume_bytes(cases[i].width, cases[i].height, 51);
         assert_int_equal(sst_disparity_lightfield(&many, &cfg, NULL, NULL), 0);
         same_maps(&one, &many);
         sst_lightfield_fini(&one);

@@ -275,7 +275,7 @@ static void count_workers(struct disparity_run *run, int threads)
     const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
     const bool shared = !run->coarse && !cfg->frugal && !cfg->raw && cfg->joint && cfg->paths == 4 &&
                         !(cfg->support_arm && cfg->support_after);
-    const size_t bytes = !shared ? VOLUME_BYTES : cfg->volume_bytes ? cfg->volume_bytes : SHARED_BYTES;
+    const size_t bytes = cfg->memory ? cfg->memory : shared ? SHARED_BYTES : VOLUME_BYTES;
     const int most = cfg->frugal ? 1 : sst_min_int(run->nets ? run->networks : threads, run->lf->cols);
 
     run->workers = (int)(bytes / each) < most ? sst_max_int((int)(bytes / each), 1) : most;

@@ -104,6 +104,7 @@ int run_sweep(struct disparity_run *run, int threads)
                                                        .views = count,
                                                        .disp_min_px = run->disp_min,
                                                        .range = run->range,
+                                                       .bytes = run->cfg->memory,
                                                        .threads = threads,
                                                        .cancel = run->cfg->cancel });
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
