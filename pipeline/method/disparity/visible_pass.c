@@ -22,7 +22,7 @@
 #define P2             300
 #define EDGE_STEP      16 /* levels at which P2 is halved */
 #define SWEPT          4  /* one in this many views looks for surfaces that no map has */
-#define SWEPT_VIEWS    12 /* that maps of a sweep in scene space are tested against */
+#define SWEPT_VIEWS    16 /* that maps of a sweep in scene space are tested against */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 

@@ -15,7 +15,8 @@
 
 #define BYTES     ((size_t)3 << 30)
 #define PLANES    128 /* at most ... */
-#define FINEST    32  /* ... as far from each other as makes 65, but at least this far, 1/64 px ... */
+#define ENOUGH    81  /* ... as far from each other as makes this many, but at least this far, 1/64 px ... */
+#define FINEST    32
 #define COARSEST  64  /* ... and at most this far */
 #define TOLERANCE 2  /* planes that are nearer to each other are one surface */
 #define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
@@ -301,7 +302,7 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
             s->height = in->view[k].image->height;
         }
     }
-    s->step = sst_clamp_int(in->range, FINEST, COARSEST);
+    s->step = sst_clamp_int((in->range * 64 + ENOUGH - 2) / (ENOUGH - 1), FINEST, COARSEST);
     s->planes = (in->range * 64 + s->step - 1) / s->step + 1;
     s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
     s->layer = s->stride * (size_t)s->planes;
