@@ -323,7 +323,8 @@ static void warn_retired(struct sst_yaml *doc, struct sst_yaml_node *root)
     for (size_t i = 0; i < ARRAY_LEN(retired); i++) {
         struct sst_yaml_node *section = sst_yaml_get(root, retired[i].section);
 
-        for (struct sst_yaml_node *n = section ? section->first : NULL; n; n = n->next) {
+        for (struct sst_yaml_node *n = section && section->type == SST_YAML_MAP ? section->first : NULL; n;
+             n = n->next) {
             if (n->again || strcmp(n->key, retired[i].name) != 0)
                 continue;
             n->known = true;

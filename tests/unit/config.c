@@ -268,6 +268,7 @@ static void single_faults_are_told(void **state)
         { "wbe: {}\n", "did you mean `web`?" },
         { "hook: []\n", "did you mean `hooks`?" },
         { "web: 5\n", "1:6: web must contain keys" },
+        { "live: [ { name: a } ]\n", "1:7: live must contain keys" },
         { "zones: {}\n", "zones must be a list" },
         { "zones: [ 1 ]\n", "list of mappings such as - { name: ... }" },
         { "live: { enabled: no }\n", "must be false or true, not no" },
