@@ -179,7 +179,7 @@ $(BUILD)/flags: $(BUILD)/shaders.h FORCE
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
 FORCE:
 # The lists of shaders, one of each file.
-$(BUILD)/shaders.h: scripts/shaders.sh pipeline/kernels
+$(BUILD)/shaders.h: scripts/shaders.sh FORCE
 	@mkdir -p $(@D)
 	@scripts/shaders.sh $(sort $(basename $(notdir $(wildcard pipeline/kernels/*.comp)))) >$@.new
 	@cmp -s $@.new $@ && rm $@.new || mv $@.new $@

@@ -258,7 +258,7 @@ void cli_network_report_device(struct sst_network_device *d);
 #define CLI_PRECISION_OPTION(value)                                                                                    \
     {                                                                                                                  \
         "precision", 0, CLI_WORD, &(value), "NAME",                                                                    \
-            "networks on f32 or int8 numbers; default: int8 where file and processor have it", SST_PRECISION_F32, 0,   \
+            "networks on f32 or int8 numbers; default: int8 where the file has it and it is faster", SST_PRECISION_F32, 0,   \
             "f32 int8"                                                                                                 \
     }
 

@@ -679,8 +679,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "a name" },
         { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "memory", 0, CLI_INT, &job.w.memory, "MIB",
-          "memory of cost volumes, or of the planes of a sweep, beyond which foliage is matched view by view; default: "
-          "1536, 3072",
+          "memory of cost volumes: more views wait, one is matched always (default: 1536; 6144 where threads share "
+          "none), "
+          "and of a sweep's planes: foliage that needs more is matched view by view (3072)",
           1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),

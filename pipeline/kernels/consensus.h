@@ -11,7 +11,7 @@
 
 #define SST_CONSENSUS_BLOCK                                                                                            \
     64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
-#define SST_CONSENSUS_VIEWS 36 /* at most: 7 for each fill a byte */
+#define SST_CONSENSUS_VIEWS 36 /* at most: SST_CONSENSUS_REACH for each four stay below a byte */
 #define SST_CONSENSUS_SEEDS 12 /* first views whose colours are tried */
 #define SST_CONSENSUS_NEAR  28 /* largest difference of two colours of the first round that agree */
 #define SST_CONSENSUS_REACH 25 /* difference from which on a colour adds nothing to the density around another */

@@ -1,6 +1,7 @@
 /* Items of a step on a device, the rest on threads. */
 #include "pipeline/step/run.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -311,6 +312,7 @@ enum sst_gpu_shader sst_run_fastest(struct sst_run *r, enum sst_gpu_shader shade
 
 void sst_run_dispatch(struct sst_run *r, struct sst_gpu_work work, const struct sst_gpu_range *range, int ranges)
 {
+    assert(ranges <= SST_GPU_BUFFERS);
     if (r->err)
         return;
     for (int i = 0; i < ranges; i++) {

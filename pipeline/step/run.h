@@ -146,13 +146,15 @@ void sst_run_dispatch(struct sst_run *r, struct sst_gpu_work work, const struct 
 
 /** sst_run_dispatch() of x * y * z groups; ranges follow. @param constants  pointer to the structure of the shader */
 #define SST_RUN_GROUPS(r, number, constants, x, y, z, ...)                                                             \
-    sst_run_dispatch(r,                                                                                                \
-                     (struct sst_gpu_work){ .shader = number,                                                          \
-                                            .push = constants,                                                         \
-                                            .push_bytes = sizeof(*(constants)),                                        \
-                                            .groups = { (uint32_t)(x), (uint32_t)(y), (uint32_t)(z) } },               \
-                     (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                    \
-                     sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
+    sst_run_dispatch(                                                                                                  \
+        r,                                                                                                             \
+        (struct sst_gpu_work){ .shader = number,                                                                       \
+                               .push = constants,                                                                      \
+                               .push_bytes = sizeof(*(constants)) +                                                    \
+                                             0 * sizeof(char[sizeof(*(constants)) <= SST_GPU_PUSH ? 1 : -1]),          \
+                               .groups = { (uint32_t)(x), (uint32_t)(y), (uint32_t)(z) } },                            \
+        (const struct sst_gpu_range[]){ __VA_ARGS__ },                                                                 \
+        sizeof((const struct sst_gpu_range[]){ __VA_ARGS__ }) / sizeof(struct sst_gpu_range))
 
 /** ... over the pixels of a view, by groups of 32 x 8. */
 #define SST_RUN_PIXELS(r, shader, push, width, height, layers, ...)                                                    \

@@ -18,12 +18,11 @@ static double add_hall(struct sst_scene_world *w, double lines, double wall_px)
     const double y = lines * w->spacing_mm, z = world_at(w, 0, 0, wall_px).z, mm = world_mm(w, wall_px);
 
     sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
-    sst_scene_add_floor(w, y, 0.05 * z, z, material(sst_scene_paint_fbm, 0x8c8880, 0xa49f96, 120 * mm));
-    set_grain(w, w->count - 1, 0.03f);
+    sst_scene_add_floor(w, y, 0.05 * z, z, material(sst_scene_paint_fbm, 0x8c8880, 0xa49f96, 120 * mm))->grain = 0.03f;
     sst_scene_begin(w, SST_LABEL_BUILDING, 0);
     sst_scene_add_patch(w, vec3(0, y - 2000 * mm, z), vec3(8000 * mm, 0, 0), vec3(0, 2000 * mm, 0),
-                        material(sst_scene_paint_fbm, 0x96938e, 0xaca8a0, 160 * mm));
-    set_grain(w, w->count - 1, 0.02f);
+                        material(sst_scene_paint_fbm, 0x96938e, 0xaca8a0, 160 * mm))
+        ->grain = 0.02f;
     return y;
 }
 
@@ -50,9 +49,9 @@ static void add_head(struct sst_scene_world *w, struct sst_vec3 chest, double m,
     set_grain(w, first, 0.025f);
     for (int i = 0; i < 26; i++) { /* curls */
         const double a = sst_random_in(&w->rng, 0.15, 2.99), b = sst_random_in(&w->rng, -1.1, 1.1);
-        const struct sst_vec3 out = vec3_add(vec3_mul(right, 84 * m * cos(a) * cos(b)),
-                                             vec3_add(vec3(0, -118 * m * sin(a) * cos(0.7 * b), 0),
-                                                      vec3_mul(front, 92 * m * sin(b))));
+        const struct sst_vec3 out =
+            vec3_add(vec3_mul(right, 84 * m * cos(a) * cos(b)),
+                     vec3_add(vec3(0, -118 * m * sin(a) * cos(0.7 * b), 0), vec3_mul(front, 92 * m * sin(b))));
 
         add_ball(w, vec3_add(head, out), vec3(24 * m, 22 * m, 24 * m), stone);
     }
@@ -124,9 +123,9 @@ void build_terrace(struct sst_scene_world *w)
         const double half = sst_random_in(&w->rng, 35, 60) * mm;
         const struct sst_vec3 foot = world_at(w, x, 0, d);
 
-        sst_scene_add_patch(w, vec3(foot.x, y - half, foot.z), vec3(1.2 * half, 0, 0), vec3(0, half, 0),
-                            material(sst_scene_paint_fbm, i % 3 ? 0x8a9096 : 0x9a8478, i % 3 ? 0xa0a6ac : 0xae988c,
-                                     70 * mm));
+        sst_scene_add_patch(
+            w, vec3(foot.x, y - half, foot.z), vec3(1.2 * half, 0, 0), vec3(0, half, 0),
+            material(sst_scene_paint_fbm, i % 3 ? 0x8a9096 : 0x9a8478, i % 3 ? 0xa0a6ac : 0xae988c, 70 * mm));
     }
     set_grain(w, first, 0.015f);
 }

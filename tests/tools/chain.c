@@ -323,7 +323,7 @@ static void draw_process(struct chain *c, struct sst_process_config *cfg)
     cfg->disparity.key_spacing = (int[]){ 1, 3, 5 }[below(c, 3)];
     cfg->disparity.skip_ranges = one_in(c, 3);
     cfg->disparity.range_bytes = one_in(c, 2) ? 0 : cfg->disparity.range_bytes;
-    cfg->disparity.memory = one_in(c, 3) ? 1 : 0; /* all threads share one volume */
+    cfg->disparity.memory = one_in(c, 3) ? 1 : 0; /* one volume for all threads, and no sweep */
     cfg->disparity.skip_hypotheses = one_in(c, 2);
     cfg->disparity.frugal = one_in(c, 6);
     sst_refine_config_defaults(&cfg->refinement);

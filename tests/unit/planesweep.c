@@ -85,11 +85,12 @@ static double off(const struct field *f, int k, int top, int bottom)
 
 static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
 {
+    enum { HEIGHT = 210 }; /* three tiles */
     struct sst_map_u16 disp;
     struct sst_map_u8 cost;
     struct field f;
 
-    make_field(&f, 150, 60);
+    make_field(&f, 150, HEIGHT);
     assert_int_equal(sst_planesweep(&f.all), 0);
     disp = f.disp[5];
     cost = f.cost[5];
@@ -98,7 +99,7 @@ static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
     free_maps(&f);
     f.all.threads = 3;
     assert_int_equal(sst_planesweep(&f.all), 0);
-    for (int y = 0; y < 60; y++) {
+    for (int y = 0; y < HEIGHT; y++) {
         assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), 150 * sizeof(uint16_t));
         assert_memory_equal(sst_map_u8_row(&cost, y), sst_map_u8_row(&f.cost[5], y), 150);
     }
@@ -110,7 +111,7 @@ static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
 /* Where a tile ends, maps are as good as elsewhere. */
 static void maps_are_right_over_tiles(void **state SST_UNUSED)
 {
-    enum { TILE = 192 };
+    enum { TILE = 96 };
     double all = 0, seam = 0;
     struct field f;
 
@@ -182,6 +183,9 @@ static void limits_and_cancelling_end_it(void **state SST_UNUSED)
     f.all.bytes = 0;
     f.all.range = 128; /* more planes than there may be */
     assert_int_equal(sst_planesweep(&f.all), -E2BIG);
+    f.all.range = 127;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    free_maps(&f);
     f.all.range = 20;
     f.all.cancel = &cancel;
     assert_int_equal(sst_planesweep(&f.all), -ECANCELED);

@@ -512,10 +512,13 @@ static int measure_carrying(struct disparity_run *run, int workers, bool sweeps,
 {
     int err = 0;
 
-    if (sweeps && run->scale == 1 && !run->networks)
+    if (sweeps && run->scale == 1 && !run->networks) {
+        free_volumes(run);
         err = probe_half(run, sst_thread_count(run->cfg->threads), error);
-    if (!err && isgreater(*error, KEYS_MISS * run->cfg->key_error))
-        return 0;
+        if (err || isgreater(*error, KEYS_MISS * run->cfg->key_error))
+            return err;
+        err = make_volumes(run, sst_thread_count(run->cfg->threads));
+    }
     return err ? err : probe_carrying(run, workers, error);
 }
 

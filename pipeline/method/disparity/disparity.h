@@ -71,8 +71,8 @@ struct sst_disparity_config {
                          the size; with 4 paths, a joint volume and no aggregation after the optimisation */
     size_t range_bytes;  /* of light fields only those where a view's whole cost volume would be larger */
     size_t memory;       /* bytes of cost volumes of views that are matched at once: beyond that, several threads share
-                            one; at least one is; and of the planes of a sweep in scene space, without which all views
-                            are matched; 0: 1.5 and 3 GiB */
+                            one or fewer work; at least one is; and of the planes of a sweep in scene space, without
+                            which all views are matched; 0: 1.5 GiB, 6 where threads cannot share, and 3 */
     double range_error;  /* percent of the reference view's disparities that skip_ranges may change by more than 1 px;
                             else, and where there is no such view, the whole range is searched; pairs are not tested */
     bool

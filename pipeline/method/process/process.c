@@ -292,13 +292,20 @@ static void carry_nothing(struct run *run)
     run->report->labels_skipped = NAN;
 }
 
-/* Choose the views that the network labels: all where most are shown too little by others. @param least  views */
+/* Choose the views that the network labels, those that it has labelled among them: all where most are shown too little
+ * by others. @param least  views */
 static int choose_labelled(struct run *run, int least)
 {
     const int present = count_present(run);
     struct choice choice = { .run = run, .least = least };
     const int err = sst_share_for(run->cfg->share, 1, 1, find_choice, &choice, choice_values);
 
+    for (int k = 0; !err && k < views_of(run); k++) {
+        if (run->carried[k] && run->labelled[k]) {
+            run->carried[k] = false;
+            choice.labelled++;
+        }
+    }
     if (err || choice.labelled < 2 || choice.labelled >= present) {
         carry_nothing(run);
         return err;

@@ -115,7 +115,7 @@ void process_rays_find(struct process_rays *r, const struct sst_view *there, con
  * @param lf       images and disparities of all present views, the reference view among them
  * @param carried  out, [views] true: not labelled; absent views are
  * @param labelled  out, number of the others
- * @return 0, -ENOMEM. The same choice for any number of threads; with a greater `least` the same views and more.
+ * @return 0, -ENOMEM. The same choice for any number of threads.
  */
 SST_MUST_CHECK int process_choose_labelled(bool *carried, int *labelled, const struct sst_lightfield *lf, int least,
                                            int threads);

@@ -342,7 +342,7 @@ struct clear_band {
 /** Replace the landed rays of a band with their colours, sampled from frames. */
 void clear_sample_rays(struct sst_run *r, const struct clear_band *b);
 
-/** Fill the holes of a whole picture. @param picture  words as of enum sst_gpu_hole_buffer @param levels  of
+/** Fill the holes of a whole picture. @param picture  words as in kernels/hole.glsl: R, G, B, weight @param levels  of
  * clear_fill_bytes() bytes */
 void clear_fill_on_device(struct sst_run *r, const struct clear *c, struct sst_gpu_range picture,
                           struct sst_gpu_range levels);

@@ -221,7 +221,7 @@ static void optimise(const struct mapped *m, int bottom)
 int sweep_maps(void *arg, int group, int worker)
 {
     struct sweep *s = arg;
-    const int first = group * SWEEP_TOGETHER, end = sst_min_int(first + SWEEP_TOGETHER, s->in->views);
+    const int first = group * s->together, end = sst_min_int(first + s->together, s->in->views);
     const int bottom = s->again ? sst_min_int(s->bottom + SWEEP_LOOK, s->height) : s->bottom;
     struct sweep_scratch *own = &s->scratch[worker];
     struct mapped m[SWEEP_TOGETHER];
@@ -289,10 +289,10 @@ int sweep_maps_init(struct sweep *s)
 {
     int err = 0;
 
-    s->scratch = calloc((size_t)s->in->threads, sizeof(*s->scratch));
+    s->scratch = calloc((size_t)s->workers, sizeof(*s->scratch));
     if (!s->scratch)
         return -ENOMEM;
-    for (int i = 0; !err && i < s->in->threads; i++)
+    for (int i = 0; !err && i < s->workers; i++)
         err = scratch_init(s, &s->scratch[i]);
     for (int k = 0; !err && k < s->in->views; k++)
         err = s->in->view[k].image ? paths_init(s, s->view[k].path, s->view[k].least) : 0;
@@ -301,7 +301,7 @@ int sweep_maps_init(struct sweep *s)
 
 void sweep_maps_fini(struct sweep *s)
 {
-    for (int i = 0; s->scratch && i < s->in->threads; i++) {
+    for (int i = 0; s->scratch && i < s->workers; i++) {
         struct sweep_scratch *w = &s->scratch[i];
 
         for (int v = 0; v < SWEEP_TOGETHER; v++) {

@@ -17,7 +17,7 @@
 #define PLANES    128 /* at most ... */
 #define ENOUGH    81  /* ... as far from each other as makes this many, but at least this far, 1/64 px ... */
 #define FINEST    32
-#define COARSEST  64  /* ... and at most this far */
+#define COARSEST  64 /* ... and at most this far */
 #define TOLERANCE 2  /* planes that are nearer to each other are one surface */
 #define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
@@ -261,9 +261,7 @@ static int sweep_round(struct sweep *s, bool again)
     for (s->top = 0; !err && s->top < s->height; s->top += SWEEP_TILE) {
         s->bottom = sst_min_int(s->top + SWEEP_TILE, s->height);
         err = find_consensus(s);
-        err =
-            err ? err
-                : sst_parallel_for((s->in->views + SWEEP_TOGETHER - 1) / SWEEP_TOGETHER, s->in->threads, sweep_maps, s);
+        err = err ? err : sst_parallel_for(s->groups, s->workers, sweep_maps, s);
     }
     return err;
 }
@@ -311,6 +309,9 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
     if (!s->view || !s->all)
         return -ENOMEM;
     memset(s->all + SWEEP_PAD, 255, (size_t)s->width);
+    s->together = sst_clamp_int(in->views / in->threads, 1, SWEEP_TOGETHER);
+    s->groups = (in->views + s->together - 1) / s->together;
+    s->workers = sst_min_int(in->threads, s->groups);
     choose_voters(s);
     err = make_planes(s);
     err = err ? err : sst_parallel_for(in->views, in->threads, add_view_job, s);

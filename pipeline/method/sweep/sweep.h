@@ -30,7 +30,7 @@ struct sst_planesweep {
  * views vote that the first maps show to see the point, and paths along diagonals smooth the choice.
  *
  * The maps are the same bytes for any number of threads and every CPU level.
- * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 80 px more planes
+ * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 127 px more planes
  * than there are)
  */
 SST_MUST_CHECK int sst_planesweep(const struct sst_planesweep *in);

@@ -9,7 +9,7 @@
 #define SWEEP_PAD  SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
 #define SWEEP_TILE 96                  /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK 16                  /* rows below a tile in which paths from below begin */
-#define SWEEP_TOGETHER 3               /* views whose costs a thread computes together */
+#define SWEEP_TOGETHER 3               /* views at most whose costs a thread computes together */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
@@ -53,15 +53,17 @@ struct sweep {
     uint8_t *all;                           /* a row of seen pixels */
     bool again;                             /* second round */
     uint8_t near, most, p2;                 /* of the second round */
+    int together, groups;                   /* views of a group; groups of all views */
+    int workers;                            /* threads that maps take */
     int top, bottom;                        /* rows of the tile */
-    struct sweep_scratch *scratch;          /* [in->threads] */
+    struct sweep_scratch *scratch;          /* [workers] */
 };
 
 /** Scratch of all threads, paths of all views. @return 0, -ENOMEM; sweep_maps_fini() frees all */
 SST_MUST_CHECK int sweep_maps_init(struct sweep *s);
 void sweep_maps_fini(struct sweep *s);
 
-/** Maps of the SWEEP_TOGETHER views of a group in the tile's rows. Job of sst_parallel_for(). */
+/** Maps of the views of a group in the tile's rows. Job of sst_parallel_for(). */
 sst_work_fn sweep_maps;
 
 #endif
