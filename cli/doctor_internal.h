@@ -17,7 +17,7 @@ enum doctor_level {
 struct doctor_finding {
     enum doctor_level level;
     const char *area; /* static */
-    char text[640];   /* one sentence with its remedy */
+    char text[1536];  /* one sentence with its remedy */
 };
 
 struct doctor {

@@ -290,7 +290,7 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
         return;
     }
     g = sst_runner_device(runner);
-    for (int i = SST_GPU_SHADERS - 1; i >= 0; i--) { /* variants first: the list may be cut */
+    for (int i = 0; i < SST_GPU_SHADERS; i++) {
         char *list;
 
         if (!sst_gpu_can(sst_gpu_get_info(g), (enum sst_gpu_shader)i))
