@@ -29,7 +29,7 @@ struct sst_consensus_view {
 /**
  * The first consensus of a block at a plane: of the colours of the first SST_CONSENSUS_SEEDS views the one around which
  * the others are densest (SST_CONSENSUS_REACH - difference, means of four views each, added), replaced by the mean of
- * those that agree with it.
+ * the views that agree with it.
  *
  * @param out  R, G, B, and a cost of 0..SST_CONSENSUS_SPARE that falls with the density; 255: fewer than two views see
  * it

@@ -1,5 +1,5 @@
 // Filling of pixels that no view shows, along rows: the farther of the nearest known disparities to both sides, which
-// is that of the background. Constants: pipeline/gpu/check.h. Definition: sst_fill_background().
+// the background has. Constants: pipeline/gpu/check.h. Definition: sst_fill_background().
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -14,10 +14,10 @@
 #include "pipeline/method/process/process_internal.h"
 
 #define LABELLED_LEAST    5    /* views, or all of fewer */
-#define LABELLED_TESTED   8    /* likewise, with maps that were tested (balanced, accurate) */
+#define LABELLED_TESTED   8    /* views, or all of fewer, with maps that were tested (balanced, accurate) */
 #define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
 #define JITTER_PX         6.0  /* pairs that are off by less are corrected, not judged */
-#define INFINITY_SLACK_PX 1.0  /* of an estimated range around what is infinitely far: errors of positions and noise */
+#define INFINITY_SLACK_PX 1.0  /* of an estimated range around infinity: errors of positions and noise */
 
 struct run {
     struct sst_lightfield *lf;
@@ -292,7 +292,7 @@ static void carry_nothing(struct run *run)
     run->report->labels_skipped = NAN;
 }
 
-/* Choose the views that the network labels, those that it has labelled among them: all where most are shown too little
+/* Choose the views that the network labels, views that have its labels among them: all where most are shown too little
  * by others. @param least  views */
 static int choose_labelled(struct run *run, int least)
 {

@@ -159,9 +159,9 @@ SST_MUST_CHECK int process_carry_labels(const struct process_carry *c, struct ss
 
 /**
  * Give the pixels of a view that have no label one of its labelled pixels: of the first ones that are met in the row,
- * the column and the two diagonals, up to PROCESS_FILL_REACH pixels away, that of the most similar colour (sum of the
- * channels' differences), then of the nearest disparity, among those within a quarter of the view's span of
- * disparities, or among all if none is; where there is none that near, that of the labelled pixel to
+ * the column and the two diagonals, up to PROCESS_FILL_REACH pixels away, the one of the most similar colour (sum of
+ * the channels' differences), then of the nearest disparity, among those within a quarter of the view's span of
+ * disparities, or among all if none is; where none is that near, the label of the labelled pixel to
  * the left or right in the row whose disparity is nearer. Pixels that are not valid get none.
  *
  * @param v  label, disp and image
