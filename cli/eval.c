@@ -11,11 +11,12 @@ static json_t *disparity_json(const struct sst_disparity_error *d, int views)
 {
     const bool any = d->pixels > 0;
 
-    return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels", (json_int_t)d->pixels,
-                     "bad05", cli_real_json(any ? d->bad_half : NAN), "bad1", cli_real_json(any ? d->bad1 : NAN),
-                     "bad2", cli_real_json(any ? d->bad2 : NAN), "bad4", cli_real_json(any ? d->bad4 : NAN), "rmse",
-                     cli_real_json(any ? d->rmse : NAN), "mae", cli_real_json(any ? d->mean_abs : NAN), "density",
-                     cli_real_json(any ? d->density : NAN));
+    return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels",
+                     (json_int_t)d->pixels, "bad003", cli_real_json(any ? d->bad003 : NAN), "bad007",
+                     cli_real_json(any ? d->bad007 : NAN), "bad05", cli_real_json(any ? d->bad_half : NAN), "bad1",
+                     cli_real_json(any ? d->bad1 : NAN), "bad2", cli_real_json(any ? d->bad2 : NAN), "bad4",
+                     cli_real_json(any ? d->bad4 : NAN), "rmse", cli_real_json(any ? d->rmse : NAN), "mae",
+                     cli_real_json(any ? d->mean_abs : NAN), "density", cli_real_json(any ? d->density : NAN));
 }
 
 static json_t *labels_json(const struct sst_evaluation *r)
@@ -95,12 +96,13 @@ static void print_disparity(const struct sst_evaluation *r)
     const struct sst_disparity_error *const sets[] = { &r->disparity, &r->disparity_nonocc };
     static const char *const names[] = { "all pixels", "visible in a neighbour" };
 
-    printf("disparity, %d views       bad 0.5 %%  bad 1 %%    bad 2 %%    bad 4 %%    RMSE px    density %%\n",
-           r->disparity_views);
+    printf("disparity, %3d views       %11s%11s%11s%11s%11s%11s%11s%11s\n", r->disparity_views, "bad 0.03 %", "bad 0.07 %",
+           "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px", "density %");
     for (int i = 0; i < 2; i++) {
         const struct sst_disparity_error *d = sets[i];
 
-        row(names[i], (double[]){ d->bad_half, d->bad1, d->bad2, d->bad4, d->rmse, d->density }, 6, 2);
+        row(names[i],
+            (double[]){ d->bad003, d->bad007, d->bad_half, d->bad1, d->bad2, d->bad4, d->rmse, d->density }, 8, 2);
     }
 }
 

@@ -11,8 +11,8 @@ static double percent(int64_t part, int64_t whole)
 int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32 *estimate,
                        const struct sst_map_f32 *truth, const struct sst_map_u8 *mask)
 {
-    static const double limits[4] = { 0.5, 1, 2, 4 };
-    int64_t pixels = 0, known = 0, bad[4] = { 0 };
+    static const double limits[] = { 0.03, 0.07, 0.5, 1, 2, 4 };
+    int64_t pixels = 0, known = 0, bad[ARRAY_LEN(limits)] = { 0 };
     double squares = 0, absolute = 0;
 
     if (estimate->width != truth->width || estimate->height != truth->height ||
@@ -28,7 +28,7 @@ int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32
             if (!isfinite(t[x]) || (m && !m[x]))
                 continue;
             pixels++;
-            for (int i = 0; i < 4; i++)
+            for (size_t i = 0; i < ARRAY_LEN(limits); i++)
                 bad[i] += off > limits[i];
             if (!isfinite(e[x]))
                 continue;
@@ -39,10 +39,12 @@ int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32
     }
     *out = (struct sst_disparity_error){
         .pixels = pixels,
-        .bad_half = percent(bad[0], pixels),
-        .bad1 = percent(bad[1], pixels),
-        .bad2 = percent(bad[2], pixels),
-        .bad4 = percent(bad[3], pixels),
+        .bad003 = percent(bad[0], pixels),
+        .bad007 = percent(bad[1], pixels),
+        .bad_half = percent(bad[2], pixels),
+        .bad1 = percent(bad[3], pixels),
+        .bad2 = percent(bad[4], pixels),
+        .bad4 = percent(bad[5], pixels),
         .rmse = known ? sqrt(squares / (double)known) : NAN,
         .mean_abs = known ? absolute / (double)known : NAN,
         .density = percent(known, pixels),
@@ -65,6 +67,8 @@ void sst_eval_disparity_merge(struct sst_disparity_error *sum, const struct sst_
 
     *sum = (struct sst_disparity_error){
         .pixels = sum->pixels + add->pixels,
+        .bad003 = mix(sum->bad003, n, add->bad003, m),
+        .bad007 = mix(sum->bad007, n, add->bad007, m),
         .bad_half = mix(sum->bad_half, n, add->bad_half, m),
         .bad1 = mix(sum->bad1, n, add->bad1, m),
         .bad2 = mix(sum->bad2, n, add->bad2, m),

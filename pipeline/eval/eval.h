@@ -7,7 +7,8 @@
 /** Disparity errors over the pixels with a finite truth (and where mask is not 0, if given). */
 struct sst_disparity_error {
     int64_t pixels;                    /* with truth */
-    double bad_half, bad1, bad2, bad4; /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
+    /* Percent of pixels off by more than 0.03, 0.07, 0.5, 1, 2, 4 px; unknown counts as bad. */
+    double bad003, bad007, bad_half, bad1, bad2, bad4;
     double rmse, mean_abs;             /* px, over the pixels with an estimate */
     double density;                    /* percent of pixels with an estimate */
 };

@@ -75,6 +75,29 @@ static void disparity_errors(void **state SST_UNUSED)
     sst_map_u8_fini(&small);
 }
 
+/* Errors of 0, 2/64, 5/64 and 0.2 px either way, and an unknown pixel: the limits of narrow light fields. */
+static void narrow_errors(void **state SST_UNUSED)
+{
+    struct sst_map_f32 e = map_f32(6, (float[]){ 2, 2.03125F, 1.96875F, 2.078125F, 1.8F, INFINITY });
+    struct sst_map_f32 t = map_f32(6, (float[]){ 2, 2, 2, 2, 2, 2 });
+    struct sst_map_u8 mask = map_u8(6, (uint8_t[]){ 255, 255, 0, 0, 0, 0 });
+    struct sst_disparity_error d, m;
+
+    assert_int_equal(sst_eval_disparity(&d, &e, &t, NULL), 0);
+    CLOSE(d.bad003, 500.0 / 6, 1e-9);
+    CLOSE(d.bad007, 300.0 / 6, 1e-9);
+    CLOSE(d.bad_half, 100.0 / 6, 1e-9);
+    assert_int_equal(sst_eval_disparity(&m, &e, &t, &mask), 0);
+    CLOSE(m.bad003, 50, 1e-9);
+    CLOSE(m.bad007, 0, 0);
+    sst_eval_disparity_merge(&d, &m);
+    CLOSE(d.bad003, 600.0 / 8, 1e-9);
+    CLOSE(d.bad007, 300.0 / 8, 1e-9);
+    sst_map_f32_fini(&e);
+    sst_map_f32_fini(&t);
+    sst_map_u8_fini(&mask);
+}
+
 /* A near thing of 4 px disparity before a wall of 1 px; one spacing to the right it has moved 3 px more to the left. */
 static void visible_in_the_neighbour(void **state SST_UNUSED)
 {
@@ -265,6 +288,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(disparity_errors),
+        cmocka_unit_test(narrow_errors),
         cmocka_unit_test(visible_in_the_neighbour),
         cmocka_unit_test(confusion),
         cmocka_unit_test(psnr),
