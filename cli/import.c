@@ -142,9 +142,18 @@ static int import_folder(const struct sst_import_config *cfg)
     return cli_exit_code(err ? err : cli_print_lightfield(cfg->out, cfg->out));
 }
 
+/* "R,C,RxC" */
+static bool read_part(const char *text, int part[4])
+{
+    int end = 0;
+
+    return sscanf(text, "%4d,%4d,%4dx%4d%n", &part[0], &part[1], &part[2], &part[3], &end) == 4 && !text[end] &&
+           part[0] >= 0 && part[1] >= 0 && part[2] > 0 && part[3] > 0;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *calib = NULL, *filter = "bicubic", *prefer = NULL;
+    const char *calib = NULL, *filter = "bicubic", *prefer = NULL, *part = NULL;
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { .import = &cfg };
     int grid[2] = { 0, 0 };
@@ -153,6 +162,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "output", 'o', CLI_MADE, &cfg.out, "LF", "light-field folder to make" },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
           256 },
+        { "part", 0, CLI_STRING, &part, "R,C,RxC", "first row and column, rows and columns of the grid to use; all" },
         { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, stored as provenance",
           0, 1e12 },
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
@@ -192,11 +202,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (strcmp(args[0], "recording") && args[2])
         return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
     if (!strcmp(args[0], "recording") &&
-        (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
-        return cli_usage_error(cmd, "--grid, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
+        (grid[0] || part || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
+        return cli_usage_error(cmd, "--grid, --part, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
                                     "recording, which has its own grid and spacing");
     if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
         return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
+    if (part && !read_part(part, cfg.part))
+        return cli_usage_error(cmd, "--part %s is not first row, first column, rows x columns, such as 1,1,6x6", part);
     if (!isnan(infinity_px))
         cfg.infinity_px = &infinity_px;
     if (prefer && (strcmp(args[0], "folder") || (strcmp(prefer, "jpeg") && strcmp(prefer, "raw"))))

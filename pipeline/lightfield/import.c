@@ -56,6 +56,10 @@ static int check_config(const struct sst_import_config *cfg)
         sst_log_error("--calib is for raw frames, from a folder or a recording; %s holds rectified views", cfg->format);
         return -EINVAL;
     }
+    if (cfg->part[2] && (cfg->disparity_dir || cfg->labels_dir || cfg->calibration)) {
+        sst_log_error("--part does not go with --disparity, --labels and --calib, which belong to the whole grid");
+        return -EINVAL;
+    }
     if (cfg->calibration && cfg->infinity_px) {
         sst_log_error("--infinity-px has no effect with --calib, which makes parallel views");
         return -EINVAL;
@@ -103,14 +107,20 @@ static int check_holes(const struct import_plan *plan)
                       plan->cfg->source, missing, count, named, lf->rows, lf->cols);
         return -EBADMSG;
     }
-    if (count > 1 && !has_neighbours(lf)) {
-        sst_log_error("%s has no two neighbouring views of a grid of %dx%d; add files or correct --grid",
-                      plan->cfg->source, lf->rows, lf->cols);
-        return -EBADMSG;
-    }
     if (missing)
         sst_log_warning("%s lacks %d of %d views: %s", plan->cfg->source, missing, count, named);
     return 0;
+}
+
+static int check_neighbours(const struct import_plan *plan)
+{
+    const struct sst_lightfield *lf = &plan->lf;
+
+    if (lf->rows * lf->cols == 1 || has_neighbours(lf))
+        return 0;
+    sst_log_error("%s has no two neighbouring views of a grid of %dx%d; add files or correct --%s", plan->cfg->source,
+                  lf->rows, lf->cols, plan->cfg->part[2] ? "part" : "grid");
+    return -EBADMSG;
 }
 
 static void warn_unused(const struct import_plan *plan)
@@ -295,10 +305,14 @@ static void set_infinity(struct import_plan *plan)
     else
         return;
     lf->infinity_known = true;
-    if (isnan(plan->centre[0]))
-        return;
-    lf->off_centre_px[0] = (plan->centre[0] - ref->pos_x) / plan->spacing * lf->infinity_px;
-    lf->off_centre_px[1] = (plan->centre[1] - ref->pos_y) / plan->spacing * lf->infinity_px;
+    for (int i = 0; i < 2; i++) {
+        const double pos = i ? ref->pos_y : ref->pos_x;
+
+        if (isnan(plan->centre[0]))
+            lf->off_centre_px[i] += plan->moved[i] / plan->spacing * lf->infinity_px;
+        else
+            lf->off_centre_px[i] = (plan->centre[i] - pos) / plan->spacing * lf->infinity_px;
+    }
 }
 
 /* Range by precedence: the user's, the source's, the true disparities'. */
@@ -329,6 +343,9 @@ static void set_source(struct sst_lightfield_files *files, const struct sst_impo
 {
     snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
 
+    if (cfg->part[2])
+        sst_text_add(files->source, sizeof(files->source), ", part %d,%d,%dx%d", cfg->part[0], cfg->part[1],
+                     cfg->part[2], cfg->part[3]);
     if (cfg->spacing_px > 0)
         sst_text_add(files->source, sizeof(files->source), ", spacing %.17g px", cfg->spacing_px);
     sst_text_make_utf8(files->source);
@@ -393,6 +410,10 @@ static int run(struct import_plan *plan, int (*format)(struct import_plan *), co
         err = format(plan);
     if (!err)
         err = check_holes(plan);
+    if (!err && plan->cfg->part[2])
+        err = import_take_part(plan);
+    if (!err)
+        err = check_neighbours(plan);
     if (!err && plan->cfg->calibration)
         err = sst_lightfield_fit_calibration(&plan->lf, plan->cfg->calibration);
     if (!err)

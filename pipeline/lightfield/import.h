@@ -8,6 +8,7 @@ struct sst_import_config {
     const char *format;        /* "stanford", "hci", "folder" */
     const char *source, *out;  /* folders */
     int rows, cols;            /* required for folder; others: 0 uses the grid of the files, else it must match */
+    int part[4]; /* first row, first column, rows and columns of the grid that are used; 0 rows: all */
     double spacing_px;         /* folder: focal length times spacing; stored as provenance only, 0: unset */
     const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
     const char *labels_dir;    /* rr_cc.png, label values; NULL: none */

@@ -187,3 +187,37 @@ int import_place(struct import_plan *plan, int row, int col, int i)
     plan->lf.views[row * plan->lf.cols + col].present = true;
     return 0;
 }
+
+int import_take_part(struct import_plan *plan)
+{
+    const int *part = plan->cfg->part, row = part[0], col = part[1], rows = part[2], cols = part[3];
+    struct sst_lightfield *lf = &plan->lf;
+    const struct import_view *ref;
+
+    if (row > lf->rows - rows || col > lf->cols - cols) {
+        sst_log_error("the grid of %dx%d views in %s has no %dx%d views from row %d, column %d on; correct --part",
+                      lf->rows, lf->cols, plan->cfg->source, rows, cols, row, col);
+        return -EINVAL;
+    }
+    if (sst_lightfield_choose_ref(lf))
+        return -EBADMSG;
+    ref = &plan->views[lf->ref_view];
+    plan->moved[0] = ref->pos_x;
+    plan->moved[1] = ref->pos_y;
+    for (int k = 0; k < rows * cols; k++) { /* never from behind k */
+        const int from = (row + k / cols) * lf->cols + col + k % cols;
+
+        plan->views[k] = plan->views[from];
+        lf->views[k].present = lf->views[from].present;
+    }
+    lf->rows = rows;
+    lf->cols = cols;
+    if (sst_lightfield_choose_ref(lf)) {
+        sst_log_error("%s has no view in the %dx%d of --part; correct it", plan->cfg->source, rows, cols);
+        return -EBADMSG;
+    }
+    ref = &plan->views[lf->ref_view];
+    plan->moved[0] -= ref->pos_x;
+    plan->moved[1] -= ref->pos_y;
+    return 0;
+}

@@ -70,6 +70,7 @@ struct import_plan {
     bool raw;                  /* views are raw files of still cameras, to be developed */
     double focal_sides;        /* focal length in units of the longer side of an image; 0: unknown */
     double focus_mm;           /* distance at which the views converge, with focal length and spacing; 0: unknown */
+    double moved[2]; /* position of the whole grid's reference view minus that of the part's */
     double centre[2];          /* where a converging camera has its principal point in the middle; NAN: the reference */
 };
 
@@ -83,6 +84,9 @@ SST_MUST_CHECK int import_set_grid(struct import_plan *plan, int rows, int cols)
 
 /** Assign name i to view (row, col); rejects (logged) a second one. */
 SST_MUST_CHECK int import_place(struct import_plan *plan, int row, int col, int i);
+
+/** Reduce a planned grid to cfg->part. @return 0, -EINVAL (outside of the grid), -EBADMSG (without a view); logged */
+SST_MUST_CHECK int import_take_part(struct import_plan *plan);
 
 SST_MUST_CHECK int names_read(struct name_list *names, const char *dir);
 void names_fini(struct name_list *names);

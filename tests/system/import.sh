@@ -126,6 +126,8 @@ want 2 "range" import stanford $src --range-min 5 --range-max 3 -o bad
 want 4 "exists already" import stanford $src -o chess
 want 4 "cannot create" import stanford $src -o none/bad
 want 3 "another format" import hci $src -o bad
+want 2 "such as 1,1,6x6" import stanford $src --part 1,1,6 -o bad
+want 2 "no 6x6 views from row 1, column 0" import stanford $src --part 1,0,6x6 -o bad
 want 3 "another format" import folder $src --grid 6x6 -o bad
 want 3 "6x6 views, not 5x6" import stanford $src --grid 5x6 -o bad
 rm "$first"

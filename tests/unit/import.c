@@ -194,6 +194,66 @@ static void hci_window_keeps_its_truth(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* 2x3 views of 4x5 from row 1, column 2 on: truth and places of the views go with them, what lies outside is not missed,
+ * and the principal point of converging views belongs to the part's reference. */
+static void a_part_of_the_grid_is_a_grid(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("hci", "src");
+    double infinity_px = -3;
+    struct sst_lightfield lf;
+    struct sst_map_f32 truth;
+    char name[64];
+
+    for (int i = 0; i < 20; i++) {
+        snprintf(name, sizeof(name), "src/input_Cam%03d.png", i);
+        put_image(name, 10 * i, WIDTH, HEIGHT);
+    }
+    put_text("src/parameters.cfg", "num_cams_x = 5\nnum_cams_y = 4\noff_centre_x_px = 0.5\noff_centre_y_px = 0\n");
+    put_pfm("src/gt_disp_lowres_Cam013.pfm", 2, WIDTH, HEIGHT);
+    memcpy(cfg.part, (const int[4]){ 1, 2, 2, 3 }, sizeof(cfg.part));
+    cfg.infinity_px = &infinity_px;
+    import_and_load(&cfg, &lf);
+    assert_true(lf.rows == 2 && lf.cols == 3 && lf.ref_view == 1);
+    for (int k = 0; k < 6; k++)
+        assert_view(&lf, k, 10 * (5 * (1 + k / 3) + 2 + k % 3), k % 3 - 1, k / 3);
+    /* The whole grid's reference is (1, 2), the part's (1, 3): one spacing to the right. */
+    assert_true(fabs(lf.off_centre_px[0] - (0.5 - infinity_px * -1 * -1)) < 1e-12 && lf.off_centre_px[1] == 0);
+    assert_non_null(strstr(lf.files->source, "part 1,2,2x3"));
+    assert_int_equal(sst_map_f32_read_pfm(&truth, in_dir("out/truth/01_01.pfm")), 0);
+    assert_true(sst_map_f32_row(&truth, 1)[2] == 2 + 2 / 64.0f);
+    sst_map_f32_fini(&truth);
+    sst_lightfield_fini(&lf);
+    cfg.force = true;
+    cfg.part[1] = 3; /* one column too far */
+    assert_int_equal(sst_import(&cfg), -EINVAL);
+    cfg.part[1] = 2;
+    cfg.labels_dir = in_dir("src");
+    assert_int_equal(sst_import(&cfg), -EINVAL);
+}
+
+static void a_part_of_a_folder(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("folder", "src");
+    struct sst_lightfield lf;
+
+    put_image("src/01_01.png", 1, WIDTH, HEIGHT);
+    put_image("src/01_02.png", 2, WIDTH, HEIGHT);
+    put_image("src/02_01.png", 3, WIDTH, HEIGHT);
+    put_image("src/02_02.png", 4, WIDTH, HEIGHT);
+    cfg.rows = cfg.cols = 3;
+    memcpy(cfg.part, (const int[4]){ 1, 1, 2, 2 }, sizeof(cfg.part));
+    import_and_load(&cfg, &lf);
+    assert_true(lf.rows == 2 && lf.cols == 2 && lf.ref_view == 0);
+    for (int k = 0; k < 4; k++)
+        assert_view(&lf, k, 1 + k, k % 2, k / 2);
+    sst_lightfield_fini(&lf);
+    cfg.force = true;
+    memcpy(cfg.part, (const int[4]){ 0, 0, 1, 3 }, sizeof(cfg.part)); /* no file there */
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    memcpy(cfg.part, (const int[4]){ 0, 0, 2, 2 }, sizeof(cfg.part)); /* one file */
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+}
+
 /* Every second camera of 4x4: a spacing is two of HCI's, so disparities double. */
 static void hci_parameters_are_converted(void **state SST_UNUSED)
 {
@@ -616,6 +676,8 @@ int main(void)
         cmocka_unit_test_setup(stanford_positions_decide, setup),
         cmocka_unit_test_setup(a_hole_needs_a_known_grid, setup),
         cmocka_unit_test_setup(hci_window_keeps_its_truth, setup),
+        cmocka_unit_test_setup(a_part_of_the_grid_is_a_grid, setup),
+        cmocka_unit_test_setup(a_part_of_a_folder, setup),
         cmocka_unit_test_setup(hci_parameters_are_converted, setup),
         cmocka_unit_test_setup(folder_reads_external_maps, setup),
         cmocka_unit_test_setup(views_of_16_bits_are_scaled_alike, setup),
