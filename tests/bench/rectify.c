@@ -1,5 +1,5 @@
 /* Costs and errors of rectifying, beside OpenCV's remap: rectify PICTURE ROUNDS. Prints CSV, one line for
- * each round and filter: CPU time of resampling 2000x1500 pixels with a lens of 8 coefficients, one thread; the error
+ * each round, filter and, of ours, level of the processor (levels.h): CPU time of resampling 2000x1500 pixels with a lens of 8 coefficients, one thread; the error
  * against the same filter in double at the exact place; and the PSNR of the picture moved by half a pixel and turned
  * there and back. */
 #include <errno.h>
@@ -13,6 +13,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify.h"
+#include "tests/bench/levels.h"
 #include "tests/bench/remap.h"
 
 #define WIDTH  2000 /* of the timed work */
@@ -307,29 +308,52 @@ static double turned_there_and_back(const struct sst_image *img, enum sst_filter
     return db;
 }
 
+/* A filter of ours at a level, or of OpenCV. */
+struct kind {
+    size_t filter;
+    bool opencv;
+    enum sst_cpu_level level;
+    struct errors errors;
+};
+
+static int list_kinds(struct kind kinds[3 * ARRAY_LEN(filters)])
+{
+    const struct bench_levels levels = bench_levels();
+    int n = 0;
+
+    for (size_t f = 0; f < ARRAY_LEN(filters); f++) {
+        for (int l = 0; l < levels.count; l++)
+            kinds[n++] = (struct kind){ .filter = f, .level = levels.level[l] };
+        kinds[n++] = (struct kind){ .filter = f, .opencv = true, .level = levels.level[0] };
+    }
+    return n;
+}
+
 static void measure(const struct sst_image *img, int rounds)
 {
-    struct errors errors[ARRAY_LEN(filters)][2];
+    struct kind kinds[3 * ARRAY_LEN(filters)];
+    const int n = list_kinds(kinds);
     struct timed timed;
 
     timed_init(&timed);
-    for (int i = 0; i < 2 * (int)ARRAY_LEN(filters); i++) {
-        struct errors *e = &errors[i / 2][i % 2];
-
-        errors_against_double(e, img, filters[i / 2], i % 2);
-        e->moved_db = moved_half(img, filters[i / 2], i % 2);
-        e->turned_db = turned_there_and_back(img, filters[i / 2], i % 2);
+    for (struct kind *k = kinds; k < kinds + n; k++) {
+        bench_level_use(k->level);
+        errors_against_double(&k->errors, img, filters[k->filter], k->opencv);
+        k->errors.moved_db = moved_half(img, filters[k->filter], k->opencv);
+        k->errors.turned_db = turned_there_and_back(img, filters[k->filter], k->opencv);
     }
     printf("level,method,round,ms,ms_per_mpx,error_rms,error_most,moved_db,turned_db\n");
     for (int round = 0; round <= rounds; round++) { /* the first one warms up */
-        for (int i = 0; i < 2 * (int)ARRAY_LEN(filters); i++) {
-            const struct errors *e = &errors[i / 2][i % 2];
-            const double ms = time_one(&timed, (size_t)i / 2, i % 2);
+        for (const struct kind *k = kinds; k < kinds + n; k++) {
+            const struct errors *e = &k->errors;
+            double ms;
 
+            bench_level_use(k->level);
+            ms = time_one(&timed, k->filter, k->opencv);
             if (round)
-                printf("%s,%s%s,%d,%.3f,%.3f,%.3f,%.2f,%.2f,%.2f\n", sst_cpu_level_name(sst_cpu_level()),
-                       i % 2 ? "OpenCV " : "", sst_filter_name(filters[i / 2]), round, ms, ms * 1e6 / (WIDTH * HEIGHT),
-                       e->rms, e->most, e->moved_db, e->turned_db);
+                printf("%s,%s%s,%d,%.3f,%.3f,%.3f,%.2f,%.2f,%.2f\n", sst_cpu_level_name(k->level),
+                       k->opencv ? "OpenCV " : "", sst_filter_name(filters[k->filter]), round, ms,
+                       ms * 1e6 / (WIDTH * HEIGHT), e->rms, e->most, e->moved_db, e->turned_db);
         }
     }
     timed_fini(&timed);

@@ -1,7 +1,7 @@
 /* Times see-through and plain pictures against the same sums written with OpenCV, and clear ones against see-through
  * ones, interleaved: render WxH ROUNDS.
- * Prints CSV, one line for each round and method, with the picture's error against that of all views in double. The
- * light field is the bush of the simulator with its true maps, 36 views, made in memory. */
+ * Prints CSV, one line for each round, method and, of ours, level of the processor (levels.h), with the picture's error
+ * against that of all views in double; OpenCV uses what it finds. The light field is the bush of the simulator with its true maps, 36 views, made in memory. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,6 +15,7 @@
 #include "pipeline/method/render/plan.h"
 #include "simulators/scene/scene.h"
 #include "tests/bench/blend.h"
+#include "tests/bench/levels.h"
 
 #define THREADS 2
 #define STEP_X  7 /* columns and rows of which one is compared with the exact picture */
@@ -23,6 +24,7 @@
 
 struct bench {
     int rounds;
+    struct bench_levels levels;
     struct sst_lightfield lf;
     struct sst_scene *scene;
     struct sst_renderer *renderer;
@@ -174,31 +176,63 @@ static int make(struct bench *b, int method, int maker, const struct sst_render_
     return 0;
 }
 
+/* A kind of pictures of one method: by which maker, at which level. */
+struct kind {
+    int method, maker;
+    enum sst_cpu_level level;
+    struct error error;
+};
+
+/* All of one method. @return their number */
+static int list_kinds(const struct bench *b, int method, struct kind kinds[2 * ARRAY_LEN(makers)])
+{
+    int n = 0;
+
+    for (int i = 0; i < (int)ARRAY_LEN(makers); i++) {
+        for (int l = 0; l < (makers[i].views < 0 ? 1 : b->levels.count); l++)
+            kinds[n++] = (struct kind){ .method = method, .maker = i, .level = b->levels.level[l] };
+    }
+    return n;
+}
+
+static int measure_kind(struct bench *b, const struct kind *k, const struct sst_render_config *cfg,
+                        struct bench_blend *blend, double mib, int round)
+{
+    int64_t start_ns, start_cpu_ns;
+    char name[64];
+    int err;
+
+    bench_level_use(k->level);
+    start_ns = sst_clock_now_ns();
+    start_cpu_ns = sst_clock_cpu_ns();
+    err = make(b, k->method, k->maker, cfg, blend);
+    snprintf(name, sizeof(name), makers[k->maker].name, names[k->method]);
+    printf("%s,%d,%d,\"%s\",%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.3f\n", sst_cpu_level_name(k->level), b->lf.width,
+           b->lf.height, name, round, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
+           (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib, k->error.rms, k->error.most);
+    return err;
+}
+
 /* Interleaved rounds of one method: ours, OpenCV's, ours from fewer views. */
 static int measure(struct bench *b, int method, const struct sst_render_config *cfg, double mib)
 {
     struct bench_blend *blend = bench_blend_create(&b->lf, b->renderer, cfg);
-    struct error error[ARRAY_LEN(makers)];
-    char name[64];
+    struct kind kinds[2 * ARRAY_LEN(makers)];
+    const int n = list_kinds(b, method, kinds);
     int err = blend ? 0 : -ENOMEM;
 
-    for (int i = 0; !err && i < (int)ARRAY_LEN(makers); i++) { /* warms up as well */
-        err = make(b, method, i, cfg, blend);
-        if (!err && makers[i].views < 0)
+    for (int i = 0; !err && i < n; i++) { /* warms up as well */
+        bench_level_use(kinds[i].level);
+        err = make(b, method, kinds[i].maker, cfg, blend);
+        if (!err && makers[kinds[i].maker].views < 0)
             bench_blend_copy(blend, &b->out[method]);
-        err = err ? err : compare(b, cfg, &b->out[method], &error[i]);
+        err = err ? err : compare(b, cfg, &b->out[method], &kinds[i].error);
     }
     for (int round = 1; !err && round <= b->rounds; round++) {
-        for (int i = 0; !err && i < (int)ARRAY_LEN(makers); i++) {
-            const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
-
-            err = make(b, method, i, cfg, blend);
-            snprintf(name, sizeof(name), makers[i].name, names[method]);
-            printf("%s,%d,%d,\"%s\",%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.3f\n", sst_cpu_level_name(sst_cpu_level()),
-                   b->lf.width, b->lf.height, name, round, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
-                   (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib, error[i].rms, error[i].most);
-        }
+        for (int i = 0; !err && i < n; i++)
+            err = measure_kind(b, &kinds[i], cfg, blend, mib, round);
     }
+    bench_level_use(b->levels.level[0]);
     bench_blend_destroy(blend);
     return err;
 }
@@ -213,13 +247,18 @@ static int measure_clear(struct bench *b, const struct sst_render_config *see_th
     clear.method = SST_RENDER_CLEAR;
     err = err ? err : sst_image_init(&b->out[2], b->lf.width, b->lf.height);
     err = err ? err : warm_up(b, 2, &clear, &mib);
-    for (int i = 0; !err && i < 2 * b->rounds; i++) {
-        const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
+    for (int i = 0; !err && i < 2 * b->levels.count * b->rounds; i++) {
+        const enum sst_cpu_level level = b->levels.level[i / 2 % b->levels.count];
+        int64_t start_ns, start_cpu_ns;
 
+        bench_level_use(level);
+        start_ns = sst_clock_now_ns();
+        start_cpu_ns = sst_clock_cpu_ns();
         err = sst_render(b->renderer, i % 2 ? see_through : &clear, &b->out[i % 2 ? 1 : 2], NULL);
-        printf("%s,%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,,\n", sst_cpu_level_name(sst_cpu_level()), b->lf.width, b->lf.height,
-               i % 2 ? "see-through beside clear" : "clear", i / 2 + 1, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
-               (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib);
+        printf("%s,%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,,\n", sst_cpu_level_name(level), b->lf.width, b->lf.height,
+               i % 2 ? "see-through beside clear" : "clear", i / (2 * b->levels.count) + 1,
+               (double)(sst_clock_now_ns() - start_ns) * 1e-6, (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6,
+               b->lf_mib, mib);
     }
     return err;
 }
@@ -246,7 +285,7 @@ static int run(struct bench *b, int width, int height)
 
 int main(int argc, char **argv)
 {
-    struct bench b = { 0 };
+    struct bench b = { .levels = bench_levels() };
     int width, height, err;
 
     b.rounds = argc == 3 ? atoi(argv[2]) : 0;

@@ -1,5 +1,6 @@
 /* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH
- * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round and method. */
+ * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round, method and, of ours, level of
+ * the processor (levels.h); OpenCV uses what it finds. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +11,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/model_path.h"
+#include "tests/bench/levels.h"
 #include "tests/bench/sgbm.h"
 
 #define THREADS 2
@@ -73,8 +75,8 @@ static int match(struct sst_map_f32 *disp, const struct pair *p, int disparities
     return err ? err : sst_disparity_stereo(disp, &p->left, &p->right, &cfg);
 }
 
-/* One round of one method; round 0 only warms up. */
-static int measure(const struct pair *p, size_t index, size_t method, int round)
+/* One round of one method at one level; round 0 only warms up. */
+static int measure(const struct pair *p, size_t index, size_t method, enum sst_cpu_level level, int round)
 {
     const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
     struct sst_map_f32 disp = { 0 };
@@ -85,9 +87,23 @@ static int measure(const struct pair *p, size_t index, size_t method, int round)
 
     err = err ? err : sst_eval_disparity(&e, &disp, &p->truth, NULL);
     if (!err && round)
-        printf("%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", pairs[index].name, methods[method].name, round,
-               ms, cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width, p->left.height);
+        printf("%s,%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", sst_cpu_level_name(level), pairs[index].name,
+               methods[method].name, round, ms, cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width,
+               p->left.height);
     sst_map_f32_fini(&disp);
+    return err;
+}
+
+/* One round of one method at every level that changes it. */
+static int measure_levels(const struct pair *p, size_t index, size_t method, int round)
+{
+    const struct bench_levels levels = bench_levels();
+    int err = 0;
+
+    for (int i = 0; !err && i < (methods[method].preset ? levels.count : 1); i++) {
+        bench_level_use(levels.level[i]);
+        err = measure(p, index, method, levels.level[i], round);
+    }
     return err;
 }
 
@@ -99,7 +115,7 @@ static int measure_pair(size_t index, const char *data, const char *truth, int r
     for (int round = 0; !err && round <= rounds; round++) {
         for (size_t method = 0; !err && method < ARRAY_LEN(methods); method++) {
             if (!only || !strcmp(only, methods[method].name))
-                err = measure(&p, index, method, round);
+                err = measure_levels(&p, index, method, round);
         }
     }
     sst_image_fini(&p.left);
@@ -118,7 +134,7 @@ int main(int argc, char **argv)
                 "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n");
         return 2;
     }
-    printf("pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
+    printf("level,pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
     for (size_t i = 0; !err && i < ARRAY_LEN(pairs); i++)
         err = measure_pair(i, argv[1], argv[2], rounds, argc == 5 ? argv[4] : NULL);
     if (err)
