@@ -1,6 +1,5 @@
 /* lightfield.json: format version 1; version 2 adds the calibration. Every field is checked; a fault is logged in one
  * sentence with file and field. */
-#include <assert.h>
 #include <ctype.h>
 #include <errno.h>
 #include <jansson.h>
@@ -11,10 +10,12 @@
 #include "base/log.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/correction.h"
+#include "pipeline/lightfield/json_read.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
 #define FORMAT_NAME    "sst-lightfield"
+#define REMEDY         "make the light field again"
 #define OFFSET_MAX     1e4 /* spacings; a grid is at most 256 wide */
 
 bool view_file_name_ok(const char *name)
@@ -235,190 +236,53 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-#define MAX_FIELDS 32 /* of the largest object */
-
-/* State of reading one object; only its first fault is logged. */
-struct reader {
-    const char *path, *where; /* where: "" or "views[3]." */
-    json_t *object;
-    const char *known[MAX_FIELDS]; /* names read so far */
-    size_t n_known;
-    int err;
-};
-
-static void fault(struct reader *r, const char *field, const char *what)
+static int get_view(struct sst_json_reader *r, const struct sst_lightfield *lf)
 {
-    if (!r->err)
-        sst_log_error("%s: %s%s %s; make the light field again", r->path, r->where, field, what);
-    r->err = -EBADMSG;
+    const int row = sst_json_int(r, "row", 0, lf->rows - 1);
+
+    return row * lf->cols + sst_json_int(r, "col", 0, lf->cols - 1);
 }
 
-static json_t *get_field(struct reader *r, const char *field)
+static void parse_view(struct sst_json_reader *r, size_t index SST_UNUSED, void *arg)
 {
-    json_t *v = json_object_get(r->object, field);
-
-    assert(r->n_known < MAX_FIELDS);
-    r->known[r->n_known++] = field;
-    if (!v)
-        fault(r, field, "is missing");
-    return v;
-}
-
-static int get_int(struct reader *r, const char *field, int lo, int hi)
-{
-    json_t *v = get_field(r, field);
-    char what[64];
-
-    if (v && json_is_integer(v) && json_integer_value(v) >= lo && json_integer_value(v) <= hi)
-        return (int)json_integer_value(v);
-    snprintf(what, sizeof(what), "is not a whole number in %d..%d", lo, hi);
-    fault(r, field, what);
-    return lo;
-}
-
-static double get_double(struct reader *r, const char *field)
-{
-    json_t *v = get_field(r, field);
-
-    if (!json_is_number(v))
-        fault(r, field, "is not a number");
-    return json_number_value(v);
-}
-
-static bool get_bool(struct reader *r, const char *field)
-{
-    json_t *v = get_field(r, field);
-
-    if (!json_is_boolean(v))
-        fault(r, field, "is not true or false");
-    return json_is_true(v);
-}
-
-static void get_string(struct reader *r, const char *field, char *out, size_t size)
-{
-    json_t *v = get_field(r, field);
-    char what[64];
-
-    if (!json_is_string(v) || json_string_length(v) >= size) {
-        snprintf(what, sizeof(what), "is not a string of at most %zu bytes", size - 1);
-        fault(r, field, what);
-        return;
-    }
-    memcpy(out, json_string_value(v), json_string_length(v) + 1);
-}
-
-static json_t *get_array(struct reader *r, const char *field, size_t max)
-{
-    json_t *v = get_field(r, field);
-    char what[64];
-
-    if (json_is_array(v) && json_array_size(v) <= max)
-        return v;
-    snprintf(what, sizeof(what), "is not a list of at most %zu", max);
-    fault(r, field, what);
-    return NULL;
-}
-
-/* Reject unknown fields: they would be lost when the file is written again. */
-static void finish(struct reader *r)
-{
-    const char *key;
-    json_t *value;
-
-    json_object_foreach(r->object, key, value)
-    {
-        size_t i = 0;
-
-        while (i < r->n_known && strcmp(r->known[i], key))
-            i++;
-        if (i == r->n_known)
-            fault(r, key, "is a field that this version does not know");
-    }
-}
-
-static bool hash_ok(const char *s)
-{
-    return strlen(s) == 64 && strspn(s, "0123456789abcdef") == 64;
-}
-
-/* Read the objects of a list, each by itself. */
-static void read_each(struct reader *r, json_t *list, const char *name, struct sst_lightfield *lf,
-                      void (*read)(struct reader *r, struct sst_lightfield *lf))
-{
-    char where[32];
-
-    for (size_t i = 0; !r->err && i < json_array_size(list); i++) {
-        struct reader one = { .path = r->path, .where = where, .object = json_array_get(list, i) };
-
-        snprintf(where, sizeof(where), "%s[%zu].", name, i);
-        if (json_is_object(one.object))
-            read(&one, lf);
-        else
-            fault(&one, "it", "is not an object");
-        r->err = one.err;
-    }
-}
-
-static int get_view(struct reader *r, const struct sst_lightfield *lf)
-{
-    const int row = get_int(r, "row", 0, lf->rows - 1);
-
-    return row * lf->cols + get_int(r, "col", 0, lf->cols - 1);
-}
-
-static void parse_view(struct reader *r, struct sst_lightfield *lf)
-{
+    struct sst_lightfield *lf = arg;
     struct sst_view v = { .present = true };
     struct sst_lightfield_file file;
     const int k = get_view(r, lf);
 
-    v.bx = get_double(r, "bx");
-    v.by = get_double(r, "by");
-    get_string(r, "file", file.name, sizeof(file.name));
-    get_string(r, "sha256", file.sha256, sizeof(file.sha256));
-    if (!r->err && !hash_ok(file.sha256))
-        fault(r, "sha256", "is not 64 lower-case hexadecimal digits");
+    v.bx = sst_json_double(r, "bx");
+    v.by = sst_json_double(r, "by");
+    sst_json_string(r, "file", file.name, sizeof(file.name));
+    sst_json_hash(r, "sha256", file.sha256);
     if (!r->err && lf->views[k].present)
-        fault(r, "row, col", "occur twice");
-    finish(r);
+        sst_json_fault(r, "row, col", "occur twice");
+    sst_json_finish(r);
     if (!r->err) {
         lf->views[k] = v;
         lf->files->view[k] = file;
     }
 }
 
-static void read_class(struct reader *r, struct sst_lightfield *lf)
+static void read_class(struct sst_json_reader *r, size_t index SST_UNUSED, void *arg)
 {
+    struct sst_lightfield *lf = arg;
     struct sst_classes *classes = &lf->classes;
 
-    get_string(r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
-    classes->ground[classes->count++] = get_bool(r, "ground");
-    finish(r);
+    sst_json_string(r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
+    classes->ground[classes->count++] = sst_json_bool(r, "ground");
+    sst_json_finish(r);
 }
 
-static int read_lists(struct sst_lightfield *lf, struct reader *r)
+static int read_lists(struct sst_lightfield *lf, struct sst_json_reader *r)
 {
-    json_t *views = get_array(r, "views", SST_MAX_VIEWS), *classes = get_array(r, "classes", SST_MAX_CLASSES);
+    json_t *views = sst_json_array(r, "views", SST_MAX_VIEWS), *classes = sst_json_array(r, "classes", SST_MAX_CLASSES);
 
     lf->classes = (struct sst_classes){ 0 };
-    read_each(r, classes, "classes", lf, read_class);
-    read_each(r, views, "views", lf, parse_view);
+    sst_json_each(r, classes, "classes", read_class, lf);
+    sst_json_each(r, views, "views", parse_view, lf);
     if (!r->err && sst_lightfield_choose_ref(lf))
-        fault(r, "views", "is empty");
+        sst_json_fault(r, "views", "is empty");
     return r->err;
-}
-
-static void get_doubles(struct reader *r, const char *field, double *out, size_t n)
-{
-    const json_t *list = get_array(r, field, n);
-
-    if (!r->err && json_array_size(list) != n)
-        fault(r, field, "is too short");
-    for (size_t i = 0; !r->err && i < n; i++) {
-        if (!json_is_number(json_array_get(list, i)))
-            fault(r, field, "has an element that is not a number");
-        out[i] = json_number_value(json_array_get(list, i));
-    }
 }
 
 static bool all_finite(const double *v, size_t n)
@@ -433,7 +297,7 @@ static bool all_finite(const double *v, size_t n)
 /* Parse how the calibration is used; sizes, focal length and spacing are the light field's. */
 static int read_calibration(struct sst_lightfield *lf, const char *path, json_t *object)
 {
-    struct reader r = { .path = path, .where = "calibration.", .object = object };
+    struct sst_json_reader r = { .path = path, .where = "calibration.", .remedy = REMEDY, .object = object };
     struct sst_rectified to = { .rows = lf->rows,
                                 .cols = lf->cols,
                                 .width = lf->width,
@@ -443,30 +307,28 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     char file[32] = "", filter_name[32] = "";
     enum sst_filter filter = SST_FILTER_BILINEAR;
 
-    get_string(&r, "file", file, sizeof(file));
-    get_string(&r, "sha256", lf->files->calibration_sha256, sizeof(lf->files->calibration_sha256));
-    get_string(&r, "filter", filter_name, sizeof(filter_name));
-    to.reference = get_int(&r, "reference", 0, lf->rows * lf->cols - 1);
-    to.cx = get_double(&r, "cx");
-    to.cy = get_double(&r, "cy");
-    get_doubles(&r, "rotation", to.rotation, 9);
-    to.plane_mm = get_double(&r, "plane_mm");
-    to.out_rms_mm = get_double(&r, "out_rms_mm");
-    to.out_max_mm = get_double(&r, "out_max_mm");
-    to.lattice_rms_mm = get_double(&r, "lattice_rms_mm");
-    to.lattice_max_mm = get_double(&r, "lattice_max_mm");
-    get_doubles(&r, "step_mm", to.step_mm, 2);
-    to.skew_deg = get_double(&r, "skew_deg");
+    sst_json_string(&r, "file", file, sizeof(file));
+    sst_json_hash(&r, "sha256", lf->files->calibration_sha256);
+    sst_json_string(&r, "filter", filter_name, sizeof(filter_name));
+    to.reference = sst_json_int(&r, "reference", 0, lf->rows * lf->cols - 1);
+    to.cx = sst_json_double(&r, "cx");
+    to.cy = sst_json_double(&r, "cy");
+    sst_json_doubles(&r, "rotation", to.rotation, 9);
+    to.plane_mm = sst_json_double(&r, "plane_mm");
+    to.out_rms_mm = sst_json_double(&r, "out_rms_mm");
+    to.out_max_mm = sst_json_double(&r, "out_max_mm");
+    to.lattice_rms_mm = sst_json_double(&r, "lattice_rms_mm");
+    to.lattice_max_mm = sst_json_double(&r, "lattice_max_mm");
+    sst_json_doubles(&r, "step_mm", to.step_mm, 2);
+    to.skew_deg = sst_json_double(&r, "skew_deg");
     if (!r.err && strcmp(file, SST_CALIBRATION_FILE))
-        fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
-    if (!r.err && !hash_ok(lf->files->calibration_sha256))
-        fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
+        sst_json_fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
     if (!r.err && !sst_filter_find(&filter, filter_name))
-        fault(&r, "filter", "is not bilinear, bicubic or lanczos");
+        sst_json_fault(&r, "filter", "is not bilinear, bicubic or lanczos");
     if (!r.err && (!all_finite(to.rotation, 9) || !all_finite(to.step_mm, 2) || !all_finite(&to.cx, 2) ||
                    !within(to.plane_mm, 0, 1e9) || !(to.focal_px > 0) || !(to.spacing_mm > 0)))
-        fault(&r, "rotation, cx, cy, step_mm, plane_mm,", "focal_px or spacing_mm is out of range");
-    finish(&r);
+        sst_json_fault(&r, "rotation, cx, cy, step_mm, plane_mm,", "focal_px or spacing_mm is out of range");
+    sst_json_finish(&r);
     if (r.err)
         return r.err;
     lf->filter = (int)filter;
@@ -480,34 +342,35 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     return 0;
 }
 
-static void read_view_correction(struct reader *r, struct sst_lightfield *lf)
+static void read_view_correction(struct sst_json_reader *r, size_t index SST_UNUSED, void *arg)
 {
+    struct sst_lightfield *lf = arg;
     struct sst_correction c = sst_correction_none();
     const int k = get_view(r, lf);
 
-    c.shift_x_px = get_double(r, "right_px");
-    c.shift_y_px = get_double(r, "down_px");
-    c.roll_deg = get_double(r, "roll_deg");
-    c.scale = get_double(r, "scale");
-    get_doubles(r, "gain", c.gain, 3);
+    c.shift_x_px = sst_json_double(r, "right_px");
+    c.shift_y_px = sst_json_double(r, "down_px");
+    c.roll_deg = sst_json_double(r, "roll_deg");
+    c.scale = sst_json_double(r, "scale");
+    sst_json_doubles(r, "gain", c.gain, 3);
     if (json_object_get(r->object, "falloff"))
-        c.falloff = get_double(r, "falloff");
+        c.falloff = sst_json_double(r, "falloff");
     if (json_object_get(r->object, "exponent"))
-        c.exponent = get_double(r, "exponent");
+        c.exponent = sst_json_double(r, "exponent");
     if (!r->err && !lf->views[k].present)
-        fault(r, "row, col", "are those of no view");
+        sst_json_fault(r, "row, col", "are those of no view");
     if (!r->err && !sst_correction_is_none(&lf->correction[k]))
-        fault(r, "row, col", "occur twice");
+        sst_json_fault(r, "row, col", "occur twice");
     if (!r->err && !sst_correction_valid(&c))
-        fault(r, "right_px, down_px, roll_deg, scale, gain, falloff, exponent:", "one is out of range");
-    finish(r);
+        sst_json_fault(r, "right_px, down_px, roll_deg, scale, gain, falloff, exponent:", "one is out of range");
+    sst_json_finish(r);
     if (!r->err)
         lf->correction[k] = c;
 }
 
-static int read_correction(struct sst_lightfield *lf, struct reader *r)
+static int read_correction(struct sst_lightfield *lf, struct sst_json_reader *r)
 {
-    json_t *list = get_array(r, "correction", SST_MAX_VIEWS);
+    json_t *list = sst_json_array(r, "correction", SST_MAX_VIEWS);
 
     if (r->err)
         return r->err;
@@ -518,45 +381,51 @@ static int read_correction(struct sst_lightfield *lf, struct reader *r)
     }
     for (int k = 0; k < lf->rows * lf->cols; k++)
         lf->correction[k] = sst_correction_none();
-    read_each(r, list, "correction", lf, read_view_correction);
+    sst_json_each(r, list, "correction", read_view_correction, lf);
     return r->err;
 }
 
-static void read_samples(struct sst_lightfield *lf, struct reader *r)
+static void read_samples(struct sst_lightfield *lf, struct sst_json_reader *r)
 {
     double v[2] = { 0, 0 };
 
-    get_doubles(r, "samples", v, 2);
+    sst_json_doubles(r, "samples", v, 2);
     if (!r->err && !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535 && v[0] == floor(v[0]) && v[1] == floor(v[1])))
-        fault(r, "samples", "are not two ascending whole numbers in 0..65535");
+        sst_json_fault(r, "samples", "are not two ascending whole numbers in 0..65535");
     if (!r->err)
         lf->samples = (struct sst_samples){ (int)v[0], (int)v[1] };
 }
 
 /* Parse the arguments of sst_lightfield_init(). */
-static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
+static int read_head(struct sst_json_reader *r, int *rows, int *cols, int *version_out)
 {
     char format[32] = "";
     int version;
 
-    get_string(r, "format", format, sizeof(format));
+    sst_json_string(r, "format", format, sizeof(format));
     if (!r->err && strcmp(format, FORMAT_NAME))
-        fault(r, "format", "is not \"" FORMAT_NAME "\"");
-    version = get_int(r, "version", 1, 1000000);
+        sst_json_fault(r, "format", "is not \"" FORMAT_NAME "\"");
+    version = sst_json_int(r, "version", 1, 1000000);
+    if (!r->err && json_object_get(r->object, "kind")) {
+        sst_log_error("%s is of a light field with a pose for every view, which this command does not read; `sst poses` "
+                      "finds or refines its poses, `sst export colmap` or `nerfstudio` hands it to other programs",
+                      r->path);
+        r->err = -EBADMSG;
+    }
     if (!r->err && version > SST_LIGHTFIELD_VERSION) {
         sst_log_error("%s: version %d is newer than %d, the newest that this program reads; update sst", r->path,
                       version, SST_LIGHTFIELD_VERSION);
         r->err = -EBADMSG;
     }
     *version_out = version;
-    *rows = get_int(r, "rows", 1, SST_MAX_VIEWS);
-    *cols = get_int(r, "cols", 1, SST_MAX_VIEWS);
+    *rows = sst_json_int(r, "rows", 1, SST_MAX_VIEWS);
+    *cols = sst_json_int(r, "cols", 1, SST_MAX_VIEWS);
     if (!r->err && *rows * *cols > SST_MAX_VIEWS)
-        fault(r, "rows, cols", "make more than 256 views");
+        sst_json_fault(r, "rows, cols", "make more than 256 views");
     return r->err;
 }
 
-static int read_root(struct sst_lightfield *lf, struct reader *r)
+static int read_root(struct sst_lightfield *lf, struct sst_json_reader *r)
 {
     int rows, cols, version;
     json_t *calibration = NULL;
@@ -568,42 +437,42 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
         sst_log_error("no memory for the light field %s", r->path);
         return -ENOMEM;
     }
-    lf->width = get_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
-    lf->height = get_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
-    lf->disp_min_px = get_double(r, "disp_min_px");
-    if (get_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
-        fault(r, "disp_steps_per_px", "is not 64");
-    lf->range_min_px = get_double(r, "range_min_px");
-    lf->range_max_px = get_double(r, "range_max_px");
-    lf->focal_px = get_double(r, "focal_px");
-    lf->spacing_mm = get_double(r, "spacing_mm");
-    lf->files->external_disparity = get_bool(r, "disparity_given");
-    lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
-    lf->infinity_known = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
+    lf->width = sst_json_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
+    lf->height = sst_json_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
+    lf->disp_min_px = sst_json_double(r, "disp_min_px");
+    if (sst_json_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
+        sst_json_fault(r, "disp_steps_per_px", "is not 64");
+    lf->range_min_px = sst_json_double(r, "range_min_px");
+    lf->range_max_px = sst_json_double(r, "range_max_px");
+    lf->focal_px = sst_json_double(r, "focal_px");
+    lf->spacing_mm = sst_json_double(r, "spacing_mm");
+    lf->files->external_disparity = sst_json_bool(r, "disparity_given");
+    lf->disparity_tested = json_object_get(r->object, "disparity_tested") && sst_json_bool(r, "disparity_tested");
+    lf->infinity_known = json_object_get(r->object, "parallel") && sst_json_bool(r, "parallel");
     if (json_object_get(r->object, "infinity_px")) {
-        lf->infinity_px = get_double(r, "infinity_px");
+        lf->infinity_px = sst_json_double(r, "infinity_px");
         if (lf->infinity_known && lf->infinity_px != 0)
-            fault(r, "infinity_px", "contradicts parallel");
+            sst_json_fault(r, "infinity_px", "contradicts parallel");
         lf->infinity_known = true;
     }
     if (json_object_get(r->object, "off_centre_px"))
-        get_doubles(r, "off_centre_px", lf->off_centre_px, 2);
-    lf->skew_us = json_object_get(r->object, "skew_us") ? get_double(r, "skew_us") : 0;
+        sst_json_doubles(r, "off_centre_px", lf->off_centre_px, 2);
+    lf->skew_us = json_object_get(r->object, "skew_us") ? sst_json_double(r, "skew_us") : 0;
     if (json_object_get(r->object, "samples"))
         read_samples(lf, r);
-    lf->files->external_labels = get_bool(r, "labels_given");
-    get_string(r, "source", lf->files->source, sizeof(lf->files->source));
-    get_string(r, "history", lf->files->history, sizeof(lf->files->history));
+    lf->files->external_labels = sst_json_bool(r, "labels_given");
+    sst_json_string(r, "source", lf->files->source, sizeof(lf->files->source));
+    sst_json_string(r, "history", lf->files->history, sizeof(lf->files->history));
     lf->files->judged = json_object_get(r->object, "plausible") != NULL;
     if (lf->files->judged) {
-        lf->files->plausible = get_bool(r, "plausible");
-        get_string(r, "implausible", lf->files->implausible, sizeof(lf->files->implausible));
+        lf->files->plausible = sst_json_bool(r, "plausible");
+        sst_json_string(r, "implausible", lf->files->implausible, sizeof(lf->files->implausible));
     }
     if (version > 1)
-        calibration = get_field(r, "calibration");
+        calibration = sst_json_field(r, "calibration");
     if (r->err || read_lists(lf, r) || (json_object_get(r->object, "correction") && read_correction(lf, r)))
         return r->err;
-    finish(r);
+    sst_json_finish(r);
     if (!r->err && calibration)
         r->err = read_calibration(lf, r->path, calibration);
     what = r->err ? NULL : lightfield_fault(lf);
@@ -616,25 +485,12 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
 
 int lightfield_read_json(struct sst_lightfield *lf, const char *path)
 {
-    struct reader r = { .path = path, .where = "" };
+    struct sst_json_reader r = { .path = path, .where = "", .remedy = REMEDY };
     struct sst_lightfield made = { 0 };
-    json_error_t e;
-    uint8_t *text;
-    size_t size;
-    int err = sst_file_read_text(path, JSON_MAX_BYTES, &text, &size);
+    int err = sst_json_load(&r.object, path, JSON_MAX_BYTES, REMEDY);
 
     if (err)
         return err;
-    r.object = json_loadb((const char *)text, size, JSON_REJECT_DUPLICATES, &e);
-    free(text);
-    if (!json_is_object(r.object)) {
-        if (r.object)
-            sst_log_error("%s is not a JSON object; make the light field again", path);
-        else
-            sst_log_error("%s:%d:%d: %s; make the light field again", path, e.line, e.column, e.text);
-        json_decref(r.object);
-        return -EBADMSG;
-    }
     err = read_root(&made, &r);
     json_decref(r.object);
     if (err)

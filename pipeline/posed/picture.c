@@ -1,0 +1,55 @@
+/* Pictures of a posed light field, read by its hashes. */
+#include "pipeline/posed/picture.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/kernels/sha256.h"
+#include "pipeline/posed/posed_internal.h"
+
+static int check(const struct sst_posed *posed, const struct sst_deep *deep, const char *path)
+{
+    const int bits = deep->white > 255 ? 16 : 8;
+
+    if (deep->width == posed->width && deep->height == posed->height && deep->channels == posed->channels &&
+        bits == posed->bits)
+        return 0;
+    sst_log_error("%s has %dx%d pixels of %d x %d bits, its light field %dx%d of %d x %d; import the pictures again",
+                  path, deep->width, deep->height, deep->channels, bits, posed->width, posed->height, posed->channels,
+                  posed->bits);
+    return -EBADMSG;
+}
+
+int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const char *dir, int view)
+{
+    const struct sst_posed_view *v = &posed->view[view];
+    char path[SST_PATH_MAX], name[300], hash[65];
+    struct sst_deep made;
+    uint8_t *data;
+    size_t size;
+    int err;
+
+    snprintf(name, sizeof(name), "views/%s", v->file);
+    err = sst_path_join(path, dir, name);
+    err = err ? err : sst_file_read(path, POSED_VIEW_BYTES, &data, &size);
+    if (err)
+        return err;
+    /* A file that cannot be decoded is reported as such, not as one that has changed. */
+    err = sst_deep_decode(&made, data, size, path);
+    sst_sha256_hex(hash, data, size);
+    free(data);
+    if (err)
+        return err;
+    err = check(posed, &made, path);
+    if (!err && v->sha256[0] && strcmp(hash, v->sha256)) {
+        sst_log_error("%s has changed since it was stored (its SHA-256 differs); import the pictures again", path);
+        err = -EBADMSG;
+    }
+    if (err)
+        sst_deep_fini(&made);
+    else
+        *out = made;
+    return err;
+}
