@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include <jansson.h>
+#include <linux/videodev2.h>
 
 #include "base/clock.h"
 #include "base/file.h"
@@ -14,6 +15,7 @@
 #include "base/text.h"
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
@@ -26,13 +28,14 @@ struct job {
     const struct sst_recording *recording;
     const struct sst_recording_info *info;
     const struct sst_lightfields_config *cfg;
-    const char *dir; /* of this light field, in the output's temporary folder */
+    const char *dir; /* of this light field, in the output's temporary folder; NULL: it is made in memory */
     int number;
     struct sst_samples *samples; /* of all sets: the first one's */
     struct sst_recording_set set;
     int cam[SST_MAX_VIEWS];         /* by view; -1: the array has no camera there */
     const char *why[SST_MAX_VIEWS]; /* the view is missing; NULL: it is there */
     struct sst_lightfield lf;
+    struct sst_raw raw[SST_MAX_VIEWS]; /* in memory: frames that are no JPEG, until they become images; data is owned */
 };
 
 /* --- views -------------------------------------------------------------------------------------------------------- */
@@ -41,6 +44,8 @@ static bool is_jpeg(const struct job *job)
 {
     return sst_raw_is_jpeg(job->info->fourcc);
 }
+
+static const char incomplete[] = "not a complete picture of the recording's size";
 
 /* Is it a complete picture of the right size? */
 static bool decodes(const struct sst_raw *raw)
@@ -55,17 +60,38 @@ static bool decodes(const struct sst_raw *raw)
 
 static int write_view(struct job *job, int view, const struct sst_raw *raw)
 {
-    char name[300], path[SST_PATH_MAX], *file = job->lf.files->view[view].name;
+    char name[300], path[SST_PATH_MAX];
     int err;
 
-    sst_view_name(&job->lf, view, file);
-    strcat(file, is_jpeg(job) ? ".jpg" : ".png");
-    snprintf(name, sizeof(name), "views/%s", file);
+    if (is_jpeg(job) && !decodes(raw)) {
+        job->why[view] = incomplete;
+        return 0;
+    }
+    snprintf(name, sizeof(name), "views/%s", job->lf.files->view[view].name);
     err = sst_path_join(path, job->dir, name);
     if (err)
         return err;
     job->lf.views[view].present = true;
     return is_jpeg(job) ? sst_jpeg_write(path, raw->data, raw->bytes) : sst_raw_write_png(raw, path);
+}
+
+/* In memory: decode a JPEG; keep another frame, and own its data. */
+static void keep_view(struct job *job, int view, struct sst_raw *raw)
+{
+    struct sst_lightfield_file *file = &job->lf.files->view[view];
+    struct sst_view *v = &job->lf.views[view];
+
+    file->quality = NAN;
+    if (!is_jpeg(job)) {
+        job->raw[view] = *raw;
+        raw->data = NULL;
+    } else if (sst_raw_decode(&v->image, raw)) {
+        job->why[view] = incomplete;
+        return;
+    } else {
+        file->quality = sst_jpeg_quality(raw->data, raw->bytes, file->name);
+    }
+    v->present = true;
 }
 
 static int take_view(void *arg, int view, int worker SST_UNUSED)
@@ -94,11 +120,13 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     }
     job->why[view] = NULL;
     raw = (struct sst_raw){ job->info->fourcc, job->info->width, job->info->height, f->stride, data, bytes };
-    if (is_jpeg(job) && !decodes(&raw))
-        job->why[view] = "not a complete picture of the recording's size";
-    else
+    sst_view_name(&job->lf, view, job->lf.files->view[view].name);
+    strcat(job->lf.files->view[view].name, is_jpeg(job) ? ".jpg" : ".png");
+    if (job->dir)
         err = write_view(job, view, &raw);
-    free(data);
+    else
+        keep_view(job, view, &raw);
+    free((uint8_t *)(uintptr_t)raw.data);
     return err;
 }
 
@@ -277,13 +305,71 @@ static int write_picture(const struct job *job)
     return err ? err : sst_file_write(path, job->cfg->picture_data, job->cfg->picture_bytes);
 }
 
-static int fill(struct job *job)
+static int make_views_folder(const struct job *job)
 {
     char path[SST_PATH_MAX];
-    int err = sst_path_join(path, job->dir, "views");
+    const int err = sst_path_join(path, job->dir, "views");
 
-    if (!err)
-        err = sst_path_make_dir(path);
+    return err ? err : sst_path_make_dir(path);
+}
+
+/* --- in memory ---------------------------------------------------------------------------------------------------- */
+
+/* The range that samples of 16 bits are scaled from. */
+static int choose_samples(struct job *job)
+{
+    struct sst_lightfield *lf = &job->lf;
+    struct sst_sample_counts *counts = job->info->fourcc == V4L2_PIX_FMT_Y16 ? calloc(2, sizeof(*counts)) : NULL;
+    int r = 1;
+
+    if (!counts)
+        return job->info->fourcc == V4L2_PIX_FMT_Y16 ? -ENOMEM : 0;
+    for (int k = 0; r > 0 && k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present)
+            r = sst_raw_count_samples(&counts[0], &job->raw[k]);
+    }
+    if (r > 0)
+        r = sst_raw_count_samples(&counts[1], &job->raw[lf->ref_view]);
+    if (r > 0) {
+        lf->samples = sst_samples_choose(&counts[0]);
+        sst_samples_report(&counts[0], lf->samples, job->cfg->out);
+        sst_samples_levels(&lf->files->levels[0], &lf->files->levels[1], &counts[1], lf->samples);
+    } else
+        sst_log_error("frames of set %d are too short", job->number);
+    free(counts);
+    return sst_min_int(r, 0);
+}
+
+static int finish_view(void *arg, int view, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+    struct sst_view *v = &job->lf.views[view];
+    int err = 0;
+
+    if (!v->present)
+        return 0;
+    if (!v->image.plane[0])
+        err = sst_raw_to_image_samples(&v->image, &job->raw[view], job->lf.samples);
+    if (err)
+        sst_log_error("cannot convert the frame of %s: %s", job->lf.files->view[view].name, strerror(-err));
+    return err || !job->lf.calibration ? err : sst_lightfield_rectify_view(&job->lf, view);
+}
+
+static int finish_in_memory(struct job *job)
+{
+    const int err = choose_samples(job);
+
+    job->lf.keeps_sources = job->lf.files->without_folder = true;
+    return err ? err
+               : sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), finish_view, job);
+}
+
+/* --- one light field, on the disk or in memory -------------------------------------------------------------------- */
+
+static int fill(struct job *job)
+{
+    int err = job->dir ? make_views_folder(job) : 0;
+
     if (!err)
         err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), take_view, job);
     if (!err)
@@ -295,6 +381,8 @@ static int fill(struct job *job)
     if (err)
         return err;
     describe(job);
+    if (!job->dir)
+        return finish_in_memory(job);
     err = write_line(job);
     if (!err && job->cfg->picture)
         err = write_picture(job);
@@ -305,8 +393,9 @@ static int fill(struct job *job)
     return err ? err : sst_lightfield_write(&job->lf, job->dir, job->cfg->threads);
 }
 
+/* @param out  NULL: in the folder; else in memory */
 static int make_one(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, int number,
-                    const char *dir, struct sst_samples *samples)
+                    const char *dir, struct sst_samples *samples, struct sst_lightfield *out)
 {
     struct job *job = calloc(1, sizeof(*job));
     int err;
@@ -325,11 +414,27 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
         err = prepare(job);
     if (!err)
         err = fill(job);
-    if (!err && number == cfg->sets[0])
+    if (!err && dir && number == cfg->sets[0])
         sst_lightfield_warn_views(&job->lf, dir, cfg->out);
     *samples = job->lf.samples;
-    sst_lightfield_fini(&job->lf);
+    for (int k = 0; k < SST_MAX_VIEWS; k++)
+        free((uint8_t *)(uintptr_t)job->raw[k].data);
+    if (err || !out)
+        sst_lightfield_fini(&job->lf);
+    else
+        *out = job->lf;
     free(job);
+    return err;
+}
+
+int sst_recording_to_memory(struct sst_lightfield *out, const struct sst_recording *recording,
+                            const struct sst_lightfields_config *cfg)
+{
+    struct sst_samples samples;
+    const int err = cfg->count == 1 ? make_one(recording, cfg, cfg->sets[0], NULL, &samples, out) : -EINVAL;
+
+    if (err == -ENOMEM)
+        sst_log_error("no memory for set %d of %s", cfg->sets[0], sst_recording_dir(recording));
     return err;
 }
 
@@ -350,7 +455,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
         if (!err)
             err = sst_path_make_dir(path);
         if (!err)
-            err = make_one(recording, cfg, cfg->sets[i], path, &samples);
+            err = make_one(recording, cfg, cfg->sets[i], path, &samples, NULL);
         if (!err && json_array_append_new(list, json_pack("{s:i, s:s}", "set", cfg->sets[i], "lightfield", name)))
             err = -ENOMEM;
         if (cfg->progress)
@@ -378,7 +483,8 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
         err = sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)
         return err;
-    err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary, &samples);
+    err = cfg->each ? make_each(recording, cfg, out.temporary)
+                    : make_one(recording, cfg, cfg->sets[0], out.temporary, &samples, NULL);
     if (err == -ENOMEM)
         sst_log_error("no memory to import %s", sst_recording_dir(recording));
     return sst_outdir_end(&out, err);

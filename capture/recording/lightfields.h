@@ -6,7 +6,7 @@
 #include "pipeline/lightfield/calibrated.h"
 
 struct sst_lightfields_config {
-    const char *out;
+    const char *out; /* name for messages, of sst_recording_to_memory() */
     const int *sets; /* [count] numbers in the recording */
     int count;
     bool each; /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
@@ -35,5 +35,13 @@ struct sst_lightfields_config {
  */
 SST_MUST_CHECK int sst_recording_to_lightfields(const struct sst_recording *recording,
                                                 const struct sst_lightfields_config *cfg);
+
+/**
+ * The light field that sst_recording_to_lightfields() would make of one set, loaded with SST_LOAD_SOURCES, without a
+ * file (pipeline/lightfield/folder.h, without_folder).
+ * @param cfg  of one set; each, force and picture do not count @return as sst_recording_to_lightfields()
+ */
+SST_MUST_CHECK int sst_recording_to_memory(struct sst_lightfield *out, const struct sst_recording *recording,
+                                           const struct sst_lightfields_config *cfg);
 
 #endif

@@ -182,6 +182,38 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     return 0;
 }
 
+static int sample_at(const uint8_t *row, int x)
+{
+    return row[2 * x] | row[2 * x + 1] << 8;
+}
+
+int sst_raw_count_samples(struct sst_sample_counts *counts, const struct sst_raw *raw)
+{
+    if (raw->fourcc != V4L2_PIX_FMT_Y16)
+        return 0;
+    if (check(raw))
+        return -EBADMSG;
+    for (int y = 0; y < raw->height; y++) {
+        for (int x = 0; x < raw->width; x++)
+            counts->of[sample_at(raw->data + (size_t)y * stride_of(raw), x)]++;
+    }
+    return 1;
+}
+
+int sst_raw_to_image_samples(struct sst_image *img, const struct sst_raw *raw, struct sst_samples samples)
+{
+    const int err = sst_raw_to_image(img, raw);
+
+    for (int i = 0; !err && raw->fourcc == V4L2_PIX_FMT_Y16 && i < 3 * raw->height; i++) {
+        const uint8_t *from = raw->data + (size_t)(i / 3) * stride_of(raw);
+        uint8_t *row = sst_image_row(img, i % 3, i / 3);
+
+        for (int x = 0; x < raw->width; x++)
+            row[x] = (uint8_t)sst_samples_scale(sample_at(from, x), samples);
+    }
+    return err;
+}
+
 bool sst_raw_is_jpeg(uint32_t fourcc)
 {
     return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
@@ -230,7 +262,7 @@ static int write_y16(const struct sst_raw *raw, const char *path)
         const uint8_t *row = raw->data + (size_t)y * stride_of(raw);
 
         for (int x = 0; x < raw->width; x++)
-            sst_map_u16_row(&map, y)[x] = (uint16_t)(row[2 * x] | row[2 * x + 1] << 8);
+            sst_map_u16_row(&map, y)[x] = (uint16_t)sample_at(row, x);
     }
     err = sst_map_u16_write_png(&map, path);
     sst_map_u16_fini(&map);

@@ -37,6 +37,15 @@ SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw 
 /** Convert a frame that may be a JPEG, which must have the frame's size. @return as sst_raw_to_image(); not logged */
 SST_MUST_CHECK int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw);
 
+struct sst_sample_counts;
+
+/** Add the samples of a Y16 frame. @return 1, 0 (another format: nothing is added), -EBADMSG; not logged */
+SST_MUST_CHECK int sst_raw_count_samples(struct sst_sample_counts *counts, const struct sst_raw *raw);
+
+/** sst_raw_to_image() with the samples of Y16 scaled as by sst_image_decode_samples(). @return as that */
+SST_MUST_CHECK int sst_raw_to_image_samples(struct sst_image *img, const struct sst_raw *raw,
+                                            struct sst_samples samples);
+
 /** Is a format JPEG, one picture per frame? */
 bool sst_raw_is_jpeg(uint32_t fourcc);
 

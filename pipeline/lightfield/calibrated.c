@@ -224,9 +224,9 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
     return err ? err : check_offsets(lf, path);
 }
 
-int calibration_rectify_view(struct sst_lightfield *lf, int view)
+int sst_lightfield_rectify_view(struct sst_lightfield *lf, int view)
 {
-    struct remade made = { .what = "rectify" };
+    struct remade made = { .what = "rectify", .keep = lf->keeps_sources };
     struct sst_rectify_map *map = NULL;
     int err = sst_rectify_map_create(&map, lf->rectified, lf->calibration, view);
 

@@ -37,6 +37,10 @@ SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, con
  */
 SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);
 
+/** Replace a view's raw image by the rectified one, and set its validity mask; keeps the raw image as its `original` if
+ *  lf->keeps_sources. @return 0, -EINVAL, -ENOMEM; logged */
+SST_MUST_CHECK int sst_lightfield_rectify_view(struct sst_lightfield *lf, int view);
+
 /** Fractions 0..1: of a view's pixels that come from inside its raw frame, and of the raw frame's pixels that are used.
  */
 struct sst_rectified_coverage {

@@ -12,8 +12,8 @@
 #include "base/thread.h"
 #include "pipeline/camera/numbers.h"
 #include "pipeline/image/srgb.h"
+#include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/lightfield_internal.h"
-#include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/lightfield/share.h"
 
 struct sst_correction sst_correction_none(void)
@@ -151,8 +151,9 @@ int remade_take(struct sst_lightfield *lf, int view, struct remade *made, int er
     }
     if (all_set(&made->valid))
         sst_map_u8_fini(&made->valid);
-    sst_image_fini(&v->original);
-    if (made->keep)
+    if (!lf->calibration)
+        sst_image_fini(&v->original);
+    if (made->keep && !v->original.plane[0])
         v->original = v->image;
     else
         sst_image_fini(&v->image);
@@ -293,7 +294,7 @@ static int correct_job(void *arg, int view, int worker SST_UNUSED)
 {
     const struct job *job = arg;
 
-    return correction_apply(job->lf, view, &job->correction[view], false);
+    return correction_apply(job->lf, view, &job->correction[view], job->lf->keeps_sources);
 }
 
 static void corrected_maps(void *arg, int view, struct sst_share_maps *out)
@@ -336,4 +337,58 @@ int sst_lightfield_correct(struct sst_share *share, struct sst_lightfield *lf, c
     free(lf->correction);
     lf->correction = kept;
     return 0;
+}
+
+/* --- sources ------------------------------------------------------------------------------------------------------ */
+
+static int settle_job(void *arg, int view, int worker SST_UNUSED)
+{
+    struct sst_lightfield *lf = arg;
+    struct sst_view *v = &lf->views[view];
+
+    if (!v->present || sst_correction_is_none(&lf->correction[view]))
+        return 0;
+    sst_image_fini(&v->image);
+    v->image = v->original;
+    v->original = (struct sst_image){ 0 };
+    return sst_lightfield_rectify_view(lf, view);
+}
+
+int sst_lightfield_settle(struct sst_lightfield *lf, int threads)
+{
+    if (!lf->calibration || !lf->correction)
+        return 0;
+    correction_calibrate(lf);
+    return sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), settle_job, lf);
+}
+
+int sst_lightfield_borrow(struct sst_lightfield *out, const struct sst_lightfield *lf, unsigned what)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+    const bool raw = lf->calibration && what & SST_LOAD_RAW;
+    struct sst_view *view = malloc(views * sizeof(*view));
+
+    if (!view)
+        return -ENOMEM;
+    memcpy(view, lf->views, views * sizeof(*view));
+    for (size_t k = 0; k < views; k++) {
+        if (raw) {
+            view[k].image = view[k].original;
+            view[k].valid = (struct sst_map_u8){ 0 };
+        }
+        if (lf->calibration || !(what & SST_LOAD_ORIGINALS))
+            view[k].original = (struct sst_image){ 0 };
+        if (!(what & SST_LOAD_CONFIDENCE))
+            view[k].confidence = (struct sst_map_u8){ 0 };
+    }
+    *out = *lf;
+    out->views = view;
+    out->images_raw = raw;
+    return 0;
+}
+
+void sst_lightfield_return(struct sst_lightfield *borrowed)
+{
+    free(borrowed->views);
+    *borrowed = (struct sst_lightfield){ 0 };
 }

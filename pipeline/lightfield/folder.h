@@ -1,4 +1,5 @@
-/* pipeline/lightfield/folder.h - data of a light field that only its folder has: file names, hashes, provenance. */
+/* pipeline/lightfield/folder.h - data of a light field's folder: file names, hashes, provenance; of light fields that
+ * never were in one, what would be read from the files. */
 #ifndef SST_PIPELINE_LIGHTFIELD_FOLDER_H
 #define SST_PIPELINE_LIGHTFIELD_FOLDER_H
 
@@ -7,6 +8,7 @@
 struct sst_lightfield_file {
     char name[256];  /* inside views/, untouched camera bytes */
     char sha256[65]; /* of the view's file, lower-case hex */
+    double quality;  /* without_folder: of its JPEG; NAN: it is none */
 };
 
 struct sst_lightfield_files {
@@ -16,6 +18,8 @@ struct sst_lightfield_files {
     char history[1024];                       /* origin of the maps, one line */
     bool judged, plausible;                   /* whether processing judged the views, and how */
     char implausible[512];                    /* why not; empty: plausible */
+    bool without_folder; /* the views have names, but no files: `quality` and `levels` are known */
+    int levels[2];       /* without_folder: sst_lightfield_levels() */
     struct sst_lightfield_file view[];        /* [rows * cols] */
 };
 

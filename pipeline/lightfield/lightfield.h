@@ -25,7 +25,8 @@ struct sst_view {
     double bx, by;           /* offset from the reference view in nominal spacings, right and down positive */
     struct sst_image image;  /* empty until loaded */
     struct sst_image
-        original;            /* source of `image` before its correction (SST_LOAD_ORIGINALS); empty: none */
+        original;            /* source of `image` before its correction (SST_LOAD_ORIGINALS), or before its
+                                rectification as well (SST_LOAD_SOURCES); empty: none */
     uint8_t *encoded;        /* the raw frame as a JPEG file that is decoded when it is needed, with an empty `image`
                                 (SST_LOAD_ENCODED); NULL: none. Owned. */
     size_t encoded_bytes;
@@ -58,6 +59,7 @@ struct sst_lightfield {
     int filter;                         /* sst_filter of the resampling */
     struct sst_correction *correction;  /* correction.h: [rows * cols], applied on loading; NULL: none. Owned. */
     bool images_raw;                    /* images are raw frames of the calibration's size (SST_LOAD_RAW) */
+    bool keeps_sources;                 /* SST_LOAD_SOURCES */
     struct sst_view *views;             /* rows * cols */
     struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
 };
@@ -74,6 +76,8 @@ enum sst_lightfield_load {
     SST_LOAD_UNCORRECTED = 64, /* forget the correction of the folder */
     SST_LOAD_ORIGINALS = 128, /* with SST_LOAD_IMAGES: keep the sources of corrected pictures, for renderers */
     SST_LOAD_ENCODED = 256,   /* with SST_LOAD_RAW: raw frames that are JPEG files stay so, for renderers on a device */
+    SST_LOAD_SOURCES = 512,   /* with SST_LOAD_IMAGES: keep the sources of rectified pictures, and of those that are
+                                 corrected later, for sst_lightfield_borrow() */
 };
 
 struct sst_share;
@@ -131,6 +135,21 @@ SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *di
 /** Load a light field, the views shared with other processes that load it (share.h). @param share  or NULL */
 SST_MUST_CHECK int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *lf, const char *dir,
                                               unsigned what, int threads);
+
+/**
+ * Make the pictures of a light field that keeps its sources those that its folder would be loaded with: pictures that
+ * were rectified and then corrected are made of their raw frames in one step. Once, after sst_lightfield_correct().
+ * @return 0, -EINVAL, -ENOMEM; logged
+ */
+SST_MUST_CHECK int sst_lightfield_settle(struct sst_lightfield *lf, int threads);
+
+/**
+ * Share the data of a settled light field as if its folder were loaded: of SST_LOAD_RAW, SST_LOAD_ORIGINALS and
+ * SST_LOAD_CONFIDENCE what is asked for alone, and all else.
+ * @param out  freed by sst_lightfield_return(), before lf @return 0, -ENOMEM (not logged)
+ */
+SST_MUST_CHECK int sst_lightfield_borrow(struct sst_lightfield *out, const struct sst_lightfield *lf, unsigned what);
+void sst_lightfield_return(struct sst_lightfield *borrowed);
 
 /**
  * Set lf->samples from the views' files in dir: the range that all views of 16 bits are scaled from when they are

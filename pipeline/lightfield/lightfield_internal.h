@@ -119,7 +119,7 @@ struct sst_correction;
 /** A view's picture made from its loaded one. */
 struct remade {
     const char *what; /* to do so, for messages */
-    bool keep;        /* the loaded one, in the view's `original` */
+    bool keep;        /* the loaded one, in the view's `original`; a raw frame that is there stays */
     struct sst_image image;
     struct sst_map_u8 valid;
 };
@@ -194,7 +194,5 @@ void rectified_geometry(struct sst_lightfield *lf);
 /** Undo sst_lightfield_calibrate() except for the offsets; restores the raw frames' width and height. */
 void calibration_drop(struct sst_lightfield *lf);
 
-/** Replace a view's raw image by the rectified one and set its validity mask. @return 0, -EINVAL, -ENOMEM; logged. */
-SST_MUST_CHECK int calibration_rectify_view(struct sst_lightfield *lf, int view);
 
 #endif

@@ -44,7 +44,7 @@ static int bake_frame(struct job *job, int k, const struct view_file *from)
     int err = sst_image_decode_samples(&v->image, from->data, from->size, from->path, job->lf.samples);
 
     if (!err)
-        err = calibration_rectify_view(&job->lf, k);
+        err = sst_lightfield_rectify_view(&job->lf, k);
     if (err)
         return err;
     sst_view_name(&job->lf, k, file->name);

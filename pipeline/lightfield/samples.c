@@ -71,10 +71,11 @@ int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, co
 
 int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, bool report, int *before, int *after)
 {
-    struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
-    int r = counts ? count_view(counts, lf, lf->ref_view, dir) : -ENOMEM;
+    struct sst_sample_counts *counts = lf->files->without_folder ? NULL : calloc(1, sizeof(*counts));
+    int r = lf->files->without_folder ? 0 : counts ? count_view(counts, lf, lf->ref_view, dir) : -ENOMEM;
 
-    *before = *after = 0;
+    *before = lf->files->levels[0];
+    *after = lf->files->levels[1];
     if (r > 0) {
         sst_samples_levels(before, after, counts, lf->samples);
         if (report)
@@ -92,7 +93,9 @@ int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf
         struct view_file file;
         int err;
 
-        quality[k] = NAN;
+        quality[k] = lf->files->without_folder ? lf->files->view[k].quality : NAN;
+        if (lf->files->without_folder)
+            continue;
         if (!lf->views[k].present || (n > 4 && !strcasecmp(name + n - 4, ".png")))
             continue;
         err = view_file_read(&file, lf, k, dir);

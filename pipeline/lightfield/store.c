@@ -156,7 +156,7 @@ static int load_image(const struct job *job, int k)
     free(file.data);
     if (!err && !calib && job->lf->correction)
         err = correction_apply(job->lf, k, &job->lf->correction[k], job->what & SST_LOAD_ORIGINALS);
-    return err || !calib || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
+    return err || !calib || job->what & SST_LOAD_RAW ? err : sst_lightfield_rectify_view(job->lf, k);
 }
 
 /* Labels index the class list in every later stage. */
@@ -267,6 +267,7 @@ int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *l
     if (!err && made.calibration && made.correction)
         correction_calibrate(&made);
     made.images_raw = made.rectified && what & SST_LOAD_IMAGES && what & SST_LOAD_RAW;
+    made.keeps_sources = what & SST_LOAD_SOURCES;
     if (!err)
         err = sst_share_for(share, made.rows * made.cols, sst_thread_count(threads), load_view, &job, loaded_maps);
     if (err)
