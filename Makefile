@@ -32,6 +32,8 @@ WITH_MODBUS ?= $(call have,libmodbus)
 # Still cameras, and their raw files.
 WITH_GPHOTO2 ?= $(call have,libgphoto2)
 WITH_RAW ?= $(call have,libraw_r)
+# Handlers of messages of one file alone came with 4.5.
+WITH_TIFF ?= $(shell $(PKG_CONFIG) --atleast-version=4.5 libtiff-4 2>/dev/null && echo 1 || echo 0)
 WITH_HTTPD ?= $(call have,libmicrohttpd gnutls)
 # Pictures between hosts by datagrams with error correction.
 WITH_ISAL ?= $(call have,libisal)
@@ -103,7 +105,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
-        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_ISAL=$(WITH_ISAL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
@@ -206,6 +208,13 @@ endif
 ifeq (1,$(WITH_RAW))
 $(BUILD)/obj/pipeline/image/develop.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libraw_r)) \
     -DSST_RAW_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=libraw_r.so) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+endif
+# And libtiff, but for tests, which make files by it.
+ifeq (1,$(WITH_TIFF))
+TIFF_LIBS := $(shell $(PKG_CONFIG) --libs libtiff-4)
+$(BUILD)/obj/pipeline/image/tiff.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libtiff-4)) \
+    -DSST_TIFF_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=libtiff.so) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+$(BUILD)/tests/unit/tiff $(BUILD)/tests/unit/heights $(BUILD)/tests/fuzz/tiff: private LIBS += $(TIFF_LIBS)
 endif
 # Where plugins of GStreamer are: they are loaded one by one.
 $(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp))) \

@@ -17,7 +17,7 @@ static const struct {
     { "libudev", WITH_UDEV },       { "libusb", WITH_USB },         { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },
     { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE }, { "libgphoto2", WITH_GPHOTO2 },
-    { "libraw", WITH_RAW },         { "isa-l", WITH_ISAL },
+    { "libraw", WITH_RAW },         { "isa-l", WITH_ISAL },         { "libtiff", WITH_TIFF },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };

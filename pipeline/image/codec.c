@@ -8,42 +8,66 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec_formats.h"
+#include "pipeline/image/tiff.h"
 
-enum kind {
-    KIND_NONE = 0,
-    KIND_PNG = 1,
-    KIND_JPEG = 2,
-};
-
-static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
+enum sst_image_format sst_image_format_of(const uint8_t *data, size_t size, const char *name)
 {
     if (size >= 4 && data[0] == 0x89 && data[1] == 'P' && data[2] == 'N' && data[3] == 'G')
-        return KIND_PNG;
+        return SST_IMAGE_PNG;
     if (sst_image_is_jpeg(data, size))
-        return KIND_JPEG;
+        return SST_IMAGE_JPEG;
+    if (tiff_is(data, size))
+        return SST_IMAGE_TIFF;
     if (size)
-        sst_log_error("%s is neither a PNG nor a JPEG image; convert it to one of them", name);
+        sst_log_error("%s is no PNG, JPEG or TIFF image; convert it to one of them", name);
     else
         sst_log_error("%s is empty; write the image again", name);
-    return KIND_NONE;
+    return SST_IMAGE_OTHER;
 }
 
 bool sst_image_is_picture(const char *name)
 {
+    static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".tif", ".tiff" };
     const char *dot = strrchr(name, '.');
 
-    return dot && dot != name && (!strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg") || !strcasecmp(dot, ".png"));
+    for (size_t i = 0; dot && dot != name && i < ARRAY_LEN(endings); i++) {
+        if (!strcasecmp(dot, endings[i]))
+            return true;
+    }
+    return false;
+}
+
+const char *sst_image_ending(const uint8_t *data, size_t size)
+{
+    return sst_image_is_jpeg(data, size) ? ".jpg" : tiff_is(data, size) ? ".tif" : ".png";
+}
+
+static int decode_tiff(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                       struct sst_samples samples)
+{
+    struct sst_deep deep;
+    int err = tiff_decode(&deep, data, size, name);
+
+    if (err)
+        return err;
+    err = sst_deep_to_image(img, &deep, deep.white == 255 ? (struct sst_samples){ 0, 0 } : samples);
+    if (err)
+        sst_image_size_error(err, name, deep.width, deep.height);
+    sst_deep_fini(&deep);
+    return err;
 }
 
 int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                              struct sst_samples samples)
 {
-    switch (kind_of(data, size, name)) {
-    case KIND_PNG:
+    switch (sst_image_format_of(data, size, name)) {
+    case SST_IMAGE_PNG:
         return sst_png_decode(img, data, size, name, samples);
-    case KIND_JPEG:
+    case SST_IMAGE_JPEG:
         return sst_jpeg_decode(img, data, size, name, false);
-    case KIND_NONE:
+    case SST_IMAGE_TIFF:
+        return decode_tiff(img, data, size, name, samples);
+    case SST_IMAGE_OTHER:
         break;
     }
     return -EBADMSG;
@@ -67,21 +91,18 @@ int sst_image_read(struct sst_image *img, const char *path)
     return err;
 }
 
-int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
-{
-    const enum kind kind = kind_of(data, size, name);
-
-    return kind == KIND_PNG ? sst_png_count_samples(counts, data, size, name) : kind == KIND_JPEG ? 0 : -EBADMSG;
-}
-
 int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
 {
-    switch (kind_of(data, size, name)) {
-    case KIND_PNG:
-        return sst_png_size(width, height, data, size, name);
-    case KIND_JPEG:
+    int channels, bits;
+
+    switch (sst_image_format_of(data, size, name)) {
+    case SST_IMAGE_PNG:
+        return sst_png_size(width, height, &channels, &bits, data, size, name);
+    case SST_IMAGE_JPEG:
         return sst_jpeg_size(width, height, data, size, name);
-    case KIND_NONE:
+    case SST_IMAGE_TIFF:
+        return tiff_size(width, height, &channels, &bits, data, size, name);
+    case SST_IMAGE_OTHER:
         break;
     }
     return -EBADMSG;

@@ -8,22 +8,25 @@
  * leaves its output untouched. Readers return 0, -ENOENT, -EBADMSG (not an image, truncated, absurd size), -ENOMEM or
  * -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
 
-/** Does the name of a file end as that of a PNG or JPEG? */
+/** Does the name of a file end as that of a PNG, JPEG or TIFF? */
 bool sst_image_is_picture(const char *name);
 
-/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8 (v 255/65535),
- * alpha is dropped. */
+/** Ending that the name of a picture in memory should have: .png, .jpg or .tif. */
+const char *sst_image_ending(const uint8_t *data, size_t size);
+
+/** Read a PNG, JPEG or TIFF (deep.h), detected by content. Grey becomes three equal planes, 16 bits are rounded to 8
+ * (v 255/65535), alpha is dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 
-/** Read a PNG or JPEG in memory, as sst_image_read(); name is only used in messages. */
+/** Read a picture in memory, as sst_image_read(); name is only used in messages. */
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
-/** Read a PNG or JPEG with 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and
+/** Read a picture with 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and
  *  rounded. Pictures of 8 bits do not depend on it. */
 SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                             struct sst_samples samples);
 
-/** The samples themselves of a 16-bit PNG in memory: red, green, blue, or grey in all three. @param plane  out,
+/** The samples themselves of a 16-bit picture in memory: red, green, blue, or grey in all three. @param plane  out,
  * initialised here
  *  @return as sst_image_decode(); -EBADMSG where it has fewer bits */
 SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size,
@@ -32,7 +35,7 @@ SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint
 /** True if a file in memory begins as a JPEG. */
 bool sst_image_is_jpeg(const uint8_t *data, size_t size);
 
-/** Width and height of a PNG or JPEG in memory, without decoding its pixels. @return as sst_image_decode() */
+/** Width and height of a picture in memory, without decoding its pixels. @return as sst_image_decode() */
 SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
 /** How often each sample occurs, all channels but alpha together. */
@@ -40,7 +43,7 @@ struct sst_sample_counts {
     uint64_t of[65536];
 };
 
-/** Add the samples of a 16-bit PNG in memory. @return 1, 0 (8 bits, a JPEG: nothing is added), or errors of
+/** Add the samples of a 16-bit picture in memory. @return 1, 0 (8 bits: nothing is added), or errors of
  *  sst_image_decode() */
 SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
                                            const char *name);
@@ -71,7 +74,7 @@ SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char
 /** sst_image_read_alike() of one picture, turned upright by its orientation. */
 SST_MUST_CHECK int sst_image_read_upright(struct sst_image *img, const char *path);
 
-/** EXIF's orientation of a PNG or JPEG in memory, 1..8; 1 (upright) where it has none, or no valid one. No reader but
+/** Orientation of a picture in memory, EXIF's or a TIFF's own, 1..8; 1 (upright) where it has none, or no valid one. No reader but
  *  sst_image_read_upright() applies it: geometry is by the pixels as they are stored. */
 int sst_image_orientation(const uint8_t *data, size_t size);
 
@@ -86,7 +89,7 @@ SST_MUST_CHECK int sst_image_orient(struct sst_image *img, int orientation);
  *  one than most. @param names  [count]; NULL: no picture */
 void sst_image_warn_orientations(const char *source, const char *const *names, const uint8_t *orientations, int count);
 
-/** Size of a PNG or JPEG without decoding its pixels. */
+/** Size of a picture without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 
 /** Quality of a JPEG file in memory by the quantisation of its luma, in the scale of libjpeg: 1..100. NAN: damaged

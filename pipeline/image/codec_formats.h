@@ -1,11 +1,22 @@
-/* pipeline/image/codec_formats.h - decoders of one format each, from memory; codec.c selects by content. */
+/* pipeline/image/codec_formats.h - decoders of one format each, from memory; codec.c and deep.c select by content. */
 #ifndef SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 #define SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 
 #include "pipeline/image/codec.h"
+#include "pipeline/image/deep.h"
 
 /* Larger files are rejected: the largest image without any compression, and a header. */
 #define SST_IMAGE_MAX_BYTES (SST_IMAGE_MAX_PIXELS * 4 + 65536)
+
+enum sst_image_format {
+    SST_IMAGE_OTHER = 0,
+    SST_IMAGE_PNG = 1,
+    SST_IMAGE_JPEG = 2,
+    SST_IMAGE_TIFF = 3,
+};
+
+/** Format of a file in memory by its first bytes; another one than these is logged. */
+enum sst_image_format sst_image_format_of(const uint8_t *data, size_t size, const char *name);
 
 /* Same contract as in codec.h: logged, output untouched on failure. */
 SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
@@ -13,9 +24,9 @@ SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, si
 /** @param strict  the end marker must be there; else it may lack, with a warning, if no sample does */
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                    bool strict);
-SST_MUST_CHECK int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
-                                         const char *name);
-SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int sst_png_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size,
+                                const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
 /** Whether a Huffman-coded file of so many bytes can have so many pixels; small pictures always. */

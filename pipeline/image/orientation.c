@@ -1,12 +1,14 @@
-/* Orientation of a camera by EXIF, in the APP1 segment of a JPEG or the eXIf chunk of a PNG. */
+/* Orientation of a camera by EXIF, in the APP1 segment of a JPEG or the eXIf chunk of a PNG, or a tag of a TIFF. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/file.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "pipeline/image/codec.h"
+#include "pipeline/image/codec_formats.h"
 #include "pipeline/image/image_internal.h"
+#include "pipeline/image/tiff.h"
 
 #define HEAD_BYTES (256 * 1024) /* of a file: tags stand before the pixels */
 #define TAG        0x0112
@@ -71,14 +73,31 @@ static int in_png(const uint8_t *p, size_t size)
 
 int sst_image_orientation(const uint8_t *data, size_t size)
 {
-    return sst_image_is_jpeg(data, size) ? in_jpeg(data, size) : size && data[0] == 0x89 ? in_png(data, size) : 1;
+    return sst_image_is_jpeg(data, size)   ? in_jpeg(data, size)
+           : size && data[0] == 0x89 ? in_png(data, size)
+                                     : in_tiff(data, size);
+}
+
+/* Tags of a TIFF may stand behind the pixels. */
+static int in_whole_file(const char *path)
+{
+    uint8_t *data;
+    size_t size;
+    int found;
+
+    if (sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size))
+        return 1;
+    found = sst_image_orientation(data, size);
+    free(data);
+    return found;
 }
 
 int sst_image_read_orientation(const char *path)
 {
     uint8_t *head = malloc(HEAD_BYTES);
     FILE *f = head ? fopen(path, "re") : NULL;
-    const int found = f ? sst_image_orientation(head, fread(head, 1, HEAD_BYTES, f)) : 1;
+    const size_t n = f ? fread(head, 1, HEAD_BYTES, f) : 0;
+    const int found = n == HEAD_BYTES && tiff_is(head, n) ? in_whole_file(path) : n ? sst_image_orientation(head, n) : 1;
 
     if (f)
         fclose(f);

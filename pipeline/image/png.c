@@ -111,6 +111,12 @@ static int read_file(const uint8_t *data, size_t size, const char *name, work_fn
     return err;
 }
 
+/* Grey, or red, green and blue, as palettes have. */
+static int channels_of(const struct reader *r)
+{
+    return png_get_color_type(r->png, r->info) & PNG_COLOR_MASK_COLOR ? 3 : 1;
+}
+
 /* Read all rows as they are after the transforms that are set. */
 static int read_rows(struct reader *r)
 {
@@ -240,81 +246,69 @@ int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, cons
     return err;
 }
 
-/* Add the samples of a picture of 16 bits. @return 1; 0: it has fewer */
-static int count_rows(struct reader *r, void *arg)
-{
-    struct sst_sample_counts *counts = arg;
-    int err;
-
-    if (png_get_bit_depth(r->png, r->info) != 16)
-        return 0;
-    png_set_strip_alpha(r->png);
-    err = read_rows(r);
-    for (size_t i = 0; !err && i + 1 < (size_t)r->height * r->row; i += 2)
-        counts->of[r->packed[i] << 8 | r->packed[i + 1]]++;
-    return err ? err : 1;
-}
-
-int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
-{
-    return read_file(data, size, name, count_rows, counts);
-}
-
-/* Samples of 16 bits as they are, grey in all three planes. */
+/* A picture's levels as they are: a zeroed sst_deep, freed by the caller on failure. */
 static int deep_rows(struct reader *r, void *arg)
 {
-    struct sst_map_u16 *plane = arg;
-    int err = 0;
+    struct sst_deep *deep = arg;
+    const int channels = channels_of(r), wide = png_get_bit_depth(r->png, r->info) == 16;
+    int err = sst_deep_init(deep, r->width, r->height, channels, wide ? 65535 : 255);
 
-    if (png_get_bit_depth(r->png, r->info) != 16) {
-        sst_log_error("%s has fewer than 16 bits; it was replaced, import it again", r->name);
-        return -EBADMSG;
-    }
-    png_set_gray_to_rgb(r->png);
+    png_set_expand(r->png);
     png_set_strip_alpha(r->png);
-    for (int c = 0; c < 3 && !err; c++)
-        err = sst_map_u16_init(&plane[c], r->width, r->height);
     err = err ? sst_image_size_error(err, r->name, r->width, r->height) : read_rows(r);
-    for (int i = 0; !err && i < 3 * r->height; i++) {
-        const uint8_t *row = r->rows[i / 3] + 2 * (i % 3);
-        uint16_t *to = sst_map_u16_row(&plane[i % 3], i / 3);
+    if (err)
+        return err;
+    png_read_end(r->png, NULL);
+    for (int i = 0; i < channels * r->height; i++) {
+        const int step = wide ? 2 * channels : channels;
+        const uint8_t *row = r->rows[i / channels] + (wide ? 2 : 1) * (i % channels);
+        uint16_t *to = sst_map_u16_row(&deep->plane[i % channels], i / channels);
 
         for (int x = 0; x < r->width; x++)
-            to[x] = (uint16_t)(row[6 * x] << 8 | row[6 * x + 1]);
+            to[x] = (uint16_t)(wide ? row[x * step] << 8 | row[x * step + 1] : row[x * step]);
     }
-    return err;
+    return 0;
 }
 
-int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name)
+int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, const char *name)
 {
-    struct sst_map_u16 made[3] = { 0 };
-    int err = read_file(data, size, name, deep_rows, made);
+    struct sst_deep made = { 0 };
+    int err;
 
-    for (int c = 0; c < 3; c++) {
-        if (err)
-            sst_map_u16_fini(&made[c]);
-        else
-            plane[c] = made[c];
+    if (decode_plain(data, size, &(struct decoded){ PNG_PLAIN_U16, { 0, 0 }, &made.plane[0] })) {
+        *out = (struct sst_deep){ made.plane[0].width, made.plane[0].height, 1, 65535, { made.plane[0] } };
+        return 0;
     }
+    sst_deep_fini(&made);
+    err = read_file(data, size, name, deep_rows, &made);
+    if (err)
+        sst_deep_fini(&made);
+    else
+        *out = made;
     return err;
 }
 
 static int note_size(struct reader *r, void *arg)
 {
-    int *side = arg;
+    struct sst_deep *size = arg;
 
-    side[0] = r->width;
-    side[1] = r->height;
+    size->width = r->width;
+    size->height = r->height;
+    size->channels = channels_of(r);
+    size->white = png_get_bit_depth(r->png, r->info) == 16 ? 65535 : 255;
     return 0;
 }
 
-int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+int sst_png_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size, const char *name)
 {
-    int side[2], err = read_file(data, size, name, note_size, side);
+    struct sst_deep found;
+    int err = read_file(data, size, name, note_size, &found);
 
     if (!err) {
-        *width = side[0];
-        *height = side[1];
+        *width = found.width;
+        *height = found.height;
+        *channels = found.channels;
+        *bits = found.white == 255 ? 8 : 16;
     }
     return err;
 }

@@ -65,8 +65,8 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
         err = read_view(&file, &job->lf, k, job->cfg->dir);
     if (err)
         return err;
-    snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
-             v->by * unit, digits, v->bx * unit, !file.data || file.data[0] == 0x89 ? "png" : "jpg");
+    snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_%s", k / job->lf.cols, k % job->lf.cols, digits,
+             v->by * unit, digits, v->bx * unit, file.data ? sst_image_ending(file.data, file.size) : ".png");
     err = sst_path_join(path, job->out, name);
     if (!err)
         err = file.data ? sst_jpeg_write(path, file.data, file.size) : sst_image_write_png(&v->image, path);

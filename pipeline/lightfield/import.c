@@ -129,7 +129,7 @@ static void warn_unused(const struct import_plan *plan)
     int unused = 0;
 
     for (int i = 0; i < plan->names.count; i++) {
-        if (plan->names.used[i] || !name_is_image(plan->names.name[i]) || unused++ >= MAX_NAMED)
+        if (plan->names.used[i] || !sst_image_is_picture(plan->names.name[i]) || unused++ >= MAX_NAMED)
             continue;
         strcat(strcat(named, named[0] ? ", " : ""), plan->names.name[i]);
     }
@@ -238,7 +238,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     if (err)
         return err;
     sst_view_name(&plan->lf, k, file->name);
-    strcat(file->name, plan->raw || data[0] == 0x89 ? ".png" : ".jpg"); /* nothing else can be decoded */
+    strcat(file->name, plan->raw ? ".png" : sst_image_ending(data, size));
     err = view_path(to, &plan->lf, k, job->out);
     if (!err && plan->raw)
         err = develop_view(path, to, &data, &size);

@@ -6,6 +6,7 @@
 
 #include "base/log.h"
 #include "base/text.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define MAX_NAMED 3 /* files in one message */
@@ -37,7 +38,7 @@ static bool parse_name(const char *name, int *row, int *col, enum kind *kind)
     p = p && *p == '_' ? parse_index(p + 1, col) : NULL;
     if (!p || *p != '.')
         return false;
-    *kind = strchr(p + 1, '.') ? BESIDE : name_is_image(name) ? PICTURE : is_raw(p + 1) ? RAW : BESIDE;
+    *kind = strchr(p + 1, '.') ? BESIDE : sst_image_is_picture(name) ? PICTURE : is_raw(p + 1) ? RAW : BESIDE;
     return true;
 }
 
@@ -76,7 +77,7 @@ static int look(struct found *f, const struct import_plan *plan)
         return 0;
     sst_log_error("%s has no image named like 00_00.png (row, column)%s%s; %s", cfg->source,
                   f->files[BESIDE] ? ", only " : "", f->beside,
-                  f->files[BESIDE] ? "convert images to PNG or JPEG" : "is it another format?");
+                  f->files[BESIDE] ? "convert images to PNG, JPEG or TIFF" : "is it another format?");
     return -EBADMSG;
 }
 

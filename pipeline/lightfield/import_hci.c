@@ -14,6 +14,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define PREFIX "input_Cam"
@@ -32,7 +33,7 @@ static int index_of(const char *name)
     const char *end;
     int index;
 
-    if (strncmp(name, PREFIX, strlen(PREFIX)) || !name_is_image(name))
+    if (strncmp(name, PREFIX, strlen(PREFIX)) || !sst_image_is_picture(name))
         return -1;
     end = parse_index(name + strlen(PREFIX), &index);
     return end && *end == '.' ? index : -1;

@@ -8,7 +8,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 
 #include "base/log.h"
@@ -79,13 +78,6 @@ int names_find(const struct name_list *names, const char *name)
             return i;
     }
     return -1;
-}
-
-bool name_is_image(const char *name)
-{
-    const char *dot = strrchr(name, '.');
-
-    return dot && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
 }
 
 const char *parse_index(const char *s, int *value)

@@ -17,6 +17,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define POSITION_MAX 1e9 /* in the unit of the names */
@@ -216,7 +217,7 @@ int import_stanford(struct import_plan *plan)
     if (!e)
         return -ENOMEM;
     for (int i = 0; i < names->count; i++) {
-        if (name_is_image(names->name[i]) && parse_name(names->name[i], &e[n]))
+        if (sst_image_is_picture(names->name[i]) && parse_name(names->name[i], &e[n]))
             e[n++].name = i;
     }
     if (!n) {

@@ -94,8 +94,6 @@ void names_fini(struct name_list *names);
 /** Index of a name, or -1. */
 int names_find(const struct name_list *names, const char *name);
 
-/** True if the name ends in .png, .jpg or .jpeg (any case). */
-bool name_is_image(const char *name);
 
 /** Parse digits into *value. @return the rest of s, or NULL (no digit, or above 99999) */
 const char *parse_index(const char *s, int *value);

@@ -13,7 +13,8 @@
 
 #define HEADER 25 /* bytes of a PNG up to its bit depth */
 
-static bool is_deep(const char *path)
+/* Whether it can have 16 bits: of a TIFF, the whole file says it. */
+static bool may_be_deep(const char *path)
 {
     uint8_t head[HEADER] = { 0 };
     FILE *f = fopen(path, "rb");
@@ -21,7 +22,7 @@ static bool is_deep(const char *path)
 
     if (f)
         fclose(f);
-    return read && !memcmp(head, "\x89PNG", 4) && head[HEADER - 1] == 16;
+    return read && !sst_image_is_jpeg(head, HEADER) && (memcmp(head, "\x89PNG", 4) != 0 || head[HEADER - 1] == 16);
 }
 
 /* Add a view's samples. @return 1; 0: it has 8 bits */
@@ -32,7 +33,7 @@ static int count_view(struct sst_sample_counts *counts, const struct sst_lightfi
     size_t size;
     int err = view_path(path, lf, k, dir);
 
-    if (err || !is_deep(path))
+    if (err || !may_be_deep(path))
         return err;
     err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)

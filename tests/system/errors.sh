@@ -46,9 +46,9 @@ for command in scene render; do
 done
 "$sst" scene 2>err && fail "a scene without a name"
 grep -q '\[--kind NAME\].* [.][.][.]; see' err || fail "a usage of several lines: $(cat err)"
-mkdir -p tiffs cut
-touch tiffs/00_00.tif tiffs/00_01.TIFF
-want 3 "only 00_00.tif, 00_01.TIFF; convert images to PNG or JPEG" import folder tiffs --grid 1x2 -o bad
+mkdir -p bitmaps cut
+touch bitmaps/00_00.bmp bitmaps/00_01.BMP
+want 3 "only 00_00.bmp, 00_01.BMP; convert images to PNG, JPEG or TIFF" import folder bitmaps --grid 1x2 -o bad
 "$sst" render good --method refocus --focus 1 -o cut.jpg -q >out || fail "a JPEG"
 for i in 0 1; do head -c -2 cut.jpg >cut/00_0$i.jpg; done
 "$sst" import folder cut --grid 1x2 -o cut.lf 2>err >out || fail "pictures without an end marker: $(cat err)"

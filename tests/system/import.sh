@@ -141,7 +141,7 @@ fresh
 head -c 20000 "$data/lf-shop-6x6/${first#*/}" >"$first"
 want 3 "truncated JPEG" import stanford $src -o bad
 echo "no image" >"$first"
-want 3 "neither a PNG nor a JPEG" import stanford $src -o bad
+want 3 "no PNG, JPEG or TIFF" import stanford $src -o bad
 : >"$first"
 want 3 "is empty" import stanford $src -o bad
 cp "$data/lf-hci-backgammon-6x6/input_Cam010.png" "$first"
