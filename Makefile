@@ -71,7 +71,7 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fPIE \
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
 # ... but for kernels, references of shaders and drawn scenes, in which sanitized tests would spend most of their time.
 ifneq (,$(SAN))
-$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
+$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o $(BUILD)/obj/simulators/flight/%.o: OPT = -O2 -g1
 endif
 # Scenes are constant while they are drawn, without variables that are shared: only the loops over bands and views are watched.
 ifneq (,$(findstring thread,$(SAN)))
@@ -139,7 +139,7 @@ LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(LEFT_O
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
-WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
+WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/flight/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
              simulators/devices/ptp/*.c simulators/devices/usb/*.c))
 CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
 # Programs beside the service, and what they alone link.
