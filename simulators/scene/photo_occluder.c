@@ -400,7 +400,7 @@ int photo_occluder_add(struct photo_scene *s, const char *kind, double cover, do
     c.clump = s->scale * photo_random(s, 40, 160);
     s->kind = kinds[which].name;
     s->front_label = kinds[which].label;
-    err = kinds[which].add(&c);
+    err = cover > 0 ? kinds[which].add(&c) : 0;
     s->cover_percent = 100.0 * (double)c.count / ((double)s->width * s->height);
     free(c.covered);
     return err;

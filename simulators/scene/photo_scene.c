@@ -342,6 +342,11 @@ static int add_group(struct photo_scene *s, double d)
     return 0;
 }
 
+static double given_or(double given, double otherwise)
+{
+    return given >= 0 ? given : otherwise;
+}
+
 static int add_layers(struct photo_scene *s, const struct sst_layers_config *cfg)
 {
     const double far_px = s->scale * photo_random(s, 4, 12), focus = far_px + s->scale * photo_random(s, 5, 16);
@@ -360,8 +365,7 @@ static int add_layers(struct photo_scene *s, const struct sst_layers_config *cfg
     if (!err)
         err = wall ? add_wall(s, focus) : add_group(s, focus);
     if (!err)
-        err = photo_occluder_add(s, cfg->kind, cfg->cover_percent > 0 ? cfg->cover_percent : random_cover, near_px,
-                                 spread);
+        err = photo_occluder_add(s, cfg->kind, given_or(cfg->cover_percent, random_cover), near_px, spread);
     return err;
 }
 
@@ -374,11 +378,6 @@ static int front_first(const void *a, const void *b)
     if (p->order != q->order)
         return p->order > q->order ? -1 : 1;
     return p->x != q->x ? (p->x < q->x ? -1 : 1) : (p->y > q->y) - (p->y < q->y);
-}
-
-static double given_or(double given, double otherwise)
-{
-    return given >= 0 ? given : otherwise;
 }
 
 int photo_scene_create(struct photo_scene **out, const struct sst_scene_config *cfg, int ref_row, int ref_col)

@@ -618,11 +618,37 @@ static void layers_agree_between_views_and_hide_what_is_behind(void **state SST_
     }
 }
 
+/* The scene behind is one at all covers, and nothing stands in front of it at 0 %. */
+static void cover_changes_the_front_alone(void **state SST_UNUSED)
+{
+    struct view behind[2];
+
+    for (int i = 0; i < 2; i++) {
+        struct sst_scene_config cfg = small(120, 90, 6, 6, 1);
+        struct sst_scene *s;
+
+        cfg.layers.kind = "foliage";
+        cfg.layers.cover_percent = 60 * i;
+        assert_int_equal(sst_scene_create(&s, "layers", &cfg), 0);
+        behind[i] = render(s, 120, 90, 0, 0, i, false);
+        sst_scene_destroy(s);
+    }
+    for (int y = 0; y < 90; y++) {
+        assert_memory_equal(sst_map_f32_row(&behind[0].disp, y), sst_map_f32_row(&behind[1].disp, y),
+                            120 * sizeof(float));
+        assert_memory_equal(sst_image_row(&behind[0].image, 1, y), sst_image_row(&behind[1].image, 1, y), 120);
+    }
+    view_fini(&behind[0]);
+    view_fini(&behind[1]);
+}
+
 static void layers_repeat_for_any_number_of_threads(void **state SST_UNUSED)
 {
     struct sst_scene_config one = small(120, 90, 2, 3, 1), four = small(120, 90, 2, 3, 4);
 
-    one.layers = four.layers = (struct sst_layers_config){ .kind = "mixed", .noise = 2, .gain_percent = 3, .jpeg = -1 };
+    one.layers = four.layers = (struct sst_layers_config){
+        .kind = "mixed", .cover_percent = -1, .noise = 2, .gain_percent = 3, .jpeg = -1
+    };
     assert_int_equal(sst_scene_write("layers", &one, test_path("layers1"), false), 0);
     assert_int_equal(sst_scene_write("layers", &four, test_path("layers4"), false), 0);
     assert_int_equal(compare_folders(test_path("layers1"), test_path("layers4")), 1 + 6 + 6 + 6 + 1 + 4);
@@ -632,7 +658,7 @@ static int write_with_photos(const char *photos, const char *masks, const char *
 {
     struct sst_scene_config cfg = small(64, 48, 2, 2, 1);
 
-    cfg.layers = (struct sst_layers_config){ .photos = photos, .masks = masks, .kind = kind };
+    cfg.layers = (struct sst_layers_config){ .photos = photos, .masks = masks, .kind = kind, .cover_percent = -1 };
     return sst_scene_write("layers", &cfg, test_path("layers.lf"), true);
 }
 
@@ -682,6 +708,7 @@ int main(void)
         cmocka_unit_test(any_number_of_threads_gives_the_same_bytes),
         cmocka_unit_test(folder_says_what_is_in_it),
         serial_test(layers_agree_between_views_and_hide_what_is_behind),
+        cmocka_unit_test(cover_changes_the_front_alone),
         cmocka_unit_test(layers_repeat_for_any_number_of_threads),
         cmocka_unit_test(hostile_photos_are_refused),
         cmocka_unit_test(odd_sizes_work),
