@@ -1,6 +1,11 @@
 /* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH
  * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round, method and, of ours, level of
- * the processor (levels.h); OpenCV uses what it finds. */
+ * the processor (levels.h); OpenCV uses what it finds.
+ *   stereo LF ROUNDS
+ * times OpenCV alone on all views of a light field with its truth, each with its neighbour in the row; line by round and
+ * method, for all views together. */
+#include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +14,7 @@
 #include "base/log.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/bench/levels.h"
@@ -43,6 +49,13 @@ struct pair {
     struct sst_map_f32 truth;
 };
 
+static void pair_fini(struct pair *p)
+{
+    sst_image_fini(&p->left);
+    sst_image_fini(&p->right);
+    sst_map_f32_fini(&p->truth);
+}
+
 static int load(struct pair *p, size_t index, const char *data, const char *truth)
 {
     char path[SST_PATH_MAX];
@@ -75,6 +88,20 @@ static int match(struct sst_map_f32 *disp, const struct pair *p, int disparities
     return err ? err : sst_disparity_stereo(disp, &p->left, &p->right, &cfg);
 }
 
+struct line {
+    enum sst_cpu_level level;
+    const char *pair, *method;
+    int round;
+    int64_t ns, cpu_ns;
+};
+
+static void print_line(const struct line *l, const struct sst_disparity_error *e, const struct sst_image *picture)
+{
+    printf("%s,%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", sst_cpu_level_name(l->level), l->pair, l->method,
+           l->round, (double)l->ns * 1e-6, (double)l->cpu_ns * 1e-6, e->bad_half, e->bad1, e->bad2, e->bad4, e->rmse,
+           picture->width, picture->height);
+}
+
 /* One round of one method at one level; round 0 only warms up. */
 static int measure(const struct pair *p, size_t index, size_t method, enum sst_cpu_level level, int round)
 {
@@ -82,14 +109,11 @@ static int measure(const struct pair *p, size_t index, size_t method, enum sst_c
     struct sst_map_f32 disp = { 0 };
     struct sst_disparity_error e;
     int err = match(&disp, p, pairs[index].disparities, method);
-    const double ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
-    const double cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
+    const int64_t ns = sst_clock_now_ns() - start_ns, cpu_ns = sst_clock_cpu_ns() - start_cpu_ns;
 
     err = err ? err : sst_eval_disparity(&e, &disp, &p->truth, NULL);
     if (!err && round)
-        printf("%s,%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", sst_cpu_level_name(level), pairs[index].name,
-               methods[method].name, round, ms, cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width,
-               p->left.height);
+        print_line(&(struct line){ level, pairs[index].name, methods[method].name, round, ns, cpu_ns }, &e, &p->left);
     sst_map_f32_fini(&disp);
     return err;
 }
@@ -118,24 +142,118 @@ static int measure_pair(size_t index, const char *data, const char *truth, int r
                 err = measure_levels(&p, index, method, round);
         }
     }
-    sst_image_fini(&p.left);
-    sst_image_fini(&p.right);
-    sst_map_f32_fini(&p.truth);
+    pair_fini(&p);
     return err;
 }
 
+/* --- all views of a light field ----------------------------------------------------------------------------------- */
+
+/* In mirrored pictures the view to the left is the right one of a pair. */
+static int copy_image(struct sst_image *to, const struct sst_image *from, bool mirrored)
+{
+    const int err = sst_image_init(to, from->width, from->height);
+
+    for (int i = 0; !err && i < 3 * from->height; i++) {
+        const uint8_t *in = sst_image_row(from, i % 3, i / 3);
+        uint8_t *out = sst_image_row(to, i % 3, i / 3);
+
+        for (int x = 0; x < from->width; x++)
+            out[x] = in[mirrored ? from->width - 1 - x : x];
+    }
+    return err;
+}
+
+static void mirror_map(struct sst_map_f32 *map)
+{
+    for (int y = 0; y < map->height; y++) {
+        float *row = sst_map_f32_row(map, y);
+
+        for (int x = 0; x < map->width / 2; x++) {
+            const float left = row[x];
+
+            row[x] = row[map->width - 1 - x];
+            row[map->width - 1 - x] = left;
+        }
+    }
+}
+
+/* A view and the one to the right of it; of the last column, mirrored, the one to the left. */
+static int make_pair(struct pair *p, const struct sst_lightfield *lf, int view, const char *dir)
+{
+    const bool mirrored = view % lf->cols + 1 == lf->cols;
+    char path[SST_PATH_MAX], name[16], file[32];
+    int err = copy_image(&p->left, &lf->views[view].image, mirrored);
+
+    err = err ? err : copy_image(&p->right, &lf->views[view + (mirrored ? -1 : 1)].image, mirrored);
+    sst_view_name(lf, view, name);
+    snprintf(file, sizeof(file), "truth/%s.pfm", name);
+    err = err ? err : sst_path_join(path, dir, file);
+    err = err ? err : sst_map_f32_read_pfm(&p->truth, path);
+    if (!err && mirrored)
+        mirror_map(&p->truth);
+    return err;
+}
+
+/* All views by one method of OpenCV; round 0, which warms up, is of one view. */
+static int measure_all(const struct pair *all, int count, int disparities, size_t method, int round)
+{
+    struct sst_disparity_error sum = { 0 }, e;
+    int64_t ns = 0, cpu_ns = 0;
+    int err = 0;
+
+    for (int view = 0; !err && view < (round ? count : 1); view++) {
+        const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
+        struct sst_map_f32 disp = { 0 };
+
+        err = match(&disp, &all[view], disparities, method);
+        ns += sst_clock_now_ns() - start_ns;
+        cpu_ns += sst_clock_cpu_ns() - start_cpu_ns;
+        err = err ? err : sst_eval_disparity(&e, &disp, &all[view].truth, NULL);
+        if (!err)
+            sst_eval_disparity_merge(&sum, &e);
+        sst_map_f32_fini(&disp);
+    }
+    if (!err && round)
+        print_line(&(struct line){ sst_cpu_level(), "views", methods[method].name, round, ns, cpu_ns }, &sum, &all->left);
+    return err;
+}
+
+static int measure_views(const char *dir, int rounds)
+{
+    struct pair all[SST_MAX_VIEWS] = { 0 };
+    struct sst_lightfield lf = { 0 };
+    int err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES, THREADS), count = err ? 0 : lf.rows * lf.cols;
+
+    if (!err && lf.cols < 2)
+        err = -EINVAL;
+    for (int view = 0; !err && view < count; view++)
+        err = make_pair(&all[view], &lf, view, dir);
+    for (int round = 0; !err && round <= rounds; round++) {
+        for (size_t method = 0; !err && methods[method].mode != BENCH_BM; method++)
+            err = measure_all(all, count, (int)ceil(lf.range_max_px) + 1, method, round);
+    }
+    for (int view = 0; view < count; view++)
+        pair_fini(&all[view]);
+    sst_lightfield_fini(&lf);
+    return err;
+}
+
+/* --- main --------------------------------------------------------------------------------------------------------- */
+
 int main(int argc, char **argv)
 {
-    const int rounds = argc == 4 || argc == 5 ? atoi(argv[3]) : 0;
+    const int rounds = argc >= 3 && argc <= 5 ? atoi(argv[argc == 3 ? 2 : 3]) : 0;
     int err = 0;
 
     if (rounds < 1) {
-        fprintf(stderr,
-                "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n");
+        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n"
+                        "       stereo LF ROUNDS: light field with its truth\n");
         return 2;
     }
     printf("level,pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
-    for (size_t i = 0; !err && i < ARRAY_LEN(pairs); i++)
+    if (argc == 3)
+        err = measure_views(argv[1], rounds);
+    for (size_t i = 0; argc > 3 && !err && i < ARRAY_LEN(pairs); i++)
         err = measure_pair(i, argv[1], argv[2], rounds, argc == 5 ? argv[4] : NULL);
     if (err)
         sst_log_error("stereo bench: %s", strerror(-err));
