@@ -76,6 +76,7 @@ enum sst_cpu_level {
     X(split_row)                                                                                                       \
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
+    X(posed_row)                                                                                                       \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
@@ -730,6 +731,36 @@ struct sst_resample {
  */
 typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
                                  size_t n);
+
+/* --- posed views (pipeline/posed/) --- */
+
+/** A view's picture: levels of up to 16 bits. */
+struct sst_posed_source {
+    const uint16_t *plane[3]; /* [channels][height][stride]; a row that ends the memory ends with its last sample */
+    size_t stride;            /* samples; stride times height is below 2^31 */
+    int width, height;        /* 2 .. 32767 */
+    int channels;             /* 1 or 3 */
+};
+
+/** Pixels of one row, `at` the first, that see places on a line of the source: x + i dx, y + i dy in 1/65536 px, all
+ *  of them within 0 .. width - 1 and 0 .. height - 1. */
+struct sst_posed_segment {
+    int32_t x_q16, y_q16, dx_q16, dy_q16;
+    int32_t at, n;
+};
+
+/**
+ * Add a view's levels, interpolated bilinearly, to the sums of a row of pixels, and 1 to their counts.
+ *
+ * Places are rounded to 1/256 px, the level to 1/64; 1024 views of 65535 levels fit.
+ *
+ * @param sum       in, out: channels rows, 1/64 level
+ * @param count     in, out
+ * @param segment   [segments]
+ */
+#define SST_POSED_SHIFT 6
+typedef void sst_posed_row_fn(uint32_t *const sum[3], uint16_t *count, const struct sst_posed_source *from,
+                              const struct sst_posed_segment *segment, size_t segments);
 
 #define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
 #define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */

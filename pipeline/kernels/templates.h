@@ -20,6 +20,7 @@
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/median_votes_tmpl.h"
 #include "pipeline/kernels/place_row_tmpl.h"
+#include "pipeline/kernels/posed_row_tmpl.h"
 #include "pipeline/kernels/resample_row_tmpl.h"
 #include "pipeline/kernels/score_tmpl.h"
 #include "pipeline/kernels/sgm_tmpl.h"

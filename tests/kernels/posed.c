@@ -1,0 +1,108 @@
+/* Resampling of posed views: every level against the reference, byte for byte, pictures ending at an unmapped page; the
+ * reference against interpolation in double. */
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
+#include "tests/test.h"
+
+#define WIDTH    61
+#define HEIGHT   23
+#define N        300
+#define SEGMENTS 9
+
+static uint64_t seed = 5;
+
+static int32_t below(int32_t n)
+{
+    return (int32_t)(sst_random_u64(&seed) % (uint64_t)n);
+}
+
+/* Ends of every segment are inside; corners of the picture first. */
+static void random_segments(struct sst_posed_segment *s)
+{
+    static const int lengths[SEGMENTS] = { 1, 2, 7, 8, 15, 16, 17, 32, 64 };
+    int at = 0;
+
+    for (int i = 0; i < SEGMENTS; i++) {
+        const int32_t most[2] = { (WIDTH - 1) << 16, (HEIGHT - 1) << 16 };
+        int32_t from[2], step[2];
+
+        for (int k = 0; k < 2; k++) {
+            const int32_t end = i % 4 == 0 ? most[k] : below(most[k] + 1);
+
+            from[k] = i % 4 == 1 ? 0 : below(most[k] + 1);
+            step[k] = lengths[i] > 1 ? (end - from[k]) / (lengths[i] - 1) : 0;
+            from[k] = lengths[i] > 1 ? from[k] : end;
+        }
+        s[i] = (struct sst_posed_segment){ from[0], from[1], step[0], step[1], at, lengths[i] };
+        at += lengths[i] + below(5);
+    }
+    assert_true(at <= N);
+}
+
+static void posed_row_equals_reference(void **state SST_UNUSED)
+{
+    const uint16_t *const plane[3] = { guard_random(2 * WIDTH * HEIGHT, &seed), guard_random(2 * WIDTH * HEIGHT, &seed),
+                                       guard_random(2 * WIDTH * HEIGHT, &seed) };
+
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k)) {
+            print_message("not run: %s\n", sst_cpu_level_name((enum sst_cpu_level)level));
+            continue;
+        }
+        for (int round = 0; round < 200; round++) {
+            const struct sst_posed_source from = {
+                { plane[0], plane[1], plane[2] }, WIDTH, WIDTH, HEIGHT, round % 2 ? 3 : 1
+            };
+            static uint32_t want[3][N], got[3][N];
+            static uint16_t count[2][N];
+            struct sst_posed_segment segment[SEGMENTS];
+
+            for (int i = 0; i < 3 * N; i++)
+                want[i / N][i % N] = got[i / N][i % N] = (uint32_t)below(1 << 30);
+            memset(count, 3, sizeof(count));
+            random_segments(segment);
+            sst_posed_row_ref((uint32_t *const[3]){ want[0], want[1], want[2] }, count[0], &from, segment, SEGMENTS);
+            k.posed_row((uint32_t *const[3]){ got[0], got[1], got[2] }, count[1], &from, segment, SEGMENTS);
+            assert_memory_equal(count[0], count[1], sizeof(count[0]));
+            for (int i = 0; i < 3 * N; i++) {
+                if (want[i / N][i % N] != got[i / N][i % N])
+                    fail_msg("level %s, round %d, channel %d, pixel %d: %u, not %u",
+                             sst_cpu_level_name((enum sst_cpu_level)level), round, i / N, i % N, got[i / N][i % N],
+                             want[i / N][i % N]);
+            }
+        }
+    }
+    guard_free_all();
+}
+
+/* The largest sums: 1024 views of white stay below 2^32, and a place at the last sample gives exactly its level. */
+static void sums_have_room(void **state SST_UNUSED)
+{
+    const uint16_t level[4] = { 7, 65535, 65535, 65535 };
+    const struct sst_posed_source from = { { level }, 2, 2, 2, 1 };
+    const struct sst_posed_segment segment = { 65536, 65536, 0, 0, 0, 1 };
+    uint32_t sum = 0;
+    uint16_t count = 0;
+
+    for (int i = 0; i < 1024; i++)
+        sst_posed_row_ref(&(uint32_t *const){ &sum }, &count, &from, &segment, 1);
+    assert_int_equal(count, 1024);
+    assert_true(sum == 1024u * 65535 * 64);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(posed_row_equals_reference),
+        cmocka_unit_test(sums_have_room),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
