@@ -104,7 +104,7 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 /** Log a usage error with the command's name: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
 
-/** One kind of work that a command may skip (design.md, 5.5). */
+/** One kind of work that a command may skip (design.md, 5.5), or of another list of names. */
 struct cli_skip {
     const char *name;
     bool *on; /* holds the default; out */
@@ -113,12 +113,14 @@ struct cli_skip {
 #define CLI_SKIP_TEXT 200 /* bytes of a list of all names */
 
 /**
- * Read `--skip LIST`: names separated by commas, which replace the defaults, or `all` or `none`.
+ * Read `--skip LIST` and the like: names separated by commas, which replace the defaults, or `all` or `none`.
  *
+ * @param option  its name
  * @param list  NULL: the defaults stay
  * @return CLI_GO_ON, or an exit code after an error message that lists the names
  */
-int cli_read_skips(const struct cli_command *cmd, const char *list, const struct cli_skip *skips, size_t count);
+int cli_read_skips(const struct cli_command *cmd, const char *option, const char *list, const struct cli_skip *skips,
+                   size_t count);
 
 /** Print an object on standard output with jansson's flags and a newline, and release it. @param root  NULL: out of
  *  memory @return exit code */

@@ -111,7 +111,7 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
                                       { "ranges", &cfg->disparity.skip_ranges },
                                       { "hypotheses", &cfg->disparity.skip_hypotheses },
                                       { "labels", &cfg->skip_labels } };
-    const int r = cli_read_skips(cmd, list, skips, ARRAY_LEN(skips));
+    const int r = cli_read_skips(cmd, "skip", list, skips, ARRAY_LEN(skips));
 
     if (list) /* asked for, whatever the size */
         cfg->disparity.range_bytes = 0;

@@ -110,38 +110,39 @@ static void report_clear(json_t *root, const struct picture *p, const struct ren
     json_object_set_new(root, "filled_percent", json_real(share_percent(&p->valid, 64)));
 }
 
-static void report(const struct picture *p, const struct render_input *in, const struct render_args *a, const char *out)
+static void print_report(const struct picture *p, const struct render_input *in, const struct render_args *a,
+                         const char *out)
 {
     const double supported = share_percent(&p->valid, 255);
-    json_t *root;
+
+    cli_render_report_skips(in, out);
+    if (a->focus_found)
+        printf("%s: focus %.2f px per spacing, found by itself\n", out, a->cfg.focus_px);
+    if (p->repeat)
+        printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
+    if (a->cfg.method == SST_RENDER_CLEAR && isfinite(a->cfg.cut_px))
+        sst_log_info("removed what is nearer than %.2f px per spacing; %.2f %% of the pixels are filled from "
+                     "their surroundings: fewer than two views show them",
+                     a->cfg.cut_px, 100 - supported);
+    else if (a->cfg.method == SST_RENDER_CLEAR)
+        sst_log_info("%.2f %% of the pixels are filled from their surroundings: fewer than two views show them",
+                     100 - supported);
+    else if (supported < 100)
+        sst_log_info("%.2f %% of the pixels are unsupported: none of their rays ends at the focus", 100 - supported);
+}
+
+static json_t *report_json(const struct picture *p, const struct render_input *in, const struct render_args *a,
+                           const char *out)
+{
+    json_t *root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", cli_render_method(a), "width",
+                             p->image.width, "height", p->image.height);
     double lo, hi;
 
-    cli_render_report_device(in);
-    if (!a->json) {
-        cli_render_report_skips(in, out);
-        if (a->focus_found)
-            printf("%s: focus %.2f px per spacing, found by itself\n", out, a->cfg.focus_px);
-        if (p->repeat)
-            printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
-        if (a->cfg.method == SST_RENDER_CLEAR && isfinite(a->cfg.cut_px))
-            sst_log_info("removed what is nearer than %.2f px per spacing; %.2f %% of the pixels are filled from "
-                         "their surroundings: fewer than two views show them",
-                         a->cfg.cut_px, 100 - supported);
-        else if (a->cfg.method == SST_RENDER_CLEAR)
-            sst_log_info("%.2f %% of the pixels are filled from their surroundings: fewer than two views show them",
-                         100 - supported);
-        else if (supported < 100)
-            sst_log_info("%.2f %% of the pixels are unsupported: none of their rays ends at the focus",
-                         100 - supported);
-        return;
-    }
-    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", cli_render_method(a), "width", p->image.width,
-                     "height", p->image.height);
     if (a->cfg.method == SST_RENDER_CLEAR)
         report_clear(root, p, a);
     else
         json_object_update_new(root, json_pack("{s:f, s:b, s:f}", "focus_px", a->cfg.focus_px, "focus_found",
-                                               a->focus_found, "supported_percent", supported));
+                                               a->focus_found, "supported_percent", share_percent(&p->valid, 255)));
     json_object_set_new(root, "device", cli_render_device_json(in));
     json_object_set_new(root, "skip", cli_render_skips_json(in, a));
     if (in->lf.calibration || in->lf.correction) {
@@ -163,7 +164,37 @@ static void report(const struct picture *p, const struct render_input *in, const
         json_object_set_new(
             root, "render_ms",
             json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2], "min", p->ms[0], "repeat", p->repeat));
-    cli_dump_json(root, JSON_INDENT(2));
+    return root;
+}
+
+static void report(const struct picture *p, const struct render_input *in, const struct render_args *a, const char *out)
+{
+    cli_render_report_device(in);
+    if (a->json)
+        cli_dump_json(report_json(p, in, a, out), JSON_INDENT(2));
+    else
+        print_report(p, in, a, out);
+}
+
+int cli_render_loaded(const struct render_loaded *loaded, struct render_args *a, const char *out, json_t **report)
+{
+    struct picture picture = { 0 };
+    struct render_input in;
+    int err, r = cli_render_open_loaded(&in, a, &cli_render, loaded);
+
+    if (r != CLI_GO_ON)
+        return r;
+    err = make_picture(&picture, &in, &a->cfg);
+    err = err ? err : sst_image_write_png(&picture.image, out);
+    if (!err) {
+        cli_render_report_device(&in);
+        *report = report_json(&picture, &in, a, sst_path_base(out));
+        err = *report ? 0 : -ENOMEM;
+    }
+    sst_image_fini(&picture.image);
+    sst_map_u8_fini(&picture.valid);
+    cli_render_close(&in);
+    return cli_exit_code(err);
 }
 
 /* Parse "X,Y"; default: the centre. */

@@ -80,7 +80,7 @@ static int read_skips(struct render_args *a, const struct cli_command *cmd)
     const struct cli_skip skips[] = { { "rays", &a->cfg.skip_rays },
                                       { "views", &a->cfg.skip_rays },
                                       { "tiles", &a->cfg.skip_rays } };
-    const int r = cli_read_skips(cmd, a->skip, skips, ARRAY_LEN(skips));
+    const int r = cli_read_skips(cmd, "skip", a->skip, skips, ARRAY_LEN(skips));
 
     if (r != CLI_GO_ON || !a->cfg.skip_rays)
         return r;
@@ -233,72 +233,118 @@ static bool verifies(const struct render_args *a, const struct sst_lightfield *l
 }
 
 /* Choose the data to load: images by option or cost, confidences only to verify rays. A device rectifies raw frames
- * itself where nothing else needs the views. Converts the f-stop to a radius. */
-static int choose_sampling(struct render_input *in, struct render_args *a, const char *path, unsigned *what)
+ * itself where nothing else needs the views. Converts the f-stop to a radius. @param lf  its images need not be there */
+static int choose_data(struct render_input *in, struct render_args *a, const struct sst_lightfield *lf, unsigned *what)
 {
-    struct sst_lightfield lf;
-    int err = sst_lightfield_load(&lf, path, 0, 1), r = CLI_GO_ON;
     bool raw, frames;
 
-    if (err)
-        return cli_exit_code(err);
-    set_aperture(&lf, a);
-    raw = a->sampling == RENDER_RAW || (a->sampling == RENDER_AUTO && !(a->views_needed && lf.calibration) &&
-                                        sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
-    if (raw && !lf.calibration && !lf.correction) {
+    *what =
+        a->cfg.method != SST_RENDER_REFOCUS ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    *what |= a->no_verify ? SST_LOAD_UNVERIFIED : 0;
+    *what |= isnan(a->cfg.focus_px) || a->disparities_needed ? SST_LOAD_DISPARITY : 0;
+    *what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
+    set_aperture(lf, a);
+    raw = a->sampling == RENDER_RAW || (a->sampling == RENDER_AUTO && !(a->views_needed && lf->calibration) &&
+                                        sst_render_prefers_raw(lf, &a->cfg, a->pictures));
+    if (raw && !lf->calibration && !lf->correction) {
         sst_log_error(
             "%s has neither a calibration nor a correction: its files are the views, not raw frames; leave out "
             "--sampling raw",
-            path);
-        r = CLI_INPUT;
+            in->path);
+        return CLI_INPUT;
     }
-    frames = strcmp(a->device, "cpu") && lf.calibration && !a->views_needed && !verifies(a, &lf);
+    frames = strcmp(a->device, "cpu") && lf->calibration && !a->views_needed && !verifies(a, lf);
     in->rectified = frames && !raw;
     if (frames)
         *what |= SST_LOAD_RAW | SST_LOAD_ENCODED;
     if (raw)
-        *what |= lf.calibration ? SST_LOAD_RAW : SST_LOAD_ORIGINALS;
-    if (lf.disparity_tested && a->cfg.verify == SST_VERIFY_AUTO)
+        *what |= lf->calibration ? SST_LOAD_RAW : SST_LOAD_ORIGINALS;
+    if (lf->disparity_tested && a->cfg.verify == SST_VERIFY_AUTO)
         *what &= ~(unsigned)SST_LOAD_CONFIDENCE;
-    sst_lightfield_fini(&lf);
-    return r;
+    return CLI_GO_ON;
 }
 
-int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path)
+static int load(struct render_input *in, struct render_args *a)
 {
-    int r = check_options(a, cmd), err;
-    unsigned what;
+    struct sst_lightfield lf;
+    unsigned what = 0;
+    int err = sst_lightfield_load(&lf, in->path, 0, 1), r;
+
+    if (err)
+        return cli_exit_code(err);
+    r = choose_data(in, a, &lf, &what);
+    sst_lightfield_fini(&lf);
+    if (r != CLI_GO_ON)
+        return r;
+    err = sst_lightfield_load(&in->lf, in->path, what, a->cfg.threads);
+    return err ? cli_exit_code(err) : CLI_GO_ON;
+}
+
+/* What the device rectifies from encoded frames is there already. */
+static int borrow(struct render_input *in, struct render_args *a, const struct sst_lightfield *lf)
+{
+    unsigned what = 0;
+    const int r = choose_data(in, a, lf, &what);
 
     if (r != CLI_GO_ON)
         return r;
-    a->views_needed |= a->remove_at != NULL;
-    what =
-        a->cfg.method != SST_RENDER_REFOCUS ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
-    what |= a->no_verify ? SST_LOAD_UNVERIFIED : 0;
-    what |= isnan(a->cfg.focus_px) || a->disparities_needed ? SST_LOAD_DISPARITY : 0;
-    what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
-    *in = (struct render_input){ .path = path };
-    r = choose_sampling(in, a, path, &what);
-    if (r != CLI_GO_ON)
-        return r;
-    err = sst_lightfield_load(&in->lf, path, what, a->cfg.threads);
-    if (err)
-        return cli_exit_code(err);
-    err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads);
+    if (in->rectified)
+        what &= ~(unsigned)SST_LOAD_RAW;
+    in->rectified = false;
+    in->borrowed = true;
+    if (!sst_lightfield_borrow(&in->lf, lf, what))
+        return CLI_GO_ON;
+    sst_log_error("no memory for a list of views");
+    return CLI_MEMORY;
+}
+
+/* Everything but the data. @param loaded  or NULL: from the folder */
+static int open_renderer(struct render_input *in, struct render_args *a, const struct cli_command *cmd,
+                         const struct render_loaded *loaded)
+{
+    int err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads), r;
+
     if (!err && in->rectified)
         err = sst_renderer_use_rectified(in->renderer);
     if (!err)
-        err = sst_renderer_use_device(in->renderer, a->device, (uint64_t)a->device_memory << 20);
+        err = loaded ? sst_renderer_share_device(in->renderer, loaded->device)
+                     : sst_renderer_use_device(in->renderer, a->device, (uint64_t)a->device_memory << 20);
     r = err ? cli_exit_code(err) : check_maps(in, a);
     if (r == CLI_GO_ON)
         r = find_label(in, "label", a->label, &a->cfg.focus_label, cmd);
     if (r == CLI_GO_ON)
         r = find_focus(in, a);
+    return r == CLI_GO_ON ? find_removed(in, a, cmd) : r;
+}
+
+/* @param loaded  or NULL: from the folder */
+static int open_input(struct render_input *in, struct render_args *a, const struct cli_command *cmd,
+                      const struct render_loaded *loaded)
+{
+    int r = check_options(a, cmd);
+
+    if (r != CLI_GO_ON)
+        return r;
+    a->views_needed |= a->remove_at != NULL;
+    r = loaded ? borrow(in, a, loaded->lf) : load(in, a);
     if (r == CLI_GO_ON)
-        r = find_removed(in, a, cmd);
+        r = open_renderer(in, a, cmd, loaded);
     if (r != CLI_GO_ON)
         cli_render_close(in);
     return r;
+}
+
+int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path)
+{
+    *in = (struct render_input){ .path = path };
+    return open_input(in, a, cmd, NULL);
+}
+
+int cli_render_open_loaded(struct render_input *in, struct render_args *a, const struct cli_command *cmd,
+                           const struct render_loaded *loaded)
+{
+    *in = (struct render_input){ .path = loaded->name };
+    return open_input(in, a, cmd, loaded);
 }
 
 json_t *cli_render_skips_json(const struct render_input *in, const struct render_args *a)
@@ -382,7 +428,10 @@ void cli_render_close(struct render_input *in)
         sst_map_u8_fini(&in->removed[i]);
     free(in->removed);
     sst_renderer_destroy(in->renderer);
-    sst_lightfield_fini(&in->lf);
+    if (in->borrowed)
+        sst_lightfield_return(&in->lf);
+    else
+        sst_lightfield_fini(&in->lf);
 }
 
 bool cli_has_suffix(const char *path, const char *suffix)

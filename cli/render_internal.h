@@ -55,6 +55,7 @@ struct render_input {
     struct sst_lightfield lf;
     struct sst_renderer *renderer;
     bool rectified;             /* lf has raw frames, and rays are of rectified views */
+    bool borrowed;              /* lf shares the data of another one */
     struct sst_map_u8 *removed; /* of --remove-at: [rows * cols]; NULL: not given */
 };
 
@@ -65,6 +66,23 @@ struct render_input {
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);
 void cli_render_close(struct render_input *in);
+
+/** A light field in memory, loaded with SST_LOAD_SOURCES and settled. */
+struct render_loaded {
+    const char *name; /* for messages */
+    const struct sst_lightfield *lf;
+    struct sst_runner *device; /* NULL: on no device */
+};
+
+/** cli_render_open() of a light field in memory. */
+int cli_render_open_loaded(struct render_input *in, struct render_args *a, const struct cli_command *cmd,
+                           const struct render_loaded *loaded);
+
+/** `sst render` of a light field in memory to a PNG. @param report  out @return exit code */
+int cli_render_loaded(const struct render_loaded *loaded, struct render_args *a, const char *out, json_t **report);
+
+/** `sst sweep` over its focus. @return exit code */
+int cli_sweep_loaded(const struct render_loaded *loaded, struct render_args *a, const char *out, int steps);
 
 /** Report of the device, for `--json`; "cpu" without one. */
 json_t *cli_render_device_json(const struct render_input *in);

@@ -26,7 +26,8 @@ static const char *names(char text[CLI_SKIP_TEXT], const struct cli_skip *skips,
     return text;
 }
 
-int cli_read_skips(const struct cli_command *cmd, const char *list, const struct cli_skip *skips, size_t count)
+int cli_read_skips(const struct cli_command *cmd, const char *option, const char *list, const struct cli_skip *skips,
+                   size_t count)
 {
     const bool all = list && !strcmp(list, "all");
     char text[CLI_SKIP_TEXT];
@@ -42,7 +43,7 @@ int cli_read_skips(const struct cli_command *cmd, const char *list, const struct
         const struct cli_skip *skip = find(skips, count, at, n);
 
         if (!skip)
-            return cli_usage_error(cmd, "--skip %s: unknown `%.*s`; use %s", list, (int)n, at,
+            return cli_usage_error(cmd, "--%s %s: unknown `%.*s`; use %s", option, list, (int)n, at,
                                    names(text, skips, count));
         *skip->on = true;
         at += n;

@@ -70,7 +70,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         m.cost = SST_COST_CENSUS; /* as sst_disparity_stereo() takes it: needs no network to be installed */
     err = cli_matching_config(&cfg, &m, model);
     if (!err) {
-        r = cli_read_skips(cmd, skip, &(struct cli_skip){ "ranges", &cfg.skip_ranges }, 1);
+        r = cli_read_skips(cmd, "skip", skip, &(struct cli_skip){ "ranges", &cfg.skip_ranges }, 1);
         if (r != CLI_GO_ON)
             return r;
     }

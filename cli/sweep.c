@@ -17,7 +17,7 @@ static const char *const over_names[OVERS] = { "focus", "cut", "view-x", "view-y
 static const char *const over_keys[OVERS] = { "focus_px", "cut_px", "view_x", "view_y" };
 
 struct sweep {
-    struct render_input in;
+    const struct render_input *in;
     struct render_args args;
     enum over over;
     double from, to, fps;
@@ -25,6 +25,11 @@ struct sweep {
     bool bounce;
     const char *out;
 };
+
+#define SWEEP_DEFAULTS                                                                                                 \
+    {                                                                                                                  \
+        .over = OVER_FOCUS, .from = NAN, .to = NAN, .fps = 10, .steps = 20                                             \
+    }
 
 static int frame_count(const struct sweep *s)
 {
@@ -53,7 +58,7 @@ static int render_frame(const struct sweep *s, int frame, struct sst_image *img)
     const struct sst_render_config cfg = config_at(s, value_of(s, frame));
 
     cli_progress((void *)"sweep", (double)frame / frame_count(s));
-    return sst_render(s->in.renderer, &cfg, img, NULL);
+    return sst_render(s->in->renderer, &cfg, img, NULL);
 }
 
 static json_t *describe(const struct sweep *s)
@@ -65,7 +70,7 @@ static json_t *describe(const struct sweep *s)
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, over_keys[s->over], value_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", cli_render_method(&s->args), "fps", s->fps,
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in->path, "method", cli_render_method(&s->args), "fps", s->fps,
                      "frames", frames);
 }
 
@@ -119,7 +124,7 @@ static int write_video(const struct sweep *s, struct sst_image *img)
  * cut found by itself, else to the middle; of the views' positions. */
 static int find_ends(struct sweep *s)
 {
-    const struct sst_lightfield *lf = &s->in.lf;
+    const struct sst_lightfield *lf = &s->in->lf;
     double lo = INFINITY, hi = -INFINITY;
 
     if (!isnan(s->from))
@@ -132,9 +137,9 @@ static int find_ends(struct sweep *s)
             hi = fmax(hi, at);
         }
     }
-    if (s->over <= OVER_CUT && !sst_renderer_disparities(s->in.renderer, &lo, &hi)) {
+    if (s->over <= OVER_CUT && !sst_renderer_disparities(s->in->renderer, &lo, &hi)) {
         sst_log_error("%s has no disparities to sweep over; run `sst process %s` first, or give --from A and --to B",
-                      s->in.path, s->in.path);
+                      s->in->path, s->in->path);
         return CLI_INPUT;
     }
     s->from = s->over == OVER_CUT ? hi : lo;
@@ -148,9 +153,9 @@ static int check_ends(const struct sweep *s)
 {
     const struct sst_render_config from = config_at(s, s->from), to = config_at(s, s->to);
     struct sst_ray rays[SST_MAX_VIEWS];
-    int n = sst_render_rays(s->in.renderer, &from, 0, 0, rays);
+    int n = sst_render_rays(s->in->renderer, &from, 0, 0, rays);
 
-    n = n < 0 ? n : sst_render_rays(s->in.renderer, &to, 0, 0, rays);
+    n = n < 0 ? n : sst_render_rays(s->in->renderer, &to, 0, 0, rays);
     return sst_min_int(n, 0);
 }
 
@@ -161,14 +166,44 @@ static int make_sweep(const struct sweep *s)
 
     if (err)
         return err;
-    err = sst_image_init(&img, s->in.lf.width, s->in.lf.height);
+    err = sst_image_init(&img, s->in->lf.width, s->in->lf.height);
     if (err)
-        sst_log_error("no memory for a picture of %d x %d", s->in.lf.width, s->in.lf.height);
+        sst_log_error("no memory for a picture of %d x %d", s->in->lf.width, s->in->lf.height);
     if (!err)
         err = cli_has_suffix(s->out, ".mp4") ? write_video(s, &img) : write_folder(s, &img);
     cli_progress_end();
     sst_image_fini(&img);
+    if (!err)
+        cli_render_report_device(s->in);
     return err;
+}
+
+/* Of an opened light field. */
+static int run_opened(struct sweep *s)
+{
+    const int r = find_ends(s);
+
+    return r == CLI_GO_ON ? cli_exit_code(make_sweep(s)) : r;
+}
+
+int cli_sweep_loaded(const struct render_loaded *loaded, struct render_args *a, const char *out, int steps)
+{
+    struct sweep s = SWEEP_DEFAULTS;
+    struct render_input in;
+    int r;
+
+    s.in = &in;
+    s.args = *a;
+    s.args.cfg.focus_px = 0;
+    s.args.disparities_needed = true;
+    s.args.pictures = s.steps = steps;
+    s.out = out;
+    r = cli_render_open_loaded(&in, &s.args, &cli_sweep, loaded);
+    if (r != CLI_GO_ON)
+        return r;
+    r = run_opened(&s);
+    cli_render_close(&in);
+    return r;
 }
 
 /* Refuse an output that cannot be written, and a folder with the name of a video: its ending is another format's, or a
@@ -216,7 +251,8 @@ static int read_over(struct sweep *s, int over, double focus, const struct cli_c
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct sweep s = { .from = NAN, .to = NAN, .fps = 10, .steps = 20 };
+    struct sweep s = SWEEP_DEFAULTS;
+    struct render_input in;
     const char *path;
     int over = -1;
     double focus = NAN;
@@ -232,7 +268,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
         { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop" },
     };
-    int r, err;
+    int r;
 
     cli_render_options(options + 8, &s.args);
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
@@ -250,28 +286,22 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     s.args.pictures = frame_count(&s);
     s.args.disparities_needed = s.over == OVER_FOCUS && isnan(s.from);
-    r = cli_render_open(&s.in, &s.args, cmd, path);
+    r = cli_render_open(&in, &s.args, cmd, path);
     if (r != CLI_GO_ON)
         return r;
-    r = find_ends(&s);
-    if (r != CLI_GO_ON) {
-        cli_render_close(&s.in);
-        return r;
-    }
-    err = make_sweep(&s);
-    if (!err)
-        cli_render_report_device(&s.in);
-    if (!err && !s.args.json)
-        cli_render_report_skips(&s.in, s.out);
-    if (!err && s.args.json) {
+    s.in = &in;
+    r = run_opened(&s);
+    if (!r && !s.args.json)
+        cli_render_report_skips(&in, s.out);
+    if (!r && s.args.json) {
         cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o, s:o}", "output", s.out, "frames", frame_count(&s),
                                 "over", over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
-                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&s.in),
-                                "skip", cli_render_skips_json(&s.in, &s.args)),
+                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&in),
+                                "skip", cli_render_skips_json(&in, &s.args)),
                       JSON_INDENT(2));
     }
-    cli_render_close(&s.in);
-    return cli_exit_code(err);
+    cli_render_close(&in);
+    return r;
 }
 
 const struct cli_command cli_sweep = { "sweep", run };

@@ -135,10 +135,8 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
         err = join(d, steps);
     if (!err)
         *out = d;
-    else if (d)
-        render_device_destroy(d);
     else
-        sst_runner_destroy(runner);
+        render_device_destroy(d);
     return err;
 }
 
@@ -147,7 +145,6 @@ void render_device_destroy(struct render_device *d)
     if (!d)
         return;
     sst_runner_leave(d->runner, &d->user);
-    sst_runner_destroy(d->runner);
     device_fini(d);
     free(d);
 }

@@ -92,7 +92,7 @@ struct device_bands {
 };
 
 struct render_device {
-    struct sst_runner *runner; /* owned */
+    struct sst_runner *runner; /* borrowed */
     struct sst_runner_user user;
     const struct sst_lightfield *lf;
     int pitch;    /* pixels of a row of a view on the device */

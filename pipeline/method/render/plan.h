@@ -97,6 +97,7 @@ struct sst_renderer {
     const struct sst_lightfield *lf;
     int threads;
     struct render_device *device; /* NULL: none; owned. Fixed after sst_renderer_use_device() */
+    struct sst_runner *runner;    /* of it; NULL: the device is shared */
     /* under lock until computed, then fixed except for sst_renderer_recount() */
     pthread_mutex_t lock;
     bool counted;

@@ -59,6 +59,14 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     return 0;
 }
 
+static void leave_device(struct sst_renderer *r)
+{
+    render_device_destroy(r->device);
+    sst_runner_destroy(r->runner);
+    r->device = NULL;
+    r->runner = NULL;
+}
+
 void sst_renderer_destroy(struct sst_renderer *r)
 {
     if (!r)
@@ -71,7 +79,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     free(r->rectified);
-    render_device_destroy(r->device);
+    leave_device(r);
     landed_destroy(r->landed);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
@@ -79,31 +87,29 @@ void sst_renderer_destroy(struct sst_renderer *r)
     free(r);
 }
 
-static void leave_device(struct sst_renderer *r)
+int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner)
 {
-    render_device_destroy(r->device);
-    r->device = NULL;
+    leave_device(r);
+    return runner ? render_device_create(&r->device, r->lf, runner, sst_render_steps, NULL) : 0;
 }
 
 int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
 {
-    struct sst_runner *runner;
     int err;
 
     leave_device(r);
-    err = sst_runner_create(&runner, name, memory_bytes);
-    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, sst_render_steps, NULL);
+    err = sst_runner_create(&r->runner, name, memory_bytes);
+    return err || !r->runner ? err : render_device_create(&r->device, r->lf, r->runner, sst_render_steps, NULL);
 }
 
 int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
                                  const struct sst_render_live *live)
 {
-    struct sst_runner *runner;
     int err;
 
     leave_device(r);
-    err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
-    return err || !runner ? err : render_device_create(&r->device, r->lf, runner, sst_render_steps, live);
+    err = sst_runner_create_live(&r->runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
+    return err || !r->runner ? err : render_device_create(&r->device, r->lf, r->runner, sst_render_steps, live);
 }
 
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)

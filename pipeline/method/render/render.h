@@ -144,6 +144,11 @@ void sst_renderer_destroy(struct sst_renderer *r);
  */
 SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes);
 
+struct sst_runner;
+
+/** The same on a device that is open for other work. @param runner  lives longer; NULL: on no device */
+SST_MUST_CHECK int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner);
+
 /**
  * Of a light field of raw frames (images_raw): rays are of rectified views from now on, with the pictures of the same
  * light field loaded without SST_LOAD_RAW. A device rectifies on its own; the CPU does where it needs colours of views,

@@ -71,7 +71,7 @@ SST_MUST_CHECK int render_plan_init_pending(struct sst_render_plan *p, struct ss
 
 struct render_device; /* one device with one light field; any number of threads, one picture at a time */
 
-/** Use a device for pictures of lf. @param runner  owned from now on, also on failure @param steps  by enum render_step
+/** Use a device for pictures of lf. @param runner  lives longer @param steps  by enum render_step
  * @param live  NULL: lf does not
  *  change while it lives; else as sst_renderer_use_live_device() @return as that or as sst_renderer_use_device() */
 SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf,
