@@ -24,6 +24,7 @@
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/refine/refine.h"
 #include "pipeline/method/render/render.h"
+#include "pipeline/posed/import/import.h"
 
 /* --- cli: common parts of the subcommands of sst: the command table, options, exit codes, progress. --- */
 
@@ -242,6 +243,28 @@ bool cli_is_node(const struct sst_config_camera *c, const struct sst_grab_device
 /** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
+
+/* --- posed light fields: import_posed.c, posed_line.c. --- */
+
+struct sst_posed;
+
+/** Arguments of `sst import poses` and `sst import pictures`. */
+struct cli_import_posed {
+    struct sst_posed_import_config cfg;
+    const char *format; /* "poses" or "pictures" */
+    const char *kelvin; /* "SCALE,OFFSET"; NULL: not thermal */
+    int unit;           /* 1: mm, 2: m; 0: the source's */
+    bool json;
+};
+
+/** @return exit code */
+int cli_import_posed(const struct cli_command *cmd, const struct cli_import_posed *args);
+
+/** Description of a posed light field: views, placed, size, bits, metric, extent of the centres, source. */
+json_t *cli_posed_json(const struct sst_posed *posed);
+
+/** Print it, or one line, of the light field in a folder. @return exit code */
+int cli_report_posed(const char *dir, const char *name, bool json);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 

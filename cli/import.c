@@ -156,6 +156,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *calib = NULL, *filter = "bicubic", *prefer = NULL, *part = NULL;
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { .import = &cfg };
+    struct cli_import_posed posed = { .unit = 0 };
     int grid[2] = { 0, 0 };
     double infinity_px = (double)NAN;
     const struct cli_option options[] = {
@@ -184,6 +185,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "recording, folder: the array's calibration; views are then rectified" },
         { "filter", 0, CLI_STRING, &filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0,
           "bilinear bicubic lanczos" },
+        { "pictures", 0, CLI_STRING, &posed.cfg.pictures, "DIR", "poses: folder of the pictures, if not beside them" },
+        { "focal", 0, CLI_DOUBLE, &posed.cfg.focal_px, "PX", "poses, pictures: focal length where the source has none", 1,
+          1e7 },
+        { "fov", 0, CLI_DOUBLE, &posed.cfg.fov_deg, "DEG", "... or the angle of view across the width", 0.1, 179 },
+        { "lens", 0, CLI_STRING, &posed.cfg.lens, "FILE", "... or a calibration of the camera" },
+        { "moments", 0, CLI_STRING, &posed.cfg.moments, "PATTERN",
+          "poses, pictures: moments in the names, \"{camera}_{moment}.jpg\"; * is any text" },
+        { "kelvin", 0, CLI_STRING, &posed.kelvin, "SCALE,OFFSET", "poses, pictures: kelvin = level x SCALE + OFFSET" },
+        { "unit", 0, CLI_WORD, &posed.unit, "U", "poses: unit of the source's lengths, mm or m", 1, 0, "mm m" },
+        { "json", 0, CLI_FLAG, &posed.json, NULL, "poses, pictures: describe the light field as JSON" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
     };
@@ -195,6 +206,23 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!cfg.out)
         return cli_usage_error(cmd, "-o LF is missing");
+    if (!strcmp(args[0], "poses") || !strcmp(args[0], "pictures")) {
+        if (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || prefer || recording.sets || calib ||
+            recording.allow_partial || !isnan(cfg.range_min_px) || !isnan(cfg.range_max_px) || !isnan(infinity_px) || args[2])
+            return cli_usage_error(cmd, "an option or argument does not apply to %s; `sst import --help` names those that do",
+                                   args[0]);
+        posed.format = args[0];
+        posed.cfg.source = args[1];
+        posed.cfg.out = cfg.out;
+        posed.cfg.force = cfg.force;
+        posed.cfg.threads = cfg.threads;
+        return cli_import_posed(cmd, &posed);
+    }
+    if (posed.cfg.pictures || posed.cfg.focal_px > 0 || posed.cfg.fov_deg > 0 || posed.cfg.lens || posed.cfg.moments ||
+        posed.kelvin || posed.unit || posed.json)
+        return cli_usage_error(cmd, "--pictures, --focal, --fov, --lens, --moments, --kelvin, --unit and --json belong to the "
+                                    "formats poses and pictures, not to %s",
+                               args[0]);
     if (isnan(cfg.range_min_px) != isnan(cfg.range_max_px))
         return cli_usage_error(cmd, "--range-min and --range-max must be given together");
     if (isnan(cfg.range_min_px))

@@ -438,8 +438,9 @@ int sst_import(const struct sst_import_config *cfg)
     while (i < ARRAY_LEN(formats) && strcmp(cfg->format, formats[i].name))
         i++;
     if (i == ARRAY_LEN(formats)) {
-        sst_log_error("unknown import format `%s`;%s use stanford, hci, folder or recording", cfg->format,
-                      sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "folder", "recording", NULL }));
+        sst_log_error("unknown import format `%s`;%s use stanford, hci, folder, recording, poses or pictures", cfg->format,
+                      sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "folder", "recording", "poses",
+                                                                        "pictures", NULL }));
         return -EINVAL;
     }
     if (!inputs[1]) /* the list ends at the first NULL */

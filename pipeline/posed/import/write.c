@@ -1,0 +1,384 @@
+/* The folder of an import: pictures copied and checked, views with their names and lenses. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/text.h"
+#include "base/thread.h"
+#include "pipeline/camera/format.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/deep.h"
+#include "pipeline/kernels/sha256.h"
+#include "pipeline/posed/import/import_internal.h"
+
+/* Properties of a picture's file. */
+struct picture {
+    int width, height, channels, bits;
+    char end[8];
+    char sha256[65];
+};
+
+struct job {
+    const struct model *m;
+    const char *out;         /* temporary folder */
+    struct picture *picture; /* [views] */
+};
+
+/* Decode all of a picture, to refuse a damaged one now. */
+static int inspect(struct picture *p, const uint8_t *data, size_t size, const char *path)
+{
+    struct sst_deep deep;
+    const int err = sst_deep_decode(&deep, data, size, path);
+
+    if (err)
+        return err;
+    p->width = deep.width;
+    p->height = deep.height;
+    p->channels = deep.channels;
+    p->bits = deep.white > 255 ? 16 : 8;
+    sst_deep_fini(&deep);
+    snprintf(p->end, sizeof(p->end), "%s", data[0] == 0x89 ? ".png" : sst_image_is_jpeg(data, size) ? ".jpg" : ".tif");
+    return 0;
+}
+
+static int view_file(char path[SST_PATH_MAX], const char *out, int k, const char *end)
+{
+    char name[48];
+
+    snprintf(name, sizeof(name), "views/%04d%s", k, end);
+    return sst_path_join(path, out, name);
+}
+
+static int copy_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const char *from = job->m->view[k].path;
+    struct picture *p = &job->picture[k];
+    char to[SST_PATH_MAX];
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(from, POSED_VIEW_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    err = inspect(p, data, size, from);
+    if (!err) {
+        sst_sha256_hex(p->sha256, data, size);
+        err = view_file(to, job->out, k, p->end);
+    }
+    err = err ? err : sst_file_write(to, data, size);
+    free(data);
+    return err;
+}
+
+/* --- views that stay ---------------------------------------------------------------------------------------------- */
+
+static bool alike(const struct picture *a, const struct picture *b)
+{
+    return a->width == b->width && a->height == b->height && a->channels == b->channels && a->bits == b->bits;
+}
+
+static const char *kind_text(char text[64], const struct picture *p)
+{
+    snprintf(text, 64, "%dx%d pixels, %s of %d bits", p->width, p->height, p->channels == 1 ? "grey" : "colour", p->bits);
+    return text;
+}
+
+/* Pictures without a pose that differ from the posed ones are no views: they are removed from the model. */
+static int choose_views(struct model *m, struct job *job)
+{
+    int first = 0, kept = 0, other = 0, unplaced = 0;
+    char a[64], b[64];
+
+    while (first < m->count - 1 && !m->view[first].camera.known)
+        first++;
+    if (!m->view[first].camera.known)
+        first = 0;
+    for (int k = 0; k < m->count; k++) {
+        const bool same = alike(&job->picture[k], &job->picture[first]);
+
+        if (!same && (m->view[k].camera.known || !m->view[first].camera.known)) {
+            sst_log_error("%s has %s, but %s has %s; all pictures must be of one kind", m->view[k].path,
+                          kind_text(a, &job->picture[k]), m->view[first].path, kind_text(b, &job->picture[first]));
+            return -EBADMSG;
+        }
+        other += !same;
+    }
+    for (int k = 0; k < m->count; k++) {
+        char from[SST_PATH_MAX], to[SST_PATH_MAX];
+        int err = view_file(from, job->out, k, job->picture[k].end);
+
+        if (!err && !alike(&job->picture[k], &job->picture[first])) {
+            remove(from);
+            continue;
+        }
+        err = err ? err : view_file(to, job->out, kept, job->picture[k].end);
+        if (err || (kept != k && rename(from, to))) {
+            sst_log_error("cannot rename %s: %s", from, strerror(errno));
+            return -EIO;
+        }
+        if (kept != k) {
+            m->view[kept] = m->view[k];
+            job->picture[kept] = job->picture[k];
+        }
+        unplaced += !m->view[kept++].camera.known;
+    }
+    m->count = kept;
+    if (other)
+        sst_log_warning("%s: %d pictures without a pose are of another size or kind and are left out", m->cfg->source, other);
+    if (unplaced && unplaced < kept)
+        sst_log_warning("%s: %d pictures have no pose; they become views that are not placed", m->cfg->source, unplaced);
+    return 0;
+}
+
+/* --- names -------------------------------------------------------------------------------------------------------- */
+
+static int compare_texts(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* Names without folders where they differ so, else with the folders that are not the same for all. */
+static int set_names(struct sst_posed *posed, const struct model *m)
+{
+    const char **base = calloc((size_t)m->count, sizeof(*base));
+    size_t common = 0;
+    bool twice = false;
+
+    if (!base)
+        return -ENOMEM;
+    for (int k = 0; k < m->count; k++)
+        base[k] = sst_path_base(m->view[k].name);
+    qsort(base, (size_t)m->count, sizeof(*base), compare_texts);
+    for (int k = 1; k < m->count; k++)
+        twice |= !strcmp(base[k - 1], base[k]);
+    free(base);
+    if (twice) {
+        common = strlen(m->view[0].name);
+        for (int k = 1; k < m->count; k++) {
+            for (size_t i = 0; i < common; i++) {
+                if (m->view[k].name[i] != m->view[0].name[i])
+                    common = i;
+            }
+        }
+        while (common && m->view[0].name[common - 1] != '/')
+            common--;
+    }
+    for (int k = 0; k < m->count; k++) {
+        const char *name = twice ? m->view[k].name + common : sst_path_base(m->view[k].name);
+
+        if (strlen(name) >= sizeof(posed->view[k].name))
+            return model_fault(m, name, "the name is longer than 255 bytes; rename the picture");
+        memcpy(posed->view[k].name, name, strlen(name) + 1);
+        sst_text_make_utf8(posed->view[k].name);
+    }
+    return 0;
+}
+
+/* --- lenses ------------------------------------------------------------------------------------------------------- */
+
+/* The lens of the user's options, for a source that has none. */
+static int given_lens(struct sst_calib_camera *lens, const struct model *m, const struct picture *p)
+{
+    const struct sst_posed_import_config *cfg = m->cfg;
+    const double pi = 3.14159265358979323846;
+
+    *lens = (struct sst_calib_camera){ 0 };
+    if (cfg->lens) {
+        const struct sst_calib_format *format = sst_calib_format_of(cfg->lens);
+        const struct sst_calib_format_config how = { .rows = 1, .cols = 1, .width = p->width, .height = p->height };
+        struct sst_calib calib;
+        int err;
+
+        if (!format)
+            return -EBADMSG;
+        if (!format->read) {
+            sst_log_error("%s: lenses of the format %s are not read", cfg->lens, format->name);
+            return -EBADMSG;
+        }
+        err = format->read(&calib, cfg->lens, &how);
+        if (err)
+            return err;
+        *lens = calib.camera[calib.reference];
+        if (calib.width != p->width || calib.height != p->height) {
+            sst_log_error("%s is of pictures of %dx%d pixels, these have %dx%d", cfg->lens, calib.width, calib.height,
+                          p->width, p->height);
+            err = -EBADMSG;
+        }
+        sst_calib_fini(&calib);
+        return err;
+    }
+    if (cfg->focal_px > 0 || cfg->fov_deg > 0) {
+        lens->fx = lens->fy = cfg->focal_px > 0 ? cfg->focal_px : p->width / 2.0 / tan(cfg->fov_deg * pi / 360);
+        lens->cx = (p->width - 1) / 2.0;
+        lens->cy = (p->height - 1) / 2.0;
+    }
+    return 0;
+}
+
+static void take_lens(struct sst_calib_camera *to, const struct sst_calib_camera *from)
+{
+    to->fx = from->fx;
+    to->fy = from->fy;
+    to->cx = from->cx;
+    to->cy = from->cy;
+    to->lens = from->lens;
+    memcpy(to->k, from->k, sizeof(to->k));
+}
+
+/* Pictures without a pose get the lens that all posed ones share. */
+static void share_lens(struct model *m)
+{
+    const struct sst_calib_camera *shared = NULL;
+
+    for (int k = 0; k < m->count; k++) {
+        const struct sst_calib_camera *c = &m->view[k].camera;
+
+        if (!c->known)
+            continue;
+        if (shared && (c->fx != shared->fx || c->fy != shared->fy || c->cx != shared->cx || c->cy != shared->cy ||
+                       memcmp(c->k, shared->k, sizeof(c->k))))
+            return;
+        shared = c;
+    }
+    for (int k = 0; shared && k < m->count; k++) {
+        if (!m->view[k].camera.known)
+            take_lens(&m->view[k].camera, shared);
+    }
+}
+
+static int set_lenses(struct model *m, const struct picture *picture)
+{
+    struct sst_calib_camera given;
+    bool own = false, needed = false;
+    int err;
+
+    for (int k = 0; k < m->count; k++) {
+        own |= m->view[k].camera.fx != 0;
+        needed |= m->view[k].camera.known && m->view[k].camera.fx == 0;
+    }
+    if (own && !needed && (m->cfg->lens || m->cfg->focal_px > 0 || m->cfg->fov_deg > 0)) {
+        sst_log_error("%s has lenses of its own; leave out --focal, --fov and --lens", m->cfg->source);
+        return -EINVAL;
+    }
+    err = own && !needed ? 0 : given_lens(&given, m, picture);
+    if (err)
+        return err;
+    if (needed && given.fx == 0) {
+        sst_log_error("%s has poses without a focal length; add --focal PX, --fov DEG (across the width) or --lens FILE",
+                      m->cfg->source);
+        return -EINVAL;
+    }
+    for (int k = 0; k < m->count; k++) {
+        struct model_view *v = &m->view[k];
+
+        if (v->camera.fx == 0 && (needed || !own))
+            take_lens(&v->camera, &given);
+        if (v->width && (v->width != picture[k].width || v->height != picture[k].height)) {
+            sst_log_error("%s has %dx%d pixels, but its lens in %s is of pictures of %dx%d; use the pictures of the poses",
+                          v->path, picture[k].width, picture[k].height, m->cfg->source, v->width, v->height);
+            return -EBADMSG;
+        }
+    }
+    if (own)
+        share_lens(m);
+    return 0;
+}
+
+/* --- the folder --------------------------------------------------------------------------------------------------- */
+
+static void set_world(struct sst_posed *posed, struct model *m)
+{
+    const struct sst_posed_import_config *cfg = m->cfg;
+    const double unit_mm = cfg->unit_mm > 0 ? cfg->unit_mm : m->unit_mm;
+
+    posed->metric = m->metric || cfg->unit_mm > 0;
+    memcpy(posed->up, m->up, sizeof(posed->up));
+    posed->geographic = m->geographic;
+    posed->latitude = m->latitude;
+    posed->longitude = m->longitude;
+    posed->altitude_m = m->altitude_m;
+    posed->kelvin_scale = cfg->kelvin_scale;
+    posed->kelvin_offset = cfg->kelvin_offset;
+    posed->median_px = m->median_px;
+    snprintf(posed->source, sizeof(posed->source), "%s import of %.900s", m->format, cfg->source);
+    sst_text_make_utf8(posed->source);
+    if (sst_posed_placed(posed))
+        snprintf(posed->history, sizeof(posed->history), "poses of %s", m->format);
+    posed->points = m->points;
+    posed->point_count = m->point_count;
+    m->points = NULL;
+    for (int i = 0; i < posed->point_count; i++) {
+        for (int j = 0; j < 3; j++)
+            posed->points[i].at_mm[j] *= unit_mm;
+    }
+    for (int k = 0; k < posed->count; k++) {
+        for (int i = 0; i < 3; i++)
+            posed->view[k].camera.position_mm[i] *= unit_mm;
+    }
+}
+
+static int finish(struct model *m, const struct job *job)
+{
+    struct sst_posed posed;
+    int err = sst_posed_init(&posed, m->count);
+
+    if (err)
+        return err;
+    posed.width = job->picture[0].width;
+    posed.height = job->picture[0].height;
+    posed.channels = job->picture[0].channels;
+    posed.bits = job->picture[0].bits;
+    err = set_names(&posed, m);
+    for (int k = 0; k < m->count; k++) {
+        struct sst_posed_view *v = &posed.view[k];
+
+        v->camera = m->view[k].camera;
+        snprintf(v->file, sizeof(v->file), "%04d%s", k, job->picture[k].end);
+        memcpy(v->sha256, job->picture[k].sha256, sizeof(v->sha256));
+    }
+    if (!err && m->cfg->moments)
+        err = moments_set(&posed, m->cfg->moments);
+    if (!err) {
+        set_world(&posed, m);
+        err = sst_posed_write(&posed, job->out);
+    }
+    sst_posed_fini(&posed);
+    return err == -EINVAL ? -EBADMSG : err; /* a fault of the source */
+}
+
+static int fill(struct model *m, const char *out)
+{
+    struct job job = { .m = m, .out = out };
+    char views[SST_PATH_MAX];
+    int err = sst_path_join(views, out, "views");
+
+    err = err ? err : sst_path_make_dir(views);
+    if (err)
+        return err;
+    job.picture = calloc((size_t)m->count, sizeof(*job.picture));
+    if (!job.picture)
+        return -ENOMEM;
+    err = sst_parallel_for(m->count, sst_thread_count(m->cfg->threads), copy_view, &job);
+    err = err ? err : choose_views(m, &job);
+    err = err ? err : set_lenses(m, job.picture);
+    err = err ? err : finish(m, &job);
+    free(job.picture);
+    return err;
+}
+
+int model_write(struct model *m)
+{
+    struct sst_outdir out;
+    int err = sst_outdir_open(&out, m->cfg->out, m->cfg->force);
+
+    if (err)
+        return err;
+    out.synced = true;
+    err = fill(m, out.temporary);
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory to import %s", m->cfg->source);
+    return sst_outdir_end(&out, err);
+}
