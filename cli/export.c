@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+#include "pipeline/posed/export.h"
+#include "pipeline/posed/posed.h"
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_export_config cfg = { 0 };
@@ -32,6 +35,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         cfg.infinity_px = &infinity_px;
     cfg.format = args[0];
     cfg.dir = args[1];
+    if (sst_posed_is(cfg.dir)) {
+        err = sst_posed_export(&cfg);
+        return err ? cli_exit_code(err) : cli_report_posed(cfg.dir, cfg.out, false);
+    }
     err = sst_export(&cfg);
     return cli_exit_code(err ? err : cli_print_lightfield(cfg.dir, cfg.out));
 }

@@ -7,9 +7,9 @@
 #include "base/edit_distance.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/camera/format.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/jpeg_tables.h"
+#include "pipeline/lightfield/export_poses.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define SENSOR_MM 35.0  /* HCI expresses the focal length by a sensor size; any value works, this is the benchmark's */
@@ -268,13 +268,11 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-typedef int write_poses_fn(const struct sst_calib *calib, const char (*name)[64], const char *dir);
-
-static int write_poses(const struct export_job *job, write_poses_fn *write, int coefficients)
+static int write_poses(const struct export_job *job, int (*write)(const struct sst_export_cameras *cameras, const char *dir))
 {
     const int views = job->lf.rows * job->lf.cols;
-    char(*name)[64] = calloc((size_t)views, sizeof(*name));
-    struct sst_calib exact, fitted = { 0 };
+    char(*name)[SST_EXPORT_NAME] = calloc((size_t)views, sizeof(*name));
+    struct sst_calib calib;
     int err;
 
     if (!name) {
@@ -283,14 +281,14 @@ static int write_poses(const struct export_job *job, write_poses_fn *write, int 
     }
     for (int k = 0; k < views; k++)
         image_name(job, k, name[k]);
-    err = export_cameras(&exact, &job->lf, job->cfg->dir);
+    err = export_cameras(&calib, &job->lf, job->cfg->dir);
     if (!err) {
-        if (coefficients)
-            err = sst_calib_reduce(&fitted, &exact, coefficients, job->cfg->lossy, "nerfstudio");
-        if (!err)
-            err = write(coefficients ? &fitted : &exact, (const char(*)[64])name, job->out);
-        sst_calib_fini(&exact);
-        sst_calib_fini(&fitted);
+        err = write(&(struct sst_export_cameras){ .calib = &calib,
+                                                  .name = (const char(*)[SST_EXPORT_NAME])name,
+                                                  .array = true,
+                                                  .lossy = job->cfg->lossy },
+                    job->out);
+        sst_calib_fini(&calib);
     }
     free(name);
     return err;
@@ -298,12 +296,12 @@ static int write_poses(const struct export_job *job, write_poses_fn *write, int 
 
 static int colmap_rest(const struct export_job *job)
 {
-    return write_poses(job, colmap_write, 0);
+    return write_poses(job, sst_export_colmap);
 }
 
 static int nerfstudio_rest(const struct export_job *job)
 {
-    return write_poses(job, nerfstudio_write, 5);
+    return write_poses(job, sst_export_nerfstudio);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------ */

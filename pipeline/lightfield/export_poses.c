@@ -6,9 +6,12 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "pipeline/camera/format.h"
+#include "pipeline/lightfield/export_poses.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define METRE_MM 1000.0
+#define COEFFICIENTS 5 /* of nerfstudio's lens */
 #define HALF_PX  0.5 /* their pixel centres are at halves, ours on integers */
 
 /* --- cameras ------------------------------------------------------------------------------------------------------ */
@@ -159,9 +162,9 @@ static void put_pose(FILE *f, const struct sst_calib_camera *a, const struct sst
  * after one of each for every image, where the files' names differ in the camera only; else these stay. */
 struct colmap_model {
     const struct sst_calib *calib;
-    const char (*name)[64];
-    int images, view[SST_MAX_VIEWS]; /* images in the order of their names */
-    int number[SST_MAX_VIEWS];       /* of a view's image; 0: none */
+    const char (*name)[SST_EXPORT_NAME];
+    int images, view[SST_EXPORT_VIEWS]; /* images in the order of their names */
+    int number[SST_EXPORT_VIEWS];       /* of a view's image; 0: none */
     bool lenses;                     /* the extractor has one camera model for all */
     bool one_rig;                    /* an array as one rig with one frame */
 };
@@ -172,8 +175,11 @@ static int camera_bytes(const char *name)
     return (int)strcspn(name, ".");
 }
 
-static void model_init(struct colmap_model *m, const struct sst_calib *calib, const char (*name)[64])
+static void model_init(struct colmap_model *m, const struct sst_export_cameras *cameras)
 {
+    const struct sst_calib *calib = cameras->calib;
+    const char(*name)[SST_EXPORT_NAME] = cameras->name;
+
     *m = (struct colmap_model){ .calib = calib, .name = name };
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         int at = m->images;
@@ -186,7 +192,7 @@ static void model_init(struct colmap_model *m, const struct sst_calib *calib, co
         m->images++;
         m->lenses |= calib->camera[k].lens;
     }
-    m->one_rig = !calib->rig;
+    m->one_rig = cameras->array && !calib->rig;
     for (int i = 0; i < m->images; i++) {
         m->number[m->view[i]] = i + 1;
         m->one_rig &= !strcmp(name[m->view[i]] + camera_bytes(name[m->view[i]]),
@@ -353,7 +359,7 @@ static void put_readme(FILE *f, const struct colmap_model *m)
                             : "");
 }
 
-int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
+int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
 {
     static const struct {
         const char *name;
@@ -371,7 +377,7 @@ int colmap_write(const struct sst_calib *calib, const char (*name)[64], const ch
     struct sst_outfile out;
     int err = make_folder(dir, "sparse");
 
-    model_init(&m, calib, name);
+    model_init(&m, cameras);
     if (!err)
         err = make_folder(dir, "sparse/0");
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
@@ -422,7 +428,7 @@ static json_t *pose_matrix(const struct sst_calib_camera *c)
 static json_t *frame_to_json(const struct sst_calib *calib, int view, const char *name)
 {
     const struct sst_calib_camera *c = &calib->camera[view];
-    char path[80];
+    char path[SST_EXPORT_NAME + 8];
 
     snprintf(path, sizeof(path), "images/%s", name);
     return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:o}", "file_path", path, "w",
@@ -431,23 +437,29 @@ static json_t *frame_to_json(const struct sst_calib *calib, int view, const char
                      c->k[3], "transform_matrix", pose_matrix(c));
 }
 
-int nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
+int sst_export_nerfstudio(const struct sst_export_cameras *cameras, const char *dir)
 {
     const double applied[12] = { world[0][0], world[0][1], world[0][2], 0,           world[1][0], world[1][1],
                                  world[1][2], 0,           world[2][0], world[2][1], world[2][2], 0 };
-    json_t *frames = json_array(), *root;
+    struct sst_calib fitted;
+    json_t *frames, *root;
     char path[SST_PATH_MAX], *text = NULL;
     int err = sst_path_join(path, dir, "transforms.json");
 
-    for (int k = 0; k < calib->rows * calib->cols; k++) {
-        if (calib->camera[k].known)
-            json_array_append_new(frames, frame_to_json(calib, k, name[k]));
+    err = err ? err : sst_calib_reduce(&fitted, cameras->calib, COEFFICIENTS, cameras->lossy, "nerfstudio");
+    if (err)
+        return err;
+    frames = json_array();
+    for (int k = 0; k < fitted.rows * fitted.cols; k++) {
+        if (fitted.camera[k].known)
+            json_array_append_new(frames, frame_to_json(&fitted, k, cameras->name[k]));
     }
+    sst_calib_fini(&fitted);
     root =
         json_pack("{s:s, s:o, s:o}", "camera_model", "OPENCV", "applied_transform", rows(applied, 3), "frames", frames);
     text = root ? json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(root);
-    if (!err && !text) {
+    if (!text) {
         sst_log_error("not enough memory to export the light field");
         err = -ENOMEM;
     }

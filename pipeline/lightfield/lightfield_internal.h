@@ -22,21 +22,6 @@ struct export_job {
  */
 SST_MUST_CHECK int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const char *dir);
 
-/**
- * A COLMAP model as text in dir/sparse/0: cameras, images, points3D (empty), rigs and frames. COLMAP's convention:
- * the upper left pixel's centre is (0.5, 0.5); poses take points (metres) from the reference camera's axes into a
- * camera.
- * @param name  of view k's file below images/
- */
-SST_MUST_CHECK int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir);
-
-/**
- * nerfstudio's transforms.json in dir. Its convention: the upper left pixel's centre is (0.5, 0.5); matrices take
- * points (metres) from the camera (x right, y up, z back) into a world with z up, y forward (recorded in
- * applied_transform).
- */
-SST_MUST_CHECK int nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir);
-
 /* --- imports: facts about the source before files are copied ---
  *
  * A format (import_<format>.c) reads names and parameters only and fills the plan; import.c does the common

@@ -115,6 +115,16 @@ static int choose_folder(char dir[SST_PATH_MAX], const struct model *m, const ch
     return -ENOENT;
 }
 
+/* A picture that was found with another ending has it in its name. */
+static void take_name(struct model_view *v)
+{
+    char *base = v->name + (sst_path_base(v->name) - v->name);
+    const char *found = sst_path_base(v->path);
+
+    if (strlen(found) < sizeof(v->name) - (size_t)(base - v->name))
+        memcpy(base, found, strlen(found) + 1);
+}
+
 static int find_views(struct model *m, const char *dir)
 {
     for (int k = 0; k < m->count; k++) {
@@ -125,6 +135,7 @@ static int find_views(struct model *m, const char *dir)
                           m->cfg->source, v->name, dir);
             return -ENOENT;
         }
+        take_name(v);
         for (int j = 0; j < k; j++) {
             if (strcmp(m->view[j].path, v->path))
                 continue;
