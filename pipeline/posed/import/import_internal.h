@@ -27,6 +27,7 @@ struct model {
     const char *path;     /* of the file being read, for messages */
     struct model_view *view;
     int count, capacity;
+    int other; /* pictures without a pose that are left out */
     struct sst_posed_point *points;
     int point_count;
     int64_t ahead, behind; /* observations of points in front of and behind the camera that sees them */

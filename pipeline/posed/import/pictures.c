@@ -202,7 +202,7 @@ static int list_sorted(struct listing *l, const char *dir)
 static int add_unplaced(struct model *m)
 {
     const int posed = m->count;
-    int added = 0, left = 0, err = 0;
+    int err = 0;
 
     for (int k = 0; !err && k < posed; k++) {
         const int bytes = (int)(sst_path_base(m->view[k].path) - m->view[k].path);
@@ -227,20 +227,16 @@ static int add_unplaced(struct model *m)
             if (used)
                 continue;
             if (m->count == SST_POSED_MAX_VIEWS) {
-                left++;
+                m->other++;
                 continue;
             }
             v = model_add(m, sst_path_base(l.path[i]));
             if (v)
                 memcpy(v->path, l.path[i], SST_PATH_MAX);
-            added += v != NULL;
             err = v ? 0 : -ENOMEM;
         }
         free(l.path);
     }
-    if (!err && left)
-        sst_log_warning("%s: %d pictures without a pose are left out, as there are more than %d", m->cfg->source, left,
-                        SST_POSED_MAX_VIEWS);
     return err;
 }
 

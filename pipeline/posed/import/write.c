@@ -89,7 +89,7 @@ static const char *kind_text(char text[64], const struct picture *p)
 /* Pictures without a pose that differ from the posed ones are no views: they are removed from the model. */
 static int choose_views(struct model *m, struct job *job)
 {
-    int first = 0, kept = 0, other = 0, unplaced = 0;
+    int first = 0, kept = 0;
     char a[64], b[64];
 
     while (first < m->count - 1 && !m->view[first].camera.known)
@@ -104,7 +104,7 @@ static int choose_views(struct model *m, struct job *job)
                           kind_text(a, &job->picture[k]), m->view[first].path, kind_text(b, &job->picture[first]));
             return -EBADMSG;
         }
-        other += !same;
+        m->other += !same;
     }
     for (int k = 0; k < m->count; k++) {
         char from[SST_PATH_MAX], to[SST_PATH_MAX];
@@ -123,13 +123,9 @@ static int choose_views(struct model *m, struct job *job)
             m->view[kept] = m->view[k];
             job->picture[kept] = job->picture[k];
         }
-        unplaced += !m->view[kept++].camera.known;
+        kept++;
     }
     m->count = kept;
-    if (other)
-        sst_log_warning("%s: %d pictures without a pose are of another size or kind and are left out", m->cfg->source, other);
-    if (unplaced && unplaced < kept)
-        sst_log_warning("%s: %d pictures have no pose; they become views that are not placed", m->cfg->source, unplaced);
     return 0;
 }
 
@@ -369,6 +365,19 @@ static int fill(struct model *m, const char *out)
     return err;
 }
 
+static void warn(const struct model *m)
+{
+    int unplaced = 0;
+
+    for (int k = 0; k < m->count; k++)
+        unplaced += !m->view[k].camera.known;
+    if (unplaced && unplaced < m->count)
+        sst_log_warning("%s: %d pictures have no pose; they are views that are not placed", m->cfg->source, unplaced);
+    if (m->other)
+        sst_log_warning("%s: %d pictures without a pose are of another size or kind, or more than %d, and are left out",
+                        m->cfg->source, m->other, SST_POSED_MAX_VIEWS);
+}
+
 int model_write(struct model *m)
 {
     struct sst_outdir out;
@@ -380,5 +389,8 @@ int model_write(struct model *m)
     err = fill(m, out.temporary);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to import %s", m->cfg->source);
-    return sst_outdir_end(&out, err);
+    err = sst_outdir_end(&out, err);
+    if (!err)
+        warn(m);
+    return err;
 }
