@@ -10,6 +10,12 @@
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/tiff.h"
 
+bool tiff_is(const uint8_t *data, size_t size)
+{
+    return size >= 4 && (!memcmp(data, "II*\0", 4) || !memcmp(data, "MM\0*", 4) || !memcmp(data, "II+\0", 4) ||
+                         !memcmp(data, "MM\0+", 4));
+}
+
 enum sst_image_format sst_image_format_of(const uint8_t *data, size_t size, const char *name)
 {
     if (size >= 4 && data[0] == 0x89 && data[1] == 'P' && data[2] == 'N' && data[3] == 'G')

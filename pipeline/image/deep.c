@@ -68,9 +68,10 @@ static int check_jpeg(int *channels, const uint8_t *data, size_t size, const cha
         if (is_frame(s.mark) && s.bytes > 5)
             *channels = s.data[5] == 1 ? 1 : 3;
         if (s.mark == 0xE1 && begins(&s, "FLIR", 5)) {
-            sst_log_error("%s is a radiometric JPEG of FLIR, whose colours are no temperatures; convert it: exiftool -b "
-                          "-RawThermalImage %s > OUT.tif",
-                          name, name);
+            sst_log_error(
+                "%s is a radiometric JPEG of FLIR, whose colours are no temperatures; convert it: exiftool -b "
+                "-RawThermalImage %s > OUT.tif",
+                name, name);
             return -EBADMSG;
         }
         dji |= s.mark == 0xE1 && begins(&s, "Exif\0", 6) && names_dji(&s);
@@ -219,7 +220,7 @@ int sst_deep_write(const struct sst_deep *deep, const char *path)
         sst_deep_fini(&wide);
         return err;
     }
-    return !png                 ? tiff_write(deep, path)
+    return !png                  ? tiff_write(deep, path)
            : deep->channels == 1 ? sst_map_u16_write_png(&deep->plane[0], path)
                                  : sst_image_write_deep(deep->plane, path);
 }

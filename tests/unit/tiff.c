@@ -84,7 +84,9 @@ static const char *make(const struct kind *k)
     const char *path = test_path("made.tif");
     TIFF *tif = TIFFOpen(path, k->mode ? k->mode : "w");
     const int planes = k->planar == PLANARCONFIG_SEPARATE ? k->channels + k->extra : 1;
-    const int step_x = k->tile ? (int)k->tile : WIDTH, step_y = k->tile ? (int)k->tile : k->rows ? (int)k->rows : HEIGHT;
+    const int step_x = k->tile ? (int)k->tile : WIDTH, step_y = k->tile   ? (int)k->tile
+                                                                : k->rows ? (int)k->rows
+                                                                          : HEIGHT;
     static uint8_t data[65536];
 
     assert_non_null(tif);
@@ -104,7 +106,8 @@ static const char *make(const struct kind *k)
                 const size_t n = fill(data, k, x, y, step_x, rows, planes > 1 ? plane : -1);
 
                 if (k->tile)
-                    assert_true(TIFFWriteEncodedTile(tif, TIFFComputeTile(tif, (uint32_t)x, (uint32_t)y, 0, (uint16_t)plane),
+                    assert_true(TIFFWriteEncodedTile(tif,
+                                                     TIFFComputeTile(tif, (uint32_t)x, (uint32_t)y, 0, (uint16_t)plane),
                                                      data, (tmsize_t)n) >= 0);
                 else
                     assert_true(TIFFWriteEncodedStrip(tif, TIFFComputeStrip(tif, (uint32_t)y, (uint16_t)plane), data,
@@ -160,7 +163,9 @@ static void all_layouts_are_read(void **state SST_UNUSED)
     static const uint16_t colours[] = { PHOTOMETRIC_MINISBLACK, PHOTOMETRIC_MINISWHITE, PHOTOMETRIC_RGB };
 
     for (int i = 0; i < 3 * 5 * 3 * 2 * 2 * 2 * 2; i++) {
-        struct kind k = { .mode = modes[i % 3], .compression = compressions[i / 3 % 5], .photometric = colours[i / 15 % 3] };
+        struct kind k = { .mode = modes[i % 3],
+                          .compression = compressions[i / 3 % 5],
+                          .photometric = colours[i / 15 % 3] };
 
         k.channels = k.photometric == PHOTOMETRIC_RGB ? 3 : 1;
         k.bits = i / 45 % 2 ? 8 : 16;
@@ -197,10 +202,13 @@ static void other_kinds_are_named(void **state SST_UNUSED)
 {
     refused(make(&(struct kind){ .bits = 16, .channels = 1, .photometric = 1, .format = SAMPLEFORMAT_INT }), "signed");
     refused(make(&(struct kind){ .bits = 8, .channels = 5, .photometric = 1 }), "5 channels");
-    refused(make(&(struct kind){ .bits = 8, .channels = 4, .photometric = PHOTOMETRIC_SEPARATED }), "neither grey nor RGB");
-    refused(make(&(struct kind){ .bits = 8, .channels = 1, .photometric = 1, .compression = COMPRESSION_LZMA }), "LZMA");
-    refused(make(&(struct kind){ .bits = 8, .channels = 1, .photometric = 1, .compression = COMPRESSION_JPEG, .rows = 16 }),
-            "compressed by JPEG; write it with deflate");
+    refused(make(&(struct kind){ .bits = 8, .channels = 4, .photometric = PHOTOMETRIC_SEPARATED }),
+            "neither grey nor RGB");
+    refused(make(&(struct kind){ .bits = 8, .channels = 1, .photometric = 1, .compression = COMPRESSION_LZMA }),
+            "LZMA");
+    refused(
+        make(&(struct kind){ .bits = 8, .channels = 1, .photometric = 1, .compression = COMPRESSION_JPEG, .rows = 16 }),
+        "compressed by JPEG; write it with deflate");
 }
 
 int main(void)
