@@ -43,14 +43,16 @@ static int on_error(TIFF *tif SST_UNUSED, void *user, const char *module SST_UNU
     return 1;
 }
 
-/* Unknown tags, mostly. */
+/* Unknown tags, mostly. Of tags that it cannot read it only warns, and then reads indices as levels of grey. */
 static int on_warning(TIFF *tif SST_UNUSED, void *user, const char *module SST_UNUSED, const char *format, va_list args)
 {
-    const struct tiff_file *f = user;
-    char text[256];
+    struct tiff_file *f = user;
+    char text[sizeof(f->message)];
 
     vsnprintf(text, sizeof(text), format, args);
     sst_log_debug("%s: %s", f->name, text);
+    if (!f->message[0] && (strstr(text, "IO error") || strstr(text, "\"ColorMap\"")))
+        memcpy(f->message, text, sizeof(text));
     return 1;
 }
 
@@ -349,10 +351,9 @@ int tiff_read_file(const uint8_t *data, size_t size, const char *name, tiff_work
     struct tiff_file f = { .name = name, .in = data, .size = size };
     int err = tiff_open(&f, "r");
 
-    if (f.tif)
-        err = read_layout(&f);
-    else if (loaded && err == -EBADMSG)
+    if (loaded && err != -ENOMEM && (!f.tif || f.message[0]))
         err = tiff_damaged(&f);
+    err = err ? err : read_layout(&f);
     err = err ? err : work(arg, &f);
     tiff_close(&f);
     return err;
