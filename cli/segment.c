@@ -52,7 +52,7 @@ static int add_path(struct inputs *in, const char *dir, const char *name)
     return in->paths[in->count++] ? 0 : -ENOMEM;
 }
 
-/* The PNG and JPEG files of a folder, by name. */
+/* The pictures of a folder, by name. */
 static int add_folder(struct inputs *in, const char *dir)
 {
     const int first = in->count;
@@ -69,8 +69,8 @@ static int add_folder(struct inputs *in, const char *dir)
     if (!err && in->count == first)
         err = -ENODATA;
     if (err)
-        sst_log_error("%s: %s; give images or a folder with PNG or JPEG files", dir,
-                      err == -ENODATA ? "no PNG or JPEG file in it" : strerror(-err));
+        sst_log_error("%s: %s; give images or a folder with PNG, JPEG or TIFF files", dir,
+                      err == -ENODATA ? "no PNG, JPEG or TIFF file in it" : strerror(-err));
     else
         sst_stats_sort_strings(in->paths + first, in->count - first);
     return err;

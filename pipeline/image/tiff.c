@@ -89,11 +89,14 @@ static void apply_palette(struct sst_deep *deep, const struct tiff_file *f)
 
 static int decode(struct sst_deep *out, struct tiff_file *f)
 {
-    struct sst_deep made = { 0 };
     const bool coloured = f->layout.photometric == PHOTOMETRIC_PALETTE;
-    int err = sst_deep_init(&made, f->layout.width, f->layout.height, coloured ? 3 : f->layout.channels,
-                            f->layout.bits == 16 && !coloured ? 65535 : 255);
+    struct sst_deep made = { 0 };
+    int err = tiff_check_rows(f);
 
+    if (err)
+        return err;
+    err = sst_deep_init(&made, f->layout.width, f->layout.height, coloured ? 3 : f->layout.channels,
+                        f->layout.bits == 16 && !coloured ? 65535 : 255);
     err = err ? sst_image_size_error(err, f->name, f->layout.width, f->layout.height)
               : tiff_read_rows(f, put_row, &(struct decoded){ &made, f });
     if (err) {

@@ -292,13 +292,11 @@ static bool next_chunk(struct chunk *c, const struct tiff_file *f)
     return true;
 }
 
-/* Every one lies in the file and may hold its pixels: only then is memory allocated for them. @param most  out: bytes
- * of the largest one when decoded */
-static int check_chunks(size_t *most, const struct tiff_file *f)
+int tiff_check_rows(struct tiff_file *f)
 {
     struct chunk c = { 0 };
+    uint64_t all = 0;
 
-    *most = 0;
     while (next_chunk(&c, f)) {
         const uint64_t at = tiff_lib.TIFFGetStrileOffset(f->tif, c.index),
                        n = tiff_lib.TIFFGetStrileByteCount(f->tif, c.index);
@@ -308,22 +306,19 @@ static int check_chunks(size_t *most, const struct tiff_file *f)
                           c.x);
             return -EBADMSG;
         }
-        *most = c.bytes > *most ? c.bytes : *most;
+        all += n;
+        f->chunk_bytes = c.bytes > f->chunk_bytes ? c.bytes : f->chunk_bytes;
     }
-    return 0;
+    return all <= f->size ? 0 : tiff_refuse(f, "whose parts are in one place of the file", "write it again");
 }
 
 int tiff_read_rows(struct tiff_file *f, tiff_row_fn *put, void *arg)
 {
     const size_t step = f->separate ? 1 : (size_t)f->samples;
+    uint8_t *data = malloc(f->chunk_bytes);
     struct chunk c = { 0 };
-    size_t most;
-    uint8_t *data;
-    int err = check_chunks(&most, f);
+    int err = 0;
 
-    if (err)
-        return err;
-    data = malloc(most);
     if (!data)
         return sst_image_size_error(-ENOMEM, f->name, f->layout.width, f->layout.height);
     while (!err && next_chunk(&c, f)) {

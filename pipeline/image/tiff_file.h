@@ -62,6 +62,7 @@ struct tiff_file {
     bool separate; /* a plane for each */
     bool tiled;
     uint32_t chunk_width, chunk_height; /* px of a tile or strip */
+    size_t chunk_bytes;                 /* when decoded, of the largest one */
     uint16_t compression;
     const uint16_t *palette[3];
 };
@@ -85,8 +86,11 @@ typedef int tiff_work_fn(void *arg, struct tiff_file *f);
 /** Open a file in memory, work on it and close it. @return as readers of codec.h, else the work's */
 SST_MUST_CHECK int tiff_read_file(const uint8_t *data, size_t size, const char *name, tiff_work_fn *work, void *arg);
 
-/** Decode the channels of the layout, row by row; no memory is allocated that the file's size does not justify. The
- *  bits of a sample are a multiple of 8. */
+/** Whether all pixels of the layout's channels can be in the file, before memory is allocated for them. The bits of a
+ *  sample are a multiple of 8. @return 0, -EBADMSG, logged */
+SST_MUST_CHECK int tiff_check_rows(struct tiff_file *f);
+
+/** Decode the channels of the layout, row by row, after tiff_check_rows(). @return 0, -EBADMSG, -ENOMEM, logged */
 SST_MUST_CHECK int tiff_read_rows(struct tiff_file *f, tiff_row_fn *put, void *arg);
 
 /** Log one sentence: "... is a TIFF <what>; <remedy>", or the library's error. @return -EBADMSG */

@@ -149,6 +149,7 @@ static int grid_work(void *arg, struct tiff_file *f)
     l->channels = 1;
     g->layout = *l;
     err = read_place(g->geo, f);
+    err = err ? err : tiff_check_rows(f);
     if (err)
         return err;
     read_gdal(g->geo, f);

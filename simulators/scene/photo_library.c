@@ -106,8 +106,8 @@ static int read_photos(struct photo_library *lib, const struct sst_layers_config
     int err = n < 0 ? -errno : n == 0 ? -ENOENT : 0;
 
     if (err)
-        sst_log_error("%s: %s; give a folder with PNG or JPEG pictures", cfg->photos,
-                      n == 0 ? "no PNG or JPEG file in it" : strerror(-err));
+        sst_log_error("%s: %s; give a folder with PNG, JPEG or TIFF pictures", cfg->photos,
+                      n == 0 ? "no PNG, JPEG or TIFF file in it" : strerror(-err));
     for (int i = 0; i < sst_min_int(n, PHOTOS) && !err; i++) {
         const int other = i + (int)(sst_random(rng) * (n - i));
         struct dirent *swap = names[i];

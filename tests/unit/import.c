@@ -5,10 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/deep.h"
 #include "pipeline/image/develop.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
@@ -194,8 +196,8 @@ static void hci_window_keeps_its_truth(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
-/* 2x3 views of 4x5 from row 1, column 2 on: truth and places of the views go with them, what lies outside is not missed,
- * and the principal point of converging views belongs to the part's reference. */
+/* 2x3 views of 4x5 from row 1, column 2 on: truth and places of the views go with them, what lies outside is not
+ * missed, and the principal point of converging views belongs to the part's reference. */
 static void a_part_of_the_grid_is_a_grid(void **state SST_UNUSED)
 {
     struct sst_import_config cfg = config("hci", "src");
@@ -408,6 +410,50 @@ static void views_of_16_bits_are_scaled_alike(void **state SST_UNUSED)
         assert_int_equal(sst_image_row(&lf.views[1].image, 0, 0)[0], 77);
         sst_lightfield_fini(&lf);
     }
+}
+
+/* Thermal cameras write TIFF: the same views as of PNG files, their bytes kept. */
+static void tiff_views_are_those_of_png(void **state SST_UNUSED)
+{
+#if WITH_TIFF
+    struct sst_import_config cfg = config("folder", "src");
+    struct sst_lightfield png, tiff;
+    struct sst_map_u16 plane[3][3];
+    struct sst_deep deep;
+
+    cfg.rows = 1;
+    cfg.cols = 3;
+    cfg.force = true;
+    put_deep(3, 5700, 300, false);
+    import_and_load(&cfg, &png);
+    for (int k = 0; k < 3; k++) {
+        char from[64], to[64];
+
+        snprintf(from, sizeof(from), "src/00_%02d.png", k);
+        snprintf(to, sizeof(to), "src/00_%02d.%s", k, k == 1 ? "TIF" : "tiff");
+        assert_int_equal(sst_deep_read(&deep, in_dir(from)), 0);
+        assert_int_equal(sst_deep_write(&deep, in_dir(to)), 0);
+        assert_int_equal(unlink(in_dir(from)), 0);
+        sst_deep_fini(&deep);
+    }
+    import_and_load(&cfg, &tiff);
+    assert_string_equal(tiff.files->view[1].name, "00_01.tif");
+    assert_int_equal(tiff.samples.black, png.samples.black);
+    assert_int_equal(tiff.samples.white, png.samples.white);
+    assert_int_equal(tiff.samples.black, 5700);
+    assert_int_equal(sst_lightfield_read_deep(plane, &tiff, in_dir("out"), 1), 0);
+    for (int k = 0; k < 3; k++) {
+        for (int c = 0; c < 3; c++) {
+            for (int y = 0; y < 100; y++)
+                assert_memory_equal(sst_image_row(&tiff.views[k].image, c, y), sst_image_row(&png.views[k].image, c, y),
+                                    200);
+            assert_int_equal(sst_map_u16_row(&plane[k][c], 0)[100], 5700 + k + 100 * 7919 % 300);
+            sst_map_u16_fini(&plane[k][c]);
+        }
+    }
+    sst_lightfield_fini(&png);
+    sst_lightfield_fini(&tiff);
+#endif
 }
 
 static void folder_refuses(void **state SST_UNUSED)
@@ -681,6 +727,7 @@ int main(void)
         cmocka_unit_test_setup(hci_parameters_are_converted, setup),
         cmocka_unit_test_setup(folder_reads_external_maps, setup),
         cmocka_unit_test_setup(views_of_16_bits_are_scaled_alike, setup),
+        cmocka_unit_test_setup(tiff_views_are_those_of_png, setup),
         cmocka_unit_test_setup(folder_refuses, setup),
         cmocka_unit_test_setup(folder_of_a_camera_is_read, setup),
         cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
