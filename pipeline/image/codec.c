@@ -99,19 +99,20 @@ int sst_image_read(struct sst_image *img, const char *path)
 
 int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
 {
-    int channels, bits;
+    const enum sst_image_format format = sst_image_format_of(data, size, name);
+    struct sst_deep_size found;
+    int err;
 
-    switch (sst_image_format_of(data, size, name)) {
-    case SST_IMAGE_PNG:
-        return sst_png_size(width, height, &channels, &bits, data, size, name);
-    case SST_IMAGE_JPEG:
+    if (format == SST_IMAGE_JPEG)
         return sst_jpeg_size(width, height, data, size, name);
-    case SST_IMAGE_TIFF:
-        return tiff_size(width, height, &channels, &bits, data, size, name);
-    case SST_IMAGE_OTHER:
-        break;
-    }
-    return -EBADMSG;
+    if (format == SST_IMAGE_OTHER)
+        return -EBADMSG;
+    err = format == SST_IMAGE_PNG ? sst_png_size(&found, data, size, name) : tiff_size(&found, data, size, name);
+    if (err)
+        return err;
+    *width = found.width;
+    *height = found.height;
+    return 0;
 }
 
 int sst_image_read_size(const char *path, int *width, int *height)

@@ -25,8 +25,7 @@ SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, si
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                    bool strict);
 SST_MUST_CHECK int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
-SST_MUST_CHECK int sst_png_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size,
-                                const char *name);
+SST_MUST_CHECK int sst_png_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
 /** Whether a Huffman-coded file of so many bytes can have so many pixels; small pictures always. */

@@ -141,19 +141,22 @@ int sst_deep_read(struct sst_deep *out, const char *path)
     return err;
 }
 
-static int decode_size(struct sst_deep *out, int *bits, const uint8_t *data, size_t size, const char *name)
+static int decode_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name)
 {
+    struct sst_deep_size made = { .bits = 8 };
     int err;
 
     switch (sst_image_format_of(data, size, name)) {
     case SST_IMAGE_PNG:
-        return sst_png_size(&out->width, &out->height, &out->channels, bits, data, size, name);
+        return sst_png_size(out, data, size, name);
     case SST_IMAGE_JPEG:
-        err = check_jpeg(&out->channels, data, size, name);
-        *bits = 8;
-        return err ? err : sst_jpeg_size(&out->width, &out->height, data, size, name);
+        err = check_jpeg(&made.channels, data, size, name);
+        err = err ? err : sst_jpeg_size(&made.width, &made.height, data, size, name);
+        if (!err)
+            *out = made;
+        return err;
     case SST_IMAGE_TIFF:
-        return tiff_size(&out->width, &out->height, &out->channels, bits, data, size, name);
+        return tiff_size(out, data, size, name);
     case SST_IMAGE_OTHER:
         break;
     }
@@ -162,21 +165,21 @@ static int decode_size(struct sst_deep *out, int *bits, const uint8_t *data, siz
 
 int sst_deep_read_size(const char *path, int *width, int *height, int *channels, int *bits)
 {
-    struct sst_deep found;
+    struct sst_deep_size found;
     uint8_t *data;
     size_t size;
-    int deep, err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
+    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
 
     if (err)
         return err;
-    err = decode_size(&found, &deep, data, size, path);
+    err = decode_size(&found, data, size, path);
     free(data);
     if (err)
         return err;
     *width = found.width;
     *height = found.height;
     *channels = found.channels;
-    *bits = deep;
+    *bits = found.bits;
     return 0;
 }
 
@@ -292,13 +295,14 @@ struct sst_samples sst_deep_stretch(const struct sst_deep *deep)
 
 int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
 {
+    struct sst_deep_size found;
     struct sst_deep deep;
-    int bits, err;
+    int err;
 
     if (sst_image_is_jpeg(data, size))
         return 0;
-    err = decode_size(&deep, &bits, data, size, name);
-    if (err || bits == 8)
+    err = decode_size(&found, data, size, name);
+    if (err || found.bits == 8)
         return err;
     err = sst_deep_decode(&deep, data, size, name);
     if (err)

@@ -12,6 +12,12 @@ struct sst_deep {
     struct sst_map_u16 plane[3]; /* [channels] */
 };
 
+/** Size and kind of a picture without its pixels. */
+struct sst_deep_size {
+    int width, height;
+    int channels, bits; /* 1 or 3; 8 or 16 */
+};
+
 /** Zeroed levels. @return as sst_map_u16_init(), -EINVAL also for other channels and whites */
 SST_MUST_CHECK int sst_deep_init(struct sst_deep *deep, int width, int height, int channels, int white);
 void sst_deep_fini(struct sst_deep *deep);

@@ -15,7 +15,7 @@
 #define WORLD_NUMBERS 6
 #define WORLD_MAX     4096 /* bytes */
 #define MM            1000.0
-#define MOST          1e6f /* m: what is higher is no height */
+#define MOST          1e6f /* m: a higher number is no height */
 
 void sst_heights_fini(struct sst_heights *heights)
 {

@@ -11,7 +11,7 @@ struct sst_heights {
 };
 
 /**
- * Read a terrain file, whose numbers are metres.
+ * Read a terrain file with its numbers in metres.
  *
  * TIFF of one channel of 16 bits or 32-bit floats (tiff.h's compressions), placed north up by tags of GeoTIFF or by a
  * world file beside it: NAME.tfw, NAME.tifw or NAME.wld. GDAL's number for no data is unknown. Scale and offset of

@@ -51,7 +51,7 @@ static int read_vertex(struct mesh *m, const char *at, int line)
     return 0;
 }
 
-/* A polygon, as a fan of triangles. Indices count from 1, negative ones from the last vertex; "/" begins those of
+/* A polygon, as a fan of triangles. Indices count from 1, negative ones from the last vertex; "/" begins indices of
  * textures and normals. */
 static int read_face(struct mesh *m, const char *at, const char *end, int line)
 {

@@ -290,27 +290,16 @@ int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, 
 
 static int note_size(struct reader *r, void *arg)
 {
-    struct sst_deep *size = arg;
+    struct sst_deep_size *out = arg;
 
-    size->width = r->width;
-    size->height = r->height;
-    size->channels = channels_of(r);
-    size->white = png_get_bit_depth(r->png, r->info) == 16 ? 65535 : 255;
+    *out = (struct sst_deep_size){ r->width, r->height, channels_of(r),
+                                   png_get_bit_depth(r->png, r->info) == 16 ? 16 : 8 };
     return 0;
 }
 
-int sst_png_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size, const char *name)
+int sst_png_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name)
 {
-    struct sst_deep found;
-    int err = read_file(data, size, name, note_size, &found);
-
-    if (!err) {
-        *width = found.width;
-        *height = found.height;
-        *channels = found.channels;
-        *bits = found.white == 255 ? 8 : 16;
-    }
-    return err;
+    return read_file(data, size, name, note_size, out);
 }
 
 #define DEFINE_MAP_READ(kind, sample)                                                                                  \

@@ -123,29 +123,19 @@ int tiff_decode(struct sst_deep *out, const uint8_t *data, size_t size, const ch
 
 static int size_work(void *arg, struct tiff_file *f)
 {
-    struct tiff_layout *out = arg;
+    const bool coloured = f->layout.photometric == PHOTOMETRIC_PALETTE;
+    struct sst_deep_size *out = arg;
     const int err = check_picture(f);
 
-    *out = f->layout;
-    if (out->photometric == PHOTOMETRIC_PALETTE) {
-        out->channels = 3;
-        out->bits = 8;
-    }
+    if (!err)
+        *out = (struct sst_deep_size){ f->layout.width, f->layout.height, coloured ? 3 : f->layout.channels,
+                                       coloured ? 8 : f->layout.bits };
     return err;
 }
 
-int tiff_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size, const char *name)
+int tiff_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name)
 {
-    struct tiff_layout layout = { 0 };
-    const int err = tiff_read_file(data, size, name, size_work, &layout);
-
-    if (err)
-        return err;
-    *width = layout.width;
-    *height = layout.height;
-    *channels = layout.channels;
-    *bits = layout.bits;
-    return 0;
+    return tiff_read_file(data, size, name, size_work, out);
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */

@@ -17,8 +17,7 @@ bool tiff_is(const uint8_t *data, size_t size);
 
 /** As the functions of deep.h; all refuse where this build has no libtiff. */
 SST_MUST_CHECK int tiff_decode(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
-SST_MUST_CHECK int tiff_size(int *width, int *height, int *channels, int *bits, const uint8_t *data, size_t size,
-                             const char *name);
+SST_MUST_CHECK int tiff_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int tiff_write(const struct sst_deep *deep, const char *path);
 
 /** Read one channel of floats, or of 16 bits, signed or not. @param grid  out, initialised here

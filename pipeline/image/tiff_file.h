@@ -93,7 +93,7 @@ SST_MUST_CHECK int tiff_check_rows(struct tiff_file *f);
 /** Decode the channels of the layout, row by row, after tiff_check_rows(). @return 0, -EBADMSG, -ENOMEM, logged */
 SST_MUST_CHECK int tiff_read_rows(struct tiff_file *f, tiff_row_fn *put, void *arg);
 
-/** Log one sentence: "... is a TIFF <what>; <remedy>", or the library's error. @return -EBADMSG */
+/** Log one sentence: "... is a TIFF of this kind; remedy", or the library's error. @return -EBADMSG */
 int tiff_refuse(const struct tiff_file *f, const char *what, const char *remedy);
 int tiff_damaged(const struct tiff_file *f);
 

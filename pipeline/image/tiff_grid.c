@@ -45,7 +45,7 @@ static bool has_text(const char *text, uint32_t n, const char *word)
     return memchr(text, '\0', n) && strstr(text, word);
 }
 
-/* Keys of GeoTIFF that change what the place means: of areas or points, in degrees, in feet. */
+/* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet. */
 static int read_keys(bool *points, const struct tiff_file *f)
 {
     const void *values;

@@ -16,8 +16,8 @@ int tiff_decode(struct sst_deep *out SST_UNUSED, const uint8_t *data SST_UNUSED,
     return refuse(name);
 }
 
-int tiff_size(int *width SST_UNUSED, int *height SST_UNUSED, int *channels SST_UNUSED, int *bits SST_UNUSED,
-              const uint8_t *data SST_UNUSED, size_t size SST_UNUSED, const char *name)
+int tiff_size(struct sst_deep_size *out SST_UNUSED, const uint8_t *data SST_UNUSED, size_t size SST_UNUSED,
+              const char *name)
 {
     return refuse(name);
 }

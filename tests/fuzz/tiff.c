@@ -1,4 +1,4 @@
-/* Fuzz target: TIFF files as pictures and as grids of numbers; what is read is whole. */
+/* Fuzz target: TIFF files as pictures and as grids of numbers. A size agrees with its picture. */
 #include "pipeline/image/tiff.h"
 #include "pipeline/image/codec.h"
 #include "tests/fuzz/seeds.h"
@@ -87,14 +87,14 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    int width, height, channels, bits;
+    struct sst_deep_size found;
     struct sst_deep deep;
     struct sst_map_f32 grid;
     struct tiff_geo geo;
 
     if (!tiff_decode(&deep, data, size, "input")) {
-        if (tiff_size(&width, &height, &channels, &bits, data, size, "input") || width != deep.width ||
-            height != deep.height || channels != deep.channels || bits != (deep.white == 255 ? 8 : 16))
+        if (tiff_size(&found, data, size, "input") || found.width != deep.width || found.height != deep.height ||
+            found.channels != deep.channels || found.bits != (deep.white == 255 ? 8 : 16))
             abort();
         sst_deep_fini(&deep);
     }

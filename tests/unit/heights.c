@@ -80,7 +80,7 @@ static void meshes_are_interpolated(void **state SST_UNUSED)
     }
     assert_near(at(&h, h.mm.width - 1, 0), 1000, 0.01);
     sst_heights_fini(&h);
-    /* AOS's plane, whose triangles go both ways around. */
+    /* AOS's plane, with triangles in both directions. */
     put_text("plane.obj",
              "v -1000 -1000 0\nv  1000 -1000 0\nv -1000  1000 0\nv  1000  1000 0\nf 1/1 2/2 3/3\nf 2/2 4/4 3/3");
     assert_int_equal(sst_heights_read(&h, test_path("plane.obj")), 0);

@@ -353,7 +353,7 @@ static void damage_is_found(void **state SST_UNUSED)
     struct sst_deep deep;
 
     for (size_t n = draw(file, &drawn); n-- > 0;) {
-        uint8_t *cut = malloc(n ? n : 1); /* what is read beyond it is found */
+        uint8_t *cut = malloc(n ? n : 1); /* bytes that are read beyond it are found */
 
         memcpy(cut, file, n);
         assert_int_equal(sst_deep_decode(&deep, cut, n, "cut"), -EBADMSG);
