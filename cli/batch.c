@@ -86,14 +86,14 @@ static bool holds(const char *dir, const char *file)
     return !sst_path_join(path, dir, file) && sst_path_exists(path);
 }
 
-/* A light field, a recording, or neither (*known stays). */
+/* A light field, a recording, or neither, or not of the kind asked for (*known stays). */
 static int add_source(struct list *l, const struct cli_batch *b, const char *path, const char *name, bool *known)
 {
-    if (holds(path, "lightfield.json")) {
+    if (b->from != BATCH_RECORDINGS && holds(path, "lightfield.json")) {
         *known = true;
         return add(l, b, path, name, -1);
     }
-    if (holds(path, "recording.json")) {
+    if (b->from != BATCH_LIGHTFIELDS && holds(path, "recording.json")) {
         *known = true;
         return add_recording(l, b, path, name);
     }
@@ -134,7 +134,12 @@ static int list_source(struct list *l, const struct cli_batch *b, char *source)
     }
     free(entry);
     if (!err && !known) {
-        sst_log_error("%s holds neither light fields (lightfield.json) nor recordings (recording.json)", source);
+        if (b->from)
+            sst_log_error("%s holds no %s; leave out --from", source,
+                          b->from == BATCH_RECORDINGS ? "recordings (recording.json)"
+                                                      : "light fields (lightfield.json)");
+        else
+            sst_log_error("%s holds neither light fields (lightfield.json) nor recordings (recording.json)", source);
         err = -ENOENT;
     }
     return err;
@@ -153,6 +158,18 @@ static void find_there(char there[SST_PATH_MAX], const char *out)
     while (n > 0 && out[n - 1] != '/')
         n--;
     snprintf(there, SST_PATH_MAX, "%.*s", n ? (int)n : 1, n ? out : ".");
+}
+
+/* A file of an earlier output of a piece; without any, the output is refused. */
+static const char *marker_of(const char *path)
+{
+    static const char *const markers[] = { CLI_BATCH_LIGHTFIELD, CLI_BATCH_REPORT, CLI_BATCH_FIGURES };
+
+    for (size_t i = 0; i < ARRAY_LEN(markers); i++) {
+        if (holds(path, markers[i]))
+            return markers[i];
+    }
+    return markers[0];
 }
 
 /* Two sources of one name would have one output, some names are taken, and only an earlier output is replaced: not a
@@ -179,7 +196,7 @@ static int check_names(const struct list *l, const char *out)
         if (sst_path_join(path, out, l->name[i]))
             return -ENAMETOOLONG;
         err = sst_path_exists(path)
-                  ? sst_path_check_output(path, true, CLI_BATCH_LIGHTFIELD, (const char *[]){ l->piece[i].source, NULL })
+                  ? sst_path_check_output(path, true, marker_of(path), (const char *[]){ l->piece[i].source, NULL })
                   : 0;
         if (err)
             return err;
@@ -197,7 +214,7 @@ static int check_names(const struct list *l, const char *out)
 /* --- running ------------------------------------------------------------------------------------------------------ */
 
 struct run {
-    const struct cli_batch *b;
+    struct cli_batch *b;
     const struct list *list;
 };
 
@@ -255,13 +272,33 @@ static int run_all(struct cli_batch *b, const struct cli_shard *shard, const cha
     return r;
 }
 
+/* Read `--write`; everything by default. */
+static int read_written(const struct cli_command *cmd, struct cli_batch_written *w, const char *list)
+{
+    const struct cli_skip names[] = { { "clear", &w->clear },
+                                      { "see-through", &w->see_through },
+                                      { "sweep", &w->sweep },
+                                      { "lightfield", &w->lightfield },
+                                      { "reports", &w->reports } };
+    const int r = cli_read_skips(cmd, "write", list ? list : "all", names, ARRAY_LEN(names));
+
+    if (r == CLI_GO_ON && !strcmp(list ? list : "all", "none"))
+        return cli_usage_error(cmd, "--write none leaves nothing to do");
+    return r;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_batch b = { .preset = "balanced", .steps = 20, .every = 1 };
+    struct cli_batch b = { .preset = "balanced", .device = "cpu", .steps = 20, .every = 1 };
     struct cli_shard shard = CLI_SHARD_DEFAULTS;
+    const char *written = NULL;
     bool json = false;
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &b.out, "DIR", "folder of the results; one of an earlier run is continued" },
+        { "from", 0, CLI_WORD, &b.from, "KIND", "sources of this kind alone: recording or lightfield", BATCH_RECORDINGS,
+          0, "recording lightfield" },
+        { "write", 'w', CLI_STRING, &written, "LIST",
+          "results: clear, see-through, sweep, lightfield, reports or all (default); without lightfield, in memory" },
         { "preset", 'p', CLI_STRING, &b.preset, "NAME", "of `sst process`: preview, balanced (default) or accurate", 0, 0, CLI_PRESETS },
         { "model", 0, CLI_STRING, &b.model, "NAME", "segmentation network: an installed one or an ONNX file" },
         { "no-labels", 0, CLI_FLAG, &b.no_labels, NULL, "disparity only" },
@@ -269,17 +306,24 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "every", 0, CLI_INT, &b.every, "N", "of recordings every N-th set (1)", 1, 1000000 },
         { "calib", 0, CLI_STRING, &b.calib, "FILE",
           "of recordings: the array's calibration; views are then rectified" },
+        { "device", 0, CLI_STRING, &b.device, "D",
+          "where views are matched, labelled and rendered: cpu (default), gpu, auto (gpu if there is one) or a part of "
+          "a name" },
+        { "device-memory", 0, CLI_INT, &b.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "threads", 't', CLI_INT, &b.threads, "N", "threads; default: all processors", 1, 256 },
         CLI_SHARD_OPTIONS(shard),
         { "json", 0, CLI_FLAG, &json, NULL, "with --status: print one JSON object" },
     };
-    static const char *const same[] = { CLI_SHARD_NAMES, "output", "threads", "json", NULL };
+    static const char *const same[] = { CLI_SHARD_NAMES, "output", "from", "threads", "json", "device",
+                                        "device-memory", NULL };
     const char **sources = calloc((size_t)argc + 1, sizeof(*sources));
     char job[SST_CLAIM_JOB];
     int r = sources ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, sources, 1, argc) : CLI_MEMORY;
 
     if (r == CLI_GO_ON && !b.out)
         r = cli_usage_error(cmd, "-o DIR is missing");
+    if (r == CLI_GO_ON)
+        r = read_written(cmd, &b.write, written);
     if (r == CLI_GO_ON && !shard.text) {
         shard.text = "1/1"; /* alone, and yet each piece only once */
     }
@@ -289,6 +333,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         b.reads_only = shard.status;
         cli_shard_job(job, sizeof(job), cmd, options, ARRAY_LEN(options), same);
         r = run_all(&b, &shard, sources, job, json);
+        cli_batch_memory_close(b.memory);
     }
     free(sources);
     return r;

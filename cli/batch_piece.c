@@ -1,5 +1,5 @@
-/* Piece of a campaign: the commands that a user would type, each a process of its own, so that one that crashes or
- * runs out of memory ends nothing else. */
+/* Piece of a campaign. With a light field in its output it is made by the commands that a user would type, each a
+ * process of its own, so that one that crashes or runs out of memory ends nothing else; without one, in memory. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,7 +21,7 @@ struct step {
 struct piece {
     const struct cli_batch *b;
     const char *name;
-    char log[SST_PATH_MAX], sst[SST_PATH_MAX], threads[16];
+    char log[SST_PATH_MAX], sst[SST_PATH_MAX], threads[16], device_memory[16];
     struct sst_outdir out;
     char lf[SST_PATH_MAX];
 };
@@ -50,6 +50,14 @@ static struct step begin(const struct piece *p, const char *command, const char 
     if (p->b->threads && strcmp(command, "eval") != 0)
         add_option(&s, "--threads", p->threads);
     return s;
+}
+
+static void add_device(const struct piece *p, struct step *s)
+{
+    if (strcmp(p->b->device, "cpu") != 0)
+        add_option(s, "--device", p->b->device);
+    if (p->b->device_memory)
+        add_option(s, "--device-memory", p->device_memory);
 }
 
 /* Run a command; its report becomes the file `report` of the output, or goes to the log. */
@@ -97,12 +105,13 @@ static int process(const struct piece *p)
 {
     struct step s = begin(p, "process", p->lf);
 
+    add_device(p, &s);
     add_option(&s, "--preset", p->b->preset);
     add_option(&s, "--model", p->b->model);
     if (p->b->no_labels)
         add(&s, "--no-labels");
     add(&s, "--json");
-    return run_step(p, &s, "process.json");
+    return run_step(p, &s, CLI_BATCH_REPORT);
 }
 
 /* A picture and its report, NAME.png and NAME.json. */
@@ -117,6 +126,7 @@ static int render(const struct piece *p, const char *method, const char *name)
     code = cli_exit_code(sst_path_join(picture, p->out.temporary, file));
     if (code)
         return code;
+    add_device(p, &s);
     add_option(&s, "--method", method);
     add_option(&s, "-o", picture);
     add(&s, "--json");
@@ -146,13 +156,10 @@ static int sweep(const struct piece *p)
     char path[SST_PATH_MAX], steps[16];
     int code;
 
-#if WITH_AVFORMAT
-    code = cli_exit_code(sst_path_join(path, p->out.temporary, "sweep.mp4"));
-#else
-    code = cli_exit_code(sst_path_join(path, p->out.temporary, "sweep"));
-#endif
+    code = cli_exit_code(sst_path_join(path, p->out.temporary, CLI_BATCH_SWEEP));
     if (code || !p->b->steps)
         return code;
+    add_device(p, &s);
     snprintf(steps, sizeof(steps), "%d", p->b->steps);
     add_option(&s, "--steps", steps);
     add_option(&s, "-o", path);
@@ -172,24 +179,27 @@ static int evaluate(const struct piece *p)
     return run_step(p, &s, "eval.json");
 }
 
-static int run_steps(struct piece *p, const struct cli_batch_piece *from)
+/* Each command a process of its own. */
+static int run_commands(struct piece *p, const struct cli_batch_piece *from)
 {
+    const struct cli_batch_written *w = &p->b->write;
     int code = fetch(p, from);
 
     code = code ? code : process(p);
-    code = code ? code : render_clear(p);
-    code = code ? code : render(p, "sst", "see-through");
-    code = code ? code : sweep(p);
-    return code ? code : evaluate(p);
+    code = code || !w->clear ? code : render_clear(p);
+    code = code || !w->see_through ? code : render(p, "sst", "see-through");
+    code = code || !w->sweep ? code : sweep(p);
+    return code || !w->reports ? code : evaluate(p);
 }
 
-int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again)
+int cli_batch_run_piece(struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again)
 {
     struct piece p = { .b = b, .name = name };
     char out[SST_PATH_MAX], file[SST_PATH_MAX];
     int err, code;
 
     snprintf(p.threads, sizeof(p.threads), "%d", b->threads);
+    snprintf(p.device_memory, sizeof(p.device_memory), "%d", b->device_memory);
     snprintf(file, sizeof(file), "%s.log", name);
     err = sst_path_beside_program(p.sst, "sst");
     err = err ? err : sst_path_join(p.log, b->logs, file);
@@ -203,7 +213,11 @@ int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece 
     err = err ? err : sst_path_join(p.lf, p.out.temporary, CLI_BATCH_LIGHTFIELD);
     if (err)
         return cli_exit_code(err);
-    code = run_steps(&p, piece);
+    code = b->write.lightfield
+               ? run_commands(&p, piece)
+               : cli_batch_run_in_memory(b, piece, &(struct cli_batch_place){ name, p.out.temporary, p.log });
+    if (!code && !b->write.reports)
+        code = cli_exit_code(cli_batch_keep_figures(p.out.temporary));
     if (code) {
         sst_outdir_abort(&p.out);
         return code;

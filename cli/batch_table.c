@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/file.h"
 #include "cli/cli_internal.h"
@@ -46,30 +47,77 @@ static void print_name(FILE *f, const char *name)
     fputs(quoted ? "\"" : "", f);
 }
 
+/* Figures of one piece, from its reports or as they were kept. */
+struct figures {
+    const char *folder;
+    json_t *kept;     /* or NULL */
+    const char *open; /* report that is read, or NULL */
+    json_t *report;
+};
+
+static json_t *read_json(const char *folder, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    return sst_path_join(path, folder, name) ? NULL : json_load_file(path, 0, NULL);
+}
+
+/* NAN: there is none */
+static double figure(struct figures *f, const struct column *c)
+{
+    if (f->kept)
+        return cli_number(f->kept, c->name);
+    if (!f->open || strcmp(f->open, c->file)) {
+        json_decref(f->report);
+        f->open = c->file;
+        f->report = read_json(f->folder, c->file);
+    }
+    return f->report ? cli_number(f->report, c->member) : NAN;
+}
+
+int cli_batch_keep_figures(const char *dir)
+{
+    struct figures f = { .folder = dir };
+    json_t *kept = json_object();
+    char path[SST_PATH_MAX];
+    int err;
+
+    for (size_t i = 0; i < ARRAY_LEN(columns); i++) {
+        const double v = figure(&f, &columns[i]);
+
+        if (isfinite(v))
+            json_object_set_new(kept, columns[i].name, json_real(v));
+    }
+    json_decref(f.report);
+    err = cli_write_json(kept, dir, CLI_BATCH_FIGURES);
+    json_decref(kept);
+    for (size_t i = 0; !err && i < ARRAY_LEN(columns); i++) {
+        err = sst_path_join(path, dir, columns[i].file);
+        if (!err)
+            (void)unlink(path);
+    }
+    return err;
+}
+
 static void print_piece(FILE *f, const char *dir, const char *name)
 {
-    char folder[SST_PATH_MAX], path[SST_PATH_MAX];
-    const char *open = NULL;
-    json_t *report = NULL;
+    char folder[SST_PATH_MAX];
+    struct figures figures = { .folder = folder };
 
     if (sst_path_join(folder, dir, name) || !sst_path_is_dir(folder))
         return;
+    figures.kept = read_json(folder, CLI_BATCH_FIGURES);
     print_name(f, name);
     for (size_t i = 0; i < ARRAY_LEN(columns); i++) {
-        double v;
+        const double v = figure(&figures, &columns[i]);
 
-        if (!open || strcmp(open, columns[i].file)) {
-            json_decref(report);
-            open = columns[i].file;
-            report = sst_path_join(path, folder, open) ? NULL : json_load_file(path, 0, NULL);
-        }
-        v = report ? cli_number(report, columns[i].member) : NAN;
         if (isfinite(v))
             fprintf(f, ",%.6g", v);
         else
             fputc(',', f);
     }
-    json_decref(report);
+    json_decref(figures.report);
+    json_decref(figures.kept);
     fputc('\n', f);
 }
 

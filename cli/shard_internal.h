@@ -65,14 +65,28 @@ void cli_shard_job(char *text, size_t size, const struct cli_command *cmd, const
 
 /* --- batch: the pieces of a campaign, and its table. --- */
 
-#define CLI_BATCH_LIGHTFIELD "lightfield" /* of a piece's folder: the copy */
-#define CLI_BATCH_TABLE "figures.csv" /* of the output folder */
+#define CLI_BATCH_LIGHTFIELD "lightfield"  /* of a piece's folder: the copy */
+#define CLI_BATCH_REPORT     "process.json" /* of it as well */
+#define CLI_BATCH_FIGURES    "figures.json" /* of a piece's folder without reports: its line of: */
+#define CLI_BATCH_TABLE      "figures.csv" /* of the output folder */
+#if WITH_AVFORMAT
+#define CLI_BATCH_SWEEP "sweep.mp4"
+#else
+#define CLI_BATCH_SWEEP "sweep"
+#endif
+
+struct cli_batch_memory; /* batch_memory.c: open from piece to piece */
 
 /** Work on each piece. */
 struct cli_batch {
-    const char *out, *preset, *model, *calib;
-    int steps, every, threads;
+    const char *out, *preset, *model, *calib, *device;
+    enum { BATCH_ALL = 0, BATCH_RECORDINGS = 1, BATCH_LIGHTFIELDS = 2 } from;
+    int steps, every, threads, device_memory;
     bool no_labels, reads_only;
+    struct cli_batch_written {
+        bool clear, see_through, sweep, lightfield, reports;
+    } write;
+    struct cli_batch_memory *memory; /* NULL: not open yet */
     char states[SST_PATH_MAX], logs[SST_PATH_MAX];
 };
 
@@ -81,12 +95,25 @@ struct cli_batch_piece {
     int set;      /* -1: a light field */
 };
 
+struct cli_batch_place {
+    const char *name, *dir, *log; /* of a piece: name, folder that gets its results, log */
+};
+
 /** Make OUT/NAME, whole or not at all, with its log in logs/NAME.log. @param again  remove the remains of a killed
  * worker
  *  @return exit code */
-int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again);
+int cli_batch_run_piece(struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again);
 
-/** Write OUT/figures.csv from the commands' reports on finished pieces. @return 0 or an error,
+/** Fill the folder of a piece without a light field in it, in this process: the same pictures.
+ *  @return exit code, its error logged */
+int cli_batch_run_in_memory(struct cli_batch *b, const struct cli_batch_piece *piece,
+                            const struct cli_batch_place *place);
+void cli_batch_memory_close(struct cli_batch_memory *m); /* NULL is fine */
+
+/** Replace the reports in a piece's folder by the figures alone. @return 0 or an error, logged */
+SST_MUST_CHECK int cli_batch_keep_figures(const char *dir);
+
+/** Write OUT/figures.csv from the commands' reports on finished pieces, or their figures. @return 0 or an error,
  * logged */
 SST_MUST_CHECK int cli_batch_write_table(const char *out, char *const *name, int count);
 

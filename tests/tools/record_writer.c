@@ -4,8 +4,9 @@
  *   record_writer check DIR [name=value ...]   exit 0: every set is what was written; prints how many there are
  *   record_writer bench DIR [name=value ...]   prints the cost of a set
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
- * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
- * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of
+ * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0 views=LF
+ * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; views: the views of a
+ * light field in every set, MJPG, GREY, Y16 (of 12 bits) or Bayer; first: index of
  * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not
  * possible those sets do not count, a minute at most: somebody is about to mend it. */
 #include <errno.h>
@@ -19,6 +20,7 @@
 #include "base/file.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
 #include "tests/synthetic_sets.h"
 
 static struct {
@@ -29,7 +31,7 @@ static struct {
     { "segment_bytes", 0 }, { "append", 0 },    { "holes", 1 },  { "exact", 0 }, { "pace", 0 }, { "width", 640 },
     { "height", 480 },      { "jpeg", 0 },      { "first", 0 },  { "stay", 0 },
 };
-static const char *format = "MJPG";
+static const char *format = "MJPG", *views;
 
 static double option(const char *name)
 {
@@ -48,6 +50,10 @@ static void read_options(int argc, char **argv)
 
         if (!strncmp(argv[a], "format=", 7)) {
             format = argv[a] + 7;
+            continue;
+        }
+        if (!strncmp(argv[a], "views=", 6)) {
+            views = argv[a] + 6;
             continue;
         }
         while (i < ARRAY_LEN(options) && !(eq && strlen(options[i].name) == (size_t)(eq - argv[a]) &&
@@ -96,6 +102,53 @@ static void put_pictures(struct synthetic *s, int index, struct sst_frameset *se
     }
 }
 
+static struct sst_image *read_views(const struct synthetic *s)
+{
+    struct sst_image *img = calloc((size_t)s->cameras, sizeof(*img));
+    char path[SST_PATH_MAX];
+
+    for (int k = 0; k < s->cameras; k++) {
+        snprintf(path, sizeof(path), "%s/views/%02d_%02d.png", views, s->track[k].row, s->track[k].col);
+        if (!img || sst_image_read(&img[k], path) || img[k].width != s->width || img[k].height != s->height)
+            abort();
+    }
+    return img;
+}
+
+/* One pixel of an uncompressed frame. */
+static void put_sample(uint8_t *to, const struct synthetic *s, const struct sst_image *img, int x, int y)
+{
+    int red[2], c = 1;
+
+    if (sst_raw_red(s->fourcc, &red[0], &red[1]) && (x % 2 == red[0]) == (y % 2 == red[1]))
+        c = x % 2 == red[0] ? 0 : 2;
+    if (s->fourcc == V4L2_PIX_FMT_Y16) {
+        const int v = 16 * sst_image_row(img, 1, y)[x] + (x + y) % 16;
+
+        to[2 * (y * s->width + x)] = (uint8_t)v;
+        to[2 * (y * s->width + x) + 1] = (uint8_t)(v >> 8);
+    } else {
+        to[y * s->width + x] = sst_image_row(img, c, y)[x];
+    }
+}
+
+static void put_view(struct synthetic *s, struct sst_frame *f, const struct sst_image *img)
+{
+    uint8_t *data = s->data + (size_t)f->cam * s->bytes, *file;
+
+    if (s->fourcc == V4L2_PIX_FMT_MJPEG) {
+        if (sst_image_encode_jpeg(img, 95, &file, &f->bytes) || f->bytes > s->bytes)
+            abort();
+        memcpy(data, file, f->bytes);
+        free(file);
+        return;
+    }
+    for (int y = 0; y < s->height; y++) {
+        for (int x = 0; x < s->width; x++)
+            put_sample(data, s, img, x, y);
+    }
+}
+
 static int write_sets(struct synthetic *s, const char *dir, bool bench)
 {
     struct sst_recorder_config cfg = synthetic_config(s, dir);
@@ -103,9 +156,12 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
     int n = (int)option("sets"), failed = 0;
     bool went_on = false;
     int64_t cpu = 0, wall = 0, longest = 0, bytes = 0, due = sst_clock_now_ns();
+    struct sst_image *img = NULL;
     struct sst_recorder *r;
     int err;
 
+    if (views)
+        img = read_views(s);
     cfg.append = option("append") != 0;
     cfg.sync_s = option("sync");
     cfg.segment_s = option("segment_s");
@@ -118,6 +174,10 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
         synthetic_set(s, (uint64_t)i, &set);
         if (option("jpeg") != 0)
             put_pictures(s, i, &set);
+        for (int k = 0; img && k < s->cameras; k++) {
+            if (set.frame[k])
+                put_view(s, &s->frame[k], &img[k]);
+        }
         c0 = sst_clock_cpu_ns();
         t0 = sst_clock_now_ns();
         err = sst_recorder_write(r, &set);
@@ -141,6 +201,9 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
         if (option("pace") != 0 && due > sst_clock_now_ns())
             usleep((useconds_t)((due - sst_clock_now_ns()) / 1000));
     }
+    for (int k = 0; img && k < s->cameras; k++)
+        sst_image_fini(&img[k]);
+    free(img);
     if (err)
         return 1;
     if (sst_recorder_close(r))
