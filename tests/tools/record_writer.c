@@ -4,9 +4,10 @@
  *   record_writer check DIR [name=value ...]   exit 0: every set is what was written; prints how many there are
  *   record_writer bench DIR [name=value ...]   prints the cost of a set
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
- * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0 views=LF
+ * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0 views=LF shift=0
  * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; views: the views of a
- * light field in every set, MJPG, GREY, Y16 (of 12 bits) or Bayer; first: index of
+ * light field in every set, MJPG, GREY, Y16 (of 12 bits) or Bayer; shift: px that cameras 3, 10, 17 ... are too low;
+ * first: index of
  * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not
  * possible those sets do not count, a minute at most: somebody is about to mend it. */
 #include <errno.h>
@@ -30,6 +31,7 @@ static struct {
     { "cameras", 36 },      { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
     { "segment_bytes", 0 }, { "append", 0 },    { "holes", 1 },  { "exact", 0 }, { "pace", 0 }, { "width", 640 },
     { "height", 480 },      { "jpeg", 0 },      { "first", 0 },  { "stay", 0 },
+    { "shift", 0 },
 };
 static const char *format = "MJPG", *views;
 
@@ -111,6 +113,12 @@ static struct sst_image *read_views(const struct synthetic *s)
         snprintf(path, sizeof(path), "%s/views/%02d_%02d.png", views, s->track[k].row, s->track[k].col);
         if (!img || sst_image_read(&img[k], path) || img[k].width != s->width || img[k].height != s->height)
             abort();
+        for (int i = 0; k % 7 == 3 && i < 3 * s->height; i++) { /* from below */
+            const int y = s->height - 1 - i / 3;
+
+            memmove(sst_image_row(&img[k], i % 3, y),
+                    sst_image_row(&img[k], i % 3, sst_max_int(y - (int)option("shift"), 0)), (size_t)s->width);
+        }
     }
     return img;
 }
