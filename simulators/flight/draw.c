@@ -111,10 +111,10 @@ static void ground_colour(double rgb[3], const struct flight_world *w, struct ss
     const uint32_t seed = (uint32_t)w->seed + 17;
     const struct sst_vec3 broad = { at.x / 2.5, at.y / 2.5, 0 }, fine = { at.x / 0.12, at.y / 0.12, 0 };
     const double moss = sst_noise_fbm(broad, 3, seed), litter = sst_noise_fbm(fine, 3, seed + 1);
-    static const double soil[3] = { 118, 96, 72 }, green[3] = { 88, 108, 58 };
+    static const double soil[3] = { 112, 96, 74 }, green[3] = { 92, 104, 66 };
 
     for (int i = 0; i < 3; i++)
-        rgb[i] = (soil[i] + (green[i] - soil[i]) * sst_min_int((int)(moss * 4), 1)) * (0.5 + litter);
+        rgb[i] = (soil[i] + (green[i] - soil[i]) * moss) * (0.6 + 0.8 * litter);
 }
 
 static double ground_kelvin(const struct flight_world *w, struct sst_vec3 at)
