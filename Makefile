@@ -130,7 +130,7 @@ OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_CURL := client/curl.c
 OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c sample.c)
 OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events peer reply request stream web)
-OPTIONAL_TIFF := $(addprefix pipeline/image/,tiff.c tiff_file.c tiff_grid.c)
+OPTIONAL_TIFF := $(addprefix pipeline/image/,file_tiff.c tiff.c tiff_grid.c)
 OPTIONAL_UDEV := drivers/grab/udev.c
 OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vulkan*.c))
 LEFT_OUT := $(foreach x,AVFORMAT CURL DNNL HTTPD TIFF UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
@@ -213,7 +213,7 @@ endif
 # And libtiff, but for tests, which make files by it.
 ifeq (1,$(WITH_TIFF))
 TIFF_LIBS := $(shell $(PKG_CONFIG) --libs libtiff-4)
-$(BUILD)/obj/pipeline/image/tiff%.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libtiff-4)) \
+$(addprefix $(BUILD)/obj/pipeline/image/,file_tiff.o tiff.o tiff_grid.o): private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libtiff-4)) \
     -DSST_TIFF_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=libtiff.so) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
 $(BUILD)/tests/unit/tiff $(BUILD)/tests/unit/heights $(BUILD)/tests/fuzz/tiff: private LIBS += $(TIFF_LIBS)
 endif
@@ -425,7 +425,7 @@ fuzz: ## look for inputs that crash, leak or hang the readers of files and messa
 
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
 # Headers of optional parts come with what they are built with.
-HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) $(if $(filter 1,$(WITH_TIFF)),,%/tiff_file.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) $(if $(filter 1,$(WITH_TIFF)),,%_tiff.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
 $(BUILD)/headers/%.h.ok: %.h | $(BUILD)/shaders.h
 	@mkdir -p $(@D)
 	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -I$(BUILD) $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -

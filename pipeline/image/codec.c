@@ -8,7 +8,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec_formats.h"
-#include "pipeline/image/tiff.h"
+#include "pipeline/image/image_internal.h"
 
 bool tiff_is(const uint8_t *data, size_t size)
 {

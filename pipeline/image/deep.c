@@ -9,7 +9,6 @@
 #include "base/log.h"
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/image_internal.h"
-#include "pipeline/image/tiff.h"
 
 #define OUTSIDE 200 /* one sample in this many is below a stretch, and one above */
 #define APART   2   /* levels of a stretch at least */

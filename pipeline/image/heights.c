@@ -9,8 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec_formats.h"
-#include "pipeline/image/mesh.h"
-#include "pipeline/image/tiff.h"
+#include "pipeline/image/image_internal.h"
 
 #define WORLD_NUMBERS 6
 #define WORLD_MAX     4096 /* bytes */

@@ -1,4 +1,4 @@
-/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng; segments of a JPEG. */
+/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng; segments of a JPEG; TIFF; terrain. */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 #define SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 
@@ -6,7 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/base.h"
+#include "pipeline/image/deep.h"
+#include "pipeline/image/heights.h"
 
 /* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
 #define PNG_PLAIN_MOST_RATIO 1040
@@ -66,5 +67,33 @@ struct jpeg_segment {
  * @return false: there is no whole one, or the file is no JPEG
  */
 bool jpeg_next_segment(struct jpeg_segment *s, const uint8_t *data, size_t size);
+
+/* --- TIFF, and terrain ----------------------------------------------------------------------------------------------
+ */
+
+/** Place of a grid, and numbers that stand for none, by tags of GeoTIFF and GDAL. */
+struct tiff_geo {
+    bool placed;
+    double x, y, dx, dy; /* as in heights.h */
+    bool has_nodata;
+    double nodata;
+};
+
+/** Whether a file in memory begins as a TIFF. */
+bool tiff_is(const uint8_t *data, size_t size);
+
+/** As the functions of deep.h; all refuse where this build has no libtiff. */
+SST_MUST_CHECK int tiff_decode(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int tiff_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int tiff_write(const struct sst_deep *deep, const char *path);
+
+/** Read one channel of floats, or of 16 bits, signed or not. @param grid  out, initialised here
+ *  @return as sst_deep_decode() */
+SST_MUST_CHECK int tiff_decode_grid(struct sst_map_f32 *grid, struct tiff_geo *geo, const uint8_t *data, size_t size,
+                                    const char *name);
+
+/** Grid of a mesh's heights, in its own unit. @param text  ends with a NUL @param name  only used in messages
+ *  @return as sst_heights_read() */
+SST_MUST_CHECK int mesh_to_heights(struct sst_heights *out, const char *text, const char *name);
 
 #endif

@@ -1,4 +1,5 @@
-#include "pipeline/image/mesh.h"
+/* Meshes of a terrain as OBJ files, drawn onto a grid. */
+#include "pipeline/image/image_internal.h"
 
 #include <errno.h>
 #include <math.h>

@@ -8,7 +8,6 @@
 #include "base/text.h"
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/image_internal.h"
-#include "pipeline/image/tiff.h"
 
 #define HEAD_BYTES (256 * 1024) /* of a file: tags stand before the pixels */
 #define TAG        0x0112

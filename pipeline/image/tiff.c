@@ -5,8 +5,8 @@
 
 #include "base/file.h"
 #include "pipeline/image/codec_formats.h"
-#include "pipeline/image/tiff.h"
-#include "pipeline/image/tiff_file.h"
+#include "pipeline/image/file_tiff.h"
+#include "pipeline/image/image_internal.h"
 
 #define STRIP_BYTES 262144 /* of files that are written */
 

@@ -6,8 +6,8 @@
 
 #include "base/log.h"
 #include "pipeline/image/codec_formats.h"
-#include "pipeline/image/tiff.h"
-#include "pipeline/image/tiff_file.h"
+#include "pipeline/image/file_tiff.h"
+#include "pipeline/image/image_internal.h"
 
 #define TAG_PIXEL_SCALE    33550 /* of GeoTIFF, doubles */
 #define TAG_TIEPOINT       33922

@@ -2,7 +2,7 @@
 #include <errno.h>
 
 #include "base/log.h"
-#include "pipeline/image/tiff.h"
+#include "pipeline/image/image_internal.h"
 
 static int refuse(const char *name)
 {

@@ -1,5 +1,5 @@
 /* Fuzz target: TIFF files as pictures and as grids of numbers. A size agrees with its picture. */
-#include "pipeline/image/tiff.h"
+#include "pipeline/image/image_internal.h"
 #include "pipeline/image/codec.h"
 #include "tests/fuzz/seeds.h"
 

@@ -1,4 +1,4 @@
-#include "pipeline/image/tiff_file.h"
+#include "pipeline/image/file_tiff.h"
 
 #include <dlfcn.h>
 #include <errno.h>

@@ -1,7 +1,7 @@
-/* pipeline/image/tiff_file.h - a TIFF file in memory that is read or written by libtiff, which is loaded when it is
+/* pipeline/image/file_tiff.h - a TIFF file in memory that is read or written by libtiff, which is loaded when it is
  * first needed. */
-#ifndef SST_PIPELINE_IMAGE_TIFF_FILE_H
-#define SST_PIPELINE_IMAGE_TIFF_FILE_H
+#ifndef SST_PIPELINE_IMAGE_FILE_TIFF_H
+#define SST_PIPELINE_IMAGE_FILE_TIFF_H
 
 #include <stdbool.h>
 #include <tiffio.h>
