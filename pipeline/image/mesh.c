@@ -134,7 +134,7 @@ static int plan(struct sst_heights *h, const struct mesh *m)
     }
     step = sqrt(2 * area / m->triangle_count);
     for (int axis = 0; axis < 2; axis++)
-        cells[axis] = fmax(rint((high[axis] - low[axis]) / step), 1);
+        cells[axis] = sst_clamp_double(rint((high[axis] - low[axis]) / step), 1, 1e9);
     if (cells[0] >= SST_IMAGE_MAX_SIDE || cells[1] >= SST_IMAGE_MAX_SIDE ||
         (cells[0] + 1) * (cells[1] + 1) > (double)SST_IMAGE_MAX_PIXELS)
         return sst_image_size_error(-EINVAL, m->name, (int64_t)cells[0] + 1, (int64_t)cells[1] + 1);

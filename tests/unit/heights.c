@@ -113,6 +113,8 @@ static void wrong_meshes_are_refused(void **state SST_UNUSED)
     refused("a.obj", "cover no ground");
     put_text("a.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1e300 0\nf 1 2 3\n");
     refused("a.obj", "cover no ground");
+    put_text("a.obj", "v -1000 -1000 0\nv 1000 -1000 0\nv -1000 1e208 0\nf 1 2 3\n");
+    refused("a.obj", "claims 2x1000000001 pixels");
     put_text("a.obj", "v 0 0 1e9\nv 1 0 1e9\nv 0 1 1e9\nf 1 2 3\n");
     refused("a.obj", "no height that is known");
     put_text("a.txt", "0 1 2\n");
