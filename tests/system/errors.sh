@@ -188,7 +188,7 @@ damaged "plain file name" replace_json 's#"file": "01_01.png"#"file": "../../tex
 damaged "01_02.png" rm lf/views/01_02.png
 damaged "01_02.png" truncate -s 500 lf/views/01_02.png
 damaged "01_02.png is empty" truncate -s 0 lf/views/01_02.png
-damaged "01_02.png is neither" cp text.txt lf/views/01_02.png
+damaged "01_02.png is no PNG, JPEG or TIFF" cp text.txt lf/views/01_02.png
 damaged "60x40 pixels" cp small/views/01_01.png lf/views/01_02.png
 damaged "01_02.png" sh -c 'rm lf/views/01_02.png && mkdir lf/views/01_02.png'
 fresh
