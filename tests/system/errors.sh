@@ -149,7 +149,7 @@ want 3 "not a folder\|no such" import folder none --grid 3x3 -o bad
 want 3 "not a folder\|no lightfield.json" render text.txt --focus 3 -o bad.png
 want 3 "no lightfield.json" process good/views
 want 3 "No such file" stereo none.png $right -m 9 -o bad.pfm
-want 3 "neither" stereo $left text.txt -m 9 -o bad.pfm
+want 3 "no PNG, JPEG or TIFF" stereo $left text.txt -m 9 -o bad.pfm
 want 3 "regular file" stereo $left good -m 9 -o bad.pfm
 want 3 "regular file" stereo $left /dev/null -m 9 -o bad.pfm
 want 3 "differs in size" stereo $left small/views/01_01.png -m 9 -o bad.pfm
