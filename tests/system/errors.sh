@@ -91,7 +91,7 @@ for name in v1.2 v1.lf s.mkv/; do
   "$sst" sweep good --method refocus --from 1 --to 1 --steps 1 -o $name >/dev/null 2>err || fail "sweep -o $name: $(cat err)"
   [ -f $name/0000.png ] || fail "sweep -o $name is no folder"
 done
-want 2 "unknown scene" scene forest -o bad
+want 2 "unknown scene" scene wood -o bad
 want 2 "LF is missing" scene bush
 mkfifo port
 /usr/bin/python3 -c 'import socket, time; s = socket.create_server(("127.0.0.1", 0)); print(s.getsockname()[1], flush=True); time.sleep(60)' \
