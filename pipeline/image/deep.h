@@ -34,10 +34,12 @@ SST_MUST_CHECK int sst_deep_decode(struct sst_deep *out, const uint8_t *data, si
 /** Size, channels and bits of a file without its pixels. @return as sst_deep_read() */
 SST_MUST_CHECK int sst_deep_read_size(const char *path, int *width, int *height, int *channels, int *bits);
 
-/** 16-bit PNG or TIFF (deflate) by the name's end, grey or RGB. @return as writers of codec.h, -EINVAL: another end */
+/** 16-bit PNG or TIFF (deflate) by the name's end, grey or RGB; levels of 8 bits are multiplied by 257.
+ *  @return as writers of codec.h, -EINVAL: another end, logged */
 SST_MUST_CHECK int sst_deep_write(const struct sst_deep *deep, const char *path);
 
-/** 8-bit picture by a linear stretch: levels black to white become 0 to 255; white 0: the file's whole range. */
+/** 8-bit picture by a linear stretch: levels black to white become 0 to 255; white 0: the file's whole range.
+ *  @return as sst_image_init() */
 SST_MUST_CHECK int sst_deep_to_image(struct sst_image *out, const struct sst_deep *deep, struct sst_samples stretch);
 
 /** Stretch that shows a picture: the levels that 0.5 % of the samples are below and above, at least two apart. */
