@@ -30,7 +30,7 @@ for command in scene import export process render sweep stereo segment eval; do
   case $command in segment | process | import) ;; *) want 2 "too many" $command a b c d;; esac
 done
 want 2 "unknown command .improt.; did you mean .import.?" improt
-want 2 "unknown import format .stanfrod.; did you mean .stanford.? use stanford, hci, folder or recording" import stanfrod . -o bad
+want 2 "unknown import format .stanfrod.; did you mean .stanford.? use stanford, hci, folder, recording, poses or pictures" import stanfrod . -o bad
 want 2 "did you mean .colmap.?" export colmpa good -o bad
 want 2 "unknown option --ouput; did you mean --output?" render good --ouput bad.png
 want 2 "unknown option --focsu=3; did you mean --focus?" render good --focsu=3

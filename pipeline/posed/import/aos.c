@@ -43,6 +43,8 @@ static int read_images(struct model *m, const json_t *images, int file)
     char text[96];
     int err = 0;
 
+    if (!images)
+        return model_fault(m, "", "it has no list `images` with M3x4");
     if (!json_is_array(images))
         return model_fault(m, "", "images is not a list; put the one image into brackets");
     for (size_t i = 0; !err && i < json_array_size(images); i++) {

@@ -28,10 +28,6 @@ static const struct {
     { "RADIAL_FISHEYE", 5, false },
     { "THIN_PRISM_FISHEYE", 12, false },
     { "RAD_TAN_THIN_PRISM_FISHEYE", 16, false },
-    { "SIMPLE_DIVISION", 4, false },
-    { "DIVISION", 5, false },
-    { "SIMPLE_FISHEYE", 3, false },
-    { "FISHEYE", 4, false },
 };
 
 int colmap_lens(const char *name)

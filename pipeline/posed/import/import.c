@@ -114,6 +114,10 @@ read_model_fn *model_reader(char path[SST_PATH_MAX], const char *source)
     read_model_fn *reader = NULL;
     bool failed = false;
 
+    if (sst_path_is_dir(source) && has(path, source, "lightfield.json")) {
+        sst_log_error("%s is a light field already; name the poses of its pictures, or their folder", source);
+        return NULL;
+    }
     if (sst_path_is_dir(source)) {
         reader = reader_of_folder(path, source, &failed);
     } else if (!sst_path_exists(source)) {

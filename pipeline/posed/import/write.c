@@ -340,9 +340,10 @@ static int finish(struct model *m, const struct job *job)
     if (!err) {
         set_world(&posed, m);
         err = sst_posed_write(&posed, job->out);
+        err = err == -EINVAL ? -EBADMSG : err; /* a fault of the source */
     }
     sst_posed_fini(&posed);
-    return err == -EINVAL ? -EBADMSG : err; /* a fault of the source */
+    return err;
 }
 
 static int fill(struct model *m, const char *out)
