@@ -82,13 +82,20 @@ static const char *set_lens(struct model_view *v, const struct colmap_camera *fr
 static bool rotation_of(double R[9], const double q[4])
 {
     const double n = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    const double w = q[0] / n, x = q[1] / n, y = q[2] / n, z = q[3] / n;
-    const double r[9] = { 1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                          2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                          2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y) };
+    double w, x, y, z;
 
-    memcpy(R, r, sizeof(r));
-    return fabs(n - 1) < 1e-2;
+    if (!(fabs(n - 1) < 1e-2))
+        return false;
+    w = q[0] / n;
+    x = q[1] / n;
+    y = q[2] / n;
+    z = q[3] / n;
+    memcpy(R,
+           (const double[9]){ 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z),
+                              1 - 2 * (x * x + z * z), 2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x),
+                              1 - 2 * (x * x + y * y) },
+           9 * sizeof(*R));
+    return true;
 }
 
 int colmap_add_image(struct colmap *c, const struct colmap_image *image)
@@ -118,10 +125,8 @@ int colmap_add_image(struct colmap *c, const struct colmap_image *image)
 
 int colmap_view(const struct colmap *c, int64_t id)
 {
-    const int guess = id > 0 && id <= c->m->count ? (int)id - 1 : 0;
-
-    if (c->id[guess] == id)
-        return guess;
+    if (id > 0 && id <= c->m->count && c->id[id - 1] == id) /* as they usually are */
+        return (int)id - 1;
     for (int k = 0; k < c->m->count; k++) {
         if (c->id[k] == id)
             return k;
