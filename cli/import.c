@@ -151,25 +151,85 @@ static bool read_part(const char *text, int part[4])
            part[0] >= 0 && part[1] >= 0 && part[2] > 0 && part[3] > 0;
 }
 
+/* Options of formats of lattices. */
+struct lattice_options {
+    const char *calib, *filter, *prefer, *part;
+    int grid[2];
+    double infinity_px;
+};
+
+static int check_lattice(struct sst_import_config *cfg, const struct cli_command *cmd, const struct lattice_options *a,
+                         const struct import_recording *recording, const char *const *args)
+{
+    if (isnan(cfg->range_min_px) != isnan(cfg->range_max_px))
+        return cli_usage_error(cmd, "--range-min and --range-max must be given together");
+    if (isnan(cfg->range_min_px))
+        cfg->range_min_px = cfg->range_max_px = 0;
+    if (strcmp(args[0], "recording") && args[2])
+        return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
+    if (!strcmp(args[0], "recording") &&
+        (a->grid[0] || a->part || cfg->spacing_px > 0 || cfg->disparity_dir || cfg->labels_dir || !isnan(a->infinity_px)))
+        return cli_usage_error(cmd, "--grid, --part, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
+                                    "recording, which has its own grid and spacing");
+    if (strcmp(args[0], "recording") && (recording->sets || recording->allow_partial))
+        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
+    if (a->part && !read_part(a->part, cfg->part))
+        return cli_usage_error(cmd, "--part %s is not first row, first column, rows x columns, such as 1,1,6x6", a->part);
+    if (!isnan(a->infinity_px))
+        cfg->infinity_px = &a->infinity_px;
+    if (a->prefer && (strcmp(args[0], "folder") || (strcmp(a->prefer, "jpeg") && strcmp(a->prefer, "raw"))))
+        return cli_usage_error(cmd, "--prefer is jpeg or raw, of the format folder");
+    cfg->prefer_raw = a->prefer && !strcmp(a->prefer, "raw");
+    return CLI_GO_ON;
+}
+
+/* Posed light fields: the options of lattices do not apply. */
+static int import_posed(struct cli_import_posed *posed, const struct cli_command *cmd, const struct lattice_options *a,
+                        const struct import_recording *recording, const char *const *args)
+{
+    const struct sst_import_config *cfg = recording->import;
+
+    if (a->grid[0] || a->part || a->prefer || a->calib || !isnan(a->infinity_px) || cfg->spacing_px > 0 ||
+        cfg->disparity_dir || cfg->labels_dir || recording->sets || recording->allow_partial || !isnan(cfg->range_min_px) ||
+        !isnan(cfg->range_max_px) || args[2])
+        return cli_usage_error(cmd, "an option or argument does not apply to %s; `sst import --help` names those that do",
+                               args[0]);
+    posed->format = args[0];
+    posed->cfg.source = args[1];
+    posed->cfg.out = cfg->out;
+    posed->cfg.force = cfg->force;
+    posed->cfg.threads = cfg->threads;
+    return cli_import_posed(cmd, posed);
+}
+
+/* Options of posed light fields do not apply to other formats. */
+static int check_not_posed(const struct cli_command *cmd, const struct cli_import_posed *p, const char *format)
+{
+    if (!p->cfg.pictures && p->cfg.focal_px == 0 && p->cfg.fov_deg == 0 && !p->cfg.lens && !p->cfg.moments && !p->kelvin &&
+        !p->unit && !p->json)
+        return CLI_GO_ON;
+    return cli_usage_error(cmd, "--pictures, --focal, --fov, --lens, --moments, --kelvin, --unit and --json belong to the "
+                                "formats poses and pictures, not to %s",
+                           format);
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *calib = NULL, *filter = "bicubic", *prefer = NULL, *part = NULL;
+    struct lattice_options a = { .filter = "bicubic", .infinity_px = (double)NAN };
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { .import = &cfg };
     struct cli_import_posed posed = { .unit = 0 };
-    int grid[2] = { 0, 0 };
-    double infinity_px = (double)NAN;
     const struct cli_option options[] = {
         { "output", 'o', CLI_MADE, &cfg.out, "LF", "light-field folder to make" },
-        { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
+        { "grid", 0, CLI_GRID, a.grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
           256 },
-        { "part", 0, CLI_STRING, &part, "R,C,RxC", "first row and column, rows and columns of the grid to use; all" },
+        { "part", 0, CLI_STRING, &a.part, "R,C,RxC", "first row and column, rows and columns of the grid to use; all" },
         { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, stored as provenance",
           0, 1e12 },
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
           "folder: external disparity rr_cc.pfm, px per spacing, inf unknown" },
         { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled" },
-        { "prefer", 0, CLI_STRING, &prefer, "KIND",
+        { "prefer", 0, CLI_STRING, &a.prefer, "KIND",
           "folder: jpeg (default) or raw: which files of views that have both; raw ones are developed", 0, 0,
           "jpeg raw" },
         { "sets", 0, CLI_STRING, &recording.sets, "LIST",
@@ -179,11 +239,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
-        { "infinity-px", 0, CLI_DOUBLE, &infinity_px, "D",
+        { "infinity-px", 0, CLI_DOUBLE, &a.infinity_px, "D",
           "disparity of infinity; 0: parallel views, below 0: they converge", -32768, 32768 },
-        { "calib", 0, CLI_STRING, &calib, "FILE",
+        { "calib", 0, CLI_STRING, &a.calib, "FILE",
           "recording, folder: the array's calibration; views are then rectified" },
-        { "filter", 0, CLI_STRING, &filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0,
+        { "filter", 0, CLI_STRING, &a.filter, "F", "filter of --calib: bilinear, bicubic (default) or lanczos", 0, 0,
           "bilinear bicubic lanczos" },
         { "pictures", 0, CLI_STRING, &posed.cfg.pictures, "DIR", "poses: folder of the pictures, if not beside them" },
         { "focal", 0, CLI_DOUBLE, &posed.cfg.focal_px, "PX", "poses, pictures: focal length where the source has none", 1,
@@ -206,45 +266,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!cfg.out)
         return cli_usage_error(cmd, "-o LF is missing");
-    if (!strcmp(args[0], "poses") || !strcmp(args[0], "pictures")) {
-        if (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || prefer || recording.sets || calib ||
-            recording.allow_partial || !isnan(cfg.range_min_px) || !isnan(cfg.range_max_px) || !isnan(infinity_px) || args[2])
-            return cli_usage_error(cmd, "an option or argument does not apply to %s; `sst import --help` names those that do",
-                                   args[0]);
-        posed.format = args[0];
-        posed.cfg.source = args[1];
-        posed.cfg.out = cfg.out;
-        posed.cfg.force = cfg.force;
-        posed.cfg.threads = cfg.threads;
-        return cli_import_posed(cmd, &posed);
-    }
-    if (posed.cfg.pictures || posed.cfg.focal_px > 0 || posed.cfg.fov_deg > 0 || posed.cfg.lens || posed.cfg.moments ||
-        posed.kelvin || posed.unit || posed.json)
-        return cli_usage_error(cmd, "--pictures, --focal, --fov, --lens, --moments, --kelvin, --unit and --json belong to the "
-                                    "formats poses and pictures, not to %s",
-                               args[0]);
-    if (isnan(cfg.range_min_px) != isnan(cfg.range_max_px))
-        return cli_usage_error(cmd, "--range-min and --range-max must be given together");
-    if (isnan(cfg.range_min_px))
-        cfg.range_min_px = cfg.range_max_px = 0;
-    if (strcmp(args[0], "recording") && args[2])
-        return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
-    if (!strcmp(args[0], "recording") &&
-        (grid[0] || part || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir || !isnan(infinity_px)))
-        return cli_usage_error(cmd, "--grid, --part, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
-                                    "recording, which has its own grid and spacing");
-    if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
-        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
-    if (part && !read_part(part, cfg.part))
-        return cli_usage_error(cmd, "--part %s is not first row, first column, rows x columns, such as 1,1,6x6", part);
-    if (!isnan(infinity_px))
-        cfg.infinity_px = &infinity_px;
-    if (prefer && (strcmp(args[0], "folder") || (strcmp(prefer, "jpeg") && strcmp(prefer, "raw"))))
-        return cli_usage_error(cmd, "--prefer is jpeg or raw, of the format folder");
-    cfg.prefer_raw = prefer && !strcmp(prefer, "raw");
+    if (!strcmp(args[0], "poses") || !strcmp(args[0], "pictures"))
+        return import_posed(&posed, cmd, &a, &recording, args);
+    r = check_not_posed(cmd, &posed, args[0]);
+    if (r == CLI_GO_ON)
+        r = check_lattice(&cfg, cmd, &a, &recording, args);
+    if (r != CLI_GO_ON)
+        return r;
     sst_use_calibration_defaults(&use);
-    if (calib) {
-        r = cli_use_calibration(&use, cmd, calib, filter);
+    if (a.calib) {
+        r = cli_use_calibration(&use, cmd, a.calib, a.filter);
         if (r != CLI_GO_ON)
             return r;
         cfg.calibration = &use;
@@ -254,8 +285,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     recording.dirs = args + 1;
     while (recording.count < RECORDINGS_MAX && args[1 + recording.count])
         recording.count++;
-    cfg.rows = grid[0];
-    cfg.cols = grid[1];
+    cfg.rows = a.grid[0];
+    cfg.cols = a.grid[1];
     r = strcmp(cfg.format, "recording") ? import_folder(&cfg) : run_recording(cmd, &recording);
     sst_use_calibration_fini(&use);
     return r;

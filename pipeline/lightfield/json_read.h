@@ -19,8 +19,8 @@ struct sst_json_reader {
     int err; /* 0, -EBADMSG, or the caller's */
 };
 
-/** Parse a file whose root is an object; numbers that JSON writes without a point may be larger than an integer.
- *  @param root  out, to release with json_decref() @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged */
+/** Parse a file whose root is an object. @param root  out, to release with json_decref()
+ *  @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged */
 SST_MUST_CHECK int sst_json_load(json_t **root, const char *path, size_t limit_bytes, const char *remedy);
 
 /** Log the fault of a field ("is missing") and set err. */

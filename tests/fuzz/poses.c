@@ -67,7 +67,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
     return 0;
 }
 
-/* What is accepted is sound. */
+/* Accepted poses and points are finite. */
 static void check(const struct model *m)
 {
     for (int k = 0; k < m->count; k++) {

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `sst import poses`, `sst import pictures`: what they print, and bad sources, each refused in one sentence.
+# `sst import poses`, `sst import pictures`: output lines, and bad sources, each refused in one sentence.
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}
@@ -118,7 +118,7 @@ bad() {
   want 3 "$words" import poses "$source" --pictures pictures "$@" -o bad.lf
 }
 
-# --- what is imported -----------------------------------------------------------------------------------------------
+# --- imports -------------------------------------------------------------------------------------------------------
 for kind in colmap binary nerf sfm llff mrcal; do
   make $kind
   "$sst" import poses $kind --pictures pictures -o $kind.lf >out 2>err || fail "$kind: $(cat err)"
@@ -141,7 +141,7 @@ mkdir low && for i in 1 2 3 4 5 6 7 8; do cp "pictures/leaf $i.png" low/leaf_$i.
 "$sst" import poses geo --pictures low --fov 56 -o geo.lf >out 2>err || fail "geo: $(cat err)"
 grep -q 'at 48\.[0-9]*, 14\.3' out || fail "geo: $(cat out)"
 
-# Pictures without a pose are views that are not placed, those of another size none.
+# Pictures without a pose are views that are not placed, pictures of another size none.
 cp -r pictures more && cp "pictures/leaf 1.png" more/extra.png
 "$sst" scene bush -o other --grid 1x2 --size 64x64 >/dev/null 2>&1 && cp other/views/00_00.png more/zoom.png
 "$sst" import poses colmap --pictures more -o more.lf >out 2>err || fail "more: $(cat err)"

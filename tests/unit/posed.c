@@ -1,4 +1,4 @@
-/* A posed light field's folder: what is written is read again, and every fault of a field is one. */
+/* Folder of a posed light field: the round trip, and a fault for every field. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

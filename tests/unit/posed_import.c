@@ -46,7 +46,7 @@ static void check(const char *source, double focal_px)
     sst_posed_fini(&posed);
 }
 
-/* Export what was imported, and import that. */
+/* Round trip: export the imported light field and import the export. */
 static void check_round_trip(const char *source)
 {
     static const char *const formats[] = { "colmap", "nerfstudio" };
@@ -424,7 +424,7 @@ static void angles_are_odms(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
-/* Places whose longitude, latitude and zone coordinates are both known from a survey's file. */
+/* Places with longitude, latitude and zone coordinates, both from a survey's file. */
 static void utm_is_where_longitude_and_latitude_say(void **state SST_UNUSED)
 {
     static const char *const lines[] = { "EPSG:32633", "WGS84 UTM 33N", "+proj=utm +zone=33 +datum=WGS84 +units=m +no_defs" };

@@ -1,5 +1,5 @@
-/* COLMAP's models in binary: little-endian, without padding; a count, then that many entries. No count is believed beyond
- * what its file can hold. */
+/* COLMAP's models in binary: little-endian, without padding; a count, then that many entries. A count beyond the
+ * length of its file is refused before memory is allocated. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

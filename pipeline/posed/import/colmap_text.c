@@ -11,7 +11,7 @@
 struct lines {
     const struct model *m;
     char *text, *next; /* next: NULL at the end */
-    char *at;          /* of the line, after what was read of it */
+    char *at;          /* next character to read in the line */
     int number;        /* from 1 */
 };
 

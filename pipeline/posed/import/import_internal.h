@@ -67,7 +67,7 @@ void model_observe(struct model *m, const struct sst_calib_camera *camera, const
 /** A number, also as a text. @return false: neither, or not finite */
 bool model_number(const json_t *value, double *out);
 
-/** A list of n numbers, or of rows of them. @return false: another count, or no numbers */
+/** A list of n numbers, or of rows of numbers. @return false: another count, or no numbers */
 bool model_numbers(const json_t *list, double *out, int n);
 
 /** Load any JSON of another program. @return as sst_json_load() */

@@ -60,7 +60,7 @@ static const char *read_lens(struct model_view *v, const json_t *frame, const js
     return model_lens(v, lens, k, 5);
 }
 
-/* World from camera, undoing what was applied: X' = A X + b. */
+/* Pose from a matrix of camera to world, the applied transform X' = A X + b undone. */
 static const char *place(struct model_view *v, const double M[16], const double A[12])
 {
     double R[9], t[3] = { 0, 0, 0 };

@@ -78,7 +78,7 @@ static int read_shot(struct model *m, const char *name, const json_t *shot, cons
     return 0;
 }
 
-/* Points have no tracks: those before any camera count. */
+/* Points have no tracks, thus no number of views. */
 static int read_points(struct model *m, const json_t *points)
 {
     const uint64_t count = json_object_size(points);
@@ -104,7 +104,7 @@ static int read_points(struct model *m, const json_t *points)
     return 0;
 }
 
-/* Each camera against at most 1,000 points: it sees some of them. */
+/* A camera looks away if fewer than one in ten of at most 1,000 points is in front of it. */
 static void observe(struct model *m)
 {
     const int step = m->point_count / 1000 + 1;

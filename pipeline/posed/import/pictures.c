@@ -63,7 +63,7 @@ static bool is_file(const char *path)
 
 /* --- by name ------------------------------------------------------------------------------------------------------ */
 
-/* The file of that name, or one of its name with another ending, below a folder. */
+/* File of a name, or of its stem with another ending, below a folder. */
 static bool find_below(char path[SST_PATH_MAX], const char *dir, const char *name)
 {
     char other[MODEL_NAME + 8];
@@ -86,7 +86,7 @@ static bool find_in(char path[SST_PATH_MAX], const char *dir, const char *name)
                           : find_below(path, dir, name) || find_below(path, dir, sst_path_base(name));
 }
 
-/* Folder of the pictures: the user's, or the first of those beside the poses that has the first picture. */
+/* Folder of the pictures: the user's, or the first folder beside the poses that has the first picture. */
 static int choose_folder(char dir[SST_PATH_MAX], const struct model *m, const char *path)
 {
     static const char *const beside[] = { "", "images", "Images", "pictures", "../images", "../Images", "../../images", ".." };
