@@ -98,18 +98,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (which < ARRAY_LEN(readers)) {
         err = readers[which](&m, path);
     } else {
-        struct colmap c = { .m = &m };
         struct colmap_camera *camera;
+        struct colmap c;
 
-        c.id = calloc(SST_POSED_MAX_VIEWS, sizeof(*c.id));
-        camera = c.id ? colmap_add_camera(&c) : NULL;
+        camera = colmap_init(&c, &m) ? NULL : colmap_add_camera(&c);
         if (!camera)
             abort();
         *camera = (struct colmap_camera){ .id = 1, .width = 64, .height = 48, .lens = 1, .p = { 70, 70, 32, 24 } };
         err = colmap_readers[which - ARRAY_LEN(readers)](&c, path);
-        free(c.camera);
-        free(c.error);
-        free(c.id);
+        colmap_fini(&c);
     }
     if (!err)
         check(&m);

@@ -44,6 +44,22 @@ int colmap_parameters(int64_t lens)
     return lens < 0 || lens >= (int64_t)ARRAY_LEN(lenses) ? -1 : lenses[lens].parameters;
 }
 
+int colmap_init(struct colmap *c, struct model *m)
+{
+    *c = (struct colmap){ .m = m };
+    c->id = calloc(SST_POSED_MAX_VIEWS, sizeof(*c->id));
+    c->view_of = calloc(COLMAP_IDS, sizeof(*c->view_of));
+    return c->id && c->view_of ? 0 : -ENOMEM;
+}
+
+void colmap_fini(struct colmap *c)
+{
+    free(c->camera);
+    free(c->error);
+    free(c->id);
+    free(c->view_of);
+}
+
 struct colmap_camera *colmap_add_camera(struct colmap *c)
 {
     if (!sst_mem_grow(&c->camera, c->cameras, &c->capacity, sizeof(*c->camera))) {
@@ -120,13 +136,15 @@ int colmap_add_image(struct colmap *c, const struct colmap_image *image)
     if (fault)
         return model_fault(c->m, image->name, fault);
     c->id[c->m->count - 1] = image->id;
+    if (image->id >= 0 && image->id < COLMAP_IDS)
+        c->view_of[image->id] = c->m->count;
     return 0;
 }
 
 int colmap_view(const struct colmap *c, int64_t id)
 {
-    if (id > 0 && id <= c->m->count && c->id[id - 1] == id) /* as they usually are */
-        return (int)id - 1;
+    if (id >= 0 && id < COLMAP_IDS) /* as they usually are */
+        return c->view_of[id] - 1;
     for (int k = 0; k < c->m->count; k++) {
         if (c->id[k] == id)
             return k;
@@ -209,23 +227,20 @@ static int read_files(struct colmap *c, const char *dir)
 
 int read_colmap(struct model *m, const char *path)
 {
-    struct colmap c = { .m = m };
+    struct colmap c;
     int err = 0;
 
     m->format = "COLMAP";
-    c.id = calloc(SST_POSED_MAX_VIEWS, sizeof(*c.id));
-    if (!c.id) {
+    if (colmap_init(&c, m)) {
         sst_log_error("not enough memory to import %s", path);
-        return -ENOMEM;
+        err = -ENOMEM;
     }
-    err = read_files(&c, path);
+    err = err ? err : read_files(&c, path);
     if (c.errors) {
         qsort(c.error, (size_t)c.errors, sizeof(*c.error), compare_errors);
         if (c.error[c.errors - 1] > 0)
             m->median_px = c.error[c.errors / 2];
     }
-    free(c.camera);
-    free(c.error);
-    free(c.id);
+    colmap_fini(&c);
     return err;
 }

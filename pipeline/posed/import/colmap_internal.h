@@ -5,6 +5,7 @@
 #include "pipeline/posed/import/import_internal.h"
 
 #define COLMAP_PARAMETERS 16
+#define COLMAP_IDS        65536
 
 struct colmap_camera {
     int64_t id, width, height;
@@ -28,9 +29,14 @@ struct colmap {
     struct colmap_camera *camera;
     int cameras, capacity;
     int64_t *id;   /* of the views' images */
+    int *view_of;  /* [COLMAP_IDS]: view + 1 of small numbers of images; 0: none */
     double *error; /* of the points, px */
     int errors;
 };
+
+/** @return 0, -ENOMEM; to be freed in both cases */
+SST_MUST_CHECK int colmap_init(struct colmap *c, struct model *m);
+void colmap_fini(struct colmap *c);
 
 /** Number of a camera model. @return -1: unknown */
 int colmap_lens(const char *name);

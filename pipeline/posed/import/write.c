@@ -16,6 +16,8 @@
 /* Properties of a picture's file. */
 struct picture {
     int width, height, channels, bits;
+    struct sst_samples stretch; /* of 16 bits */
+    uint8_t orientation;        /* EXIF's, which is not applied */
     char end[8];
     char sha256[65];
 };
@@ -38,7 +40,10 @@ static int inspect(struct picture *p, const uint8_t *data, size_t size, const ch
     p->height = deep.height;
     p->channels = deep.channels;
     p->bits = deep.white > 255 ? 16 : 8;
+    if (p->bits == 16)
+        p->stretch = sst_deep_stretch(&deep);
     sst_deep_fini(&deep);
+    p->orientation = (uint8_t)sst_image_orientation(data, size);
     snprintf(p->end, sizeof(p->end), "%s", data[0] == 0x89 ? ".png" : sst_image_is_jpeg(data, size) ? ".jpg" : ".tif");
     return 0;
 }
@@ -327,9 +332,13 @@ static int finish(struct model *m, const struct job *job)
     posed.height = job->picture[0].height;
     posed.channels = job->picture[0].channels;
     posed.bits = job->picture[0].bits;
+    posed.samples = job->picture[0].stretch;
     err = set_names(&posed, m);
     for (int k = 0; k < m->count; k++) {
         struct sst_posed_view *v = &posed.view[k];
+
+        posed.samples.black = sst_min_int(posed.samples.black, job->picture[k].stretch.black);
+        posed.samples.white = sst_max_int(posed.samples.white, job->picture[k].stretch.white);
 
         v->camera = m->view[k].camera;
         snprintf(v->file, sizeof(v->file), "%04d%s", k, job->picture[k].end);
@@ -344,6 +353,22 @@ static int finish(struct model *m, const struct job *job)
     }
     sst_posed_fini(&posed);
     return err;
+}
+
+/* Poses are of the pixels as they are stored. */
+static void warn_orientations(const struct model *m, const struct picture *picture)
+{
+    const char **name = calloc((size_t)m->count, sizeof(*name));
+    uint8_t *orientation = calloc((size_t)m->count, 1);
+
+    for (int k = 0; name && orientation && k < m->count; k++) {
+        name[k] = m->view[k].name;
+        orientation[k] = picture[k].orientation;
+    }
+    if (name && orientation)
+        sst_image_warn_orientations(m->cfg->source, name, orientation, m->count);
+    free(name);
+    free(orientation);
 }
 
 static int fill(struct model *m, const char *out)
@@ -362,6 +387,8 @@ static int fill(struct model *m, const char *out)
     err = err ? err : choose_views(m, &job);
     err = err ? err : set_lenses(m, job.picture);
     err = err ? err : finish(m, &job);
+    if (!err)
+        warn_orientations(m, job.picture);
     free(job.picture);
     return err;
 }
