@@ -249,7 +249,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "focal", 0, CLI_DOUBLE, &posed.cfg.focal_px, "PX", "poses, pictures: focal length where the source has none", 1,
           1e7 },
         { "fov", 0, CLI_DOUBLE, &posed.cfg.fov_deg, "DEG", "... or the angle of view across the width", 0.1, 179 },
-        { "lens", 0, CLI_STRING, &posed.cfg.lens, "FILE", "... or a calibration of the camera" },
+        { "lens", 0, CLI_STRING, &posed.cfg.lens, "FILE", "... or a calibration of the camera, also MATLAB's cameraParameters" },
         { "moments", 0, CLI_STRING, &posed.cfg.moments, "PATTERN",
           "poses, pictures: moments in the names, \"{camera}_{moment}.jpg\"; * is any text" },
         { "kelvin", 0, CLI_STRING, &posed.kelvin, "SCALE,OFFSET", "poses, pictures: kelvin = level x SCALE + OFFSET" },

@@ -40,6 +40,21 @@ static void seed_binary(void)
     seed_write("poses", 10, seed, n);
 }
 
+/* A structure with IntrinsicMatrix alone. */
+static void seed_matlab(void)
+{
+    const uint32_t head[] = { 14, 208, 6, 8, 2, 0, 5, 8, 1, 1, 1, 0, 0x40005, 24, 1, 24 }, matrix[] = { 14, 120, 6, 8, 6, 0, 5, 8, 3, 3, 1, 0, 9, 72 };
+    const double k[9] = { 70, 0, 31, 0, 71, 25, 0, 0, 1 };
+    const char name[24] = "IntrinsicMatrix";
+    uint8_t seed[512] = { 11 };
+    size_t n = 129;
+
+    memcpy(seed + 1, "MATLAB 5.0", 10);
+    memcpy(seed + 127, "IM", 2);
+    n = add(seed, add(seed, add(seed, add(seed, n, head, sizeof(head)), name, 24), matrix, sizeof(matrix)), k, 72);
+    seed_write("poses", 11, seed, n);
+}
+
 int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
 {
     static const char *const seeds[] = {
@@ -64,6 +79,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
         seed_write("poses", i, text, strlen(seeds[i]) + 1);
     }
     seed_binary();
+    seed_matlab();
     return 0;
 }
 
@@ -84,16 +100,28 @@ static void check(const struct model *m)
     }
 }
 
+static int fuzz_matlab(const uint8_t *data, size_t size)
+{
+    struct model_view v = { .width = 0 };
+
+    if (matlab_is(data, size) && !matlab_lens(&v, data, size, "fuzz") &&
+        (!(v.camera.fx > 0) || !isfinite(v.camera.cx)))
+        abort();
+    return 0;
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     const struct sst_posed_import_config cfg = { .source = "fuzz", .pictures = "/nonexistent" };
     struct model m = { .cfg = &cfg, .path = "fuzz" };
-    const size_t n = ARRAY_LEN(readers) + ARRAY_LEN(colmap_readers), which = size ? data[0] % n : 0;
+    const size_t n = ARRAY_LEN(readers) + ARRAY_LEN(colmap_readers) + 1, which = size ? data[0] % n : 0;
     const char *path;
     int err;
 
     if (!size)
         return 0;
+    if (which == n - 1)
+        return fuzz_matlab(data + 1, size - 1);
     path = input_file(data + 1, size - 1);
     if (which < ARRAY_LEN(readers)) {
         err = readers[which](&m, path);

@@ -81,6 +81,15 @@ read_model_fn read_colmap, read_aos, read_nerfstudio, read_opensfm, read_geo, re
 /** The parser of a source, by its content. @param path  out: its file or folder @return NULL: unknown (logged) */
 read_model_fn *model_reader(char path[SST_PATH_MAX], const char *source);
 
+/* --- lenses of MATLAB --- */
+
+/** Is this file of MATLAB's? */
+bool matlab_is(const uint8_t *data, size_t size);
+
+/** The lens of cameraParameters; width and height of the view stay 0 where the file has none. @return 0, -EBADMSG; logged
+ */
+SST_MUST_CHECK int matlab_lens(struct model_view *v, const uint8_t *data, size_t size, const char *path);
+
 /* --- pictures --- */
 
 /** Find every view's picture, and pictures without a pose beside them. @return 0, -ENOENT, -EBADMSG, -ENOMEM; logged */

@@ -180,37 +180,55 @@ static int set_names(struct sst_posed *posed, const struct model *m)
 
 /* --- lenses ------------------------------------------------------------------------------------------------------- */
 
+/* Lens of the user's calibration file. */
+static int read_lens(struct model_view *lens, const char *path, const struct picture *p)
+{
+    const struct sst_calib_format_config how = { .rows = 1, .cols = 1, .width = p->width, .height = p->height };
+    const struct sst_calib_format *format;
+    struct sst_calib calib;
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, SST_CALIB_FILE_MAX, &data, &size);
+
+    if (err)
+        return err;
+    if (matlab_is(data, size)) {
+        err = matlab_lens(lens, data, size, path);
+        free(data);
+        return err;
+    }
+    free(data);
+    format = sst_calib_format_of(path);
+    if (format && !format->read)
+        sst_log_error("%s: lenses of the format %s are not read", path, format->name);
+    if (!format || !format->read)
+        return -EBADMSG;
+    err = format->read(&calib, path, &how);
+    if (err)
+        return err;
+    lens->camera = calib.camera[calib.reference];
+    lens->width = calib.width;
+    lens->height = calib.height;
+    sst_calib_fini(&calib);
+    return 0;
+}
+
 /* The lens of the user's options, for a source that has none. */
 static int given_lens(struct sst_calib_camera *lens, const struct model *m, const struct picture *p)
 {
     const struct sst_posed_import_config *cfg = m->cfg;
     const double pi = 3.14159265358979323846;
+    struct model_view read = { .width = 0 };
+    int err = cfg->lens ? read_lens(&read, cfg->lens, p) : 0;
 
-    *lens = (struct sst_calib_camera){ 0 };
-    if (cfg->lens) {
-        const struct sst_calib_format *format = sst_calib_format_of(cfg->lens);
-        const struct sst_calib_format_config how = { .rows = 1, .cols = 1, .width = p->width, .height = p->height };
-        struct sst_calib calib;
-        int err;
-
-        if (!format)
-            return -EBADMSG;
-        if (!format->read) {
-            sst_log_error("%s: lenses of the format %s are not read", cfg->lens, format->name);
-            return -EBADMSG;
-        }
-        err = format->read(&calib, cfg->lens, &how);
-        if (err)
-            return err;
-        *lens = calib.camera[calib.reference];
-        if (calib.width != p->width || calib.height != p->height) {
-            sst_log_error("%s is of pictures of %dx%d pixels, these have %dx%d", cfg->lens, calib.width, calib.height,
-                          p->width, p->height);
-            err = -EBADMSG;
-        }
-        sst_calib_fini(&calib);
+    if (err)
         return err;
+    if (read.width && (read.width != p->width || read.height != p->height)) {
+        sst_log_error("%s is of pictures of %dx%d pixels, these have %dx%d", cfg->lens, read.width, read.height, p->width,
+                      p->height);
+        return -EBADMSG;
     }
+    *lens = read.camera;
     if (cfg->focal_px > 0 || cfg->fov_deg > 0) {
         lens->fx = lens->fy = cfg->focal_px > 0 ? cfg->focal_px : p->width / 2.0 / tan(cfg->fov_deg * pi / 360);
         lens->cx = (p->width - 1) / 2.0;
