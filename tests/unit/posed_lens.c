@@ -48,7 +48,7 @@ static void add_doubles(struct bytes *b, const double *v, int rows, int columns)
     add_element(b, 14, m.data, m.n);
 }
 
-/* A structure of a lens; by K, whose name and sizes are of newer versions, or by IntrinsicMatrix. */
+/* Structure of a lens with IntrinsicMatrix, or with K as newer versions name it. */
 static void add_lens(struct bytes *b, bool newer)
 {
     static const double matrix[9] = { 70, 0, 31, 0, 71.5, 25, 0, 0, 1 }, k[9] = { 70, 0, 0, 0, 71.5, 0, 31, 25, 1 };

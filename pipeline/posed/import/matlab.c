@@ -56,7 +56,7 @@ static uint32_t word(const uint8_t *p)
     return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-/* Cut the next element off. Those of up to 4 bytes have type and size in one word. */
+/* Cut the next element off. Small elements, of up to 4 bytes, have type and size in one word. */
 static bool next(struct stream *s, struct element *e)
 {
     const size_t left = s->size - s->at;
