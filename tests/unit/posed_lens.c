@@ -213,6 +213,24 @@ static void moments_and_cameras_are_in_the_names(void **state SST_UNUSED)
     assert_int_equal(import(&posed, NULL, "{camera}/*"), -EINVAL);
 }
 
+static void times_are_in_the_names(void **state SST_UNUSED)
+{
+    static const char *const names[] = { "DJI_20260301_235958_1_T.png", "DJI_20260302_000003_2_T.png" };
+    struct sst_posed posed;
+
+    sst_path_remove_tree(test_path("pictures"));
+    assert_int_equal(sst_path_make_dir(test_path("pictures")), 0);
+    for (int i = 0; i < 2; i++)
+        put_picture(test_path("pictures/%s", names[i]), i);
+    assert_int_equal(import(&posed, NULL, NULL), 0);
+    assert_true(posed.view[0].time_s == 0 && posed.view[1].time_s == 5);
+    sst_posed_fini(&posed);
+    put_picture(test_path("pictures/DJI_20261302_000003.png"), 2); /* no month */
+    assert_int_equal(import(&posed, NULL, NULL), 0);
+    assert_true(isnan(posed.view[0].time_s));
+    sst_posed_fini(&posed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -220,6 +238,7 @@ int main(void)
         cmocka_unit_test(files_of_matlab_without_a_lens_are_refused),
         cmocka_unit_test(lenses_of_other_calibrations_are_read),
         cmocka_unit_test(moments_and_cameras_are_in_the_names),
+        cmocka_unit_test(times_are_in_the_names),
     };
 
     sst_log_set_level(SST_LOG_ERROR);

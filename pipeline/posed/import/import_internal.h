@@ -104,6 +104,9 @@ int natural_order(const char *a, const char *b);
 /** Moments and cameras of the views by the pattern of their names. @return 0, -EINVAL, -EBADMSG; logged */
 SST_MUST_CHECK int moments_set(struct sst_posed *posed, const char *pattern);
 
+/** Times of the views, where all names have a date and time. */
+void times_set(struct sst_posed *posed);
+
 /** Make the light field's folder of a complete model. @return as sst_posed_import() */
 SST_MUST_CHECK int model_write(struct model *m);
 

@@ -1,7 +1,9 @@
-/* Moments of views by a pattern of their pictures' names. */
+/* Moments of views by a pattern of their pictures' names; times in names. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/log.h"
 #include "pipeline/posed/import/import_internal.h"
@@ -76,6 +78,43 @@ static int number(struct sst_posed *posed, char (*text)[256])
     }
     free(sorted);
     return 0;
+}
+
+/* Seconds of a date and time in a name, as cameras write them: YYYYMMDD and HHMMSS with one character between. */
+static bool find_time(double *time_s, const char *name)
+{
+    for (const char *p = name; strlen(p) >= 15; p++) {
+        int v[6], bytes = 0;
+        char between;
+
+        if (strspn(p, "0123456789") < 8 || strspn(p + 9, "0123456789") < 6)
+            continue;
+        if (sscanf(p, "%4d%2d%2d%c%2d%2d%2d%n", &v[0], &v[1], &v[2], &between, &v[3], &v[4], &v[5], &bytes) == 7 &&
+            bytes == 15 && strchr("_-T ", between) && v[0] >= 1990 && v[0] < 2100 && v[1] >= 1 && v[1] <= 12 && v[2] >= 1 &&
+            v[2] <= 31 && v[3] < 24 && v[4] < 60 && v[5] < 60) {
+            struct tm t = { .tm_year = v[0] - 1900, .tm_mon = v[1] - 1, .tm_mday = v[2], .tm_hour = v[3], .tm_min = v[4],
+                            .tm_sec = v[5] };
+
+            *time_s = (double)timegm(&t);
+            return true;
+        }
+    }
+    return false;
+}
+
+void times_set(struct sst_posed *posed)
+{
+    double first = 0, time_s = 0;
+
+    for (int k = 0; k < posed->count; k++) {
+        if (!find_time(&time_s, posed->view[k].name))
+            return;
+    }
+    for (int k = 0; k < posed->count; k++) {
+        (void)find_time(&time_s, posed->view[k].name);
+        first = k ? first : time_s;
+        posed->view[k].time_s = time_s - first;
+    }
 }
 
 int moments_set(struct sst_posed *posed, const char *pattern)

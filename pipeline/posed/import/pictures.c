@@ -11,7 +11,8 @@
 #include "base/mem.h"
 #include "pipeline/posed/import/import_internal.h"
 
-#define MAX_DEPTH 8 /* of subfolders */
+#define MAX_DEPTH  8    /* of subfolders */
+#define LISTED_MAX 8192 /* pictures of a folder */
 
 static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".PNG", ".JPG", ".JPEG", ".TIF", ".TIFF" };
 
@@ -170,7 +171,10 @@ static int list(struct listing *l, const char *dir, int depth)
             continue;
         err = sst_path_join(path, dir, e->d_name);
         if (!err && is_picture(e->d_name) && is_file(path)) {
-            if (sst_mem_grow(&l->path, l->count, &l->capacity, sizeof(*l->path)))
+            if (l->count == LISTED_MAX) {
+                sst_log_error("%s has more than %d pictures; name a folder with fewer", dir, LISTED_MAX);
+                err = -EBADMSG;
+            } else if (sst_mem_grow(&l->path, l->count, &l->capacity, sizeof(*l->path)))
                 memcpy(l->path[l->count++], path, SST_PATH_MAX);
             else
                 err = -ENOMEM;
@@ -218,8 +222,9 @@ static int add_unplaced(struct model *m)
         snprintf(dir, sizeof(dir), "%.*s", bytes ? bytes : 1, bytes ? m->view[k].path : ".");
         err = list_sorted(&l, dir);
         for (int i = 0; !err && i < l.count; i++) {
-            bool used = false;
+            char name[MODEL_NAME];
             struct model_view *v;
+            bool used = false;
 
             for (int j = 0; j < posed && !used; j++)
                 used = !strcmp(sst_path_base(m->view[j].path), sst_path_base(l.path[i])) &&
@@ -230,7 +235,10 @@ static int add_unplaced(struct model *m)
                 m->other++;
                 continue;
             }
-            v = model_add(m, sst_path_base(l.path[i]));
+            /* with the folders that the source names */
+            snprintf(name, sizeof(name), "%.*s%s", (int)(sst_path_base(m->view[k].name) - m->view[k].name), m->view[k].name,
+                     sst_path_base(l.path[i]));
+            v = model_add(m, name);
             if (v)
                 memcpy(v->path, l.path[i], SST_PATH_MAX);
             err = v ? 0 : -ENOMEM;

@@ -362,6 +362,8 @@ static int finish(struct model *m, const struct job *job)
         snprintf(v->file, sizeof(v->file), "%04d%s", k, job->picture[k].end);
         memcpy(v->sha256, job->picture[k].sha256, sizeof(v->sha256));
     }
+    if (!err)
+        times_set(&posed);
     if (!err && m->cfg->moments)
         err = moments_set(&posed, m->cfg->moments);
     if (!err) {
