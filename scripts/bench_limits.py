@@ -2,16 +2,15 @@
 import json
 import os
 import statistics
-import subprocess
 
-from charts import COLOURS, draw, frame, median, number, page, read_rounds, table, write_page
+from charts import COLOURS, draw, frame, median, number, page, read_rounds, table, word, write_page
 
 LIMITS_TEXT = """\
-What two threads of this machine can do at most, measured by small loops (`build/bench/peaks`, kernels for {level}; best of
+What two threads of this machine can do at most, measured by small loops (`build/bench/peaks`; best of
 {rounds} rounds), and how far each stage is from it. A stage's *limit* is the larger of its bytes over the bandwidth and its
 operations over their peak, where the bytes are what it must read and write once and the operations what its formulas need
 at least, by the widest instruction; *time / limit* is 1 for a stage that this machine cannot run faster. A stage's time is the CPU
-time of all threads, halved: two busy threads; other programs change it less than wall time. A network's limit is its
+time of all threads, halved: two busy threads; other programs change it less than wall time. Each level is compared with its own limits. A network's limit is its
 convolutions alone, as bare oneDNN primitives.
 
 {peaks}
@@ -74,40 +73,42 @@ def limit_row(name, ms, bytes_, multiplies, simple, peak):
         (name, lanes / bytes_, lanes / ms / 1e6)
 
 
-def limit_rows(folder, peak):
-    """A row and a point for each stage whose times were measured."""
+def limit_rows(folder, peak, at):
+    """A row and a point for each stage whose times were measured at this level."""
     rows = []
     if os.path.exists(f"{folder}/render.csv"):
         for (level, width, height, method), r in read_rounds(f"{folder}/render.csv", "level", "width", "height",
                                                                   "method").items():
             name, pixels = method.removeprefix("OpenCV "), width * height
-            if name in RAYS and level == bench_level(folder + "/x"):
+            if name in RAYS and level == at:
                 per_ray = [36 * pixels * n for n in RAYS[name]]
                 whose = "render " if name == method else "OpenCV "
                 rows.append(limit_row(f"{whose}{name}, {width:.0f}x{height:.0f}", median(r, "cpu_ms") / 2, per_ray[0] + 3 * pixels,
                                       *per_ray[1:], peak))
     if os.path.exists(f"{folder}/stereo.csv"):
-        for (pair, method), r in read_rounds(f"{folder}/stereo.csv", "pair", "method").items():
-            if pair == "motorcycle" and method in PATHS:
+        for (level, pair, method), r in read_rounds(f"{folder}/stereo.csv", "level", "pair", "method").items():
+            if level == at and pair == "motorcycle" and method in PATHS:
                 half = 8 if method == "sst preview" else 1  # half the width, height and disparities
                 pixels = r[0]["width"] * r[0]["height"]
                 rows.append(limit_row(f"pair, {method}", median(r, "cpu_ms") / 2, 10 * pixels, 0,
                                       PATHS[method] * PATH_OPERATIONS * 64 * pixels / half, peak))
     if os.path.exists(f"{folder}/rectify.csv"):
         for (level, method), r in read_rounds(f"{folder}/rectify.csv", "level", "method").items():
-            if method in TAPS and level == bench_level(folder + "/x"):
+            if method in TAPS and level == at:
                 rows.append(limit_row(f"rectify {method}, 1 megapixel", median(r, "ms_per_mpx") / 2, 6e6, 3e6 * TAPS[method] ** 2, 0,
                                       peak))
     if os.path.exists(f"{folder}/skips.json"):
         with open(f"{folder}/skips.json") as f:
             entry = next((m for m in json.load(f) if m["scene"] == "bush" and m["skip"] == "none"), None)
-        rows += process_rows(entry, peak) if entry else []
+        rows += process_rows(entry, peak, at) if entry else []
     if os.path.exists(f"{folder}/live.json") and os.path.exists(f"{folder}/clear.csv"):
         with open(f"{folder}/live.json") as f:
-            rows += live_rows(json.load(f), list(read_rounds(f"{folder}/clear.csv", "set").values()), peak)
+            frames = [m for m in json.load(f) if m["level"] == at]
+        sets = [r for (level, _), r in read_rounds(f"{folder}/clear.csv", "level", "set").items() if level == at]
+        rows += live_rows(frames, sets, peak) if frames and sets else []
     if os.path.exists(f"{folder}/networks.json"):
         with open(f"{folder}/networks.json") as f:
-            rows += [network_row(m) for m in json.load(f)]
+            rows += [network_row(m) for m in json.load(f) if m["level"] == at]
     return rows
 
 
@@ -137,12 +138,12 @@ def network_row(measured):
     return [name, number(whole, 1), "-", "-", "-", f"convolutions, {number(bare, 1)} ms", number(whole / bare, 1)], None
 
 
-def process_rows(entry, peak):
+def process_rows(entry, peak, at):
     """Stages of sst process --skip none: what they read and write of every ray, and the paths of the first pass."""
     r = entry["report"]
     width, height = map(int, entry["size"].split("x"))
     rays, steps = 36 * width * height, r["searched_px"][1] - r["searched_px"][0] + 1
-    return [limit_row(f"process {stage}, {entry['scene']} {entry['size']}", 500 * r["cpu_seconds"][stage], per_ray * rays, 0,
+    return [limit_row(f"process {stage}, {entry['scene']} {entry['size']}", 500 * r["levels"][at]["cpu_seconds"][stage], per_ray * rays, 0,
                       simple * rays, peak)
             for stage, per_ray, simple in (("load", 3, 0), ("disparity", 6, 4 * PATH_OPERATIONS * steps),
                                            ("refinement", 7, 8), ("saving", 6, 0))]
@@ -170,30 +171,31 @@ def roofline(out, points, peak, command):
 
 
 def limits(source, out, command):
-    rounds = read_rounds(source, "limit")
-    peak = {name: max(r["value"] for r in rows) for (name,), rows in rounds.items()}
-    if not {"multiply", "minimum", "fma"} <= set(peak):
+    rounds = read_rounds(source, "level", "limit")
+    peaks = {}
+    for (level, name), r in rounds.items():
+        peaks.setdefault(level, {})[name] = max(row["value"] for row in r)
+    levels = list(peaks)
+    if not {"multiply", "minimum", "fma"} <= set(peaks[levels[0]]):
         return []
     units = {"memory": "GB/s from memory", "cache": "GB/s from the second level of cache", "scatter": "1e9 scattered updates/s",
              "multiply": "1e9 multiplications of 16 bits/s", "minimum": "1e9 minima of bytes/s",
              "fma": "1e9 multiply-adds of floats/s"}
-    peaks = table(["limit", "best", "median"], [[units[name], number(best, 1), number(median(rounds[name,], "value"), 1)]
-                                                for name, best in peak.items()])
-    rows = limit_rows(os.path.dirname(source), peak)
+    heads = {level: f"{word(level)}: " for level in levels}
+    table_of_peaks = table(["limit"] + [h for head in heads.values() for h in (f"{head}best", "median")],
+                           [[units[name]] + [cell for level in levels for cell in (
+                               number(peaks[level][name], 1), number(median(rounds[level, name], "value"), 1))]
+                            for name in peaks[levels[0]]])
+    rows, *others = (limit_rows(os.path.dirname(source), peaks[level], level) for level in levels)
     if not rows:
         return []
+    cells = [{row[0]: (row[1], row[-1]) for row, _ in other} for other in others]
     slow = [row[0] for row, _ in rows if float(row[-1]) > 2]
     words = "".join(f"- {start}: {text}\n" for start, text in WORDS.items() if any(n.startswith(start) for n in slow))
     words += "".join(f"- {n}: not looked into.\n" for n in slow if not n.startswith(tuple(WORDS)))
-    text = LIMITS_TEXT.format(level=bench_level(source), rounds=len(rounds["memory",]), peaks=peaks, looked=LOOKED, words=words,
-                              table=table(["stage", "CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms",
-                                           "limit is", "time / limit"], [row for row, _ in rows]))
-    return (write_page(out, "bench-limits", page("Limits: each stage against the machine", command, text)) +
-            roofline(out, [point for _, point in rows if point], peak, command))
-
-
-def bench_level(source):
-    """Kernel level of the build that measured: BUILD/sst, one or two folders up."""
-    sst = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(source))), "sst")
-    version = subprocess.run([sst, "version", "--json"], capture_output=True, text=True, check=True)
-    return json.loads(version.stdout)["cpu"]
+    text = LIMITS_TEXT.format(rounds=len(rounds[levels[0], "memory"]), peaks=table_of_peaks, looked=LOOKED, words=words, table=table(
+        ["stage", f"{heads[levels[0]]}CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms", "limit is",
+         "time / limit"] + [h for level in levels[1:] for h in (f"{heads[level]}CPU ms / 2", "time / limit")],
+        [row + [cell for other in cells for cell in other.get(row[0], ("-", "-"))] for row, _ in rows]))
+    return (write_page(out, "bench-limits", page("Limits: each stage against the machine", command, text, levels)) +
+            roofline(out, [point for _, point in rows if point], peaks[levels[0]], command))

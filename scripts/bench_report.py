@@ -7,8 +7,8 @@ import statistics
 import sys
 
 from bench_limits import limits
-from charts import (BASELINE, COLOURS, chart, draw, frame, median, number, page, ratio, read_rounds, spread, table,
-                    write_page)
+from charts import (BASELINE, COLOURS, LIMITED, chart, draw, frame, median, number, page, ratio, read_rounds, spread, suffixes,
+                    symbol, table, word, write_page)
 
 STEREO_TEXT = """\
 Middlebury pairs, 64 disparities (aloe 240), {rounds} interleaved rounds in one process after one to warm up: median, smallest
@@ -21,20 +21,35 @@ dense (tests/bench/sgbm.cc), which its time includes.
 """
 
 
+def level_head(levels, *columns):
+    """Columns of every level, the level's name before the first."""
+    return [f"{word(level)}: {c}" if i == 0 else c for level in levels for i, c in enumerate(columns)]
+
+
+def time_cells(rounds, others):
+    """Cells of one level: ms, min..max, time / others, CPU ms; dashes where it was not measured there."""
+    if not rounds:
+        return ["-"] * 4
+    return [f"{median(rounds, 'ms'):.1f}", spread(rounds), f"{ratio(rounds, others):.2f}", f"{median(rounds, 'cpu_ms'):.1f}"]
+
+
 def stereo(source, out, command):
-    by_method = read_rounds(source, "pair", "method")
-    head = ["method", "ms", "min..max", "time / 3WAY", "CPU ms", "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %",
-            "RMSE px"]
-    text, groups = STEREO_TEXT.format(rounds=len(by_method["cones", BASELINE])), {}
-    for pair in dict.fromkeys(k[0] for k in by_method):
-        rows = []
-        for (_, method), r in ((k, r) for k, r in by_method.items() if k[0] == pair):
-            errors = [number(r[0][c]) for c in ("bad05", "bad1", "bad2", "bad4", "rmse")]
-            rows.append([method, f"{median(r, 'ms'):.1f}", spread(r), f"{ratio(r, by_method[pair, BASELINE]):.2f}",
-                         f"{median(r, 'cpu_ms'):.1f}"] + errors)
-            groups.setdefault(pair, []).append((method, median(r, "ms"), r[0]["bad2"]))
-        text += f"## {pair}, {r[0]['width']:.0f}x{r[0]['height']:.0f}\n\n{table(head, rows)}\n"
-    return (write_page(out, "bench-stereo", page("Stereo: time against error", command, text)) +
+    measured = read_rounds(source, "pair", "method", "level")
+    levels = list(dict.fromkeys(k[2] for k in measured))
+    head = ["method"] + level_head(levels, "ms", "min..max", "time / 3WAY", "CPU ms") + [
+        "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px"]
+    text, groups = STEREO_TEXT.format(rounds=len(measured["cones", BASELINE, levels[0]])), {}
+    for pair in dict.fromkeys(k[0] for k in measured):
+        rows, baseline = [], measured[pair, BASELINE, levels[0]]
+        for method in dict.fromkeys(k[1] for k in measured if k[0] == pair):
+            of = {level: measured.get((pair, method, level)) for level in levels}
+            first = of[levels[0]][0]
+            rows.append([method] + [cell for r in of.values() for cell in time_cells(r, baseline)] +
+                        [number(first[c]) for c in ("bad05", "bad1", "bad2", "bad4", "rmse")])
+            groups.setdefault(pair, []).extend((method + end, median(of[level], "ms"), of[level][0]["bad2"])
+                                               for level, end in suffixes(levels).items() if of[level])
+        text += f"## {pair}, {first['width']:.0f}x{first['height']:.0f}\n\n{table(head, rows)}\n"
+    return (write_page(out, "bench-stereo", page("Stereo: time against error", command, text, levels)) +
             chart(out, "time-error-stereo", "Middlebury pairs, 64 disparities (aloe 240)",
                   ("time, ms", "pixels off by more than 2 px, %"), groups, command))
 
@@ -52,46 +67,57 @@ picture. Rays are not verified (`--verify-rays off`).
 ![time against error](time-error-render.svg)
 
 """
-RENDER_SYMBOLS = {"": 7, "OpenCV": 4, "skips": 3, "25 views": 5, "16 views": 9, "9 views": 11, "4 views": 13}
+RENDER_SYMBOLS = {"": 7, "OpenCV": 2, "skips": 15, "25 views": 5, "16 views": 9, "9 views": 11, "4 views": 13}
 
 
-def render_row(method, rounds, others):
-    first, seconds = rounds[0], median(rounds, "ms") / 1000
+def render_cells(method, rounds, others):
+    """Cells of one level: those of time_cells(), million rays / s."""
+    if not rounds:
+        return ["-"] * 5
     views = int(method.split(", ")[1].split()[0]) if method.endswith(" views") else 36
+    return [*time_cells(rounds, others),
+            f"{views * rounds[0]['width'] * rounds[0]['height'] / median(rounds, 'ms') / 1e3:.0f}"]
+
+
+def render_row(method, of, others):
+    """of, others: {level: rounds}; `others` at each level or, of OpenCV, one for all."""
+    first = next(iter(of.values()))[0]
     exact = not math.isnan(first["error_rms"])
-    return [method if method.startswith("OpenCV") else f"sst {method}", f"{seconds * 1000:.1f}", spread(rounds),
-            f"{ratio(rounds, others):.2f}", f"{median(rounds, 'cpu_ms'):.1f}",
-            f"{views * first['width'] * first['height'] / seconds / 1e6:.0f}",
+    return [method if method.startswith("OpenCV") else f"sst {method}",
+            *(cell for level, r in of.items() for cell in render_cells(method, r, others.get(level) or next(iter(others.values())))),
             f"{first['error_rms']:.3f}, {first['error_most']:.2f}" if exact else "-"]
 
 
 def render(source, out, command):
-    by_method = read_rounds(source, "level", "width", "height", "method")
-    head = ["method", "ms", "min..max", "time / OpenCV", "CPU ms", "million rays / s", "error: RMS, largest"]
-    text, groups = RENDER_TEXT.format(rounds=len(next(iter(by_method.values())))), {}
-    for size in dict.fromkeys(k[:3] for k in by_method):
-        rows, of = [], {k[3]: r for k, r in by_method.items() if k[:3] == size}
+    measured = read_rounds(source, "level", "width", "height", "method")
+    levels, sizes = (list(dict.fromkeys(k[part] for k in measured)) for part in (slice(0, 1), slice(1, 3)))
+    levels = [level for level, in levels]
+    head = ["method"] + level_head(levels, "ms", "min..max", "time / OpenCV", "CPU ms", "million rays / s") + ["error: RMS, largest"]
+    text, groups = RENDER_TEXT.format(rounds=len(next(iter(measured.values())))), {}
+    for size in sizes:
+        methods = {k[3]: {level: measured.get((level, *size, k[3])) for level in levels} for k in measured if k[1:3] == size}
+        rows = []
         for kind in ("refocus", "see-through"):
-            for method, r in of.items():
-                if method.removeprefix("OpenCV ").split(",")[0] == kind:
-                    rows.append(render_row(method, r, of[f"OpenCV {kind}"]))
-                    variant = method.partition(" ")[0] if method.startswith("OpenCV") else method.partition(", ")[2]
-                    if size == next(iter(by_method))[:3]:
-                        groups.setdefault(kind, []).append((variant, median(r, "ms"), r[0]["error_rms"]))
-        rows.append([f"{cell} of see-through" if i == 3 else cell
-                     for i, cell in enumerate(render_row("clear", of["clear"], of["see-through beside clear"]))])
-        first = of["see-through"][0]
-        text += (f"## 36 views of {size[1]:.0f}x{size[2]:.0f}, kernels for {size[0]}\n\nThe light field takes "
-                 f"{first['light_field_mib']:.0f} MiB; peak {first['peak_mib']:.0f} MiB, clear "
-                 f"{of['clear'][0]['peak_mib']:.0f} MiB.\n\n{table(head, rows)}\n")
-    level, width, height = next(iter(by_method))[:3]
-    title = f"Rendering 36 views of {width:.0f}x{height:.0f}, kernels for {level}"
-    return (write_page(out, "bench-render", page("Rendering: time against error", command, text)) +
-            render_chart(out, title, groups, command))
+            for method, of in methods.items():
+                if method.removeprefix("OpenCV ").split(",")[0] != kind:
+                    continue
+                rows.append(render_row(method, of, methods[f"OpenCV {kind}"]))
+                variant = method.partition(" ")[0] if method.startswith("OpenCV") else method.partition(", ")[2]
+                if size == sizes[0]:
+                    groups.setdefault(kind, []).extend((variant + end, median(of[level], "ms"), of[level][0]["error_rms"])
+                                                       for level, end in suffixes(levels).items() if of[level])
+        rows.append([f"{cell} of see-through" if i in (3, 8) and cell != "-" else cell for i, cell in
+                     enumerate(render_row("clear", methods["clear"], methods["see-through beside clear"]))])
+        first, clear = (methods[m][levels[0]][0] for m in ("see-through", "clear"))
+        text += (f"## 36 views of {size[0]:.0f}x{size[1]:.0f}\n\nThe light field takes {first['light_field_mib']:.0f} MiB; peak "
+                 f"{first['peak_mib']:.0f} MiB, clear {clear['peak_mib']:.0f} MiB.\n\n{table(head, rows)}\n")
+    title = f"Rendering 36 views of {sizes[0][0]:.0f}x{sizes[0][1]:.0f}"
+    return (write_page(out, "bench-render", page("Rendering: time against error", command, text, levels)) +
+            render_chart(out, title, groups, levels, command))
 
 
-def render_chart(out, title, groups, command):
-    """Pictures of all views, of fewer, and OpenCV's; a line joins ours."""
+def render_chart(out, title, groups, levels, command):
+    """Pictures of all views, of fewer, and OpenCV's; a line joins ours, a dashed one those with AVX2."""
     points = [p for g in groups.values() for p in g]
     x = (min(p[1] for p in points) / 1.5, max(p[1] for p in points) * 2)
     y = (0.2, max(p[2] for p in points) * 1.5)
@@ -100,12 +126,17 @@ def render_chart(out, title, groups, command):
     lines += [f'set arrow from graph 0, first {12 ** -0.5} to graph 1, first {12 ** -0.5} nohead dt 2 lc rgb "#888888"',
               f'set label "rounding to bytes" at graph 0.02, first {0.82 * 12 ** -0.5} tc rgb "#666666"']
     for i, (kind, points) in enumerate(groups.items()):
-        lines += [f"$g{i} << EOD"] + [f"{t} {e} {RENDER_SYMBOLS[v]}" for v, t, e in points] + ["EOD"]
-        lines += [f"$l{i} << EOD"] + [f"{t} {e}" for v, t, e in points if v not in ("OpenCV", "skips")] + ["EOD"]
-        plots += [f"$l{i} with lines lw 1.5 lc rgb '{COLOURS[i]}' title \"{kind}\"",
-                  f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle"]
-    for variant, symbol in RENDER_SYMBOLS.items():
-        plots.append(f"keyentry with points pt {symbol} ps 1.4 lw 2 lc rgb '#444444' title \"{variant or 'all views'}\"")
+        lines += [f"$g{i} << EOD"] + [f"{t} {e} {symbol(v, RENDER_SYMBOLS)}" for v, t, e in points] + ["EOD"]
+        plots.append(f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle")
+        for level, end in suffixes(levels).items():
+            joined = [f"{t} {e}" for v, t, e in points
+                      if v.endswith(LIMITED) == bool(end) and v.removesuffix(LIMITED) not in ("OpenCV", "skips")]
+            lines += [f"$l{i}{level} << EOD"] + joined + ["EOD"]
+            plots.append(f"$l{i}{level} with lines dt {2 if end else 1} lw 1.5 lc rgb '{COLOURS[i]}' title \"{kind}, {word(level)}\"")
+    for variant, point in RENDER_SYMBOLS.items():
+        plots.append(f"keyentry with points pt {point} ps 1.4 lw 2 lc rgb '#444444' title \"{variant or 'all views'}\"")
+    if len(levels) > 1:
+        plots.append("keyentry with points pt 6 ps 1.4 lw 2 lc rgb '#444444' title 'open: AVX2'")
     return draw(out, "time-error-render", lines + ["plot " + ", \\\n".join(plots)])
 
 
@@ -123,28 +154,33 @@ bytes is 0.289 RMS (OpenCV's bicubic and lanczos are other kernels, of 4x4 and 8
 
 
 def rectify(source, out, command):
-    by_method = read_rounds(source, "level", "method")
-    head = ["method", "ms / megapixel", "time / OpenCV", "error: RMS, largest", "moved, dB", "turned, dB"]
+    measured = read_rounds(source, "method", "level")
+    levels = list(dict.fromkeys(k[1] for k in measured))
+    head = ["method"] + level_head(levels, "ms / megapixel", "time / OpenCV") + ["error: RMS, largest", "moved, dB", "turned, dB"]
     rows, points = [], []
-    for (level, method), r in by_method.items():
-        name, first = method.removeprefix("OpenCV "), r[0]
-        others = by_method[level, f"OpenCV {name}"]
-        rows.append([method if method != name else f"sst {name}", number(median(r, "ms_per_mpx"), 1), f"{ratio(r, others):.2f}",
-                     f"{first['error_rms']:.3f}, {first['error_most']:.2f}", number(first["moved_db"]), number(first["turned_db"])])
-        points.append((method, name, median(r, "ms_per_mpx"), 255 * 10 ** (-first["moved_db"] / 20)))
-    level = next(iter(by_method))[0]
-    text = RECTIFY_TEXT.format(rounds=len(next(iter(by_method.values())))) + table(head, rows)
+    for method in dict.fromkeys(k[0] for k in measured):
+        name, cells = method.removeprefix("OpenCV "), []
+        others, first = measured[f"OpenCV {name}", levels[0]], measured[method, levels[0]][0]
+        for level, end in suffixes(levels).items():
+            r = measured.get((method, level))
+            cells += [number(median(r, "ms_per_mpx"), 1), f"{ratio(r, others):.2f}"] if r else ["-", "-"]
+            if r:
+                whose = "OpenCV remap" if method != name else f"sst, {word(level)}"
+                points.append((whose, name, median(r, "ms_per_mpx"), 255 * 10 ** (-r[0]["moved_db"] / 20)))
+        rows.append([method if method != name else f"sst {name}", *cells, f"{first['error_rms']:.3f}, {first['error_most']:.2f}",
+                     number(first["moved_db"]), number(first["turned_db"])])
+    text = RECTIFY_TEXT.format(rounds=len(next(iter(measured.values())))) + table(head, rows)
     times, errors = [p[2] for p in points], [p[3] for p in points]
-    lines = frame(f"Rectification, kernels for {level}", ("CPU time, ms per megapixel",
+    lines = frame("Rectification", ("CPU time, ms per megapixel",
                   "RMS error of a move by half a pixel, grey levels"),
                   (min(times) / 1.5, max(times) * 1.7), (0, max(errors) * 1.15), False, command)
     plots = []
-    for i, (whose, ours) in enumerate((("sst", True), ("OpenCV remap", False))):
-        of = [p for p in points if (p[0] == p[1]) == ours]
-        lines += [f"$r{i} << EOD"] + [f'{t} {e} "{name}"' for _, name, t, e in of] + ["EOD"]
-        plots += [f"$r{i} using 1:2 with linespoints pt {7 if ours else 4} ps 1.4 lw 1.5 lc rgb '{COLOURS[i]}' title \"{whose}\"",
-                  f"$r{i} using 1:2:3 with labels offset 0, 1 tc rgb '{COLOURS[i]}' notitle"]
-    return (write_page(out, "bench-rectify", page("Rectification: time against error", command, text)) +
+    for i, whose in enumerate(dict.fromkeys(p[0] for p in sorted(points, key=lambda p: p[0], reverse=True))):
+        lines += [f"$r{i} << EOD"] + [f'{t} {e} "{name}"' for w, name, t, e in points if w == whose] + ["EOD"]
+        point = 2 if whose.startswith("OpenCV") else 6 if whose.endswith(LIMITED) and len(levels) > 1 else 7
+        plots += [f"$r{i} using 1:2 with linespoints pt {point} ps 1.4 lw 1.5 lc rgb '{COLOURS[i]}' title \"{whose}\"",
+                  f"$r{i} using 1:2:3 with labels offset 0, {-1 if point == 6 else 1} tc rgb '{COLOURS[i]}' notitle"]
+    return (write_page(out, "bench-rectify", page("Rectification: time against error", command, text, levels)) +
             draw(out, "time-error-rectify", lines + ["plot " + ", \\\n".join(plots)]))
 
 
@@ -206,26 +242,44 @@ def label_table(scenes, reports):
 
 def stage_table(scenes, reports):
     stages = ["load", "labels", "disparity", "refinement", "saving", "total"]
-    return table(["scene"] + stages,
-                 [[s["scene"]] + [f"{r['seconds'][k]:.1f} / {r['cpu_seconds'][k]:.1f}" for k in stages]
-                  for s, r in zip(scenes, reports)])
+    return table(["scene"] + level_head(reports[0]["levels"], *stages),
+                 [[s["scene"]] + [f"{of['seconds'][k]:.1f} / {of['cpu_seconds'][k]:.1f}" for of in r["levels"].values()
+                                  for k in stages] for s, r in zip(scenes, reports)])
+
+
+def same_maps(named):
+    """Sentence on what AVX2 changes. named: [(name, report with levels)]."""
+    lines = []
+    for kind in named[0][1]["maps"]:
+        differing = [name for name, r in named if any(kind in of["differ"] for of in r["levels"].values())]
+        where = "all runs" if len(differing) == len(named) else ", ".join(differing)
+        lines.append(f"{kind} has other bytes in {where}" if differing else f"{kind} is the same bytes")
+    levels = len(named[0][1]["levels"])
+    return f"Errors are those of the best level; with AVX2 {' and '.join(lines)}.\n" if levels > 1 else ""
 
 
 def preset_part(scenes):
     """Chart points and table of the scenes that were matched with every preset."""
-    head = ["scene, preset", "wall s", "CPU s", "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px",
-            "visible: bad 2 %", "clear, PSNR"]
+    levels = list(scenes[0]["presets"]["balanced"]["levels"])
+    head = ["scene, preset"] + level_head(levels, "wall s", "CPU s") + [
+        "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px", "visible: bad 2 %", "clear, PSNR"]
     rows, groups, clear = [], {}, {}
     for s in (s for s in scenes if len(s["presets"]) > 1):
         for preset in ("preview", "balanced", "accurate"):
             r = s["presets"][preset]
             errors = [r["disparity"][k] for k in ("bad05", "bad1", "bad2", "bad4", "rmse")]
             errors += [r["disparity"]["nonocc"]["bad2"], r["clear"]["psnr"]]
-            times = [r[k]["disparity"] for k in ("seconds", "cpu_seconds")]
+            times = [r["levels"][level][k]["disparity"] for level in levels for k in ("seconds", "cpu_seconds")]
             rows.append([f"{s['scene']}, {preset}"] + [number(v) for v in times + errors])
-            groups.setdefault(s["scene"], []).append((f"sst {preset}", times[0], r["disparity"]["bad2"]))
-            clear.setdefault(s["scene"], []).append((f"sst {preset}", r["seconds"]["total"],
-                                                     255 * 10 ** (-r["clear"]["psnr"] / 20)))
+            for level, end in suffixes(levels).items():
+                seconds = r["levels"][level]["seconds"]
+                groups.setdefault(s["scene"], []).append((f"sst {preset}{end}", seconds["disparity"], r["disparity"]["bad2"]))
+                clear.setdefault(s["scene"], []).append((f"sst {preset}{end}", seconds["total"],
+                                                         255 * 10 ** (-r["clear"]["psnr"] / 20)))
+        for of in s["opencv"]:
+            rows.append([f"{s['scene']}, {of['method']}", number(of["ms"] / 1000), number(of["cpu_ms"] / 1000)] +
+                        ["-"] * (2 * len(levels) - 2) + [number(of[k]) for k in ("bad05", "bad1", "bad2", "bad4", "rmse")] + ["-"] * 2)
+            groups[s["scene"]].append((of["method"], of["ms"] / 1000, of["bad2"]))
     return groups, clear, table(head, rows)
 
 
@@ -269,7 +323,10 @@ Mean IoU, coverage and share of right pixels, percent.{given}
 ## Time of `sst process --preset balanced`, wall / CPU seconds
 
 {stages}
+{same}
 ## Disparity by preset
+
+OpenCV matches each view with its neighbour in the row, alone.
 
 ![time against error](time-error-scenes.svg)
 
@@ -290,8 +347,9 @@ def scenes(source, out, command):
         pictures=picture_table(measured, reports), clear=clear_table(measured, reports),
         seeds=seeds_table(draws), seeds_size=draws[0]["size"],
         disparity=disparity_table(measured, reports), labels=label_table(measured, reports),
-        stages=stage_table(measured, reports), presets=presets)
-    return (write_page(out, "bench-scenes", page("Simulated scenes", command, text)) +
+        stages=stage_table(measured, reports), presets=presets,
+        same=same_maps([(f"{s['scene']} {preset}", r) for s in measured for preset, r in s["presets"].items()]))
+    return (write_page(out, "bench-scenes", page("Simulated scenes", command, text, list(reports[0]["levels"]))) +
             chart(out, "time-error-scenes", f"Simulated scenes, disparity of 36 views of {size}",
                   ("time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True) +
             chart(out, "time-error-clear", f"Clear picture of simulated scenes, 36 views of {size}",
@@ -360,21 +418,28 @@ is skipped.
 """
 
 
+def part_of(report, none, level, *stages):
+    """CPU time of the stages at a level, percent of that of --skip none."""
+    mine, whole = (sum(r["levels"][level]["cpu_seconds"][s] for s in stages) for r in (report, none))
+    return 100 * mine / whole
+
+
 def skip_row(entry, none):
     r, base = entry["report"], none["report"]
     own = r["skips"].get(entry["skip"], {})
     change = lambda get: None if get(r) is None else get(r) - get(base)
-    row = [f"{entry['scene']}, {entry['skip']}", number(r["cpu_seconds"]["total"]),
-           number(100 * r["cpu_seconds"]["total"] / base["cpu_seconds"]["total"], 0), number(own.get("skipped_percent"), 0),
-           number(own.get("error_percent"))]
+    row = [f"{entry['scene']}, {entry['skip']}"]
+    for level, of in r["levels"].items():
+        row += [number(of["cpu_seconds"]["total"]), number(part_of(r, base, level, "total"), 0)]
+    row += [number(own.get("skipped_percent"), 0), number(own.get("error_percent"))]
     return row + [number(change(get)) for get in (
         lambda x: x["disparity"]["bad2"], lambda x: x["labels"]["miou_refined"] if x.get("labels") else None,
         lambda x: x["render"]["psnr_occluded"], lambda x: x["clear"]["psnr"])]
 
 
 def skip_chart(out, name, title, labels, points, command):
-    """points: [(group, method, work left in percent, error added)]; a colour per group, a symbol per method."""
-    groups, methods = (list(dict.fromkeys(p[i] for p in points)) for i in (0, 1))
+    """points: [(group, method, work left in percent, error added)]; a colour per group, a symbol per method, open for AVX2."""
+    groups, methods = (list(dict.fromkeys(p[i].removesuffix(LIMITED) for p in points)) for i in (0, 1))
     symbols = dict(zip(methods, (7, 5, 9, 13, 15, 11, 3)))
     low, high = min(0, *(p[3] for p in points)), max(p[3] for p in points)
     room = 0.12 * (high - low or 1)
@@ -383,22 +448,23 @@ def skip_chart(out, name, title, labels, points, command):
               "nohead lc rgb '#444444' lw 1"]
     plots = []
     for i, group in enumerate(groups):
-        lines += [f"$s{i} << EOD"] + [f"{p[2]} {p[3]} {symbols[p[1]]}" for p in points if p[0] == group] + ["EOD"]
+        lines += [f"$s{i} << EOD"] + [f"{p[2]} {p[3]} {symbol(p[1], symbols)}" for p in points if p[0] == group] + ["EOD"]
         plots.append(f"$s{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle")
     plots += [f"keyentry with lines lw 6 lc rgb '{COLOURS[i]}' title \"{group}\"" for i, group in enumerate(groups)]
     plots += [f"keyentry with points pt {symbols[m]} ps 1.4 lc rgb '#444444' title \"{m}\"" for m in methods]
+    if any(p[1].endswith(LIMITED) for p in points):
+        plots.append("keyentry with points pt 6 ps 1.4 lc rgb '#444444' title 'open: AVX2'")
     return draw(out, name, lines + ["plot " + ", \\\n".join(plots)])
 
 
 def labels_chart(measured, none, out, command):
-    def seconds(report):
-        return report["cpu_seconds"]["labels"] + report["cpu_seconds"]["refinement"]
     points = []
     for m in measured:
         r, base = m["report"], none[m["scene"]]["report"]
         if m["skip"] in ("none", "labels", "all") and r.get("labels"):
-            points.append((m["scene"], m["skip"], 100 * seconds(r) / seconds(base),
-                           base["labels"]["miou_refined"] - r["labels"]["miou_refined"]))
+            points += [(m["scene"], m["skip"] + end, part_of(r, base, level, "labels", "refinement"),
+                        base["labels"]["miou_refined"] - r["labels"]["miou_refined"])
+                       for level, end in suffixes(r["levels"]).items()]
     return skip_chart(out, "skips-labels", "Labels of views that the network does not see",
                       ("CPU time of labels and refinement, % of that of --skip none", "mean IoU lost, points"), points,
                       command) if points else []
@@ -413,13 +479,14 @@ def skips(source, out, command):
         labels_chart="\nLabels and their refinement alone:\n\n![time of labels left against error added](skips-labels.svg)\n"
         if of_labels else "",
         size=measured[0]["size"], labels="the network" if measured[0]["report"].get("labels") else "nowhere",
-        table=table(["scene, skipped", "CPU s", "% of none", "skipped %", "wrong %", "bad 2, points", "mIoU, points",
-                     "see-through occ., dB", "clear, dB"], [skip_row(m, none[m["scene"]]) for m in measured]))
+        table=table(["scene, skipped"] + level_head(measured[0]["report"]["levels"], "CPU s", "% of none") +
+                    ["skipped %", "wrong %", "bad 2, points", "mIoU, points", "see-through occ., dB", "clear, dB"],
+                    [skip_row(m, none[m["scene"]]) for m in measured]))
     points = []
     for m in measured:
         r, base = m["report"], none[m["scene"]]["report"]
-        points.append((m["scene"], m["skip"], 100 * r["cpu_seconds"]["total"] / base["cpu_seconds"]["total"],
-                       base["clear"]["psnr"] - r["clear"]["psnr"]))
+        points += [(m["scene"], m["skip"] + end, part_of(r, base, level, "total"), base["clear"]["psnr"] - r["clear"]["psnr"])
+                   for level, end in suffixes(r["levels"]).items()]
     made = skip_chart(out, "skips-process", "Work left out of sst process --preset balanced",
                       ("CPU time, % of that of --skip none", "clear picture, dB lost"), points, command)
     made += of_labels
@@ -431,7 +498,8 @@ def skips(source, out, command):
     if os.path.exists(source):
         more, charts = pipeline_part(source, out, command)
         text, made = text + more, made + charts
-    return write_page(out, "bench-skips", page("Skipping: work against error", command, text)) + made
+    return write_page(out, "bench-skips", page("Skipping: work against error", command, text,
+                                               list(measured[0]["report"]["levels"]))) + made
 
 
 RENDER_SKIPS_TEXT = """\
@@ -449,24 +517,24 @@ picture is exact because next to nothing could be left out). The budget is 50 dB
 def render_skips(source, out, command):
     with open(source) as f:
         measured = json.load(f)
-    groups = {}
+    groups, levels = {}, list(dict.fromkeys(m["level"] for m in measured))
     for m in measured:
-        groups.setdefault((m["scene"], m["kernels"], m["skip"]), []).append(m["report"])
+        groups.setdefault((m["scene"], m["skip"], m["level"]), []).append(m["report"])
     rows, points = [], []
-    for (scene, kernels, skip), reports in groups.items():
-        times = [r["render_ms"]["median"] for r in reports]
-        base = [r["render_ms"]["median"] for r in groups[scene, kernels, "none"]]
-        part = statistics.median(100 * a / b for a, b in zip(times, base))
-        own = reports[0]["skip"] or {}
+    for scene, skip in dict.fromkeys(k[:2] for k in groups):
+        own, cells = groups[scene, skip, levels[0]][0]["skip"] or {}, []
         error = own.get("error_levels") or 0
-        rows.append([f"{scene}, {skip}, {kernels}", number(statistics.median(times), 1), number(part, 0),
-                     number(own.get("rays_skipped_percent"), 1), number(own.get("rays_even_percent"), 1), number(error)])
-        if kernels == measured[0]["kernels"]:
-            points.append((scene, skip, part, error))
+        for level, end in suffixes(levels).items():
+            times, base = ([r["render_ms"]["median"] for r in groups[scene, s, level]] for s in (skip, "none"))
+            part = statistics.median(100 * a / b for a, b in zip(times, base))
+            cells += [number(statistics.median(times), 1), number(part, 0)]
+            points.append((scene, skip + end, part, error))
+        rows.append([f"{scene}, {skip}", *cells, number(own.get("rays_skipped_percent"), 1),
+                     number(own.get("rays_even_percent"), 1), number(error)])
     text = RENDER_SKIPS_TEXT.format(size=measured[0]["size"], threads=2, table=table(
-        ["scene, skipped, kernels", "ms", "% of none", "rays skipped %", "without weights %", "error, levels"], rows))
-    return (write_page(out, "bench-render-skips", page("Skipping rays: time against error", command, text)) +
-            skip_chart(out, "skips-render", f"Rays left out of see-through pictures, {measured[0]['kernels']}",
+        ["scene, skipped"] + level_head(levels, "ms", "% of none") + ["rays skipped %", "without weights %", "error, levels"], rows))
+    return (write_page(out, "bench-render-skips", page("Skipping rays: time against error", command, text, levels)) +
+            skip_chart(out, "skips-render", "Rays left out of see-through pictures",
                        ("time, % of that of --skip none", "error, grey levels"), points, command))
 
 
@@ -487,16 +555,18 @@ is read in one set of four: where worlds have the simulator's strip, the worst t
 def live_part(source, out, command):
     with open(source) as f:
         measured = json.load(f)
-    exact = {(m["world"], m["calibrated"]): float(m["CPU, ms"]) for m in measured if m["mode"] == "exact"}
+    levels = list(dict.fromkeys(m["level"] for m in measured))
+    times = {(m["world"], m["calibrated"], m["level"], m["mode"]): float(m["CPU, ms"]) for m in measured}
     rows, points = [], []
-    for m in sorted((m for m in measured if m["mode"] == "skip"), key=lambda m: float(m["tiles"])):
-        ms, whole = float(m["CPU, ms"]), exact[m["world"], m["calibrated"]]
-        kind = "rectified" if m["calibrated"] == "yes" else "not rectified"
-        rows.append([f"{m['world']}, {kind}", m["tiles"], number(ms, 1), number(whole, 1), number(100 * ms / whole, 0),
-                     m["error"], m["worst tile"]])
-        points.append((kind, m["world"], 100 * ms / whole, float(m["error"])))
-    text = LIVE_TEXT.format(table=table(["world", "tiles computed %", "CPU ms, skip", "exact", "% of exact", "error",
-                                         "worst tile"], rows))
+    for m in sorted((m for m in measured if m["mode"] == "skip" and m["level"] == levels[0]), key=lambda m: float(m["tiles"])):
+        kind, cells = "rectified" if m["calibrated"] == "yes" else "not rectified", []
+        for level, end in suffixes(levels).items():
+            ms, whole = (times[m["world"], m["calibrated"], level, mode] for mode in ("skip", "exact"))
+            cells += [number(ms, 1), number(whole, 1), number(100 * ms / whole, 0)]
+            points.append((kind, m["world"] + end, 100 * ms / whole, float(m["error"])))
+        rows.append([f"{m['world']}, {kind}", m["tiles"], *cells, m["error"], m["worst tile"]])
+    text = LIVE_TEXT.format(table=table(["world", "tiles computed %"] + level_head(levels, "CPU ms, skip", "exact", "% of exact") +
+                                        ["error", "worst tile"], rows))
     return text, skip_chart(out, "skips-live", "Work left out of live frames, from a still scene to a moving one",
                             ("CPU time, % of that of exact mode", "error added, levels of 255"), points, command)
 
@@ -514,31 +584,126 @@ its maps from set to set; the presets of `sst process` compute each set from not
 """
 
 
+def rms_of(row, key):
+    return 255 * 10 ** (-float(row[f"{key} dB"]) / 20)
+
+
+def pipeline_points(sets):
+    """[(maps, CPU ms of a set, RMS error)] of one scene at one level."""
+    first, last = sets[0], sets[-1]
+    picture = float(last["live cpu ms"]) - float(last["cpu ms"])
+    later = statistics.fmean(float(row["cpu ms"]) for row in sets[1:]) + picture
+    return ([("live, mean of later sets", later, rms_of(last, "live")),
+             ("live, first set", float(first["live cpu ms"]), rms_of(first, "live"))] +
+            [(f"sst {key}", float(last[f"{key} cpu ms"]), rms_of(last, key)) for key in ("preview", "balanced", "accurate")
+             if first.get(f"{key} dB")])
+
+
 def pipeline_part(source, out, command):
     with open(source) as f:
         measured = json.load(f)
-    rows, groups = [], {}
-    for m in measured:
-        sets, first, last = m["sets"], m["sets"][0], m["sets"][-1]
-        level = {key: lambda row, key=key: 255 * 10 ** (-float(row[f"{key} dB"]) / 20)
-                 for key in ("live", "preview", "balanced", "accurate", "refocus", "true maps") if first.get(f"{key} dB")}
-        picture = float(last["live cpu ms"]) - float(last["cpu ms"])
-        later = statistics.fmean(float(row["cpu ms"]) for row in sets[1:]) + picture
-        points = [("live, mean of later sets", later, level["live"](last)),
-                  ("live, first set", float(first["live cpu ms"]), level["live"](first))]
-        for key in ("preview", "balanced", "accurate"):
-            if key in level:
-                points.append((f"sst {key}", float(last[f"{key} cpu ms"]), level[key](last)))
-        groups[m["scene"]] = points
-        rows += [[f"{m['scene']}, {name}", number(ms, 0), number(error), number(-20 * math.log10(error / 255))]
-                 for name, ms, error in points]
-        rows += [[f"{m['scene']}, {name}", "-", number(level[name](last)), number(float(last[f"{name} dB"]))]
+    rows, groups, levels = [], {}, list(dict.fromkeys(m["level"] for m in measured))
+    for scene in dict.fromkeys(m["scene"] for m in measured):
+        sets = {m["level"]: m["sets"] for m in measured if m["scene"] == scene}
+        points = {level: pipeline_points(sets[level]) for level in levels}
+        groups[scene] = [(name + end, ms, error) for level, end in suffixes(levels).items() for name, ms, error in points[level]]
+        rows += [[f"{scene}, {of[0][0]}", *(number(ms, 0) for _, ms, _ in of), number(of[0][2]),
+                  number(-20 * math.log10(of[0][2] / 255))] for of in zip(*points.values())]
+        last = sets[levels[0]][-1]
+        rows += [[f"{scene}, {name}", *["-"] * len(levels), number(rms_of(last, name)), number(float(last[f"{name} dB"]))]
                  for name in ("refocus", "true maps")]
-        rows.append([f"{m['scene']}: changed {float(last['changed %']):.0f} %", "", "", ""])
-    text = PIPELINE_TEXT.format(sets=len(measured[0]["sets"]),
-                                table=table(["scene, maps", "CPU ms a set", "RMS error, levels", "PSNR, dB"], rows))
+        rows.append([f"{scene}: changed {float(last['changed %']):.0f} %"] + [""] * (len(levels) + 2))
+    text = PIPELINE_TEXT.format(sets=len(measured[0]["sets"]), table=table(
+        ["scene, maps"] + level_head(levels, "CPU ms a set") + ["RMS error, levels", "PSNR, dB"], rows))
     return text, chart(out, "time-error-live", "The whole pipeline live and offline, 36 views of 640x480",
                        ("CPU time of a set, ms", "RMS error of hidden pixels, grey levels of 255"), groups, command)
+
+
+DENSITY_TEXT = """\
+One scene of layers (`sst scene layers --kind foliage --seed 1`, 36 views of {size}), behind foliage that hides more and more of
+it: the whole `sst process --preset balanced`{labels}, median CPU time of all threads over {rounds} rounds. PSNR in dB
+against the scene without foliage: see-through at the target's focus, and the clear picture, of all pixels and (occ.) of the hidden ones.
+OpenCV matches each view with its neighbour in the row, alone.
+
+![time against error](time-error-density.svg)
+
+{table}
+**Cost at {most} % over that at 0 %: {ratios}** (goal: at most 1.5).{opencv}
+
+{same}"""
+
+
+def density_row(m):
+    r, times = m["report"], []
+    for of in r["levels"].values():
+        times += [number(of["cpu_seconds"]["total"]), number(of["seconds"]["total"])]
+    occluder = r["occluders"][0]
+    return [f"{m['cover']} %", number(occluder["covered"], 1), *times, number(r["disparity"]["bad2"]),
+            number(r["disparity"]["nonocc"]["bad2"]), *(number(r[k]["psnr"]) for k in ("refocus", "render", "clear")),
+            number(r["clear"]["psnr_occluded"])] + [cell for of in m["opencv"] for cell in (number(of["cpu_ms"] / 1000), number(of["bad2"]))]
+
+
+def density(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    levels, first, last = list(measured[0]["report"]["levels"]), measured[0], measured[-1]
+    modes = [of["method"] for of in first["opencv"]]
+    head = (["cover asked for", "covered %"] + level_head(levels, "CPU s", "wall s") +
+            ["bad 2 %", "visible: bad 2 %", "PSNR refocus", "see-through", "clear", "clear occ."] +
+            [c for mode in modes for c in (f"{mode}: CPU s", "bad 2 %")])
+
+    def grown(get):
+        return f"{get(last) / get(first):.2f}"
+    ratios = ", ".join(f"{word(level)} {grown(lambda m, k=level: m['report']['levels'][k]['cpu_seconds']['total'])}"
+                       for level in levels)
+    others = ", ".join(f"{mode} {grown(lambda m, i=i: m['opencv'][i]['cpu_ms'])}" for i, mode in enumerate(modes))
+    groups = {f"sst {word(level)}": [(f"{m['cover']} %{end}", m["report"]["levels"][level]["cpu_seconds"]["total"],
+                                      m["report"]["disparity"]["bad2"]) for m in measured]
+              for level, end in suffixes(levels).items()}
+    groups |= {mode: [(f"{m['cover']} %", m["opencv"][i]["cpu_ms"] / 1000, m["opencv"][i]["bad2"]) for m in measured]
+               for i, mode in enumerate(modes)}
+    text = DENSITY_TEXT.format(
+        size=first["size"], rounds=first["rounds"], labels=" with labels" if first["labels"] else " --no-labels", most=last["cover"],
+        table=table(head, [density_row(m) for m in measured]), ratios=ratios,
+        opencv=f" The range of disparities grows with the cover: {others}." if modes else "",
+        same=same_maps([(f"{m['cover']} %", m["report"]) for m in measured]))
+    return (write_page(out, "bench-density", page("Density: cost and error behind more and more foliage", command, text, levels)) +
+            chart(out, "time-error-density", f"Foliage over 0 to {last['cover']} % of the picture, 36 views of {first['size']}",
+                  ("CPU time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True))
+
+
+NARROW_TEXT = """\
+Light fields whose disparities differ by a few pixels, 6x6 views: *backgammon* of the HCI benchmark, 512x512, and `sst scene bust`
+and `terrace`, {size}, seed 1, of whose 9x9 views 6x6 are used (`--grid 9x9`, `sst import folder --part 1,1,6x6`). `sst process
+--no-labels`, median CPU time of all threads over {rounds} rounds; all pixels of all views with truth.
+
+{table}
+## What is left
+
+Points of all pixels that are off by more than 0.07 and 0.03 px, by the first kind that fits; in brackets the share of the kind. *Edges*:
+within 3 px of a step of 0.25 px in the truth. *Untextured*: the luma's variance over 5x5 pixels is less than 2 levels². *Slanted*: the
+truth changes by 0.012 px a pixel or more.
+
+{kinds}
+{same}"""
+
+
+def narrow(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    levels, rows, kinds = list(measured[0]["report"]["levels"]), [], []
+    for m in measured:
+        r, d = m["report"], m["report"]["disparity"]
+        times = [number(of[k]["total"]) for of in r["levels"].values() for k in ("cpu_seconds", "seconds")]
+        rows.append([f"{m['scene']}, views with truth: {d['views']}", *times,
+                     *(number(d[k]) for k in ("bad007", "bad003", "bad05", "bad1", "rmse"))])
+        kinds.append([m["scene"]] + [f"{of['bad007']:.2f}, {of['bad003']:.2f} ({of['pixels']:.1f})" for of in m["kinds"].values()])
+    text = NARROW_TEXT.format(
+        rounds=measured[0]["rounds"], size=measured[-1]["size"], same=same_maps([(m["scene"], m["report"]) for m in measured]),
+        table=table(["light field"] + level_head(levels, "CPU s", "wall s") +
+                    ["bad 0.07 %", "bad 0.03 %", "bad 0.5 %", "bad 1 %", "RMSE px"], rows),
+        kinds=table(["beyond 0.07, 0.03 px", *({"edge": "edges"}.get(k, k) for k in measured[0]["kinds"])], kinds))
+    return write_page(out, "bench-narrow", page("Narrow light fields", command, text, levels))
 
 
 def write(folder, command):
@@ -546,7 +711,8 @@ def write(folder, command):
     out, made = f"{folder}/docs", []
     os.makedirs(out, exist_ok=True)
     for name, report in (("stereo.csv", stereo), ("render.csv", render), ("rectify.csv", rectify), ("scenes.json", scenes), ("layers.json", layers),
-                         ("skips.json", skips), ("render-skips.json", render_skips), ("limits.csv", limits)):
+                         ("skips.json", skips), ("render-skips.json", render_skips), ("density.json", density),
+                         ("narrow.json", narrow), ("limits.csv", limits)):
         if os.path.exists(f"{folder}/{name}"):
             made += report(f"{folder}/{name}", out, command)
     return made

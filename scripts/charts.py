@@ -7,9 +7,35 @@ import subprocess
 
 BASELINE = "OpenCV SGBM 3WAY"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499")  # of groups; distinct with any colour vision, on light and dark
-# gnuplot point types of methods: open for others', full for ours
+# gnuplot point types of methods: crosses for others', full for ours (odd; one less is the open one, for AVX2)
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
-           BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7, "live, first set": 13, "live, mean of later sets": 11}
+           BASELINE: 2, "OpenCV SGBM HH": 1, "OpenCV BM": 3, "sst preview": 9, "sst balanced": 5, "sst accurate": 7, "live, first set": 13, "live, mean of later sets": 11,
+           "0 %": 7, "20 %": 5, "40 %": 9, "60 %": 13, "80 %": 15}
+LIMITED = ", AVX2"  # ends the name of a method that is limited to AVX2 where the machine has more
+WORDS = {"avx512": "AVX-512", "avxvnni": "AVX-VNNI", "avx2": "AVX2"}
+
+
+def word(level):
+    return WORDS.get(level, level)
+
+
+def suffixes(levels):
+    """{level: end of a method's name}: none of the best, which comes first."""
+    return {level: LIMITED if i else "" for i, level in enumerate(levels)}
+
+
+def symbol(method, symbols=None):
+    full = (symbols or SYMBOLS)[method.removesuffix(LIMITED)]
+    return full - 1 if method.endswith(LIMITED) else full
+
+
+def about_levels(levels):
+    """Sentences for a page whose columns are levels of the processor, the best first."""
+    best, *others = (word(level) for level in levels)
+    if not others:
+        return f"Kernels: {best}, the best level of this machine.\n\n"
+    return (f"**{best}** is the best level of this machine; **AVX2** is the same program limited to it (`SST_CPU=avx2 "
+            "ONEDNN_MAX_CPU_ISA=AVX2`), in turn with the other in one run. OpenCV uses all that the processor has.\n\n")
 
 
 def cpu_name():
@@ -52,8 +78,9 @@ def table(head, rows):
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
 
 
-def page(title, command, text):
-    return f"# {title}\n\nMade by `{command}` on {cpu_name()}, 2 threads. Do not edit: the next run overwrites this page.\n\n{text}"
+def page(title, command, text, levels=None):
+    return (f"# {title}\n\nMade by `{command}` on {cpu_name()}, 2 threads. Do not edit: the next run overwrites this page.\n\n"
+            f"{about_levels(levels) if levels else ''}{text}")
 
 
 def tics(low, high):
@@ -86,8 +113,9 @@ def name_groups(groups, y, log_y):
 
 
 def chart(out, name, title, labels, groups, command, log_y=False):
-    """Time against error. groups: {group: [(method, time, error)]}. A group has a colour, its presets of sst are joined
-    and its name stands beside its last point; a method has a symbol, explained to the right of the data."""
+    """Time against error. groups: {group: [(method, time, error)]}. A group has a colour, its presets of sst are joined,
+    those limited to AVX2 by a dashed line, and its name stands beside its last point; a method has a symbol, explained to
+    the right of the data."""
     points = [p for g in groups.values() for p in g]
     times, errors = [p[1] for p in points], [max(p[2], 0.01) for p in points]
     y = (min(errors) / 1.5, max(errors) * 1.5) if log_y else (0, max(errors) * 1.12)
@@ -95,12 +123,15 @@ def chart(out, name, title, labels, groups, command, log_y=False):
     lines += name_groups(groups, y, log_y)
     plots = []
     for i, (group, g) in enumerate(groups.items()):
-        lines += [f"$g{i} << EOD"] + [f"{t} {e} {SYMBOLS[m]}" for m, t, e in g] + ["EOD"]
-        lines += [f"$l{i} << EOD"] + [f"{t} {e}" for m, t, e in g if not m.startswith("OpenCV")] + ["EOD"]
-        plots += [f"$l{i} with lines lw 1.5 lc rgb '{COLOURS[i]}' notitle",
-                  f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle"]
+        lines += [f"$g{i} << EOD"] + [f"{t} {e} {symbol(m)}" for m, t, e in g] + ["EOD"]
+        plots.append(f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle")
+        for limited in (False, True):
+            joined = [f"{t} {e}" for m, t, e in g if not m.startswith("OpenCV") and m.endswith(LIMITED) == limited]
+            if joined:
+                lines += [f"$l{i}{limited:d} << EOD"] + joined + ["EOD"]
+                plots.append(f"$l{i}{limited:d} with lines dt {1 + limited} lw 1.5 lc rgb '{COLOURS[i]}' notitle")
     for method in dict.fromkeys(p[0] for p in points):
-        plots.append(f"keyentry with points pt {SYMBOLS[method]} ps 1.4 lw 2 lc rgb '#444444' title \"{method}\"")
+        plots.append(f"keyentry with points pt {symbol(method)} ps 1.4 lw 2 lc rgb '#444444' title \"{method}\"")
     return draw(out, name, lines + ["plot " + ", \\\n".join(plots)])
 
 

@@ -138,7 +138,7 @@ static int measure(struct limit *limit, int round)
     ns = strcmp(limit->name, "memory") ? (double)(sst_clock_cpu_ns() - start_cpu_ns) / THREADS
                                        : (double)(sst_clock_now_ns() - start_ns);
     if (!err && round)
-        printf("%s,%d,%.4f\n", limit->name, round, done / ns);
+        printf("%s,%s,%d,%.4f\n", sst_cpu_level_name(sst_cpu_level()), limit->name, round, done / ns);
     return err;
 }
 
@@ -174,7 +174,7 @@ int main(int argc, char **argv)
         memset(memory, 1, MEMORY_BYTES);
         memset(scatter, 0, (size_t)THREADS * SCATTER * sizeof(*scatter));
     }
-    printf("limit,round,value\n");
+    printf("level,limit,round,value\n");
     for (int round = 0; !err && round <= rounds; round++) { /* the first one warms up */
         for (size_t i = 0; !err && i < n; i++)
             err = measure(&limits[i], round);
