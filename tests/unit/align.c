@@ -185,6 +185,62 @@ static void displacements_and_gains_are_found(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+struct look {
+    const struct sst_lightfield *lf;
+    int looks;
+    bool clean;
+};
+
+static bool is_enough(void *arg, const struct sst_drift *first)
+{
+    struct look *look = arg;
+    struct sst_judgement judgement;
+
+    sst_judge_pictures(&judgement, look->lf, first);
+    look->looks++;
+    look->clean = judgement.plausible && sst_align_is_clean(look->lf, first);
+    return look->clean;
+}
+
+/* A first look suffices where nothing is wrong. One view that is off, whichever it is, or darker, or that shows
+ * something else, is seen in it, and the whole check then says what it says without a first look. */
+static void a_first_look_misses_no_view(void **state SST_UNUSED)
+{
+    for (int k = -1; k < 3 * VIEWS; k++) {
+        struct sst_correction whole[VIEWS], after[VIEWS];
+        struct sst_align_report want, got;
+        struct sst_judgement judgement;
+        struct sst_lightfield lf;
+        struct look look = { .lf = &lf };
+        struct sst_drift check;
+
+        copy_views(&lf);
+        if (k >= 0)
+            perturb(&lf.views[k % VIEWS].image, &scene_views.views[k % VIEWS].image,
+                    k < VIEWS       ? k % 2 ? 1 : -1
+                    : k < 2 * VIEWS ? 25
+                                    : 0,
+                    k < 2 * VIEWS ? 1 : 0.85);
+        plan(whole, &want, &judgement, &lf);
+        assert_int_equal(sst_drift_check(&check, &lf,
+                                         &(struct sst_drift_config){ .threads = 2,
+                                                                     .loose = true,
+                                                                     .unusable_px = 6,
+                                                                     .enough = is_enough,
+                                                                     .arg = &look }),
+                         0);
+        sst_align_plan(after, &got, &lf, &check);
+        sst_drift_fini(&check);
+        assert_int_equal(look.looks, 1);
+        if (look.clean != (k < 0))
+            fail_msg("case %d: %s", k, look.clean ? "not seen" : "seen for nothing");
+        assert_true(k < 0 || k >= VIEWS || want.moved);
+        assert_memory_equal(after, whole, sizeof(whole));
+        assert_true(look.clean || !memcmp(&got, &want, sizeof(got)));
+        sst_lightfield_fini(&lf);
+    }
+}
+
 /* Mean of |a - b| away from the borders. */
 static double difference(const struct sst_image *a, const struct sst_image *b)
 {
@@ -569,6 +625,7 @@ int main(void)
         cmocka_unit_test(what_is_straight_stays),
         cmocka_unit_test(contradictions_are_left),
         plain_test(displacements_and_gains_are_found),
+        plain_test(a_first_look_misses_no_view),
         cmocka_unit_test(falloffs_are_found_and_undone),
         cmocka_unit_test(gammas_are_found_and_undone),
         plain_test(a_common_falloff_stays),

@@ -372,6 +372,7 @@ static void end(struct drift_work *w)
     free(w->view);
     free(w->offset);
     free(w->link);
+    free(w->kept);
 }
 
 /* Views without contrast among others that have some. */
@@ -412,8 +413,12 @@ static int conclude(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     err = err ? err : drift_measure_axes(w, &out.axes_px);
     err = err ? err : drift_solve_cameras(&out, w);
     err = err ? err : drift_solve_gains(&out, w);
-    err = err ? err : drift_measure_corner_pairs(&out, w);
-    err = err ? err : drift_find_wrong_order(&out, w, order);
+    out.far_p95_px = NAN;
+    out.swapped_a = out.swapped_b = -1;
+    if (w->stage != DRIFT_FIRST) {
+        err = err ? err : drift_measure_corner_pairs(&out, w);
+        err = err ? err : drift_find_wrong_order(&out, w, order);
+    }
     if (err)
         return err;
     out.rows = w->lf->rows;
@@ -438,12 +443,12 @@ static void concluded_values(void *arg, int index SST_UNUSED, struct sst_share_m
     sst_share_add_values(out, c->camera, (size_t)c->w->views * sizeof(*c->camera));
 }
 
-static int run(struct sst_drift *out, struct drift_work *w)
+/* Match and conclude. @param out  also after failures to be freed */
+static int run_stage(struct sst_drift *out, struct drift_work *w)
 {
     struct conclusion c = { .w = w };
-    int err = drift_make_links(w);
+    int err = drift_match_links(w, NULL);
 
-    err = err ? err : drift_match_links(w, NULL);
     c.pair = calloc((size_t)w->links + 1, sizeof(*c.pair));
     c.camera = calloc((size_t)w->views, sizeof(*c.camera));
     if (!err && (!c.pair || !c.camera))
@@ -453,6 +458,23 @@ static int run(struct sst_drift *out, struct drift_work *w)
     out->pair = c.pair;
     out->camera = c.camera;
     return err;
+}
+
+static int run(struct sst_drift *out, struct drift_work *w)
+{
+    int err = drift_make_links(w);
+
+    if (err || !w->cfg.enough)
+        return err ? err : run_stage(out, w);
+    w->kept = malloc((size_t)w->links * sizeof(*w->kept) + 1);
+    w->stage = DRIFT_FIRST;
+    err = w->kept ? run_stage(out, w) : -ENOMEM;
+    if (err || w->cfg.enough(w->cfg.arg, out))
+        return err;
+    sst_drift_fini(out);
+    memcpy(w->link, w->kept, (size_t)w->links * sizeof(*w->link));
+    w->stage = DRIFT_REST;
+    return run_stage(out, w);
 }
 
 bool sst_drift_possible(const struct sst_lightfield *lf)

@@ -91,6 +91,10 @@ struct sst_drift_config {
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
     bool loose;         /* worse matches count too, by their weight: for corrections, not for the verdict */
     int threads;        /* 0: all processors */
+    /* Whether a first look is enough: at a quarter of the features, none at full size alone, without corner pairs and
+     * orders of the views. Else the whole check follows, with the result that it has without. NULL: no first look */
+    bool (*enough)(void *arg, const struct sst_drift *first);
+    void *arg;
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), by views and pairs; or NULL */
 };
 

@@ -126,6 +126,12 @@ struct drift_link {
     bool used[DRIFT_CELLS];            /* matched, and no outlier among the pair's */
 };
 
+enum drift_stage {
+    DRIFT_WHOLE = 0,
+    DRIFT_FIRST = 1, /* a part of the cells */
+    DRIFT_REST = 2,  /* the others, after DRIFT_FIRST */
+};
+
 /** State of one check. */
 struct drift_work {
     const struct sst_lightfield *lf;
@@ -135,6 +141,8 @@ struct drift_work {
     double (*offset)[2];         /* [views] spacings */
     int links;
     struct drift_link *link; /* [links] */
+    enum drift_stage stage;
+    struct drift_link *kept; /* [links] of DRIFT_FIRST, before what all matches decide */
     double range[2];         /* disparities, px per spacing */
     double noise_factor;     /* of the views' noise, that is not texture */
 };

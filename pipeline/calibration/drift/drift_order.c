@@ -45,6 +45,7 @@ static void trial_end(struct trial *t)
 static int trial_begin(struct trial *t, const struct drift_work *w)
 {
     *t = (struct trial){ .w = *w };
+    t->w.stage = DRIFT_WHOLE;
     t->w.view = malloc((size_t)w->views * sizeof(*t->w.view));
     t->w.link = malloc((size_t)w->links * sizeof(*t->w.link) + 1);
     t->only = calloc((size_t)w->links + 1, sizeof(*t->only));

@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/stats.h"
 #include "base/thread.h"
@@ -16,6 +17,7 @@
 #define DRIFT_REACH   0.02 /* of it: how far a camera may have moved along the line */
 #define RANGE_CUT     0.03 /* share of votes left out at each end of the range */
 #define ENOUGH        96   /* matches: half of the cells; with fewer, a finer search follows */
+#define FIRST         4    /* of the cells one is looked at first */
 #define FEW           4    /* good matches that are more than chance */
 #define NARROW_PX     1.5  /* least half width of the finer search's band */
 #define NOISE_LEAST   100  /* matches to estimate the noise from */
@@ -163,17 +165,26 @@ static void range_of_votes(struct job *job)
 
 /* --- all matches -------------------------------------------------------------------------------------------------- */
 
-/* The cells' best features, at half the coarsest size. */
-static void match_best(struct drift_link *link, const struct drift_pyramid *a, const struct drift_pyramid *b, int level)
+/* In the first look: one cell of a view in FIRST, others in the next view, the same for all its pairs. */
+static bool is_first(int cell, int view)
 {
+    return (cell % DRIFT_CELLS_X + 2 * (cell / DRIFT_CELLS_X) + view) % FIRST == 0;
+}
+
+/* The cells' best features, at half the coarsest size. */
+static void match_best(struct drift_link *link, const struct drift_work *w, int level)
+{
+    const struct drift_pyramid *a = &w->view[link->a], *b = &w->view[link->b];
     const struct drift_views views = { a, b, &link->s };
 
     for (int k = 0; k < DRIFT_CELLS; k++) {
         struct drift_match *m = &link->m[k];
 
+        if (w->stage == DRIFT_REST && is_first(k, link->a))
+            continue;
         m->outcome = DRIFT_AMBIGUOUS;
         link->feature[k] = a->first[k];
-        if (a->first[k] == a->first[k + 1])
+        if (a->first[k] == a->first[k + 1] || (w->stage == DRIFT_FIRST && !is_first(k, link->a)))
             continue;
         drift_search_match(m, &views, &a->feature[a->first[k]], level);
         if (m->outcome == DRIFT_FOUND)
@@ -218,7 +229,7 @@ static int best_job(void *arg, int index, int worker SST_UNUSED)
     set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
     link->s.loose = w->cfg.loose;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
-    match_best(link, a, b, job->search_level);
+    match_best(link, w, job->search_level);
     return 0;
 }
 
@@ -235,7 +246,7 @@ static int rest_job(void *arg, int index, int worker SST_UNUSED)
     for (int k = 0; k < DRIFT_CELLS; k++)
         drift_weigh_match(&link->m[k], &link->s);
     drift_link_judge(link, DRIFT_LEAST_MATCHES);
-    if (link->matches >= ENOUGH)
+    if (w->stage == DRIFT_FIRST || link->matches >= ENOUGH)
         return 0;
     match_rest(link, a, b);
     drift_link_judge(link, DRIFT_LEAST_MATCHES);
@@ -355,26 +366,31 @@ static int for_links(struct job *job, sst_work_fn *fn, sst_share_maps_fn *values
 
 int drift_match_links(struct drift_work *w, const bool *only)
 {
-    const bool known = w->lf->range_max_px > w->lf->range_min_px;
+    const bool known = w->lf->range_max_px > w->lf->range_min_px, again = w->stage == DRIFT_REST;
     struct job job = { .w = w, .only = only };
-    int err;
+    int err = 0;
 
     for (int v = 0; v < w->views; v++)
         job.vote_level = sst_max_int(job.vote_level, w->view[v].levels - 1);
     job.search_level = sst_max_int(job.vote_level - 1, 1);
     job.vote = calloc((size_t)w->links * VOTES + 1, sizeof(*job.vote));
     job.votes = calloc((size_t)w->links + 1, sizeof(*job.votes));
-    if (!only) {
+    if (!only && !again) {
         w->range[0] = known ? w->lf->range_min_px : -UNKNOWN_REACH * longer_side(w);
         w->range[1] = known ? w->lf->range_max_px : UNKNOWN_REACH * longer_side(w);
     }
-    err = job.vote && job.votes ? for_links(&job, vote_job, vote_values) : -ENOMEM;
-    if (!err && !known && !only)
+    if (!job.vote || !job.votes)
+        err = -ENOMEM;
+    else if (!again)
+        err = for_links(&job, vote_job, vote_values);
+    if (!err && !known && !only && !again)
         range_of_votes(&job);
     if (!only)
         w->noise_factor = 1;
     if (!err)
         err = for_links(&job, best_job, link_values);
+    if (!err && w->stage == DRIFT_FIRST)
+        memcpy(w->kept, w->link, (size_t)w->links * sizeof(*w->link));
     if (!err && !only)
         err = estimate_noise_factor(w);
     if (!err)

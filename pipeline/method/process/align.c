@@ -379,3 +379,31 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     for (int k = 0; k < lf->rows * lf->cols; k++)
         sst_border_doubles("corrections of the views", &correction[k].shift_x_px, sizeof(*correction) / sizeof(double));
 }
+
+static double exact(double sigma)
+{
+    return isnan(sigma) ? sigma : 0;
+}
+
+bool sst_align_is_clean(const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    struct sst_correction correction[SST_MAX_VIEWS];
+    struct sst_drift_camera camera[SST_MAX_VIEWS];
+    struct sst_drift sure = *check;
+    struct sst_align_report r;
+
+    sure.camera = camera;
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        struct sst_drift_camera *c = &camera[k];
+
+        *c = check->camera[k];
+        if (lf->views[k].present && isnan(c->gain_sigma))
+            return false;
+        c->sigma_px = c->roll_sigma_deg = c->scale_sigma = 0;
+        c->gain_sigma = exact(c->gain_sigma);
+        c->falloff_sigma = exact(c->falloff_sigma);
+        c->exponent_sigma = exact(c->exponent_sigma);
+    }
+    sst_align_plan(correction, &r, lf, &sure);
+    return !r.unmeasured && !r.moved && !r.contradictory && !r.lit && !r.faded && !r.bent && !r.bent_kept;
+}

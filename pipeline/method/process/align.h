@@ -41,4 +41,8 @@ struct sst_align_report {
 void sst_align_plan(struct sst_correction *correction, struct sst_align_report *report, const struct sst_lightfield *lf,
                     const struct sst_drift *check);
 
+/** Whether a first look is enough: every view was measured, and nothing would be corrected even if its figures were
+ * exact. */
+bool sst_align_is_clean(const struct sst_lightfield *lf, const struct sst_drift *check);
+
 #endif

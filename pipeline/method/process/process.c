@@ -505,12 +505,24 @@ static int judge_parallax(struct run *run)
     return err;
 }
 
+/* Nothing is wrong with the pictures, and nothing would be corrected. */
+static bool is_enough(void *arg, const struct sst_drift *first)
+{
+    struct run *run = arg;
+
+    sst_judge_pictures(&run->report->judgement, run->lf, first);
+    return run->report->judgement.plausible && sst_align_is_clean(run->lf, first);
+}
+
 /* Judge the pictures and correct them; those from which nothing can be measured stay as they are. */
 static int align_views(struct run *run)
 {
-    const struct sst_drift_config cfg = {
-        .threads = run->cfg->threads, .loose = true, .unusable_px = JITTER_PX, .share = run->cfg->share
-    };
+    const struct sst_drift_config cfg = { .threads = run->cfg->threads,
+                                          .loose = true,
+                                          .unusable_px = JITTER_PX,
+                                          .enough = is_enough,
+                                          .arg = run,
+                                          .share = run->cfg->share };
     struct sst_process_report *report = run->report;
     struct sst_lightfield *lf = run->lf;
     struct sst_correction correction[SST_MAX_VIEWS];
