@@ -10,6 +10,7 @@
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 
+#define BAND  16 /* rows of a job: each one reads what the one above has fetched */
 #define NOISY 7 /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
@@ -58,6 +59,17 @@ static void find_surface(const struct clear *c, struct scratch *s)
     }
 }
 
+/* Where a plane of a view has what the block one row below reads first: the rows of all views are too many streams for
+ * the processor to follow. */
+static size_t below(const struct clear_view *v, const struct scratch *s)
+{
+    const float px = s->rays.px[SST_CLEAR_BLOCK / 2];
+    const float x = (float)(s->x + SST_CLEAR_BLOCK / 2) - px * v->at.bx, y = (float)(s->y + 2) - px * v->at.by;
+    const bool inside = x >= 0 && x < (float)v->at.width && y >= 0 && y < (float)v->at.height;
+
+    return inside ? (size_t)y * v->at.stride + (size_t)x : 0;
+}
+
 /* Colours of the block from pixel x on, from the rays that see its surfaces. */
 static void colour_block(const struct clear *c, struct scratch *s, int x, int y)
 {
@@ -67,19 +79,25 @@ static void colour_block(const struct clear *c, struct scratch *s, int x, int y)
     s->x = x;
     s->y = y;
     s->own = -1;
-    for (int k = 0; k < c->count; k++)
+    for (int k = 0; k < c->count; k++) {
         s->landed[k] = c->view[k].landed + (size_t)y * c->stride + x;
+        __builtin_prefetch(s->landed[k] + c->stride, 0, 2);
+    }
     find_surface(c, s);
     rays->slots = 0;
     for (int k = 0; k < c->count && more; k++) {
         const struct clear_view *v = &c->view[k];
         const int slot = rays->slots;
+        size_t ahead;
 
         more = c->kernels->clear_take(rays, &v->at, s->landed[k], x, y);
         if (rays->slots == slot)
             continue;
+        ahead = below(v, s);
         if (v->tap->sampler)
             more |= sample_slot(rays, slot, v, x, y);
+        for (int j = 0; j < 3 && v->at.plane[j]; j++)
+            __builtin_prefetch(v->at.plane[j] + ahead, 0, 2);
         s->view[slot] = k;
         if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F && !c->as_others)
             s->own = slot;
@@ -108,9 +126,8 @@ static void note_surface(const struct clear *c, const struct scratch *s, int x, 
     }
 }
 
-static int colour_row(void *arg, int y, int worker)
+static void colour_row(const struct clear *c, int y, int worker)
 {
-    const struct clear *c = arg;
     struct scratch *s = &c->scratch[worker];
     uint8_t *weight = sst_map_u8_row(c->to.weight, y);
 
@@ -131,6 +148,14 @@ static int colour_row(void *arg, int y, int worker)
         if (c->to.surface)
             note_surface(c, s, x, y, n);
     }
+}
+
+static int colour_band(void *arg, int band, int worker)
+{
+    const struct clear *c = arg;
+
+    for (int y = BAND * band; y < sst_min_int(BAND * (band + 1), c->height); y++)
+        colour_row(c, y, worker);
     return 0;
 }
 
@@ -377,7 +402,7 @@ static int colour_kept(struct clear *c)
     int err = kept_reserve(kept, c->width, c->height);
 
     c->to = (struct clear_target){ &kept->image, &kept->weight, &kept->surface, &kept->support };
-    err = err ? err : sst_parallel_for(c->height, c->threads, colour_row, c);
+    err = err ? err : sst_parallel_for((c->height + BAND - 1) / BAND, c->threads, colour_band, c);
     c->to = to;
     if (err) {
         kept->id = 0;
@@ -402,7 +427,7 @@ int clear_colour(void *job, int item, int worker)
         return err;
     for (int i = 0; i < 3; i++)
         memset(c->to.image->plane[i], 0, c->to.image->stride * (size_t)c->height);
-    err = landed_kept(c) ? colour_kept(c) : sst_parallel_for(c->height, c->threads, colour_row, c);
+    err = landed_kept(c) ? colour_kept(c) : sst_parallel_for((c->height + BAND - 1) / BAND, c->threads, colour_band, c);
     return err || !c->filled ? err : clear_fill_picture(job, item, worker);
 }
 
