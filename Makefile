@@ -442,9 +442,9 @@ check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISH
 
 BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(BUILD)/bench/live_clear $(BUILD)/bench/live_scene $(BUILD)/bench/network \
   $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify)
-bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*
+bench: $(BENCH) ## measure time against error at both levels, about 30 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*, figures of README
 	$(PYTHON) scripts/bench.py --build $(BUILD)
-bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
+bench-quick: $(BENCH) ## the same in 5 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
 BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features

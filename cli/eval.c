@@ -96,13 +96,13 @@ static void print_disparity(const struct sst_evaluation *r)
     const struct sst_disparity_error *const sets[] = { &r->disparity, &r->disparity_nonocc };
     static const char *const names[] = { "all pixels", "visible in a neighbour" };
 
-    printf("disparity, %3d views       %11s%11s%11s%11s%11s%11s%11s%11s\n", r->disparity_views, "bad 0.03 %", "bad 0.07 %",
-           "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px", "density %");
+    printf("disparity, %3d views       %11s%11s%11s%11s%11s%11s%11s%11s\n", r->disparity_views, "bad 0.03 %",
+           "bad 0.07 %", "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px", "density %");
     for (int i = 0; i < 2; i++) {
         const struct sst_disparity_error *d = sets[i];
 
-        row(names[i],
-            (double[]){ d->bad003, d->bad007, d->bad_half, d->bad1, d->bad2, d->bad4, d->rmse, d->density }, 8, 2);
+        row(names[i], (double[]){ d->bad003, d->bad007, d->bad_half, d->bad1, d->bad2, d->bad4, d->rmse, d->density },
+            8, 2);
     }
 }
 

@@ -71,7 +71,7 @@ RENDER_SYMBOLS = {"": 7, "OpenCV": 2, "skips": 15, "25 views": 5, "16 views": 9,
 
 
 def render_cells(method, rounds, others):
-    """Cells of one level: those of time_cells(), million rays / s."""
+    """Cells of one level: as time_cells(), and million rays / s."""
     if not rounds:
         return ["-"] * 5
     views = int(method.split(", ")[1].split()[0]) if method.endswith(" views") else 36
@@ -117,7 +117,7 @@ def render(source, out, command):
 
 
 def render_chart(out, title, groups, levels, command):
-    """Pictures of all views, of fewer, and OpenCV's; a line joins ours, a dashed one those with AVX2."""
+    """Pictures of all views, of fewer, and OpenCV's; a line joins ours, dashed with AVX2."""
     points = [p for g in groups.values() for p in g]
     x = (min(p[1] for p in points) / 1.5, max(p[1] for p in points) * 2)
     y = (0.2, max(p[2] for p in points) * 1.5)
@@ -175,7 +175,7 @@ def rectify(source, out, command):
                   "RMS error of a move by half a pixel, grey levels"),
                   (min(times) / 1.5, max(times) * 1.7), (0, max(errors) * 1.15), False, command)
     plots = []
-    for i, whose in enumerate(dict.fromkeys(p[0] for p in sorted(points, key=lambda p: p[0], reverse=True))):
+    for i, whose in enumerate(dict.fromkeys(p[0] for p in points)):
         lines += [f"$r{i} << EOD"] + [f'{t} {e} "{name}"' for w, name, t, e in points if w == whose] + ["EOD"]
         point = 2 if whose.startswith("OpenCV") else 6 if whose.endswith(LIMITED) and len(levels) > 1 else 7
         plots += [f"$r{i} using 1:2 with linespoints pt {point} ps 1.4 lw 1.5 lc rgb '{COLOURS[i]}' title \"{whose}\"",
@@ -248,7 +248,7 @@ def stage_table(scenes, reports):
 
 
 def same_maps(named):
-    """Sentence on what AVX2 changes. named: [(name, report with levels)]."""
+    """Sentence on maps that AVX2 changes. named: [(name, report with levels)]."""
     lines = []
     for kind in named[0][1]["maps"]:
         differing = [name for name, r in named if any(kind in of["differ"] for of in r["levels"].values())]
@@ -419,7 +419,7 @@ is skipped.
 
 
 def part_of(report, none, level, *stages):
-    """CPU time of the stages at a level, percent of that of --skip none."""
+    """CPU time of the stages at a level, percent of the time with --skip none."""
     mine, whole = (sum(r["levels"][level]["cpu_seconds"][s] for s in stages) for r in (report, none))
     return 100 * mine / whole
 
@@ -621,7 +621,7 @@ def pipeline_part(source, out, command):
 
 DENSITY_TEXT = """\
 One scene of layers (`sst scene layers --kind foliage --seed 1`, 36 views of {size}), behind foliage that hides more and more of
-it: the whole `sst process --preset balanced`{labels}, median CPU time of all threads over {rounds} rounds. PSNR in dB
+it: the whole `sst process --preset balanced`{labels}, CPU time of all threads (median of {rounds}). PSNR in dB
 against the scene without foliage: see-through at the target's focus, and the clear picture, of all pixels and (occ.) of the hidden ones.
 OpenCV matches each view with its neighbour in the row, alone.
 
@@ -634,11 +634,9 @@ OpenCV matches each view with its neighbour in the row, alone.
 
 
 def density_row(m):
-    r, times = m["report"], []
-    for of in r["levels"].values():
-        times += [number(of["cpu_seconds"]["total"]), number(of["seconds"]["total"])]
-    occluder = r["occluders"][0]
-    return [f"{m['cover']} %", number(occluder["covered"], 1), *times, number(r["disparity"]["bad2"]),
+    r = m["report"]
+    times = [number(of["cpu_seconds"]["total"]) for of in r["levels"].values()]
+    return [f"{m['cover']} %", number(r["occluders"][0]["covered"], 1), *times, number(r["disparity"]["bad2"]),
             number(r["disparity"]["nonocc"]["bad2"]), *(number(r[k]["psnr"]) for k in ("refocus", "render", "clear")),
             number(r["clear"]["psnr_occluded"])] + [cell for of in m["opencv"] for cell in (number(of["cpu_ms"] / 1000), number(of["bad2"]))]
 
@@ -648,7 +646,7 @@ def density(source, out, command):
         measured = json.load(f)
     levels, first, last = list(measured[0]["report"]["levels"]), measured[0], measured[-1]
     modes = [of["method"] for of in first["opencv"]]
-    head = (["cover asked for", "covered %"] + level_head(levels, "CPU s", "wall s") +
+    head = (["cover asked for", "covered %"] + level_head(levels, "CPU s") +
             ["bad 2 %", "visible: bad 2 %", "PSNR refocus", "see-through", "clear", "clear occ."] +
             [c for mode in modes for c in (f"{mode}: CPU s", "bad 2 %")])
 
@@ -675,7 +673,7 @@ def density(source, out, command):
 NARROW_TEXT = """\
 Light fields whose disparities differ by a few pixels, 6x6 views: *backgammon* of the HCI benchmark, 512x512, and `sst scene bust`
 and `terrace`, {size}, seed 1, of whose 9x9 views 6x6 are used (`--grid 9x9`, `sst import folder --part 1,1,6x6`). `sst process
---no-labels`, median CPU time of all threads over {rounds} rounds; all pixels of all views with truth.
+--no-labels`, CPU time of all threads (median of {rounds}); all pixels of all views with truth.
 
 {table}
 ## What is left
@@ -694,13 +692,13 @@ def narrow(source, out, command):
     levels, rows, kinds = list(measured[0]["report"]["levels"]), [], []
     for m in measured:
         r, d = m["report"], m["report"]["disparity"]
-        times = [number(of[k]["total"]) for of in r["levels"].values() for k in ("cpu_seconds", "seconds")]
+        times = [number(of["cpu_seconds"]["total"]) for of in r["levels"].values()]
         rows.append([f"{m['scene']}, views with truth: {d['views']}", *times,
                      *(number(d[k]) for k in ("bad007", "bad003", "bad05", "bad1", "rmse"))])
         kinds.append([m["scene"]] + [f"{of['bad007']:.2f}, {of['bad003']:.2f} ({of['pixels']:.1f})" for of in m["kinds"].values()])
     text = NARROW_TEXT.format(
         rounds=measured[0]["rounds"], size=measured[-1]["size"], same=same_maps([(m["scene"], m["report"]) for m in measured]),
-        table=table(["light field"] + level_head(levels, "CPU s", "wall s") +
+        table=table(["light field"] + level_head(levels, "CPU s") +
                     ["bad 0.07 %", "bad 0.03 %", "bad 0.5 %", "bad 1 %", "RMSE px"], rows),
         kinds=table(["beyond 0.07, 0.03 px", *({"edge": "edges"}.get(k, k) for k in measured[0]["kinds"])], kinds))
     return write_page(out, "bench-narrow", page("Narrow light fields", command, text, levels))

@@ -55,7 +55,7 @@ struct import_plan {
     bool raw;                  /* views are raw files of still cameras, to be developed */
     double focal_sides;        /* focal length in units of the longer side of an image; 0: unknown */
     double focus_mm;           /* distance at which the views converge, with focal length and spacing; 0: unknown */
-    double moved[2]; /* position of the whole grid's reference view minus that of the part's */
+    double moved[2]; /* from the part's reference view to the whole grid's, in the source's unit */
     double centre[2];          /* where a converging camera has its principal point in the middle; NAN: the reference */
 };
 

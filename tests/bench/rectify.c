@@ -1,7 +1,7 @@
 /* Costs and errors of rectifying, beside OpenCV's remap: rectify PICTURE ROUNDS. Prints CSV, one line for
- * each round, filter and, of ours, level of the processor (levels.h): CPU time of resampling 2000x1500 pixels with a lens of 8 coefficients, one thread; the error
- * against the same filter in double at the exact place; and the PSNR of the picture moved by half a pixel and turned
- * there and back. */
+ * each round, filter and, of ours, level of the processor (levels.h): CPU time of resampling 2000x1500 pixels with a
+ * lens of 8 coefficients, one thread; the error against the same filter in double at the exact place; and the PSNR of
+ * the picture moved by half a pixel and turned there and back. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -145,7 +145,8 @@ static double time_one(struct timed *t, size_t filter, bool opencv)
     if (opencv)
         bench_remap_run(t->remap[filter]);
     else
-        check("view", sst_rectify_view(&(struct sst_rectified_view){ &t->out, NULL }, t->map, filters[filter], &t->raw));
+        check("view",
+              sst_rectify_view(&(struct sst_rectified_view){ &t->out, NULL }, t->map, filters[filter], &t->raw));
     return (double)(sst_clock_cpu_ns() - start_ns) * 1e-6;
 }
 

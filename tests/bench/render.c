@@ -1,7 +1,8 @@
 /* Times see-through and plain pictures against the same sums written with OpenCV, and clear ones against see-through
  * ones, interleaved: render WxH ROUNDS.
  * Prints CSV, one line for each round, method and, of ours, level of the processor (levels.h), with the picture's error
- * against that of all views in double; OpenCV uses what it finds. The light field is the bush of the simulator with its true maps, 36 views, made in memory. */
+ * against the picture of all views in double; OpenCV uses all that the processor has. The light field is the bush of
+ * the simulator with its true maps, 36 views, made in memory. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,9 +1,8 @@
 /* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH
- * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round, method and, of ours, level of
- * the processor (levels.h); OpenCV uses what it finds.
- *   stereo LF ROUNDS
- * times OpenCV alone on all views of a light field with its truth, each with its neighbour in the row; line by round and
- * method, for all views together. */
+ * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round, method and, of ours, level
+ * of the processor (levels.h); OpenCV uses all that the processor has. stereo LF ROUNDS times OpenCV alone on all views
+ * of a light field with its truth, each with its neighbour in the row; line by round and method, for all views
+ * together. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -214,7 +213,8 @@ static int measure_all(const struct pair *all, int count, int disparities, size_
         sst_map_f32_fini(&disp);
     }
     if (!err && round)
-        print_line(&(struct line){ sst_cpu_level(), "views", methods[method].name, round, ns, cpu_ns }, &sum, &all->left);
+        print_line(&(struct line){ sst_cpu_level(), "views", methods[method].name, round, ns, cpu_ns }, &sum,
+                   &all->left);
     return err;
 }
 
@@ -246,8 +246,9 @@ int main(int argc, char **argv)
     int err = 0;
 
     if (rounds < 1) {
-        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n"
-                        "       stereo LF ROUNDS: light field with its truth\n");
+        fprintf(stderr,
+                "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n"
+                "       stereo LF ROUNDS: light field with its truth\n");
         return 2;
     }
     printf("level,pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");

@@ -646,9 +646,8 @@ static void layers_repeat_for_any_number_of_threads(void **state SST_UNUSED)
 {
     struct sst_scene_config one = small(120, 90, 2, 3, 1), four = small(120, 90, 2, 3, 4);
 
-    one.layers = four.layers = (struct sst_layers_config){
-        .kind = "mixed", .cover_percent = -1, .noise = 2, .gain_percent = 3, .jpeg = -1
-    };
+    one.layers = four.layers =
+        (struct sst_layers_config){ .kind = "mixed", .cover_percent = -1, .noise = 2, .gain_percent = 3, .jpeg = -1 };
     assert_int_equal(sst_scene_write("layers", &one, test_path("layers1"), false), 0);
     assert_int_equal(sst_scene_write("layers", &four, test_path("layers4"), false), 0);
     assert_int_equal(compare_folders(test_path("layers1"), test_path("layers4")), 1 + 6 + 6 + 6 + 1 + 4);
