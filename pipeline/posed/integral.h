@@ -1,0 +1,57 @@
+/* pipeline/posed/integral.h - the integral: the mean of posed views on a surface, as a virtual camera sees it. */
+#ifndef SST_PIPELINE_POSED_INTEGRAL_H
+#define SST_PIPELINE_POSED_INTEGRAL_H
+
+#include "pipeline/image/deep.h"
+#include "pipeline/posed/virtual.h"
+
+/** Sums of views in progress. Sums are of whole numbers: no order of views and no number of threads changes a byte. */
+struct sst_integral;
+
+/**
+ * Begin without views.
+ *
+ * Memory: 22 bytes a pixel of the virtual picture, 14 of one channel, and the surface's heights, which are borrowed.
+ *
+ * @param channels  1 or 3
+ * @param threads   as for sst_thread_count()
+ * @return 0, -EINVAL (channels, or a size that pictures cannot have), -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_integral_create(struct sst_integral **out, const struct sst_virtual *camera,
+                                       const struct sst_surface *surface, int channels, int threads);
+void sst_integral_destroy(struct sst_integral *integral);
+
+/** Forget the views and change the surface. */
+void sst_integral_restart(struct sst_integral *integral, const struct sst_surface *surface);
+
+/**
+ * Add `n` pictures, resampled along rows: places on the surface are within SST_INTEGRAL_ERROR_PX of the exact ones
+ * where the surface is smooth over 8 px of the virtual picture, and levels within half a step of 1/256 px.
+ *
+ * @param camera   [n] of the pictures
+ * @param picture  [n] of the same number of channels, sides of 2 to 32767
+ * @return 0, -EINVAL (channels, sides, or more than 1024 views), -ENOMEM; not logged. One thread at a time
+ */
+#define SST_INTEGRAL_ERROR_PX 0.05
+SST_MUST_CHECK int sst_integral_add(struct sst_integral *integral, const struct sst_calib_camera *const camera[],
+                                    const struct sst_deep *const picture[], int n);
+
+/** Means, rounded to levels; 0 where no view sees the surface. @param out  out, initialised here with the pictures'
+ * white
+ *  @return as sst_deep_init() */
+SST_MUST_CHECK int sst_integral_levels(struct sst_deep *out, const struct sst_integral *integral);
+
+/** Means of a channel in levels, not rounded; NAN where no view sees the surface. @return as sst_map_f32_init() */
+SST_MUST_CHECK int sst_integral_means(struct sst_map_f32 *out, const struct sst_integral *integral, int channel);
+
+/** Number of views of every pixel. @return as sst_map_u16_init() */
+SST_MUST_CHECK int sst_integral_views(struct sst_map_u16 *out, const struct sst_integral *integral);
+
+/**
+ * Add all placed views of a folder, read by `threads` threads as many at once.
+ *
+ * @return as sst_posed_picture(), or -ENODATA: no view is placed; logged
+ */
+SST_MUST_CHECK int sst_integral_add_all(struct sst_integral *integral, const struct sst_posed *posed, const char *dir);
+
+#endif

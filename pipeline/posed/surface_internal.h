@@ -1,0 +1,145 @@
+/* pipeline/posed/surface_internal.h - private to surfaces and their renderers: vectors, places of virtual pixels in
+ * views. */
+#ifndef SST_PIPELINE_POSED_SURFACE_INTERNAL_H
+#define SST_PIPELINE_POSED_SURFACE_INTERNAL_H
+
+#include <math.h>
+
+#include "pipeline/image/deep.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/posed/virtual.h"
+
+static inline double vector_dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline double vector_length(const double a[3])
+{
+    return sqrt(vector_dot(a, a));
+}
+
+static inline void vector_cross(double out[3], const double a[3], const double b[3])
+{
+    const double c[3] = { a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0] };
+
+    out[0] = c[0];
+    out[1] = c[1];
+    out[2] = c[2];
+}
+
+/* To length 1; of length 0 it stays. */
+static inline void vector_unit(double a[3])
+{
+    const double length = vector_length(a);
+
+    for (int i = 0; i < 3 && length > 0; i++)
+        a[i] /= length;
+}
+
+/* --- warp: places of a virtual camera's pixels, on a surface, in a view ---------------------------------------------
+ */
+
+#define WARP_CELL     16 /* px: rows of a band, and the largest cell between whose corners places are interpolated */
+#define WARP_ERROR_PX 0.05
+
+/* Depths along the virtual camera's rays at the corners of cells, found when they are first used. */
+struct warp {
+    struct sst_virtual camera;
+    struct sst_surface surface;
+    int across;   /* columns of cells */
+    int bands;    /* rows of cells */
+    float *depth; /* [bands][WARP_CELL + 1][across * WARP_CELL + 1]; below 0: not yet computed, INFINITY: none */
+};
+
+/* Segments of the rows of one band in one view. One thread. */
+struct warp_rows {
+    struct sst_posed_segment *segment[WARP_CELL]; /* [segments[r]], room for one a pixel */
+    int segments[WARP_CELL];
+    double *lattice; /* of cell corners and the points between them */
+};
+
+/* @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int warp_init(struct warp *warp, const struct sst_virtual *camera, const struct sst_surface *surface);
+/* Forget the depths, for another surface. */
+void warp_restart(struct warp *warp, const struct sst_surface *surface);
+void warp_fini(struct warp *warp);
+SST_MUST_CHECK int warp_rows_init(struct warp_rows *rows, const struct warp *warp);
+void warp_rows_fini(struct warp_rows *rows);
+
+/*
+ * A view as pixels are projected into it: P = turn (a, b, 1) depth + move with (a, b) of the virtual camera's rays, its
+ * lens up to where that folds over, and its picture's size.
+ */
+struct warp_view {
+    const struct sst_calib_camera *camera;
+    double turn[9], move_mm[3];
+    double most_r2;
+    int width, height; /* at most 32767 */
+};
+struct warp_view warp_view_of(const struct sst_virtual *from, const struct sst_calib_camera *camera, int width,
+                              int height);
+
+/* Project the pixel (a, b) at a depth. @return false: behind the view or beyond its lens */
+bool warp_project(const struct warp_view *view, const double ab[2], double depth_mm, double xy[2]);
+
+/* A picture as the kernel reads it; may it? */
+struct sst_posed_source warp_source(const struct sst_deep *picture);
+bool warp_source_fits(const struct sst_deep *picture);
+
+/* Segments of one band; different bands may be computed at once. */
+void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band);
+
+/* --- greys: small grey pictures of a few views -----------------------------------------------------------------------
+ */
+
+#define GREY_VIEWS  32
+#define GREY_SPREAD 4096 /* levels: the standard deviation of every picture */
+
+struct greys {
+    int count, step; /* step: how many pixels of a view one is wide. Set before greys_read() */
+    struct sst_deep picture[GREY_VIEWS];
+    struct sst_calib_camera camera[GREY_VIEWS];
+};
+
+/* @return as sst_posed_picture(); logged. greys_fini() frees what was read */
+SST_MUST_CHECK int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[],
+                              int threads);
+void greys_fini(struct greys *greys);
+
+/* Placed views whose centres are near the virtual camera's: those within about a third of a picture on a surface at a
+ * distance, evenly, else the nearest ones. @return how many, -ENOMEM */
+int greys_choose(int view[], int most, const struct sst_posed *posed, const struct sst_virtual *camera,
+                 double distance_mm);
+
+/* --- agree: agreement of grey views on a surface
+ * ---------------------------------------------------------------------- */
+
+/* Pixels of a surface: that four views see, and where the windows of at least four and six views agree with those of
+ * one; spread: roots of the agreement in tiles of 32x32 px, summed, so that no few patches outweigh a surface. */
+struct agree_tally {
+    int64_t seen, four, six;
+    double spread;
+};
+
+struct agree {
+    struct warp warp;
+    struct warp_rows *rows; /* [threads] */
+    const struct greys *greys;
+    int threads;
+    float *level, *mean, *inverse; /* [views][height][width]: in standard deviations; of windows */
+    uint8_t *seen;                 /* [views][height][width] */
+    uint32_t *sum;                 /* [threads][width] */
+    uint16_t *count;               /* [threads][width] */
+    float *column;                 /* [threads][views * views][width]: sums of products of pairs */
+    uint8_t *agreeing;             /* [threads][views][width] */
+    struct agree_tally *tally;     /* of bands */
+};
+
+/* @param greys  at least two; borrowed @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int agree_init(struct agree *agree, const struct sst_virtual *camera, const struct sst_surface *surface,
+                              const struct greys *greys, int threads);
+void agree_fini(struct agree *agree);
+SST_MUST_CHECK int agree_on(struct agree_tally *out, struct agree *agree, const struct sst_surface *surface);
+
+#endif
