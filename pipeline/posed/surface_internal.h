@@ -93,16 +93,15 @@ void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view
 /* --- greys: small grey pictures of a few views -----------------------------------------------------------------------
  */
 
-#define GREY_VIEWS  32
 #define GREY_SPREAD 4096 /* levels: the standard deviation of every picture */
 
 struct greys {
-    int count, step; /* step: how many pixels of a view one is wide. Set before greys_read() */
-    struct sst_deep picture[GREY_VIEWS];
-    struct sst_calib_camera camera[GREY_VIEWS];
+    int count, step;                 /* step: how many pixels of a view one is wide. Set before greys_read() */
+    struct sst_deep *picture;        /* [count] */
+    struct sst_calib_camera *camera; /* [count] */
 };
 
-/* @return as sst_posed_picture(); logged. greys_fini() frees what was read */
+/* @return as sst_posed_picture(), -ENOMEM; logged; then nothing is to be freed */
 SST_MUST_CHECK int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[],
                               int threads);
 void greys_fini(struct greys *greys);
@@ -141,5 +140,26 @@ SST_MUST_CHECK int agree_init(struct agree *agree, const struct sst_virtual *cam
                               const struct greys *greys, int threads);
 void agree_fini(struct agree *agree);
 SST_MUST_CHECK int agree_on(struct agree_tally *out, struct agree *agree, const struct sst_surface *surface);
+
+/* --- layers: weights of rays by the surface that their view sees -----------------------------------------------------
+ */
+
+#define LAYER_OTHERS 4 /* views that each view is compared with, at most */
+
+struct layers {
+    const struct greys *greys;
+    struct sst_surface surface;
+    double distance_mm;         /* of the surface from the views, about */
+    double step;                /* 1 / mm: between surfaces, of the inverse distance */
+    int steps;                  /* surfaces in front of the given one */
+    int (*other)[LAYER_OTHERS]; /* [views] by distance to the best baseline; -1: none */
+};
+
+/* Height of a step's surface above the given one, mm; steps below 0 are under it. */
+double layers_height(const struct layers *layers, int step);
+
+/* Weights of a view's rays, 0 to 255, on its grey picture's pixels without distortion. @param out  initialised here
+ * @return 0, -ENOMEM; not logged. Thread: any */
+SST_MUST_CHECK int layers_weigh(struct sst_map_u8 *out, const struct layers *layers, int view);
 
 #endif

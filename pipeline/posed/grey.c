@@ -1,0 +1,149 @@
+/* Small grey pictures of a few views, to compare them on surfaces. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/posed/picture.h"
+#include "pipeline/posed/surface_internal.h"
+
+/* Luma of one pixel, in 1/256 level. */
+static double luma(const struct sst_deep *d, int x, int y)
+{
+    if (d->channels == 1)
+        return sst_map_u16_row(&d->plane[0], y)[x];
+    return 0.299 * sst_map_u16_row(&d->plane[0], y)[x] + 0.587 * sst_map_u16_row(&d->plane[1], y)[x] +
+           0.114 * sst_map_u16_row(&d->plane[2], y)[x];
+}
+
+/* Means of blocks; then mean 32768 and a spread of GREY_SPREAD levels, so that exposures are alike. */
+static int make_grey(struct sst_deep *out, const struct sst_deep *in, int step)
+{
+    const int width = in->width / step, height = in->height / step;
+    struct sst_map_f32 mean;
+    double sum = 0, squares = 0, count = (double)width * height, spread;
+    int err = sst_map_f32_init(&mean, width, height);
+
+    if (err)
+        return err;
+    err = sst_deep_init(out, width, height, 1, UINT16_MAX);
+    for (int y = 0; y < height && !err; y++) {
+        for (int x = 0; x < width; x++) {
+            double block = 0;
+
+            for (int i = 0; i < step * step; i++)
+                block += luma(in, x * step + i % step, y * step + i / step);
+            block /= step * step;
+            sst_map_f32_row(&mean, y)[x] = (float)block;
+            sum += block;
+            squares += block * block;
+        }
+    }
+    spread = sqrt(fmax(squares / count - sum / count * (sum / count), 1e-6));
+    for (int y = 0; y < height && !err; y++) {
+        for (int x = 0; x < width; x++) {
+            const double v = ((double)sst_map_f32_row(&mean, y)[x] - sum / count) / spread * GREY_SPREAD + 32768;
+
+            sst_map_u16_row(&out->plane[0], y)[x] = (uint16_t)sst_clamp_double(v + 0.5, 0, UINT16_MAX);
+        }
+    }
+    sst_map_f32_fini(&mean);
+    return err;
+}
+
+struct grey_job {
+    struct greys *greys;
+    const struct sst_posed *posed;
+    const char *dir;
+    const int *view;
+};
+
+static int read_grey(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct grey_job *job = arg;
+    struct sst_deep deep = { 0 };
+    int err = sst_posed_picture(&deep, job->posed, job->dir, job->view[index]);
+
+    if (!err) {
+        err = make_grey(&job->greys->picture[index], &deep, job->greys->step);
+        if (err)
+            sst_log_error("no memory for a smaller picture of view %d", job->view[index]);
+    }
+    sst_deep_fini(&deep);
+    return err;
+}
+
+int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[], int threads)
+{
+    struct grey_job job = { out, posed, dir, view };
+    int err;
+
+    out->picture = calloc((size_t)out->count, sizeof(*out->picture));
+    out->camera = calloc((size_t)out->count, sizeof(*out->camera));
+    if (!out->picture || !out->camera) {
+        sst_log_error("no memory for %d smaller pictures", out->count);
+        greys_fini(out);
+        return -ENOMEM;
+    }
+    for (int k = 0; k < out->count; k++) {
+        struct sst_calib_camera *cam = &out->camera[k];
+
+        *cam = posed->view[view[k]].camera;
+        cam->fx /= out->step;
+        cam->fy /= out->step;
+        cam->cx = (cam->cx + 0.5) / out->step - 0.5;
+        cam->cy = (cam->cy + 0.5) / out->step - 0.5;
+    }
+    err = sst_parallel_for(out->count, sst_thread_count(threads), read_grey, &job);
+    if (err)
+        greys_fini(out);
+    return err;
+}
+
+void greys_fini(struct greys *greys)
+{
+    for (int k = 0; greys->picture && k < greys->count; k++)
+        sst_deep_fini(&greys->picture[k]);
+    free(greys->picture);
+    free(greys->camera);
+    greys->picture = NULL;
+    greys->camera = NULL;
+}
+
+int greys_choose(int view[], int most, const struct sst_posed *posed, const struct sst_virtual *camera,
+                 double distance_mm)
+{
+    const double reach_mm = 0.35 * sst_min_int(camera->width, camera->height) / camera->fx * distance_mm;
+    double *far_mm = malloc((size_t)posed->count * sizeof(*far_mm));
+    int *order = malloc((size_t)posed->count * sizeof(*order)), n = 0, count;
+
+    for (int i = 0; i < posed->count && far_mm && order; i++) {
+        const struct sst_calib_camera *cam = &posed->view[i].camera;
+        double apart[3], mm;
+        int at = n;
+
+        for (int k = 0; k < 3; k++)
+            apart[k] = cam->position_mm[k] - camera->centre_mm[k];
+        mm = vector_length(apart);
+        if (!cam->known || (mm > reach_mm && n >= most))
+            continue;
+        for (; at > 0 && far_mm[at - 1] > mm; at--) {
+            far_mm[at] = far_mm[at - 1];
+            order[at] = order[at - 1];
+        }
+        far_mm[at] = mm;
+        order[at] = i;
+        n++;
+    }
+    while (n > most && far_mm[n - 1] > reach_mm)
+        n--;
+    count = sst_min_int(n, most);
+    for (int k = 0; k < count; k++) /* evenly over the distances */
+        view[k] = order[n > most ? k * n / most : k];
+    count = far_mm && order ? count : -ENOMEM;
+    free(far_mm);
+    free(order);
+    return count;
+}

@@ -1,0 +1,241 @@
+#include "pipeline/posed/ground.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/stats.h"
+#include "pipeline/posed/surface_internal.h"
+
+#define VIEWS      10
+#define WIDTH_PX   512   /* of the compared pictures, about */
+#define RATIO      1.03  /* of the distances of neighbouring planes */
+#define BEHIND     1.6   /* a peak's share over the least one behind it */
+#define BEFORE     1.3   /* and over the least one before it, up to a higher one */
+#define LEAST_FOUR 0.001 /* of the pixels */
+#define NEAREST    0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
+#define FARTHEST   1.6
+#define SCAN       0.0075 /* distances around the peak, relative */
+#define SCANS      4      /* to both sides */
+#define TILT       0.03   /* tangent: the first step of refinement */
+#define USUAL_TILT 0.07   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
+#define ROUNDS     4
+
+struct search {
+    const struct sst_virtual *camera;
+    struct agree agree;
+    double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
+    double along;                   /* of the camera's axis against the normal: negative */
+};
+
+/* Plane at a distance along the camera's axis, tilted by tangents along the two level axes. */
+static struct sst_surface plane_at(const struct search *s, double distance_mm, const double tilt[2])
+{
+    double normal[3], point[3];
+
+    for (int i = 0; i < 3; i++) {
+        normal[i] = s->normal[i] + tilt[0] * s->across[0][i] + tilt[1] * s->across[1][i];
+        point[i] = s->camera->centre_mm[i] + distance_mm * s->camera->rotation[6 + i];
+    }
+    return sst_surface_plane(normal, point);
+}
+
+/* --- limits of the sweep --------------------------------------------------------------------------------------------
+ */
+
+static int limits(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera,
+                  const struct sst_ground_config *cfg)
+{
+    double *depth = NULL;
+    int n = 0;
+
+    range[0] = cfg->near_mm;
+    range[1] = cfg->far_mm;
+    if (range[0] > 0 && range[1] > range[0])
+        return 0;
+    depth = malloc((size_t)sst_max_int(posed->point_count, 1) * sizeof(*depth));
+    if (!depth) {
+        sst_log_error("no memory for the depths of %d points", posed->point_count);
+        return -ENOMEM;
+    }
+    for (int i = 0; i < posed->point_count; i++) {
+        double apart[3];
+
+        for (int k = 0; k < 3; k++)
+            apart[k] = posed->points[i].at_mm[k] - camera->centre_mm[k];
+        depth[n] = vector_dot(camera->rotation + 6, apart);
+        n += depth[n] > 0;
+    }
+    sst_stats_sort_double(depth, n);
+    if (n >= 10) {
+        range[0] = range[0] > 0 ? range[0] : NEAREST * depth[n / 50];
+        range[1] = range[1] > 0 ? range[1] : FARTHEST * depth[n - 1 - n / 50];
+    }
+    free(depth);
+    if (range[0] > 0 && range[1] > range[0])
+        return 0;
+    sst_log_error("the ground is sought between two distances, and no points of the scene are known: give --near and "
+                  "--far");
+    return -EINVAL;
+}
+
+/* --- sweep ----------------------------------------------------------------------------------------------------------
+ */
+
+static double share(int64_t n, const struct agree_tally *tally)
+{
+    return tally->seen ? (double)n / (double)tally->seen : 0;
+}
+
+static int sweep(struct sst_ground *out, struct search *s, const double range[2])
+{
+    const double none[2] = { 0, 0 };
+    int err = 0;
+
+    out->planes = sst_clamp_int((int)ceil(log(range[1] / range[0]) / log(RATIO)) + 1, 3, SST_GROUND_PLANES);
+    for (int i = 0; i < out->planes && !err; i++) {
+        const double distance = range[0] * pow(range[1] / range[0], (double)i / (out->planes - 1));
+        const struct sst_surface plane = plane_at(s, distance, none);
+        struct agree_tally tally;
+
+        err = agree_on(&tally, &s->agree, &plane);
+        if (err)
+            break;
+        out->at_mm[i] = distance;
+        out->four[i] = share(tally.four, &tally);
+        out->six[i] = share(tally.six, &tally);
+    }
+    return err;
+}
+
+/* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
+ * peak before it. @return -1: none */
+static int farthest_peak(const struct sst_ground *g)
+{
+    double behind = INFINITY;
+
+    for (int i = g->planes - 2; i > 0; i--) {
+        double before = INFINITY;
+        int k = i - 1;
+
+        behind = fmin(behind, g->four[i + 1]);
+        if (g->four[i] < g->four[i + 1] || g->four[i] < g->four[i - 1] || g->four[i] < LEAST_FOUR ||
+            g->four[i] < BEHIND * behind)
+            continue;
+        for (; k >= 0 && g->four[k] <= g->four[i]; k--)
+            before = fmin(before, g->four[k]);
+        if (k < 0 || g->four[i] >= BEFORE * before)
+            return i;
+    }
+    return -1;
+}
+
+/* Weight of a tilt: flat ground is likelier, and few patches of ground decide. */
+static double likely(const double tilt[2])
+{
+    return exp(-(tilt[0] * tilt[0] + tilt[1] * tilt[1]) / (2 * USUAL_TILT * USUAL_TILT));
+}
+
+/* Keep a trial of distance and tilts if it agrees best so far. */
+static int try_plane(double at[3], double *best, struct search *s, const double trial[3])
+{
+    const struct sst_surface plane = plane_at(s, trial[0], trial + 1);
+    struct agree_tally tally;
+    const int err = agree_on(&tally, &s->agree, &plane);
+    const double score = err ? 0 : tally.spread * likely(trial + 1);
+
+    if (!err && score > *best) {
+        *best = score;
+        for (int i = 0; i < 3; i++)
+            at[i] = trial[i];
+    }
+    return err;
+}
+
+/* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round. */
+static int refine(struct sst_ground *out, struct search *s, bool level)
+{
+    const double first = out->at_mm[out->chosen];
+    double at[3] = { first, 0, 0 }, step[3] = { SCAN / 2 * first, TILT, TILT }, best = -1;
+    int err = 0;
+
+    for (int i = -SCANS; i <= SCANS && !err; i++)
+        err = try_plane(at, &best, s, (const double[3]){ first * (1 + SCAN * i), 0, 0 });
+    for (int round = 0; round < ROUNDS && !err; round++) {
+        for (int k = 0; k < 2 * (level ? 1 : 3) && !err; k++) {
+            double trial[3] = { at[0], at[1], at[2] };
+
+            trial[k / 2] += k % 2 ? step[k / 2] : -step[k / 2];
+            err = try_plane(at, &best, s, trial);
+        }
+        for (int k = 0; k < 3; k++)
+            step[k] *= 0.6;
+    }
+    out->plane = plane_at(s, at[0], at + 1);
+    out->distance_mm = at[0];
+    out->tilt_deg = atan(hypot(at[1], at[2])) * 180 / M_PI;
+    return err;
+}
+
+static void choose_axes(struct search *s, const struct sst_posed *posed)
+{
+    const double *rotation = s->camera->rotation;
+    const double against = vector_dot(posed->up, rotation + 6);
+    const bool level = vector_length(posed->up) > 0.5 && against < -0.5; /* of views that look down */
+
+    for (int i = 0; i < 3; i++)
+        s->normal[i] = level ? posed->up[i] : -rotation[6 + i];
+    vector_cross(s->across[0], s->normal, rotation + 3);
+    vector_unit(s->across[0]);
+    vector_cross(s->across[1], s->normal, s->across[0]);
+}
+
+int sst_posed_ground(struct sst_ground *out, const struct sst_posed *posed, const char *dir,
+                     const struct sst_virtual *camera, const struct sst_ground_config *cfg)
+{
+    const int step = sst_max_int(1, (int)lround((double)posed->width / WIDTH_PX));
+    const struct sst_virtual small = sst_virtual_scaled(camera, step);
+    struct sst_ground g = { .chosen = -1 };
+    struct search s = { .camera = camera };
+    struct greys greys = { .step = step };
+    double range[2];
+    int view[VIEWS], err = limits(range, posed, camera, cfg);
+
+    if (err)
+        return err;
+    g.views = greys_choose(view, VIEWS, posed, camera, sqrt(range[0] * range[1]));
+    if (g.views == -ENOMEM) {
+        sst_log_error("no memory to choose from %d views", posed->count);
+        return -ENOMEM;
+    }
+    if (g.views < 3) {
+        sst_log_error("%s: the ground is found where at least three placed views see it; there are %d", dir, g.views);
+        return -ENODATA;
+    }
+    choose_axes(&s, posed);
+    greys.count = g.views;
+    err = greys_read(&greys, posed, dir, view, cfg->threads);
+    if (!err) {
+        const struct sst_surface first = plane_at(&s, range[0], (const double[2]){ 0, 0 });
+
+        err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
+        err = err ? err : sweep(&g, &s, range);
+        if (!err) {
+            g.chosen = farthest_peak(&g);
+            err = g.chosen < 0 ? -ENODATA : refine(&g, &s, cfg->level);
+        }
+        agree_fini(&s.agree);
+        if (err == -ENOMEM)
+            sst_log_error("no memory to compare %d views", g.views);
+        else if (err == -ENODATA)
+            sst_log_error("%s: views agree at no distance between %.1f and %.1f m; give --surface plane:Z, or other "
+                          "--near and --far",
+                          dir, range[0] * 1e-3, range[1] * 1e-3);
+    }
+    greys_fini(&greys);
+    if (!err)
+        *out = g;
+    return err;
+}

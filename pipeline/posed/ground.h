@@ -1,0 +1,41 @@
+/* pipeline/posed/ground.h - ground under trees: the farthest plane on which views agree. */
+#ifndef SST_PIPELINE_POSED_GROUND_H
+#define SST_PIPELINE_POSED_GROUND_H
+
+#include "pipeline/posed/virtual.h"
+
+struct sst_ground_config {
+    double near_mm, far_mm; /* along the virtual camera's axis; 0: from the sparse points */
+    bool level;             /* planes stay perpendicular to `up`, or to the axis where it is unknown */
+    int threads;
+};
+
+#define SST_GROUND_PLANES 400
+
+struct sst_ground {
+    struct sst_surface plane;
+    double distance_mm; /* along the virtual camera's axis */
+    double tilt_deg;    /* of the plane from where the sweep began */
+    int views;          /* that were compared */
+    int planes;         /* of the sweep, near to far: */
+    double at_mm[SST_GROUND_PLANES];
+    double
+        four[SST_GROUND_PLANES]; /* share of the pixels that four views see, and on whose patch at least four agree */
+    double six[SST_GROUND_PLANES];
+    int chosen; /* the plane of the sweep at which refinement began */
+};
+
+/**
+ * Find the ground: planes from near to far, in each pixel the number of views whose 7x7 patches agree (zero-mean
+ * normalised correlation above 0.6), as shares of pixels; of the local maxima of the share the farthest one is the
+ * ground, nearer ones are canopy. Its distance and tilt are then refined, coarse to fine, by the largest agreement.
+ *
+ * At most 10 views around the middle are compared, at about 512 px.
+ *
+ * @return 0, -EINVAL (near and far are not given and no points exist), -ENODATA (fewer than three views see a plane, or
+ *         no plane stands out), -ENOMEM, or as sst_posed_picture(); logged
+ */
+SST_MUST_CHECK int sst_posed_ground(struct sst_ground *out, const struct sst_posed *posed, const char *dir,
+                                    const struct sst_virtual *camera, const struct sst_ground_config *cfg);
+
+#endif
