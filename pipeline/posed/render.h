@@ -1,0 +1,34 @@
+/* pipeline/posed/render.h - pictures of posed views from a virtual camera: the integral, see-through and clear. */
+#ifndef SST_PIPELINE_POSED_RENDER_H
+#define SST_PIPELINE_POSED_RENDER_H
+
+#include "pipeline/image/deep.h"
+#include "pipeline/posed/virtual.h"
+
+enum sst_posed_method {
+    SST_POSED_REFOCUS = 0, /* the mean of all views on the surface (integral.h) */
+    SST_POSED_THROUGH = 1, /* rays that agree with others on the surface weigh more (clear.h) */
+    SST_POSED_CLEAR = 2,   /* the surface alone, of rays that nothing in front blocks (clear.h) */
+};
+
+struct sst_posed_render_config {
+    enum sst_posed_method method;
+    struct sst_virtual camera;
+    struct sst_surface surface;
+    int threads;
+};
+
+/** Zeroed: empty. */
+struct sst_posed_rendered {
+    struct sst_deep levels;     /* rounded; in the views' range */
+    struct sst_map_f32 mean[3]; /* [channels] in levels, not rounded; NAN: no ray */
+    struct sst_map_u16 views;   /* number of views that each pixel is of; 0: unknown */
+};
+
+/** Render all placed views of a folder. @return 0, -ENODATA (no view is placed), -ENOMEM, or as sst_posed_picture();
+ *  logged */
+SST_MUST_CHECK int sst_posed_render(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
+                                    const struct sst_posed_render_config *cfg);
+void sst_posed_rendered_fini(struct sst_posed_rendered *rendered);
+
+#endif

@@ -1,0 +1,180 @@
+/* pipeline/posed/ground.c and clear.c: a forest under ten cameras in a row, drawn by the test: a textured floor, leaves
+ * in front that hide most of it, thermal levels of 16 bits; the ground is found, and the clear picture shows the floor.
+ */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/file.h"
+#include "pipeline/posed/ground.h"
+#include "pipeline/posed/picture.h"
+#include "pipeline/posed/render.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define WIDTH  320
+#define HEIGHT 240
+#define VIEWS  10
+#define FLOOR  30000.0 /* mm in front of the cameras */
+#define LEAVES 20000.0
+#define FOCAL  400.0
+
+/* Random levels on a grid of `step` mm, bilinear. */
+static double noise(double x_mm, double y_mm, double step, uint32_t seed)
+{
+    const double u = x_mm / step + 4000, v = y_mm / step + 4000;
+    const int i = (int)u, j = (int)v;
+    double level[4];
+
+    for (int k = 0; k < 4; k++) {
+        uint32_t h = (uint32_t)(i + k % 2) * 2654435761u ^ (uint32_t)(j + k / 2) * 2246822519u ^ seed * 3266489917u;
+
+        h = (h ^ h >> 15) * 2246822519u;
+        h = (h ^ h >> 13) * 3266489917u;
+        level[k] = (h >> 8) / 16777216.0;
+    }
+    return (1 - (v - j)) * ((1 - (u - i)) * level[0] + (u - i) * level[1]) +
+           (v - j) * ((1 - (u - i)) * level[2] + (u - i) * level[3]);
+}
+
+static double floor_level(double x_mm, double y_mm)
+{
+    return 20000 + 1500 * noise(x_mm, y_mm, 250, 1) + 1000 * noise(x_mm, y_mm, 900, 2);
+}
+
+/* Leaves cover the places where a coarse pattern is high. */
+static bool leaf(double x_mm, double y_mm, double cover)
+{
+    return noise(x_mm, y_mm, 700, 3) > 1 - cover;
+}
+
+static double leaf_level(double x_mm, double y_mm)
+{
+    return 18000 + 2500 * noise(x_mm, y_mm, 160, 4);
+}
+
+/* Pictures of the forest as a folder; the camera's axes are the world's. */
+static void make_forest(struct sst_posed *posed, const char *dir, double cover)
+{
+    struct sst_outdir out;
+    char folder[SST_PATH_MAX], path[SST_PATH_MAX];
+
+    assert_int_equal(sst_posed_init(posed, VIEWS), 0);
+    posed->width = WIDTH;
+    posed->height = HEIGHT;
+    posed->channels = 1;
+    posed->bits = 16;
+    posed->metric = true;
+    snprintf(posed->source, sizeof(posed->source), "test");
+    assert_int_equal(sst_outdir_open(&out, dir, true), 0);
+    assert_int_equal(sst_path_join(folder, out.temporary, "views"), 0);
+    assert_int_equal(mkdir(folder, 0777), 0);
+    for (int k = 0; k < VIEWS; k++) {
+        struct sst_posed_view *v = &posed->view[k];
+        struct sst_deep deep;
+
+        snprintf(v->name, sizeof(v->name), "v%d.tif", k);
+        snprintf(v->file, sizeof(v->file), "v%d.png", k);
+        v->camera = (struct sst_calib_camera){ .known = true,
+                                               .fx = FOCAL,
+                                               .fy = FOCAL,
+                                               .cx = 159.5,
+                                               .cy = 119.5,
+                                               .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                               .position_mm = { 700.0 * (k - 4), 60.0 * (k % 2), 50.0 * (k % 3) },
+                                               .gain = { 1, 1, 1 } };
+        assert_int_equal(sst_deep_init(&deep, WIDTH, HEIGHT, 1, 65535), 0);
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            const double a = (i % WIDTH - 159.5) / FOCAL, b = (i / WIDTH - 119.5) / FOCAL;
+            const double *c = v->camera.position_mm, near = LEAVES - c[2], far = FLOOR - c[2];
+            const double x = c[0] + a * near, y = c[1] + b * near;
+
+            sst_map_u16_row(&deep.plane[0], i / WIDTH)[i % WIDTH] =
+                (uint16_t)(leaf(x, y, cover) ? leaf_level(x, y) : floor_level(c[0] + a * far, c[1] + b * far));
+        }
+        assert_int_equal(sst_path_join(path, folder, v->file), 0);
+        assert_int_equal(sst_deep_write(&deep, path), 0);
+        sst_deep_fini(&deep);
+    }
+    assert_int_equal(sst_posed_write(posed, out.temporary), 0);
+    assert_int_equal(sst_outdir_end(&out, 0), 0);
+    sst_posed_fini(posed);
+    assert_int_equal(sst_posed_load(posed, dir), 0);
+}
+
+static void ground_is_behind_the_leaves(void **state SST_UNUSED)
+{
+    const struct sst_ground_config cfg = { .near_mm = 15000, .far_mm = 40000, .threads = 2 };
+    struct sst_ground_config none = { 0 };
+    struct sst_posed posed;
+    struct sst_virtual camera;
+    struct sst_ground ground;
+
+    make_forest(&posed, test_path("forest.lf"), 0.55);
+    camera = sst_virtual_of_view(&posed, 4);
+    assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &cfg), 0);
+    if (fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 300 || ground.tilt_deg > 1)
+        fail_msg("ground at %.0f mm, tilted by %.2f degrees", ground.distance_mm, ground.tilt_deg);
+    assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &none), -EINVAL);
+    sst_posed_fini(&posed);
+}
+
+/* Mean difference from the floor where the picture has rays; share of such pixels. */
+static double difference(const struct sst_posed_rendered *made, const struct sst_virtual *camera, double *share)
+{
+    const double far = FLOOR - camera->centre_mm[2];
+    double sum = 0;
+    int n = 0;
+
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        const double a = (i % WIDTH - camera->cx) / FOCAL, b = (i / WIDTH - camera->cy) / FOCAL;
+
+        if (!sst_map_u16_row(&made->views, i / WIDTH)[i % WIDTH])
+            continue;
+        sum += fabs((double)sst_map_f32_row(&made->mean[0], i / WIDTH)[i % WIDTH] -
+                    floor_level(camera->centre_mm[0] + a * far, camera->centre_mm[1] + b * far));
+        n++;
+    }
+    *share = (double)n / (WIDTH * HEIGHT);
+    return n ? sum / n : INFINITY;
+}
+
+static void clear_pictures_show_the_floor(void **state SST_UNUSED)
+{
+    struct sst_posed_render_config cfg = { .threads = 2 };
+    double off[3], share[3];
+    struct sst_posed posed;
+
+    make_forest(&posed, test_path("clear.lf"), 0.45);
+    cfg.camera = sst_virtual_of_view(&posed, 4);
+    cfg.surface = sst_surface_plane((const double[3]){ 0, 0, -1 }, (const double[3]){ 0, 0, FLOOR });
+    for (int m = 0; m < 3; m++) {
+        struct sst_posed_rendered made;
+
+        cfg.method = (enum sst_posed_method)m;
+        assert_int_equal(sst_posed_render(&made, &posed, test_path("clear.lf"), &cfg), 0);
+        off[m] = difference(&made, &cfg.camera, &share[m]);
+        sst_posed_rendered_fini(&made);
+    }
+    /* Floor and leaves differ by 1500 levels on average, and leaves cover almost half of the rays. */
+    if (!(off[1] < 0.7 * off[0] && off[2] < 0.35 * off[0] && share[2] > 0.5 && share[0] > 0.999))
+        fail_msg("levels off: refocus %.0f, see-through %.0f, clear %.0f of %.2f of the pixels", off[0], off[1], off[2],
+                 share[2]);
+    for (int k = 2; k < VIEWS; k++)
+        posed.view[k].camera.known = false;
+    assert_int_equal(sst_posed_render(&(struct sst_posed_rendered){ 0 }, &posed, test_path("clear.lf"), &cfg),
+                     -ENODATA);
+    sst_posed_fini(&posed);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(ground_is_behind_the_leaves),
+        cmocka_unit_test(clear_pictures_show_the_floor),
+    };
+
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
+}
