@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "cli/cli_internal.h"
-#include "cli/render_internal.h"
+#include "cli/posed_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/correction.h"
 
@@ -228,6 +228,34 @@ static int check_files(const struct cli_command *cmd, const struct render_args *
     return CLI_GO_ON;
 }
 
+/* A light field with a pose for every view. */
+static int run_posed(const struct cli_command *cmd, const struct render_args *a, const char *path, char **argv,
+                     const char *const files[2])
+{
+    static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pfm" };
+    struct posed_scene scene;
+    bool known = false;
+    int r;
+
+    if (!files[0])
+        return cli_usage_error(cmd, "-o FILE is missing");
+    for (size_t i = 0; i < ARRAY_LEN(endings); i++)
+        known |= cli_has_suffix(files[0], endings[i]);
+    if (!known)
+        return cli_usage_error(cmd, "-o %s ends neither in .png, .jpg, .tif nor .pfm", files[0]);
+    if (files[1] && !cli_has_suffix(files[1], ".png"))
+        return cli_usage_error(cmd, "--valid %s does not end in .png", files[1]);
+    r = cli_posed_open(&scene, cmd, a, path, argv);
+    if (r != CLI_GO_ON)
+        return r;
+    if (scene.posed.channels > 1 && cli_has_suffix(files[0], ".pfm"))
+        r = cli_usage_error(cmd, "-o %s: a PFM has one channel, and the views are coloured; .tif has 16 bits", files[0]);
+    else
+        r = cli_posed_render(&scene, a, files[0], files[1]);
+    cli_posed_close(&scene);
+    return r;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *path, *out = NULL, *explain = NULL, *pixel_text = NULL, *valid = NULL;
@@ -239,7 +267,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_option options[RENDER_OPTIONS + 7] = {
         { "focus", 'f', CLI_AUTO, &focus, "D",
           "disparity to focus on, px per spacing, or auto: behind the foreground (default)" },
-        { "output", 'o', CLI_FILE, &out, "FILE", "picture, .png or .jpg" },
+        { "output", 'o', CLI_FILE, &out, "FILE", "picture, .png or .jpg; posed: also .tif and .pfm" },
         { "samples", 0, CLI_FLAG, &samples, NULL,
           "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
         { "valid", 0, CLI_FILE, &valid, "FILE", "PNG of support by rays: 255 seen, 64 filled, 0 none", 0, 0 },
@@ -253,7 +281,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
     if (r != CLI_GO_ON)
         return r;
-    r = check_files(cmd, &a, focus, out, valid);
+    cli_render_names(&a);
+    if (sst_posed_is(path))
+        return run_posed(cmd, &a, path, argv + 1, (const char *const[]){ out, valid });
+    r = cli_render_check_posed(&a, cmd);
+    if (r == CLI_GO_ON)
+        r = check_files(cmd, &a, focus, out, valid);
     if (r == CLI_GO_ON && samples && !cli_has_suffix(out, ".png"))
         r = cli_usage_error(cmd, "--samples writes PNG; -o %s does not end in .png", out);
     if (r != CLI_GO_ON)

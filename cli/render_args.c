@@ -20,8 +20,8 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
     *a = (struct render_args){ .device = "cpu", .cut = NAN, .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
-        { "method", 'm', CLI_WORD, &cfg->method, "M", "sst (see-through, default), refocus (all rays alike) or clear",
-          0, 0, "refocus sst clear" },
+        { "method", 'm', CLI_WORD, &cfg->method, "M",
+          "see-through or sst (default), refocus (all rays alike) or clear", 0, 0, "refocus sst clear see-through" },
         { "cut", 0, CLI_DOUBLE, &a->cut, "D", "clear: remove all nearer than D px per spacing (found by itself)", 0,
           0 },
         { "remove-label", 0, CLI_STRING, &a->remove_label, "NAME", "clear: remove objects with this label" },
@@ -62,6 +62,11 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "skip-error", 0, CLI_DOUBLE, &cfg->skip_error_db, "DB",
           "least PSNR with skips against the exact picture (50)", 20, 100 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
+        { "surface", 0, CLI_STRING, &a->surface, "S",
+          "posed: ground (found, default), plane:Z, plane:NX,NY,NZ,D, three points plane:X,Y,Z,... or a terrain file" },
+        { "view", 0, CLI_STRING, &a->view, "NAME", "posed: the view to render from (the middle one), or nadir" },
+        { "near", 0, CLI_DOUBLE, &a->near_m, "M", "posed: the ground is sought from this distance on", 1e-3, 1e6 },
+        { "far", 0, CLI_DOUBLE, &a->far_m, "M", "... up to this one (by the points of the scene)", 1e-3, 1e6 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
     };
@@ -72,6 +77,20 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 const char *cli_render_method(const struct render_args *a)
 {
     return (const char *[]){ "refocus", "sst", "clear" }[a->cfg.method];
+}
+
+void cli_render_names(struct render_args *a)
+{
+    if ((int)a->cfg.method == SST_RENDER_CLEAR + 1)
+        a->cfg.method = SST_RENDER_SST;
+}
+
+int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd)
+{
+    if (a->surface || a->view || a->near_m > 0 || a->far_m > 0)
+        return cli_usage_error(cmd, "--surface, --view, --near and --far are for light fields with a pose for every "
+                                    "view (`sst import poses`); lattices have --focus, --view-x and --view-y");
+    return CLI_GO_ON;
 }
 
 /* Skips; `views` and `tiles` of earlier versions equal `rays`. */

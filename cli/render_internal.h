@@ -23,10 +23,12 @@ struct render_args {
     const char *device;      /* as written */
     const char *skip;        /* as written; NULL: nothing is skipped */
     int device_memory;       /* MiB; 0: not given */
+    const char *surface, *view; /* of posed light fields, as written; NULL: not given */
+    double near_m, far_m;       /* 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 28
+#define RENDER_OPTIONS 32
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
@@ -37,6 +39,12 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         "no-verify", 0, CLI_FLAG, &(value), NULL, "accept views whose bytes differ from the hash in lightfield.json",  \
             0, 0                                                                                                       \
     }
+
+/** Other names of methods: see-through is sst. After cli_parse(). */
+void cli_render_names(struct render_args *a);
+
+/** Refuse options of light fields with a pose for every view. @return CLI_GO_ON or CLI_USAGE */
+int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd);
 
 /** The method's name. */
 const char *cli_render_method(const struct render_args *a);

@@ -7,7 +7,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
-#include "cli/render_internal.h"
+#include "cli/posed_internal.h"
 #include "pipeline/image/codec.h"
 
 /* Setting that changes from picture to picture. */
@@ -249,6 +249,27 @@ static int read_over(struct sweep *s, int over, double focus, const struct cli_c
     return CLI_GO_ON;
 }
 
+/* A light field with a pose for every view: the whole surface is raised. */
+static int run_posed(const struct cli_command *cmd, struct sweep *s, const char *path, int over, char **argv)
+{
+    struct posed_sweep sweep = { s->from, s->to, s->steps, s->bounce, s->fps, s->out };
+    struct posed_scene scene;
+    int r;
+
+    if (over >= 0 && over != OVERS)
+        return cli_usage_error(cmd, "--over %s: light fields with a pose for every view are swept over height",
+                               over_names[over]);
+    r = check_output(s, path, cmd);
+    if (r != CLI_OK)
+        return r;
+    r = cli_posed_open(&scene, cmd, &s->args, path, argv);
+    if (r != CLI_GO_ON)
+        return r;
+    r = cli_posed_sweep(&scene, &s->args, &sweep);
+    cli_posed_close(&scene);
+    return r;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sweep s = SWEEP_DEFAULTS;
@@ -260,8 +281,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "from", 0, CLI_DOUBLE, &s.from, "A",
           "first focus (or cut), disparity in px per spacing; default: the whole range" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
-        { "over", 0, CLI_WORD, &over, "W", "setting that changes: focus, cut, view-x or view-y (focus; clear: cut)", 0,
-          0, "focus cut view-x view-y" },
+        { "over", 0, CLI_WORD, &over, "W",
+          "setting that changes: focus, cut, view-x or view-y (focus; clear: cut); posed: height, m", 0, 0,
+          "focus cut view-x view-y height" },
         { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_MADE, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
@@ -278,7 +300,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--from A and --to B must be given together");
     if (!s.out)
         return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
-    r = read_over(&s, over, focus, cmd);
+    cli_render_names(&s.args);
+    if (sst_posed_is(path))
+        return run_posed(cmd, &s, path, over, argv + 1);
+    r = cli_render_check_posed(&s.args, cmd);
+    if (r == CLI_GO_ON && over == OVERS)
+        r = cli_usage_error(cmd, "--over height is for light fields with a pose for every view");
+    if (r == CLI_GO_ON)
+        r = read_over(&s, over, focus, cmd);
     if (r != CLI_GO_ON)
         return r;
     r = check_output(&s, path, cmd);

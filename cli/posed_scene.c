@@ -1,0 +1,235 @@
+/* Light fields with a pose for every view, opened for rendering: their camera and surface. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "cli/posed_internal.h"
+
+#define METRE_MM     1000.0
+#define NADIR        "nadir"
+#define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
+
+/* Options that lattices alone have are refused by name. */
+static int check_options(const struct cli_command *cmd, char **argv)
+{
+    static const char *const known[] = { "method", "output",  "valid", "surface", "view",  "near",
+                                         "far",    "threads", "json",  "force",   "over",  "from",
+                                         "to",     "steps",   "fps",   "bounce",  "quiet", "verbose" };
+
+    for (; *argv && strcmp(*argv, "--"); argv++) {
+        const char *name = *argv + 2;
+        const size_t length = strcspn(name, "=");
+        bool found = false;
+
+        if (strncmp(*argv, "--", 2))
+            continue;
+        for (size_t i = 0; i < ARRAY_LEN(known); i++)
+            found |= strlen(known[i]) == length && !strncmp(known[i], name, length);
+        if (!found)
+            return cli_usage_error(cmd, "--%.*s has no effect on a light field with a pose for every view", (int)length,
+                                   name);
+    }
+    return CLI_GO_ON;
+}
+
+/* --- camera ---------------------------------------------------------------------------------------------------------
+ */
+
+/* Is a view's name `name`, with or without its ending? */
+static bool named(const struct sst_posed_view *view, const char *name)
+{
+    const char *dot = strrchr(view->name, '.');
+
+    return !strcmp(view->name, name) ||
+           (dot && strlen(name) == (size_t)(dot - view->name) && !strncmp(view->name, name, strlen(name)));
+}
+
+static int find_view(int *view, const struct posed_scene *scene, const struct cli_command *cmd, const char *name)
+{
+    const struct sst_posed *posed = &scene->posed;
+    char list[512] = "";
+
+    *view = sst_posed_middle(posed);
+    if (!name || !strcmp(name, NADIR))
+        return CLI_GO_ON;
+    for (int i = 0; i < posed->count; i++) {
+        if (named(&posed->view[i], name)) {
+            *view = i;
+            if (posed->view[i].camera.known)
+                return CLI_GO_ON;
+            return cli_usage_error(cmd, "the view %s of %s is not placed; `sst poses` finds poses", name, scene->path);
+        }
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? ", " : "", posed->view[i].name);
+    }
+    return cli_usage_error(cmd, "--view %s is neither " NADIR " nor a view of %s: %s%s", name, scene->path, list,
+                           strlen(list) == sizeof(list) - 1 ? " ..." : "");
+}
+
+/* --- surface --------------------------------------------------------------------------------------------------------
+ */
+
+/* Numbers between commas. @return how many, -1: text that is none */
+static int read_numbers(double *number, int most, const char *text)
+{
+    int n = 0;
+
+    for (char *end; n < most; n++, text = end + 1) {
+        number[n] = strtod(text, &end);
+        if (end == text || !isfinite(number[n]) || fabs(number[n]) > 1e9)
+            return -1;
+        if (!*end)
+            return n + 1;
+        if (*end != ',')
+            return -1;
+    }
+    return -1;
+}
+
+static int read_plane(struct posed_scene *scene, const struct cli_command *cmd, const char *text, bool level)
+{
+    const struct sst_virtual *camera = &scene->cfg.camera;
+    double v[9], normal[3], point[3];
+    const int n = read_numbers(v, 9, text);
+
+    if (n == 1 && v[0] > 0) {
+        for (int i = 0; i < 3; i++) {
+            normal[i] = level ? scene->posed.up[i] : -camera->rotation[6 + i];
+            point[i] = camera->centre_mm[i] - v[0] * METRE_MM * normal[i];
+        }
+    } else if (n == 4 && hypot(hypot(v[0], v[1]), v[2]) > 1e-9) {
+        const double length = hypot(hypot(v[0], v[1]), v[2]);
+        const double above = v[0] * camera->centre_mm[0] + v[1] * camera->centre_mm[1] + v[2] * camera->centre_mm[2];
+        const double sign = above < v[3] * METRE_MM ? -1 : 1; /* the normal is towards the camera */
+
+        for (int i = 0; i < 3; i++) {
+            normal[i] = sign * v[i];
+            point[i] = v[i] * v[3] * METRE_MM / (length * length);
+        }
+    } else if (n == 9) {
+        for (int i = 0; i < 9; i++)
+            v[i] *= METRE_MM;
+        if (!sst_surface_plane_of(&scene->cfg.surface, (const double(*)[3])v, camera->centre_mm))
+            return cli_usage_error(cmd, "--surface plane:%s: the three points are on a line", text);
+        return CLI_GO_ON;
+    } else {
+        return cli_usage_error(cmd,
+                               "--surface plane:%s is neither a distance Z nor a normal and its offset NX,NY,NZ,D nor "
+                               "three points X,Y,Z,X,Y,Z,X,Y,Z, in metres",
+                               text);
+    }
+    scene->cfg.surface = sst_surface_plane(normal, point);
+    return CLI_GO_ON;
+}
+
+static int read_terrain(struct posed_scene *scene, const char *path)
+{
+    int err = sst_heights_read(&scene->heights, path);
+
+    if (err)
+        return cli_exit_code(err);
+    err = sst_surface_terrain(&scene->cfg.surface, &scene->heights, scene->posed.up);
+    if (err)
+        sst_log_error("%s: no height is known, or the direction of gravity is along the world's x axis", path);
+    return err ? cli_exit_code(-EBADMSG) : CLI_GO_ON;
+}
+
+static int find_ground(struct posed_scene *scene, const struct render_args *a)
+{
+    const struct sst_ground_config cfg = { .near_mm = a->near_m * METRE_MM,
+                                           .far_mm = a->far_m * METRE_MM,
+                                           .threads = a->cfg.threads };
+    const int err = sst_posed_ground(&scene->ground, &scene->posed, scene->path, &scene->cfg.camera, &cfg);
+
+    scene->cfg.surface = scene->ground.plane;
+    return err ? cli_exit_code(err == -ENODATA || err == -EINVAL ? -EBADMSG : err) : CLI_GO_ON;
+}
+
+static int find_surface(struct posed_scene *scene, const struct cli_command *cmd, const struct render_args *a)
+{
+    const char *text = a->surface ? a->surface : "ground";
+    const bool nadir = a->view && !strcmp(a->view, NADIR);
+
+    if (!strcmp(text, "ground"))
+        return find_ground(scene, a);
+    if (a->near_m > 0 || a->far_m > 0)
+        return cli_usage_error(cmd, "--near and --far are limits of --surface ground");
+    if (!strncmp(text, "plane:", 6))
+        return read_plane(scene, cmd, text + 6, nadir);
+    if (cli_has_suffix(text, ".tif") || cli_has_suffix(text, ".tiff") || cli_has_suffix(text, ".obj"))
+        return read_terrain(scene, text);
+    return cli_usage_error(cmd, "--surface %s is neither ground nor plane:... nor a terrain file (.tif, .obj)", text);
+}
+
+/* --- all ------------------------------------------------------------------------------------------------------------
+ */
+
+int cli_posed_open(struct posed_scene *scene, const struct cli_command *cmd, const struct render_args *a,
+                   const char *path, char **argv)
+{
+    struct posed_scene s = { .path = path };
+    int view, r = check_options(cmd, argv), err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (a->near_m > 0 && a->far_m > 0 && a->near_m >= a->far_m)
+        return cli_usage_error(cmd, "--near %g is not nearer than --far %g", a->near_m, a->far_m);
+    err = sst_posed_load(&s.posed, path);
+    if (err)
+        return cli_exit_code(err);
+    if (!sst_posed_placed(&s.posed)) {
+        sst_log_error("%s: none of the %d views is placed; `sst poses %s` finds poses", path, s.posed.count, path);
+        r = CLI_INPUT;
+    }
+    if (r == CLI_GO_ON)
+        r = find_view(&view, &s, cmd, a->view);
+    if (r == CLI_GO_ON) {
+        s.cfg.camera = sst_virtual_of_view(&s.posed, view);
+        s.cfg.threads = a->cfg.threads;
+        s.cfg.method =
+            (const enum sst_posed_method[]){ SST_POSED_REFOCUS, SST_POSED_THROUGH, SST_POSED_CLEAR }[a->cfg.method];
+        r = find_surface(&s, cmd, a);
+    }
+    if (r == CLI_GO_ON && a->view && !strcmp(a->view, NADIR)) {
+        err = sst_virtual_nadir(&s.cfg.camera, &s.posed, &s.cfg.surface, NADIR_PIXELS);
+        r = err ? cli_exit_code(err == -EINVAL ? -EBADMSG : err) : CLI_GO_ON;
+        s.view = NADIR;
+    } else if (r == CLI_GO_ON) {
+        s.view = s.posed.view[view].name;
+    }
+    if (r != CLI_GO_ON)
+        cli_posed_close(&s);
+    else
+        *scene = s;
+    return r;
+}
+
+void cli_posed_close(struct posed_scene *scene)
+{
+    sst_posed_fini(&scene->posed);
+    sst_heights_fini(&scene->heights);
+}
+
+json_t *cli_posed_scene_json(const struct posed_scene *scene)
+{
+    const struct sst_surface *s = &scene->cfg.surface;
+    json_t *surface;
+
+    if (s->kind == SST_SURFACE_TERRAIN)
+        surface = json_pack("{s:s, s:f, s:f, s:f}", "kind", "terrain", "low_m", s->low_mm / METRE_MM, "high_m",
+                            s->high_mm / METRE_MM, "raised_m", s->offset_mm / METRE_MM);
+    else
+        surface = json_pack("{s:s, s:[f, f, f], s:f}", "kind", scene->ground.views ? "ground" : "plane", "normal",
+                            s->normal[0], s->normal[1], s->normal[2], "offset_m", s->offset_mm / METRE_MM);
+    if (scene->ground.views)
+        json_object_update_new(surface,
+                               json_pack("{s:f, s:f, s:i, s:f}", "distance_m", scene->ground.distance_mm / METRE_MM,
+                                         "tilt_deg", scene->ground.tilt_deg, "compared_views", scene->ground.views,
+                                         "agreeing_percent", 100 * scene->ground.four[scene->ground.chosen]));
+    return json_pack("{s:s, s:s, s:i, s:i, s:i, s:o}", "method",
+                     (const char *[]){ "refocus", "see-through", "clear" }[scene->cfg.method], "view", scene->view,
+                     "width", scene->cfg.camera.width, "height", scene->cfg.camera.height, "views",
+                     sst_posed_placed(&scene->posed), "surface", surface);
+}
