@@ -136,6 +136,14 @@ assert lf["version"] == 3 and lf["up"] == [0, 0, -1] and lf["kelvin"] == [0.04, 
 assert lf["views"][0]["name"] == "leaf 1.png" and lf["views"][0]["lens"]["cx"] == 47.5, lf["views"][0]
 PY
 cmp -s "pictures/leaf 3.png" aos.lf/views/0002.png || fail "a picture is not copied byte for byte"
+# A flight writes its poses again and again: the last file counts.
+mkdir -p flight/poses && cp -r pictures flight/images
+sed 's/"M3x4": \[\[1, 0, 0, -0.0\]/"M3x4": [[1, 0, 0, "7"]/' aos/poses.json >flight/poses/9.json && cp aos/poses.json flight/poses/10.json
+"$sst" import poses flight -o flight.lf --focal 90 >out 2>err || fail "flight: $(cat err)"
+grep -q '8 placed, centres over 0.700 x' out || fail "flight: $(cat out)"
+mv flight/poses/9.json flight/poses/11.json
+"$sst" import poses flight/poses -o flight.lf --focal 90 --force >out 2>err || fail "flight: $(cat err)"
+grep -q '8 placed, centres over 7.700 x' out || fail "flight, changed: $(cat out)"
 make geo
 mkdir low && for i in 1 2 3 4 5 6 7 8; do cp "pictures/leaf $i.png" low/leaf_$i.png; done
 "$sst" import poses geo --pictures low --fov 56 -o geo.lf >out 2>err || fail "geo: $(cat err)"

@@ -71,7 +71,7 @@ static bool find_below(char path[SST_PATH_MAX], const char *dir, const char *nam
     const char *dot = strrchr(name, '.');
     const int stem = dot && !strchr(dot, '/') && is_picture(name) ? (int)(dot - name) : (int)strlen(name);
 
-    if (!sst_path_join(path, dir, name) && is_file(path) && is_picture(name))
+    if (!sst_path_join(path, dir, name) && is_file(path))
         return true;
     for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
         snprintf(other, sizeof(other), "%.*s%s", stem, name, endings[i]);
