@@ -11,7 +11,7 @@
  * field's world, P = rotation (X - position_mm); in a view that is not placed, the lens may be known alone (fx above 0).
  */
 struct sst_posed_view {
-    char name[256];                 /* the picture's name as it came, without its folder: messages, exports */
+    char name[256];                 /* the picture's name as it came, unique; with folders only where names alone are not */
     char file[256];                 /* in views/, untouched bytes of the picture */
     char sha256[65];                /* of the file */
     struct sst_calib_camera camera; /* gain and fall-off are not used */

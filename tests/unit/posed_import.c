@@ -347,6 +347,7 @@ static void llff_projects_as_it_should(void **state SST_UNUSED)
     }
     end();
     check("llff", 0);
+    check_round_trip("llff");
 }
 
 static void mrcal_projects_as_it_should(void **state SST_UNUSED)
@@ -371,6 +372,7 @@ static void mrcal_projects_as_it_should(void **state SST_UNUSED)
         end();
     }
     check("mrcal", 0);
+    check_round_trip("mrcal");
 }
 
 /* --- geo.txt ------------------------------------------------------------------------------------------------------ */
