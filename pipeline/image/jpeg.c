@@ -18,6 +18,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/jpeg_planes.h"
+#include "pipeline/kernels/kernels.h"
 
 /* A block of 8x8 samples takes at least one bit of each component in a Huffman-coded file: one byte for about 340
  * pixels at 4:2:0. A large image that claims far more is truncated, and is rejected before memory is allocated for
@@ -244,7 +245,7 @@ double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name)
     return read_file(&(struct file){ data, size, name }, note_quality, &quality) ? NAN : quality;
 }
 
-/* 255 is no ink where Adobe's marker is, as Photoshop writes it: R = C * K / 255; else 255 is full ink. */
+/* In place, four bytes a pixel. 255 is no ink where Adobe's marker is, as Photoshop writes it: R = C * K / 255; else 255 is full ink. */
 static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
 {
     const unsigned flip = inverted ? 0 : 255;
@@ -253,7 +254,7 @@ static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
         const unsigned k = px[4 * i + 3] ^ flip;
 
         for (size_t c = 0; c < 3; c++)
-            px[3 * i + c] = (uint8_t)(((px[4 * i + c] ^ flip) * k + 127) / 255);
+            px[4 * i + c] = (uint8_t)(((px[4 * i + c] ^ flip) * k + 127) / 255);
     }
 }
 
@@ -262,7 +263,7 @@ static int decode_image(struct reader *r, void *out)
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
     int err;
 
-    jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_RGB;
+    jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg->dct_method = JDCT_ISLOW;
     r->row = sst_mem_alloc_raw(jpeg->image_width, 4);
     err = r->row ? sst_image_init(out, (int)jpeg->image_width, (int)jpeg->image_height) : -ENOMEM;
@@ -275,7 +276,9 @@ static int decode_image(struct reader *r, void *out)
         (void)jpeg_read_scanlines(jpeg, &r->row, 1);
         if (jpeg->out_color_space == JCS_CMYK)
             cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
-        sst_rgb_unpack_row(out, y, r->row);
+        sst_kernels_get()->split_row((uint8_t *const[]){ sst_image_row(out, 0, y), sst_image_row(out, 1, y),
+                                                         sst_image_row(out, 2, y) },
+                                     r->row, jpeg->image_width);
     }
     return finish(r);
 }
