@@ -284,115 +284,105 @@ static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clea
 
 /* --- colour --- */
 
-static inline void KERNEL(clear_mean)(float colour[3][SST_CLEAR_BLOCK], const struct sst_clear_rays *rays)
+#define CLEAR_LANES (SIMD_BYTES / 4)
+
+/* Sums of colours times weights, and of the weights. */
+struct KERNEL(clear_sums) {
+    simd_f32 colour[3], weight;
+};
+
+static inline void KERNEL(clear_sum)(struct KERNEL(clear_sums) * sum, const struct sst_clear_rays *rays, int k, int i,
+                                     simd_f32 weight)
 {
-    float sum[4][SST_CLEAR_BLOCK] = { { 0 } };
-
-    for (int k = 0; k < rays->slots; k++) {
-        const float *restrict weight = rays->weight[k], *restrict agree = rays->agree[k];
-        const float *restrict r = rays->colour[0][k], *restrict g = rays->colour[1][k], *restrict b = rays->colour[2][k];
-
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-            const float w = weight[i] * agree[i];
-
-            sum[0][i] += w * r[i];
-            sum[1][i] += w * g[i];
-            sum[2][i] += w * b[i];
-            sum[3][i] += w;
-        }
-    }
     for (int c = 0; c < 3; c++)
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-            colour[c][i] = sum[3][i] > 0 ? sum[c][i] / (sum[3][i] > 0 ? sum[3][i] : 1) : 0;
+        sum->colour[c] += weight * simd_load_f32(rays->colour[c][k] + i);
+    sum->weight += weight;
 }
 
-static inline void KERNEL(clear_deviation)(float *restrict out, const struct sst_clear_rays *rays, int k,
-                                           float colour[3][SST_CLEAR_BLOCK])
+static inline void KERNEL(clear_mean)(simd_f32 colour[3], const struct KERNEL(clear_sums) * sum)
 {
-    const float *restrict r = rays->colour[0][k], *restrict g = rays->colour[1][k], *restrict b = rays->colour[2][k];
+    const simd_f32 one = simd_set_f32(1);
+    const simd_u32 there = (simd_u32)(sum->weight > 0);
+    const simd_f32 total = (simd_f32)(((simd_u32)sum->weight & there) | ((simd_u32)one & ~there));
 
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-        out[i] = fabsf(r[i] - colour[0][i]) + fabsf(g[i] - colour[1][i]) + fabsf(b[i] - colour[2][i]);
+    for (int c = 0; c < 3; c++)
+        colour[c] = sum->colour[c] / total;
 }
 
-/* 1 where a ray deviates by more than 4 levels. */
-static inline int KERNEL(clear_differ)(int32_t *restrict differ, const struct sst_clear_rays *rays,
-                                       float colour[3][SST_CLEAR_BLOCK])
+/* Sum of the deviations of rays in R, G and B. */
+static inline simd_f32 KERNEL(clear_deviation)(const struct sst_clear_rays *rays, int k, int i,
+                                               const simd_f32 colour[3])
 {
-    float largest[SST_CLEAR_BLOCK] = { 0 }, off[SST_CLEAR_BLOCK];
-    int any = 0;
+    simd_f32 off[3];
 
-    for (int k = 0; k < rays->slots; k++) {
-        const float *restrict weight = rays->weight[k];
-
-        KERNEL(clear_deviation)(off, rays, k, colour);
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-            const float of_ray = weight[i] > 0 ? off[i] : 0;
-
-            largest[i] = of_ray > largest[i] ? of_ray : largest[i];
-        }
-    }
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-        differ[i] = largest[i] > 3 * 4;
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-        any |= differ[i];
-    return any;
+    for (int c = 0; c < 3; c++)
+        off[c] = (simd_f32)((simd_u32)(simd_load_f32(rays->colour[c][k] + i) - colour[c]) & 0x7FFFFFFF);
+    return off[0] + off[1] + off[2];
 }
 
-/* Agreement with a colour by a deviation of half the weight; 1 where no ray differs. */
-static inline void KERNEL(clear_agree)(const struct sst_clear_rays *rays, float colour[3][SST_CLEAR_BLOCK],
-                                       const int32_t *restrict differ, float half_weight)
+/* One step to the rays that agree, for pixels where one differs. */
+static inline void KERNEL(clear_step)(struct KERNEL(clear_sums) * sum, const struct sst_clear_rays *rays, int i,
+                                      const simd_f32 colour[3], simd_u32 differ, float half_weight)
 {
+    const simd_f32 one = simd_set_f32(1);
     const float scale = 1 / (3 * half_weight);
-    float off[SST_CLEAR_BLOCK];
 
+    *sum = (struct KERNEL(clear_sums)){ 0 };
     for (int k = 0; k < rays->slots; k++) {
-        float *restrict agree = rays->agree[k];
+        const simd_f32 t = KERNEL(clear_deviation)(rays, k, i, colour) * scale, t2 = t * t;
+        const simd_f32 of_ray = one / (one + t2 * t2);
+        const simd_f32 agree = (simd_f32)(((simd_u32)of_ray & differ) | ((simd_u32)one & ~differ));
 
-        KERNEL(clear_deviation)(off, rays, k, colour);
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-            const float t = off[i] * scale, t2 = t * t, of_ray = 1 / (1 + t2 * t2);
-
-            agree[i] = differ[i] ? of_ray : 1;
-        }
+        simd_store_f32(rays->agree[k] + i, agree);
+        KERNEL(clear_sum)(sum, rays, k, i, simd_load_f32(rays->weight[k] + i) * agree);
     }
+}
+
+/* Share of the viewpoint's own camera. */
+static inline simd_f32 KERNEL(clear_own)(const struct sst_clear_rays *rays, int own, int i, const simd_f32 colour[3])
+{
+    const simd_f32 one = simd_set_f32(1), share = 2 - KERNEL(clear_deviation)(rays, own, i, colour) / (3 * 10);
+    const simd_u32 less = (simd_u32)(share < one), seen = (simd_u32)(simd_load_f32(rays->weight[own] + i) >= one);
+
+    return (simd_f32)((((simd_u32)share & less) | ((simd_u32)one & ~less)) & (simd_u32)(share > 0) & seen);
+}
+
+/* The colours of CLEAR_LANES pixels, the i-th and following of the block. */
+static inline void KERNEL(clear_blend_lanes)(struct sst_clear_colours *out, const struct sst_clear_rays *rays, int own,
+                                             int i)
+{
+    struct KERNEL(clear_sums) sum = { 0 };
+    simd_f32 colour[3], share = { 0 };
+    simd_u32 differ = { 0 };
+
+    for (int k = 0; k < rays->slots; k++)
+        KERNEL(clear_sum)(&sum, rays, k, i, simd_load_f32(rays->weight[k] + i));
+    simd_store_f32(out->weight + i, sum.weight);
+    KERNEL(clear_mean)(colour, &sum);
+    for (int k = 0; k < rays->slots; k++) {
+        const simd_f32 off = KERNEL(clear_deviation)(rays, k, i, colour);
+
+        differ |= (simd_u32)(off > 3 * 4) & (simd_u32)(simd_load_f32(rays->weight[k] + i) > 0);
+        simd_store_f32(rays->agree[k] + i, simd_set_f32(1));
+    }
+    for (int step = 0; step < 2 && simd_any_u32(differ); step++) {
+        KERNEL(clear_step)(&sum, rays, i, colour, differ, step ? 10 : 20);
+        KERNEL(clear_mean)(colour, &sum);
+    }
+    simd_store_f32(out->support + i, sum.weight);
+    if (own >= 0)
+        share = KERNEL(clear_own)(rays, own, i, colour);
+    for (int c = 0; c < 3; c++) {
+        if (own >= 0)
+            colour[c] += share * (simd_load_f32(rays->colour[c][own] + i) - colour[c]);
+        simd_store_f32(out->colour[c] + i, colour[c]);
+    }
+    simd_store_f32(out->own + i, share);
 }
 
 static void KERNEL(clear_blend)(struct sst_clear_colours *out, const struct sst_clear_rays *rays, int own)
 {
-    int32_t differ[SST_CLEAR_BLOCK];
-    float off[SST_CLEAR_BLOCK];
-
-    for (int k = 0; k < rays->slots; k++)
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-            rays->agree[k][i] = 1;
-    KERNEL(clear_mean)(out->colour, rays);
-    if (KERNEL(clear_differ)(differ, rays, out->colour)) {
-        KERNEL(clear_agree)(rays, out->colour, differ, 20);
-        KERNEL(clear_mean)(out->colour, rays);
-        KERNEL(clear_agree)(rays, out->colour, differ, 10);
-        KERNEL(clear_mean)(out->colour, rays);
-    }
-    memset(out->weight, 0, sizeof(out->weight));
-    memset(out->support, 0, sizeof(out->support));
-    memset(out->own, 0, sizeof(out->own));
-    for (int k = 0; k < rays->slots; k++) {
-        const float *restrict weight = rays->weight[k], *restrict agree = rays->agree[k];
-
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-            out->weight[i] += weight[i];
-            out->support[i] += weight[i] * agree[i];
-        }
-    }
-    if (own < 0)
-        return;
-    KERNEL(clear_deviation)(off, rays, own, out->colour);
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-        const float share = 2 - off[i] / (3 * 10), most = share < 1 ? share : 1;
-
-        out->own[i] = rays->weight[own][i] >= 1 ? (most > 0 ? most : 0) : 0;
-    }
-    for (int c = 0; c < 3; c++)
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
-            out->colour[c][i] += out->own[i] * (rays->colour[c][own][i] - out->colour[c][i]);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i += CLEAR_LANES)
+        KERNEL(clear_blend_lanes)(out, rays, own, i);
 }
+#undef CLEAR_LANES

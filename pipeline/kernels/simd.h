@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_KERNELS_SIMD_H
 #define SST_PIPELINE_KERNELS_SIMD_H
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -136,6 +137,21 @@ static inline simd_u8 simd_pick_u8(simd_same8 m, simd_u8 yes, simd_u8 no)
     return (yes & m) | (no & ~m);
 }
 #endif
+
+/* --- a bit that is set in any lane --- */
+
+static inline bool simd_any_u32(simd_u32 v)
+{
+#if SIMD_BYTES == 64
+    return _mm512_test_epi32_mask((__m512i)v, (__m512i)v) != 0;
+#elif SIMD_BYTES == 32
+    return !_mm256_testz_si256((__m256i)v, (__m256i)v);
+#elif defined(__ARM_NEON)
+    return vmaxvq_u32((uint32x4_t)v) != 0;
+#else
+    return (v[0] | v[1] | v[2] | v[3]) != 0;
+#endif
+}
 
 /* --- the least of 16 bits, and where it is --- */
 
