@@ -80,70 +80,82 @@ static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst
     }
 }
 #elif defined(__AVX2__)
-/* Whole pixels, rounded down, by which rays of these disparities move. */
+/* Whole pixels, rounded down, by which rays of 16 disparities move; at most 2^15 - 1. */
 static inline __m256i KERNEL(clear_moved)(__m256i disp, float q6, float at_0)
 {
-    const __m256 at =
-        _mm256_add_ps(_mm256_mul_ps(_mm256_cvtepi32_ps(disp), _mm256_set1_ps(q6)), _mm256_set1_ps(at_0));
+    const __m256i zero = _mm256_setzero_si256();
+    __m256i moved[2] = { _mm256_unpacklo_epi16(disp, zero), _mm256_unpackhi_epi16(disp, zero) };
 
-    return _mm256_cvttps_epi32(_mm256_floor_ps(at));
+    for (int j = 0; j < 2; j++) {
+        const __m256 at = _mm256_mul_ps(_mm256_cvtepi32_ps(moved[j]), _mm256_set1_ps(q6));
+
+        moved[j] = _mm256_cvttps_epi32(_mm256_floor_ps(_mm256_add_ps(at, _mm256_set1_ps(at_0))));
+    }
+    return _mm256_packs_epi32(moved[0], moved[1]);
 }
 
 /* Lanes 0 .. limit - 1 in all bits. */
 static inline __m256i KERNEL(clear_within)(__m256i v, int limit)
 {
-    return _mm256_cmpeq_epi32(_mm256_min_epu32(v, _mm256_set1_epi32(limit - 1)), v);
+    return _mm256_cmpeq_epi16(_mm256_min_epu16(v, _mm256_set1_epi16((short)(limit - 1))), v);
 }
 
-/* All eight are equal. */
-static inline bool KERNEL(clear_alike)(__m256i v)
+/* The rays of 16 pixels: those that move alike are stored at once, beside others that keep their value. */
+static inline void KERNEL(clear_land_16)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, __m256i disp,
+                                         __m128i state, int x, int y)
 {
-    const __m256i same = _mm256_cmpeq_epi32(v, _mm256_broadcastd_epi32(_mm256_castsi256_si128(v)));
+    const __m256i lane = _mm256_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m256i states = _mm256_cvtepu8_epi16(state);
+    const __m256i level = _mm256_add_epi16(_mm256_srl_epi16(disp, _mm_cvtsi32_si128(v->coarse)), _mm256_set1_epi16(1));
+    const __m256i ray = _mm256_or_si256(_mm256_slli_epi16(level, 1), _mm256_srli_epi16(states, 1));
+    const __m256i dx = KERNEL(clear_moved)(disp, v->x_q6, v->x_0), dy = KERNEL(clear_moved)(disp, v->y_q6, v->y_0);
+    const __m256i to_x = _mm256_adds_epi16(dx, _mm256_add_epi16(lane, _mm256_set1_epi16((short)x)));
+    const __m256i to_y = _mm256_adds_epi16(dy, _mm256_set1_epi16((short)y));
+    const __m256i inside =
+        _mm256_and_si256(KERNEL(clear_within)(to_x, v->width), KERNEL(clear_within)(to_y, v->height));
+    __m256i left = _mm256_andnot_si256(_mm256_cmpeq_epi16(states, _mm256_setzero_si256()), inside);
+    const ptrdiff_t end = (ptrdiff_t)stride * v->height;
+    int16_t move_x[16], move_y[16];
+    uint16_t value[16];
+    unsigned rays = (unsigned)_mm256_movemask_epi8(left);
 
-    return _mm256_movemask_epi8(same) == -1;
+    if (!rays)
+        return;
+    _mm256_storeu_si256((__m256i *)(void *)move_x, dx);
+    _mm256_storeu_si256((__m256i *)(void *)move_y, dy);
+    do {
+        const int first = __builtin_ctz(rays) / 2;
+        const __m256i same = _mm256_and_si256(_mm256_cmpeq_epi16(dx, _mm256_set1_epi16(move_x[first])),
+                                              _mm256_cmpeq_epi16(dy, _mm256_set1_epi16(move_y[first])));
+        const __m256i alike = _mm256_and_si256(left, same), of_it = _mm256_and_si256(ray, alike);
+        const ptrdiff_t at = (ptrdiff_t)(y + move_y[first]) * (ptrdiff_t)stride + x + move_x[first];
+
+        left = _mm256_andnot_si256(same, left);
+        rays = (unsigned)_mm256_movemask_epi8(left);
+        if (at >= 0 && at + 16 <= end) {
+            __m256i *to = (__m256i *)(void *)(landed + at);
+
+            _mm256_storeu_si256(to, _mm256_max_epu16(_mm256_loadu_si256(to), of_it));
+            continue;
+        }
+        _mm256_storeu_si256((__m256i *)(void *)value, of_it);
+        for (int k = 0; k < 16; k++)
+            if (value[k])
+                landed[at + k] = landed[at + k] < value[k] ? value[k] : landed[at + k];
+    } while (rays);
 }
 
-/* Rays that move alike are stored at once, eight where all do. */
 static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
                                const uint8_t *state, int x, int y, int n)
 {
-    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     int i = 0;
 
-    for (; i + 8 <= n; i += 8) {
-        const __m128i q = _mm_loadu_si128((const __m128i *)(const void *)(disp + i));
-        const __m128i states = _mm_loadl_epi64((const __m128i *)(const void *)(state + i));
-        const __m128i level = _mm_add_epi16(_mm_srl_epi16(q, _mm_cvtsi32_si128(v->coarse)), _mm_set1_epi16(1));
-        const __m128i kept = _mm_srli_epi16(_mm_cvtepu8_epi16(states), 1);
-        const __m128i ray = _mm_or_si128(_mm_slli_epi16(level, 1), kept);
-        const __m256i dx = KERNEL(clear_moved)(_mm256_cvtepu16_epi32(q), v->x_q6, v->x_0);
-        const __m256i dy = KERNEL(clear_moved)(_mm256_cvtepu16_epi32(q), v->y_q6, v->y_0);
-        const __m256i to_x = _mm256_add_epi32(_mm256_add_epi32(dx, lane), _mm256_set1_epi32(x + i));
-        const __m256i to_y = _mm256_add_epi32(dy, _mm256_set1_epi32(y));
-        const __m256i none = _mm256_cmpeq_epi32(_mm256_cvtepu8_epi32(states), _mm256_setzero_si256());
-        const __m256i inside =
-            _mm256_and_si256(KERNEL(clear_within)(to_x, v->width), KERNEL(clear_within)(to_y, v->height));
-        unsigned rays = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_andnot_si256(none, inside)));
-        int32_t at_x[8], at_y[8];
-        uint16_t value[8];
+    for (; i + 16 <= n && v->width <= INT16_MAX && v->height <= INT16_MAX; i += 16) {
+        const __m128i states = _mm_loadu_si128((const __m128i *)(const void *)(state + i));
 
-        if (!rays)
-            continue;
-        _mm256_storeu_si256((__m256i *)(void *)at_x, to_x);
-        _mm256_storeu_si256((__m256i *)(void *)at_y, to_y);
-        if (rays == 0xFF && KERNEL(clear_alike)(dx) && KERNEL(clear_alike)(dy)) {
-            __m128i *to = (__m128i *)(void *)(landed + (size_t)at_y[0] * stride + (size_t)at_x[0]);
-
-            _mm_storeu_si128(to, _mm_max_epu16(_mm_loadu_si128(to), ray));
-            continue;
-        }
-        _mm_storeu_si128((__m128i *)(void *)value, ray);
-        for (; rays; rays &= rays - 1) {
-            const int k = __builtin_ctz(rays);
-            uint16_t *to = landed + (size_t)at_y[k] * stride + (size_t)at_x[k];
-
-            *to = *to < value[k] ? value[k] : *to;
-        }
+        if (!_mm_testz_si128(states, states))
+            KERNEL(clear_land_16)(landed, stride, v, _mm256_loadu_si256((const __m256i *)(const void *)(disp + i)),
+                                  states, x + i, y);
     }
     if (i < n)
         sst_clear_land_ref(landed, stride, v, disp + i, state + i, x + i, y, n - i);
