@@ -1,6 +1,6 @@
 /* clear_take, clear_blend: rays that see a surface, and their colour. Positions of rays are nearly in line, so that
- * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops
- * are the fastest. */
+ * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one, and AVX2 by shuffling stretches of
+ * 16 pixels, two at a time; elsewhere the compiler's loops are the fastest. */
 #include "pipeline/kernels/simd.h"
 
 /* --- rays of a surface --- */
@@ -136,6 +136,200 @@ static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clea
     _mm512_storeu_si512(rays->wanted, left);
     return _mm512_cmpgt_epi16_mask(left, _mm512_setzero_si512()) != 0;
 }
+#elif defined(__AVX2__)
+/* Where the rays of 16 pixels come from, in int16. Vectors of 32 bits are in pairs: 0 pixels 0-3, 8-11, 1 pixels 4-7,
+ * 12-15, which packing puts in order. */
+struct KERNEL(clear_lanes) {
+    __m256i seen; /* all bits of those inside the view */
+    __m256i x, y;
+    __m256i across;  /* bytes 64 - f, f of the columns */
+    __m256i down[2]; /* int16 64 - f, f of the rows */
+};
+
+static inline __m256i KERNEL(clear_load)(const void *low, const void *high)
+{
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128((const __m128i *)low)),
+                                   _mm_loadu_si128((const __m128i *)high), 1);
+}
+
+/* Pixels in order of their pairs. */
+static inline void KERNEL(clear_order)(__m256i out[2], const __m256i of[2])
+{
+    out[0] = _mm256_permute2x128_si256(of[0], of[1], 0x20);
+    out[1] = _mm256_permute2x128_si256(of[0], of[1], 0x31);
+}
+
+/* Positions in 1/64 px, rounded, as the fraction is in the reference: that of 64 / 64 is the next pixel's 0. Returns
+ * which lie inside the view. */
+static inline __m256i KERNEL(clear_places)(__m256i out[2], const __m256i from[2], const __m256 px[2], float moved,
+                                           int size)
+{
+    const __m256 move = _mm256_set1_ps(64 * moved), last = _mm256_set1_ps(64 * (float)(size - 1));
+    __m256i inside[2];
+
+    for (int j = 0; j < 2; j++) {
+        const __m256 at = _mm256_sub_ps(_mm256_cvtepi32_ps(_mm256_slli_epi32(from[j], 6)), _mm256_mul_ps(px[j], move));
+        const __m256 low = _mm256_cmp_ps(at, _mm256_setzero_ps(), _CMP_GE_OQ);
+
+        out[j] = _mm256_cvttps_epi32(_mm256_add_ps(at, _mm256_set1_ps(0.5F)));
+        inside[j] = _mm256_castps_si256(_mm256_and_ps(low, _mm256_cmp_ps(at, last, _CMP_LE_OQ)));
+    }
+    return _mm256_packs_epi32(inside[0], inside[1]);
+}
+
+/* Whole pixels of positions. */
+static inline __m256i KERNEL(clear_whole)(const __m256i at[2])
+{
+    return _mm256_packs_epi32(_mm256_srai_epi32(at[0], 6), _mm256_srai_epi32(at[1], 6));
+}
+
+static inline void KERNEL(clear_lanes_init)(struct KERNEL(clear_lanes) * l, const struct sst_clear_view *v,
+                                            const float *px, int x, int y)
+{
+    const __m256i lane = _mm256_add_epi32(_mm256_setr_epi32(0, 1, 2, 3, 8, 9, 10, 11), _mm256_set1_epi32(x));
+    const __m256i from_x[2] = { lane, _mm256_add_epi32(lane, _mm256_set1_epi32(4)) };
+    const __m256i from_y[2] = { _mm256_set1_epi32(y), _mm256_set1_epi32(y) }, part = _mm256_set1_epi32(63);
+    const __m256 disp[2] = { _mm256_castsi256_ps(KERNEL(clear_load)(px, px + 8)),
+                             _mm256_castsi256_ps(KERNEL(clear_load)(px + 4, px + 12)) };
+    __m256i at[2], f;
+
+    l->seen = _mm256_and_si256(l->seen, KERNEL(clear_places)(at, from_x, disp, v->bx, v->width));
+    l->x = KERNEL(clear_whole)(at);
+    f = _mm256_packs_epi32(_mm256_and_si256(at[0], part), _mm256_and_si256(at[1], part));
+    l->across = _mm256_or_si256(_mm256_sub_epi16(_mm256_set1_epi16(64), f), _mm256_slli_epi16(f, 8));
+    l->seen = _mm256_and_si256(l->seen, KERNEL(clear_places)(at, from_y, disp, v->by, v->height));
+    l->y = KERNEL(clear_whole)(at);
+    for (int j = 0; j < 2; j++) {
+        f = _mm256_and_si256(at[j], part);
+        l->down[j] = _mm256_or_si256(_mm256_sub_epi32(_mm256_set1_epi32(64), f), _mm256_slli_epi32(f, 16));
+    }
+}
+
+/* Bilinear values of rays on two rows, `index` their bytes c, c + 1 from two columns on, added to those of the others,
+ * which are 0 there. */
+static inline void KERNEL(clear_bilinear)(__m256i sum[2], const uint8_t *const row[2], const int column[2],
+                                          __m256i index, const __m256i rays[2], const struct KERNEL(clear_lanes) * l)
+{
+    const __m256i top = KERNEL(clear_load)(row[0] + column[0], row[0] + column[1]);
+    const __m256i bottom = KERNEL(clear_load)(row[1] + column[0], row[1] + column[1]);
+    const __m256i upper = _mm256_maddubs_epi16(_mm256_shuffle_epi8(top, index), l->across);
+    const __m256i lower = _mm256_maddubs_epi16(_mm256_shuffle_epi8(bottom, index), l->across);
+    const __m256i low = _mm256_madd_epi16(_mm256_unpacklo_epi16(upper, lower), l->down[0]);
+    const __m256i high = _mm256_madd_epi16(_mm256_unpackhi_epi16(upper, lower), l->down[1]);
+
+    sum[0] = _mm256_or_si256(sum[0], _mm256_and_si256(low, rays[0]));
+    sum[1] = _mm256_or_si256(sum[1], _mm256_and_si256(high, rays[1]));
+}
+
+/* Colours of the rays of 16 pixels, the i-th ones of the block. Rays near the first one that is left are sampled at
+ * once: those of its row, of 16 columns for each eight pixels, which surfaces that shrink to half their width need. */
+static inline void KERNEL(clear_sample)(const struct sst_clear_rays *rays, const struct sst_clear_view *v,
+                                        const struct KERNEL(clear_lanes) * l, int i)
+{
+    __m256i sum[3][2] = { 0 }, left = l->seen, whole[2];
+    unsigned any = v->plane[0] ? (unsigned)_mm256_movemask_epi8(left) : 0;
+    int16_t x[16], y[16];
+
+    _mm256_storeu_si256((__m256i *)(void *)x, l->x);
+    _mm256_storeu_si256((__m256i *)(void *)y, l->y);
+    while (any) {
+        const int first = __builtin_ctz(any) / 2, row = y[first], start = x[first] - first - 3;
+        const int next = start + 8 < v->width ? start + 8 : v->width - 1;
+        const int column[2] = { start > 0 ? start : 0, next > 0 ? next : 0 };
+        const size_t top = (size_t)row * v->stride, bottom = row + 1 < v->height ? top + v->stride : top;
+        const __m256i from = _mm256_inserti128_si256(_mm256_set1_epi16((short)column[0]),
+                                                     _mm_set1_epi16((short)column[1]), 1);
+        const __m256i at = _mm256_sub_epi16(l->x, from);
+        const __m256i near = _mm256_cmpeq_epi16(at, _mm256_min_epu16(at, _mm256_set1_epi16(14)));
+        const __m256i on = _mm256_and_si256(_mm256_and_si256(left, near),
+                                            _mm256_cmpeq_epi16(l->y, _mm256_set1_epi16((short)row)));
+        const __m256i index =
+            _mm256_add_epi16(_mm256_or_si256(at, _mm256_slli_epi16(at, 8)), _mm256_set1_epi16(0x0100));
+        const __m256i of_it[2] = { _mm256_unpacklo_epi16(on, on), _mm256_unpackhi_epi16(on, on) };
+
+        for (int c = 0; c < 3; c++)
+            KERNEL(clear_bilinear)(sum[c], (const uint8_t *const[2]){ v->plane[c] + top, v->plane[c] + bottom }, column,
+                                   index, of_it, l);
+        left = _mm256_andnot_si256(on, left);
+        any = (unsigned)_mm256_movemask_epi8(left);
+    }
+    for (int c = 0; c < 3; c++) {
+        KERNEL(clear_order)(whole, sum[c]);
+        for (int j = 0; j < 2; j++)
+            _mm256_storeu_ps(rays->colour[c][rays->slots] + i + 8 * j,
+                             _mm256_mul_ps(_mm256_cvtepi32_ps(whole[j]), _mm256_set1_ps(1.0F / 4096)));
+    }
+}
+
+static inline __m256i KERNEL(clear_load_16)(const void *from)
+{
+    return _mm256_loadu_si256((const __m256i *)from);
+}
+
+/* The rays of 16 pixels that landed at a level of the surface and are wanted. */
+static inline __m256i KERNEL(clear_wanted)(const struct sst_clear_rays *rays, __m256i landed, int i)
+{
+    const __m256i level = _mm256_srli_epi16(landed, 1);
+    const __m256i behind = _mm256_max_epu16(level, KERNEL(clear_load_16)(rays->first + i));
+    const __m256i before = _mm256_min_epu16(level, KERNEL(clear_load_16)(rays->last + i));
+    const __m256i wanted = _mm256_cmpgt_epi16(KERNEL(clear_load_16)(rays->wanted + i), _mm256_setzero_si256());
+
+    return _mm256_and_si256(wanted,
+                            _mm256_and_si256(_mm256_cmpeq_epi16(behind, level), _mm256_cmpeq_epi16(before, level)));
+}
+
+/* 16 pixels, of which some are `seen`. Returns whether any lies inside the view. */
+static inline int KERNEL(clear_take_16)(struct sst_clear_rays *rays, const struct sst_clear_view *v, __m256i landed,
+                                        __m256i seen, int x, int y, int i)
+{
+    const __m256i kept = _mm256_cmpgt_epi16(_mm256_and_si256(landed, _mm256_set1_epi16(1)), _mm256_setzero_si256());
+    const __m256 one = _mm256_set1_ps(1), rim = _mm256_set1_ps(SST_CLEAR_RIM);
+    float *weight = rays->weight[rays->slots] + i;
+    struct KERNEL(clear_lanes) l = { .seen = seen };
+    __m256i full, wide[2];
+
+    if (_mm256_testz_si256(seen, seen)) {
+        memset(weight, 0, 16 * sizeof(*weight));
+        for (int c = 0; c < 3; c++)
+            memset(rays->colour[c][rays->slots] + i, 0, 16 * sizeof(*weight));
+        return 0;
+    }
+    KERNEL(clear_lanes_init)(&l, v, rays->px + i, x + i, y);
+    full = _mm256_and_si256(kept, l.seen);
+    _mm256_storeu_si256((__m256i *)(void *)(rays->wanted + i),
+                        _mm256_add_epi16(KERNEL(clear_load_16)(rays->wanted + i), full));
+    for (int j = 0; j < 2; j++) {
+        const __m256 whole = _mm256_castsi256_ps(j ? _mm256_unpackhi_epi16(full, full) : _mm256_unpacklo_epi16(full, full));
+        const __m256i there = j ? _mm256_unpackhi_epi16(l.seen, l.seen) : _mm256_unpacklo_epi16(l.seen, l.seen);
+
+        wide[j] = _mm256_and_si256(there, _mm256_castps_si256(_mm256_blendv_ps(rim, one, whole)));
+    }
+    KERNEL(clear_order)(wide, (const __m256i[2]){ wide[0], wide[1] });
+    for (int j = 0; j < 2; j++)
+        _mm256_storeu_ps(weight + 8 * j, _mm256_castsi256_ps(wide[j]));
+    KERNEL(clear_sample)(rays, v, &l, i);
+    return !_mm256_testz_si256(l.seen, l.seen);
+}
+
+static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
+                              int x, int y)
+{
+    __m256i at[2], seen[2], more;
+    int any = 0;
+
+    if (v->width > INT16_MAX || v->height > INT16_MAX)
+        return sst_clear_take_ref(rays, v, landed, x, y);
+    for (int j = 0; j < 2; j++) {
+        at[j] = KERNEL(clear_load_16)(landed + 16 * j);
+        seen[j] = KERNEL(clear_wanted)(rays, at[j], 16 * j);
+    }
+    if (_mm256_movemask_epi8(_mm256_or_si256(seen[0], seen[1])))
+        for (int j = 0; j < 2; j++)
+            any |= KERNEL(clear_take_16)(rays, v, at[j], seen[j], x, y, 16 * j);
+    rays->slots += any;
+    more = _mm256_max_epi16(KERNEL(clear_load_16)(rays->wanted), KERNEL(clear_load_16)(rays->wanted + 16));
+    return _mm256_movemask_epi8(_mm256_cmpgt_epi16(more, _mm256_setzero_si256())) != 0;
+}
 #else
 /* Where the rays of a block come from: upper left pixel and bilinear weights, in 1/64. */
 struct KERNEL(clear_places) {
@@ -164,72 +358,6 @@ static inline void KERNEL(clear_place)(struct KERNEL(clear_places) * p, const st
     }
 }
 
-#if defined(__AVX2__)
-/* The low bytes of eight integers, twice each. */
-static inline __m128i KERNEL(clear_bytes)(__m256i v)
-{
-    const __m256i pairs = _mm256_shuffle_epi8(
-        v, _mm256_set_epi8(-1, -1, -1, -1, -1, -1, -1, -1, 12, 12, 8, 8, 4, 4, 0, 0, -1, -1, -1, -1, -1, -1, -1, -1, 12,
-                           12, 8, 8, 4, 4, 0, 0));
-
-    return _mm_unpacklo_epi64(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
-}
-
-/* Bilinear values of eight pixels of two rows: `bytes` the left and right one of each, `across` and `down` weights. */
-static inline __m256 KERNEL(clear_eight)(const uint8_t *top, const uint8_t *bottom, __m128i bytes, __m128i across,
-                                         __m256i down)
-{
-    const __m128i upper = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)top), bytes);
-    const __m128i lower = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)bottom), bytes);
-    const __m128i up = _mm_maddubs_epi16(upper, across), low = _mm_maddubs_epi16(lower, across);
-    const __m256i both = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi16(up, low)),
-                                                 _mm_unpackhi_epi16(up, low), 1);
-
-    return _mm256_mul_ps(_mm256_cvtepi32_ps(_mm256_madd_epi16(both, down)), _mm256_set1_ps(1.0F / 4096));
-}
-
-static inline __m256i KERNEL(clear_load_8)(const int32_t *from)
-{
-    return _mm256_loadu_si256((const __m256i *)(const void *)from);
-}
-
-/* Rays that lie on the same two rows and within 15 columns are sampled at once. */
-static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
-                                        const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
-{
-    const __m128i one = _mm_set1_epi16(0x0100);
-
-    for (int i = 0; i < SST_CLEAR_BLOCK; i += 8) {
-        const __m256i x = KERNEL(clear_load_8)(p->x + i), y = KERNEL(clear_load_8)(p->y + i);
-        const __m256i f = KERNEL(clear_load_8)(p->down + i), whole = _mm256_set1_epi32(64);
-        const __m256i down = _mm256_or_si256(_mm256_sub_epi32(whole, f), _mm256_slli_epi32(f, 16));
-        const __m128i right = KERNEL(clear_bytes)(KERNEL(clear_load_8)(p->across + i));
-        const __m128i across = _mm_blendv_epi8(_mm_sub_epi8(_mm_set1_epi8(64), right), right, _mm_set1_epi16(-256));
-        __m256i left = _mm256_cmpgt_epi32(KERNEL(clear_load_8)(p->seen + i), _mm256_setzero_si256());
-        __m256 sum[3] = { _mm256_setzero_ps(), _mm256_setzero_ps(), _mm256_setzero_ps() };
-
-        while (!_mm256_testz_si256(left, left)) {
-            const int first = __builtin_ctz((unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(left)));
-            const int row = p->y[i + first], column = p->x[i + first] > 7 ? p->x[i + first] - 7 : 0;
-            const size_t top = (size_t)row * v->stride + (size_t)column;
-            const size_t bottom = row + 1 < v->height ? top + v->stride : top;
-            const __m256i at = _mm256_sub_epi32(x, _mm256_set1_epi32(column));
-            const __m256i near = _mm256_cmpeq_epi32(at, _mm256_min_epu32(at, _mm256_set1_epi32(14)));
-            const __m256i on = _mm256_and_si256(_mm256_and_si256(left, near),
-                                                _mm256_cmpeq_epi32(y, _mm256_set1_epi32(row)));
-            const __m128i bytes = _mm_add_epi8(KERNEL(clear_bytes)(at), one);
-
-            for (int c = 0; c < 3; c++)
-                sum[c] = _mm256_blendv_ps(
-                    sum[c], KERNEL(clear_eight)(v->plane[c] + top, v->plane[c] + bottom, bytes, across, down),
-                    _mm256_castsi256_ps(on));
-            left = _mm256_andnot_si256(on, left);
-        }
-        for (int c = 0; c < 3; c++)
-            _mm256_storeu_ps(colour[c][slot] + i, sum[c]);
-    }
-}
-#else
 static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
                                         const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
 {
@@ -245,7 +373,6 @@ static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK
         }
     }
 }
-#endif
 
 static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
                               int x, int y)
