@@ -654,7 +654,7 @@ def density(source, out, command):
         return f"{get(last) / get(first):.2f}"
     ratios = ", ".join(f"{word(level)} {grown(lambda m, k=level: m['report']['levels'][k]['cpu_seconds']['total'])}"
                        for level in levels)
-    others = ", ".join(f"{mode} {grown(lambda m, i=i: m['opencv'][i]['cpu_ms'])}" for i, mode in enumerate(modes))
+    others = ", ".join(f"{mode.removeprefix('OpenCV ')} {grown(lambda m, i=i: m['opencv'][i]['cpu_ms'])}" for i, mode in enumerate(modes))
     groups = {f"sst {word(level)}": [(f"{m['cover']} %{end}", m["report"]["levels"][level]["cpu_seconds"]["total"],
                                       m["report"]["disparity"]["bad2"]) for m in measured]
               for level, end in suffixes(levels).items()}
@@ -663,7 +663,7 @@ def density(source, out, command):
     text = DENSITY_TEXT.format(
         size=first["size"], rounds=first["rounds"], labels=" with labels" if first["labels"] else " --no-labels", most=last["cover"],
         table=table(head, [density_row(m) for m in measured]), ratios=ratios,
-        opencv=f" The range of disparities grows with the cover: {others}." if modes else "",
+        opencv=f" OpenCV's time grows with the range of disparities: {others}." if modes else "",
         same=same_maps([(f"{m['cover']} %", m["report"]) for m in measured]))
     return (write_page(out, "bench-density", page("Density: cost and error behind more and more foliage", command, text, levels)) +
             chart(out, "time-error-density", f"Foliage over 0 to {last['cover']} % of the picture, 36 views of {first['size']}",
