@@ -9,7 +9,7 @@
 #include "base/stats.h"
 #include "pipeline/posed/surface_internal.h"
 
-#define NADIR_HEIGHTS 10.0 /* half diagonals of the covered ground that the camera is above it */
+#define NADIR_HEIGHTS 10.0 /* diagonals of the covered ground that the camera is above it */
 
 struct sst_virtual sst_virtual_of_view(const struct sst_posed *posed, int view)
 {
