@@ -291,7 +291,7 @@ endif
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
-$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify: private LIBS += $(OPENCV_LIBS)
+$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify $(BUILD)/bench/posed: private LIBS += $(OPENCV_LIBS)
 endif
 
 # One program per file of tests/bench; three bring what they compare with.
@@ -299,6 +299,7 @@ BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/b
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/blend.o
 $(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/remap.o
+$(BUILD)/bench/posed: $(BUILD)/obj/tests/bench/warp.o
 $(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
@@ -441,7 +442,7 @@ check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISH
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(BUILD)/bench/live_clear $(BUILD)/bench/live_scene $(BUILD)/bench/network \
-  $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify)
+  $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify $(BUILD)/bench/posed)
 bench: $(BENCH) ## measure time against error at both levels, about 30 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*, figures of README
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 5 minutes with small pictures; stays in build/bench-quick/
