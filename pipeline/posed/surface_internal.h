@@ -80,9 +80,6 @@ struct warp_view {
 struct warp_view warp_view_of(const struct sst_virtual *from, const struct sst_calib_camera *camera, int width,
                               int height);
 
-/* Project the pixel (a, b) at a depth. @return false: behind the view or beyond its lens */
-bool warp_project(const struct warp_view *view, const double ab[2], double depth_mm, double xy[2]);
-
 /* A picture as the kernel reads it; may it? */
 struct sst_posed_source warp_source(const struct sst_deep *picture);
 bool warp_source_fits(const struct sst_deep *picture);

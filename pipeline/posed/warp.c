@@ -7,8 +7,9 @@
 #include "pipeline/posed/surface_internal.h"
 
 #define STEP       8 /* px between the points of the lattice: cells' corners, the middles of their edges and of them */
-#define FAR_PX     4e4 /* places further out are none */
-#define LENS_REACH 1.3 /* a lens counts up to this multiple of its picture's farthest corner */
+#define FAR_MM     1e15 /* a surface further away is none */
+#define FAR_PX     4e4  /* places further out are none */
+#define LENS_REACH 1.3  /* a lens counts up to this multiple of its picture's farthest corner */
 
 static size_t depth_count(const struct warp *w)
 {
@@ -107,20 +108,22 @@ struct warp_view warp_view_of(const struct sst_virtual *from, const struct sst_c
     return v;
 }
 
-bool warp_project(const struct warp_view *view, const double ab[2], double depth_mm, double xy[2])
+/* Project the pixel (a, b) at a depth. @return false: behind the view or beyond its lens */
+static inline bool project(const struct warp_view *view, const double ab[2], double depth_mm, double xy[2])
 {
     const double *t = view->turn;
     const struct sst_calib_camera *cam = view->camera;
-    double at[3], a, b;
+    double at[3], a, b, per_z;
 
-    if (!isfinite(depth_mm))
+    if (!(depth_mm < FAR_MM))
         return false;
     for (int i = 0; i < 3; i++)
         at[i] = (t[3 * i] * ab[0] + t[3 * i + 1] * ab[1] + t[3 * i + 2]) * depth_mm + view->move_mm[i];
     if (!(at[2] > 1e-9))
         return false;
-    a = at[0] / at[2];
-    b = at[1] / at[2];
+    per_z = 1 / at[2];
+    a = at[0] * per_z;
+    b = at[1] * per_z;
     if (!(a * a + b * b <= view->most_r2))
         return false;
     if (cam->lens) {
@@ -161,7 +164,7 @@ struct band {
 };
 
 /* A pixel's place in the view, of column x and row y of the band; NAN: none. */
-static void place(const struct band *band, int x, int y, double xy[2])
+static inline void place(const struct band *band, int x, int y, double xy[2])
 {
     const struct sst_virtual *camera = &band->warp->camera;
     float *depth = band->depth + (size_t)y * ((size_t)band->warp->across * WARP_CELL + 1) + x;
@@ -173,7 +176,7 @@ static void place(const struct band *band, int x, int y, double xy[2])
         sst_virtual_ray(camera, x, band->y + y, ray);
         *depth = (float)sst_surface_meet(&band->warp->surface, camera->centre_mm, ray);
     }
-    if (!warp_project(band->view, ab, (double)*depth, xy))
+    if (!project(band->view, ab, (double)*depth, xy))
         xy[0] = xy[1] = NAN;
 }
 
@@ -211,9 +214,12 @@ static void add_cell(const struct band *band, int x, int y, int log2_size, doubl
     const int size = 1 << log2_size;
     const int64_t most[2] = { (int64_t)(band->view->width - 1) << 16, (int64_t)(band->view->height - 1) << 16 };
     int64_t q16[4][2];
+    bool whole = true; /* the cell is inside the picture, as its corners are */
 
-    for (int i = 0; i < 8; i++)
+    for (int i = 0; i < 8; i++) {
         q16[i / 2][i % 2] = llrint(corner[i / 2][i % 2] * 65536);
+        whole &= q16[i / 2][i % 2] >= size && q16[i / 2][i % 2] <= most[i % 2] - size; /* steps are rounded */
+    }
     for (int r = 0; r < size && band->y + y + r < camera->height; r++) {
         int64_t range[2] = { 0, least(size, camera->width - x) }, from[2], step[2];
         struct sst_posed_segment *s;
@@ -222,7 +228,8 @@ static void add_cell(const struct band *band, int x, int y, int log2_size, doubl
             from[k] = q16[0][k] + rounded_shift((q16[2][k] - q16[0][k]) * r, log2_size);
             step[k] =
                 rounded_shift(q16[1][k] + rounded_shift((q16[3][k] - q16[1][k]) * r, log2_size) - from[k], log2_size);
-            inside(range, from[k], step[k], most[k]);
+            if (!whole)
+                inside(range, from[k], step[k], most[k]);
         }
         if (range[0] >= range[1])
             continue;
