@@ -16,15 +16,17 @@
 /* --- one picture ----------------------------------------------------------------------------------------------------
  */
 
-/* Eight bits of levels: 16-bit ones are stretched. @param stretch  in, out: white -1: to be found */
-static int write_8bit(const struct sst_deep *levels, struct sst_samples *stretch, const char *out)
+/* Levels that become the 8 bits of pictures; white 0: all. */
+static struct sst_samples stretch_of(const struct sst_posed_rendered *made)
+{
+    return made->levels.white == 255 ? (struct sst_samples){ 0, 0 } : made->stretch;
+}
+
+static int write_8bit(const struct sst_deep *levels, struct sst_samples stretch, const char *out)
 {
     struct sst_image image = { 0 };
-    int err;
+    int err = sst_deep_to_image(&image, levels, stretch);
 
-    if (stretch->white < 0)
-        *stretch = levels->white == 255 ? (struct sst_samples){ 0, 0 } : sst_deep_stretch(levels);
-    err = sst_deep_to_image(&image, levels, *stretch);
     if (err)
         sst_log_error("no memory for a picture of %d x %d", levels->width, levels->height);
     else if (cli_has_suffix(out, ".png"))
@@ -84,7 +86,7 @@ int cli_posed_render(struct posed_scene *scene, const struct render_args *a, con
 {
     const int64_t start_ns = sst_clock_now_ns();
     struct sst_posed_rendered made = { 0 };
-    struct sst_samples stretch = { 0, -1 };
+    struct sst_samples stretch = { 0, 0 };
     int err = sst_posed_render(&made, &scene->posed, scene->path, &scene->cfg);
     const double ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
 
@@ -95,7 +97,7 @@ int cli_posed_render(struct posed_scene *scene, const struct render_args *a, con
                  (cli_has_suffix(out, ".png") && made.levels.white > 255))
             err = sst_deep_write(&made.levels, out);
         else
-            err = write_8bit(&made.levels, &stretch, out);
+            err = write_8bit(&made.levels, stretch = stretch_of(&made), out);
     }
     if (!err && valid)
         err = write_views(&made.views, valid);
@@ -141,7 +143,7 @@ static int render_height(struct sst_posed_rendered *made, const struct posed_sce
 static int write_frames(const struct posed_scene *scene, const struct posed_sweep *s, const char *dir,
                         struct video *video)
 {
-    struct sst_samples stretch = { 0, -1 };
+    struct sst_samples stretch = { 0, 0 };
     int err = 0;
 
     for (int i = 0; i < frame_count(s) && !err; i++) {
@@ -154,8 +156,7 @@ static int write_frames(const struct posed_scene *scene, const struct posed_swee
         if (!err && video) {
             struct sst_image image = { 0 };
 
-            if (stretch.white < 0)
-                stretch = made.levels.white == 255 ? (struct sst_samples){ 0, 0 } : sst_deep_stretch(&made.levels);
+            stretch = i ? stretch : stretch_of(&made);
             err = sst_deep_to_image(&image, &made.levels, stretch);
             err = err ? err : video_add(video, &image);
             sst_image_fini(&image);
@@ -163,7 +164,7 @@ static int write_frames(const struct posed_scene *scene, const struct posed_swee
             err = sst_path_join(path, dir, name);
             err = err                       ? err
                   : made.levels.white > 255 ? sst_deep_write(&made.levels, path)
-                                            : write_8bit(&made.levels, &stretch, path);
+                                            : write_8bit(&made.levels, stretch, path);
         }
         sst_posed_rendered_fini(&made);
     }

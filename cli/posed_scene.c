@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/posed_internal.h"
 
 #define METRE_MM     1000.0
@@ -50,7 +51,7 @@ static bool named(const struct sst_posed_view *view, const char *name)
 static int find_view(int *view, const struct posed_scene *scene, const struct cli_command *cmd, const char *name)
 {
     const struct sst_posed *posed = &scene->posed;
-    char list[512] = "";
+    char list[160] = "";
 
     *view = sst_posed_middle(posed);
     if (!name || !strcmp(name, NADIR))
@@ -62,7 +63,7 @@ static int find_view(int *view, const struct posed_scene *scene, const struct cl
                 return CLI_GO_ON;
             return cli_usage_error(cmd, "the view %s of %s is not placed; `sst poses` finds poses", name, scene->path);
         }
-        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? ", " : "", posed->view[i].name);
+        sst_text_add(list, sizeof(list), "%s%s", i ? ", " : "", posed->view[i].name);
     }
     return cli_usage_error(cmd, "--view %s is neither " NADIR " nor a view of %s: %s%s", name, scene->path, list,
                            strlen(list) == sizeof(list) - 1 ? " ..." : "");

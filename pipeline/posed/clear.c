@@ -294,14 +294,15 @@ static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum
     const bool clear = j->cfg->method == SST_POSED_CLEAR;
     struct sst_map_f32 weight = { 0 };
     struct sst_deep plain = { 0 };
-    int err = sst_integral_levels(&plain, sum[0]), black;
+    int err = sst_integral_levels(&plain, sum[0]);
     double scale;
 
     err = err ? err : sst_integral_means(&weight, sum[2], 0);
     err = err ? err : sst_integral_views(&out->views, sum[2]);
+    out->seen = !err && posed_any(&out->views);
+    err = err ? err : posed_stretch(&out->stretch, &plain, &out->views);
     err = err ? err : sst_deep_init(&out->levels, plain.width, plain.height, plain.channels, plain.white);
     scale = plain.white == 255 ? 1 : 255;
-    black = err ? 0 : sst_deep_stretch(&plain).black;
     for (int c = 0; c < plain.channels && !err; c++) {
         err = sst_integral_means(&out->mean[c], sum[1], c);
         for (int i = 0; i < plain.height * plain.width && !err; i++) {
@@ -309,6 +310,7 @@ static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum
             float *mean = sst_map_f32_row(&out->mean[c], y) + x;
             const double w = (double)sst_map_f32_row(&weight, y)[x];
             const double rays = w * sst_map_u16_row(&out->views, y)[x] / 255;
+            const double black = out->stretch.black;
             const double grey = black + DIM * (sst_map_u16_row(&plain.plane[c], y)[x] - black);
             const double known = clear ? smooth(rays, KNOWN_LO, KNOWN_HI) : 1;
 

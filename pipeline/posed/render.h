@@ -23,10 +23,12 @@ struct sst_posed_rendered {
     struct sst_deep levels;     /* rounded; in the views' range */
     struct sst_map_f32 mean[3]; /* [channels] in levels, not rounded; NAN: no ray */
     struct sst_map_u16 views;   /* number of views that each pixel is of; 0: unknown */
+    bool seen;                  /* a view sees the surface somewhere, blocked or not */
+    struct sst_samples stretch; /* levels that 0.5 % of the seen pixels are below and above, for 8 bits */
 };
 
-/** Render all placed views of a folder. @return 0, -ENODATA (no view is placed), -ENOMEM, or as sst_posed_picture();
- *  logged */
+/** Render all placed views of a folder. @return 0, -ENODATA (no view is placed, or none sees the surface), -ENOMEM, or
+ * as sst_posed_picture(); logged */
 SST_MUST_CHECK int sst_posed_render(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
                                     const struct sst_posed_render_config *cfg);
 void sst_posed_rendered_fini(struct sst_posed_rendered *rendered);

@@ -159,4 +159,11 @@ double layers_height(const struct layers *layers, int step);
  * @return 0, -ENOMEM; not logged. Thread: any */
 SST_MUST_CHECK int layers_weigh(struct sst_map_u8 *out, const struct layers *layers, int view);
 
+/* Is any pixel of any view? */
+bool posed_any(const struct sst_map_u16 *views);
+
+/* Stretch of the pixels that a view sees: unseen ones repeat the one before. @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep *levels,
+                                 const struct sst_map_u16 *views);
+
 #endif
