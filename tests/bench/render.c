@@ -181,6 +181,7 @@ static int make(struct bench *b, int method, int maker, const struct sst_render_
 struct kind {
     int method, maker;
     enum sst_cpu_level level;
+    double mib; /* peak of the method's first picture */
     struct error error;
 };
 
@@ -197,7 +198,7 @@ static int list_kinds(const struct bench *b, int method, struct kind kinds[2 * A
 }
 
 static int measure_kind(struct bench *b, const struct kind *k, const struct sst_render_config *cfg,
-                        struct bench_blend *blend, double mib, int round)
+                        struct bench_blend *blend, int round)
 {
     int64_t start_ns, start_cpu_ns;
     char name[64];
@@ -210,7 +211,7 @@ static int measure_kind(struct bench *b, const struct kind *k, const struct sst_
     snprintf(name, sizeof(name), makers[k->maker].name, names[k->method]);
     printf("%s,%d,%d,\"%s\",%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.3f\n", sst_cpu_level_name(k->level), b->lf.width,
            b->lf.height, name, round, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
-           (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib, k->error.rms, k->error.most);
+           (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, k->mib, k->error.rms, k->error.most);
     return err;
 }
 
@@ -223,6 +224,7 @@ static int measure(struct bench *b, int method, const struct sst_render_config *
     int err = blend ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < n; i++) { /* warms up as well */
+        kinds[i].mib = mib;
         bench_level_use(kinds[i].level);
         err = make(b, method, kinds[i].maker, cfg, blend);
         if (!err && makers[kinds[i].maker].views < 0)
@@ -231,7 +233,7 @@ static int measure(struct bench *b, int method, const struct sst_render_config *
     }
     for (int round = 1; !err && round <= b->rounds; round++) {
         for (int i = 0; !err && i < n; i++)
-            err = measure_kind(b, &kinds[i], cfg, blend, mib, round);
+            err = measure_kind(b, &kinds[i], cfg, blend, round);
     }
     bench_level_use(b->levels.level[0]);
     bench_blend_destroy(blend);
