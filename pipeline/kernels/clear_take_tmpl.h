@@ -237,12 +237,12 @@ static inline void KERNEL(clear_sample)(const struct sst_clear_rays *rays, const
         const int next = start + 8 < v->width ? start + 8 : v->width - 1;
         const int column[2] = { start > 0 ? start : 0, next > 0 ? next : 0 };
         const size_t top = (size_t)row * v->stride, bottom = row + 1 < v->height ? top + v->stride : top;
-        const __m256i from = _mm256_inserti128_si256(_mm256_set1_epi16((short)column[0]),
-                                                     _mm_set1_epi16((short)column[1]), 1);
+        const __m256i from =
+            _mm256_inserti128_si256(_mm256_set1_epi16((short)column[0]), _mm_set1_epi16((short)column[1]), 1);
         const __m256i at = _mm256_sub_epi16(l->x, from);
         const __m256i near = _mm256_cmpeq_epi16(at, _mm256_min_epu16(at, _mm256_set1_epi16(14)));
-        const __m256i on = _mm256_and_si256(_mm256_and_si256(left, near),
-                                            _mm256_cmpeq_epi16(l->y, _mm256_set1_epi16((short)row)));
+        const __m256i on =
+            _mm256_and_si256(_mm256_and_si256(left, near), _mm256_cmpeq_epi16(l->y, _mm256_set1_epi16((short)row)));
         const __m256i index =
             _mm256_add_epi16(_mm256_or_si256(at, _mm256_slli_epi16(at, 8)), _mm256_set1_epi16(0x0100));
         const __m256i of_it[2] = { _mm256_unpacklo_epi16(on, on), _mm256_unpackhi_epi16(on, on) };
@@ -299,7 +299,8 @@ static inline int KERNEL(clear_take_16)(struct sst_clear_rays *rays, const struc
     _mm256_storeu_si256((__m256i *)(void *)(rays->wanted + i),
                         _mm256_add_epi16(KERNEL(clear_load_16)(rays->wanted + i), full));
     for (int j = 0; j < 2; j++) {
-        const __m256 whole = _mm256_castsi256_ps(j ? _mm256_unpackhi_epi16(full, full) : _mm256_unpacklo_epi16(full, full));
+        const __m256 whole =
+            _mm256_castsi256_ps(j ? _mm256_unpackhi_epi16(full, full) : _mm256_unpacklo_epi16(full, full));
         const __m256i there = j ? _mm256_unpackhi_epi16(l.seen, l.seen) : _mm256_unpacklo_epi16(l.seen, l.seen);
 
         wide[j] = _mm256_and_si256(there, _mm256_castps_si256(_mm256_blendv_ps(rim, one, whole)));

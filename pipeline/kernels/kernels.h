@@ -556,7 +556,8 @@ struct sst_clear_view {
 
 /**
  * Send the rays of pixels x .. x+n-1 of row y of a view that are not removed; the nearest one stays where several land,
- * kept pixels first. Those that leave the picture are dropped.
+ * kept pixels first. Those that leave the picture are dropped. Pixels beside may be stored with the value they have: one
+ * thread at a time.
  *
  * @param landed  in and out, [height] rows `stride` apart
  * @param disp    in [n]  @param state  in [n]: removed where the disparity is unknown

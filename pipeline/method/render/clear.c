@@ -11,7 +11,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #define BAND  16 /* rows of a job: each one reads what the one above has fetched */
-#define NOISY 7 /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
+#define NOISY 7  /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
 
