@@ -145,7 +145,7 @@ void cli_progress_end(void);
 extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
     cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
-    cli_stereo, cli_sweep, cli_topology, cli_version;
+    cli_find, cli_stereo, cli_sweep, cli_topology, cli_version;
 
 /* --- child: programs that a command starts. --- */
 
@@ -283,8 +283,8 @@ void cli_network_report_device(struct sst_network_device *d);
 #define CLI_PRECISION_OPTION(value)                                                                                    \
     {                                                                                                                  \
         "precision", 0, CLI_WORD, &(value), "NAME",                                                                    \
-            "networks on f32 or int8 numbers; default: int8 where the file has it and it is faster", SST_PRECISION_F32, 0,   \
-            "f32 int8"                                                                                                 \
+            "networks on f32 or int8 numbers; default: int8 where the file has it and it is faster",                   \
+            SST_PRECISION_F32, 0, "f32 int8"                                                                           \
     }
 
 /** Options of the user; unset numbers keep the preset's values. */

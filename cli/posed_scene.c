@@ -200,10 +200,13 @@ int cli_posed_open(struct posed_scene *scene, const struct cli_command *cmd, con
     } else if (r == CLI_GO_ON) {
         s.view = s.posed.view[view].name;
     }
-    if (r != CLI_GO_ON)
+    if (r != CLI_GO_ON) {
         cli_posed_close(&s);
-    else
-        *scene = s;
+        return r;
+    }
+    *scene = s;
+    if (s.cfg.surface.heights) /* terrain, which has moved with it */
+        scene->cfg.surface.heights = &scene->heights;
     return r;
 }
 

@@ -27,22 +27,29 @@ static bool has_flight_options(const struct sst_flight_config *f)
     return f->moments > 1 || f->turn_deg != 0 || f->shake_deg > 0 || f->drift_mm > 0 || f->unplaced;
 }
 
-static int make_flight(const struct cli_command *cmd, const char *name, struct sst_flight_config *flight,
-                       const struct sst_scene_config *cfg, const char *out, bool force)
+/* Options that scenes and flights share. */
+static int share_options(const struct cli_command *cmd, const char *name, struct sst_flight_config *flight,
+                         const struct sst_scene_config *cfg)
 {
     const struct sst_layers_config *l = &cfg->layers;
-    int err;
 
     if (l->photos || l->masks || l->kind || l->noise >= 0 || l->gain_percent >= 0 || l->jpeg >= 0 || cfg->time_s != 0)
         return cli_usage_error(cmd, "%s has no --photos, --masks, --kind, --noise, --gain, --jpeg and --time", name);
     flight->seed = cfg->seed;
     flight->threads = cfg->threads;
     flight->cover = l->cover_percent;
+    return CLI_GO_ON;
+}
+
+static int make_flight(const char *name, struct sst_flight_config *flight, const char *out, bool force)
+{
+    int err;
+
     flight->progress = cli_progress;
     flight->progress_arg = (char[]){ "flight" };
     err = sst_flight_write(name, flight, out, force);
     cli_progress_end();
-    return cli_exit_code(err ? err : cli_print_lightfield(out, out));
+    return err ? cli_exit_code(err) : cli_report_posed(out, out, false);
 }
 
 /* --- scenes ------------------------------------------------------------------------------------------------------- */
@@ -122,7 +129,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         flight.height = size[1];
         flight.rows = grid[0];
         flight.cols = grid[1];
-        return make_flight(cmd, name, &flight, &cfg, out, force);
+        r = share_options(cmd, name, &flight, &cfg);
+        return r == CLI_GO_ON ? make_flight(name, &flight, out, force) : r;
     }
     r = check_options(cmd, name, &cfg, &flight, out);
     if (r != CLI_GO_ON)

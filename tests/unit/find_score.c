@@ -1,5 +1,5 @@
-/* Scores by local mean and spread, and blobs of them (pipeline/posed/find/score.h). */
-#include "pipeline/posed/find/score.h"
+/* Scores by local mean and spread, and blobs of them (pipeline/posed/find/find_internal.h). */
+#include "pipeline/posed/find/find_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -46,7 +46,7 @@ static double largest(const struct sst_map_f32 *map, int x0, int y0, int side)
 /* A level of 30,000 below the values changes scores by what floats round. */
 static void offset_does_not_count(void **state SST_UNUSED)
 {
-    const struct sst_score_config cfg = sst_score_defaults();
+    const struct find_score_config cfg = find_score_defaults();
     struct sst_map_f32 low = noise(0, 5), high = { 0 }, a, b;
 
     assert_int_equal(sst_map_f32_init(&high, SIDE, SIDE), 0);
@@ -57,8 +57,8 @@ static void offset_does_not_count(void **state SST_UNUSED)
             sst_map_f32_row(&high, y)[x] = sst_map_f32_row(&low, y)[x] + 30000;
         }
     }
-    assert_int_equal(sst_score(&a, &low, &cfg, 1), 0);
-    assert_int_equal(sst_score(&b, &high, &cfg, 2), 0);
+    assert_int_equal(find_score(&a, &low, &cfg, 1), 0);
+    assert_int_equal(find_score(&b, &high, &cfg, 2), 0);
     for (int y = 0; y < SIDE; y++) {
         for (int x = 0; x < SIDE; x++)
             assert_true(fabsf(sst_map_f32_row(&a, y)[x] - sst_map_f32_row(&b, y)[x]) < 0.01F);
@@ -73,14 +73,14 @@ static void offset_does_not_count(void **state SST_UNUSED)
 /* What stands together hides itself unless values are cut. */
 static void neighbours_stay_visible(void **state SST_UNUSED)
 {
-    struct sst_score_config cfg = sst_score_defaults();
+    struct find_score_config cfg = find_score_defaults();
     struct sst_map_f32 value = noise(100, 6), cut, plain;
 
     for (int i = 0; i < 4; i++)
         add_square(&value, 60 + 12 * (i % 2), 60 + 12 * (i / 2), 9, 12);
-    assert_int_equal(sst_score(&cut, &value, &cfg, 1), 0);
+    assert_int_equal(find_score(&cut, &value, &cfg, 1), 0);
     cfg.rounds = 1;
-    assert_int_equal(sst_score(&plain, &value, &cfg, 1), 0);
+    assert_int_equal(find_score(&plain, &value, &cfg, 1), 0);
     assert_true(largest(&cut, 60, 60, 21) > 1.3 * largest(&plain, 60, 60, 21));
     sst_map_f32_fini(&value);
     sst_map_f32_fini(&cut);
@@ -90,7 +90,7 @@ static void neighbours_stay_visible(void **state SST_UNUSED)
 /* Pixels that are not valid have no score and change no other's but by their lack. */
 static void gaps(void **state SST_UNUSED)
 {
-    const struct sst_score_config cfg = sst_score_defaults();
+    const struct find_score_config cfg = find_score_defaults();
     struct sst_map_f32 value = noise(50, 7), score;
 
     for (int y = 0; y < SIDE; y++) {
@@ -98,7 +98,7 @@ static void gaps(void **state SST_UNUSED)
             sst_map_f32_row(&value, y)[x] = NAN;
     }
     add_square(&value, SIDE / 2, 40, 6, 10); /* at the edge of what is seen */
-    assert_int_equal(sst_score(&score, &value, &cfg, 1), 0);
+    assert_int_equal(find_score(&score, &value, &cfg, 1), 0);
     for (int y = 0; y < SIDE; y++) {
         for (int x = 0; x < SIDE; x++)
             assert_int_equal(isnan(sst_map_f32_row(&score, y)[x]), x < SIDE / 2);
@@ -110,31 +110,31 @@ static void gaps(void **state SST_UNUSED)
 
 static void equal_values(void **state SST_UNUSED)
 {
-    struct sst_score_config cfg = sst_score_defaults();
-    struct sst_blob_config blobs = { 5, 0.4, 5, 1, 1000 };
+    struct find_score_config cfg = find_score_defaults();
+    struct find_blob_config blobs = { 5, 0.4, 5, 1, 1000 };
     struct sst_map_f32 value = { 0 }, score;
     struct sst_blob *blob;
     int count;
 
     assert_int_equal(sst_map_f32_init(&value, 1, 1), 0);
-    assert_int_equal(sst_score(&score, &value, &cfg, 4), 0);
+    assert_int_equal(find_score(&score, &value, &cfg, 4), 0);
     assert_true(isnan(sst_map_f32_row(&score, 0)[0]));
-    assert_int_equal(sst_score_blobs(&blob, &count, &score, 1, &blobs), 0);
+    assert_int_equal(find_blobs(&blob, &count, &score, 1, &blobs), 0);
     assert_int_equal(count, 0);
     free(blob);
     sst_map_f32_fini(&score);
     cfg.reach = 0;
-    assert_int_equal(sst_score(&score, &value, &cfg, 1), -EINVAL);
+    assert_int_equal(find_score(&score, &value, &cfg, 1), -EINVAL);
     sst_map_f32_fini(&value);
 }
 
 static void threads(void **state SST_UNUSED)
 {
-    const struct sst_score_config cfg = sst_score_defaults();
+    const struct find_score_config cfg = find_score_defaults();
     struct sst_map_f32 value = noise(50, 8), one, many;
 
-    assert_int_equal(sst_score(&one, &value, &cfg, 1), 0);
-    assert_int_equal(sst_score(&many, &value, &cfg, 5), 0);
+    assert_int_equal(find_score(&one, &value, &cfg, 1), 0);
+    assert_int_equal(find_score(&many, &value, &cfg, 5), 0);
     for (int y = 0; y < SIDE; y++)
         assert_memory_equal(sst_map_f32_row(&one, y), sst_map_f32_row(&many, y), SIDE * sizeof(float));
     sst_map_f32_fini(&value);
@@ -146,7 +146,7 @@ static void threads(void **state SST_UNUSED)
 
 static void hysteresis(void **state SST_UNUSED)
 {
-    const struct sst_blob_config cfg = { .seed = 5, .grow = 0.4, .close_px = 5, .least_px = 20, .most_px = 400 };
+    const struct find_blob_config cfg = { .seed = 5, .grow = 0.4, .close_px = 5, .least_px = 20, .most_px = 400 };
     struct sst_map_f32 score = { 0 };
     struct sst_blob *blob;
     int count;
@@ -160,7 +160,7 @@ static void hysteresis(void **state SST_UNUSED)
     add_square(&score, 100, 10, 30, 9); /* too large */
     add_square(&score, 40, 130, 6, -8);
     sst_map_f32_row(&score, 5)[5] = NAN;
-    assert_int_equal(sst_score_blobs(&blob, &count, &score, 1, &cfg), 0);
+    assert_int_equal(find_blobs(&blob, &count, &score, 1, &cfg), 0);
     assert_int_equal(count, 1);
     assert_int_equal(blob[0].box.x0, 10);
     assert_int_equal(blob[0].box.x1, 29);
@@ -168,7 +168,7 @@ static void hysteresis(void **state SST_UNUSED)
     assert_int_equal(blob[0].box.y1, 18);
     assert_true(blob[0].score > 6.9 && blob[0].score < 7.1);
     free(blob);
-    assert_int_equal(sst_score_blobs(&blob, &count, &score, -1, &cfg), 0);
+    assert_int_equal(find_blobs(&blob, &count, &score, -1, &cfg), 0);
     assert_int_equal(count, 1);
     assert_int_equal(blob[0].box.x0, 40);
     assert_int_equal(blob[0].pixels, 36);

@@ -4,12 +4,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/posed/find/score.h"
+#include "pipeline/posed/find/find_internal.h"
 
 /* A mask of width x height bytes, 0 or 1. */
 struct mask {
     int width, height;
     uint8_t *at;
+};
+
+struct search {
+    struct mask mask;
+    const struct sst_map_f32 *score;
+    int sign;
+    const struct find_blob_config *cfg;
 };
 
 /* Largest or least of the window of `reach` around each pixel; pixels outside do not count. */
@@ -83,19 +90,18 @@ static int compare_blobs(const void *a, const void *b)
     return x->box.y0 != y->box.y0 ? x->box.y0 - y->box.y0 : x->box.x0 - y->box.x0;
 }
 
-static int collect(struct sst_blob **blob, int *count, struct mask *m, const struct sst_map_f32 *score, int sign,
-                   const struct sst_blob_config *cfg, size_t *stack)
+static int collect(struct sst_blob **blob, int *count, struct search *s, size_t *stack)
 {
-    const size_t pixels = (size_t)m->width * (size_t)m->height;
+    const size_t pixels = (size_t)s->mask.width * (size_t)s->mask.height;
     int room = 0;
 
     for (size_t i = 0; i < pixels; i++) {
         struct sst_blob b;
 
-        if (!m->at[i])
+        if (!s->mask.at[i])
             continue;
-        b = take(m, score, sign, i, stack);
-        if (b.score < cfg->seed || b.pixels < cfg->least_px || b.pixels > cfg->most_px)
+        b = take(&s->mask, s->score, s->sign, i, stack);
+        if (b.score < s->cfg->seed || b.pixels < s->cfg->least_px || b.pixels > s->cfg->most_px)
             continue;
         if (*count == room) {
             struct sst_blob *more = realloc(*blob, (size_t)(room = 2 * room + 16) * sizeof(*more));
@@ -111,35 +117,36 @@ static int collect(struct sst_blob **blob, int *count, struct mask *m, const str
     return 0;
 }
 
-int sst_score_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *score, int sign,
-                    const struct sst_blob_config *cfg)
+int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *score, int sign,
+               const struct find_blob_config *cfg)
 {
     const size_t pixels = (size_t)score->width * (size_t)score->height;
-    struct mask m = { score->width, score->height, malloc(pixels) };
+    struct search s = { { score->width, score->height, malloc(pixels) }, score, sign, cfg };
+    struct mask *m = &s.mask;
     uint8_t *scratch = malloc(pixels);
     size_t *stack = malloc(pixels * sizeof(*stack));
-    int err = m.at && scratch && stack ? 0 : -ENOMEM;
+    int err = m->at && scratch && stack ? 0 : -ENOMEM;
 
     *blob = NULL;
     *count = 0;
     for (size_t i = 0; !err && i < pixels; i++) {
-        const double v = sign * (double)sst_map_f32_row(score, (int)(i / (size_t)m.width))[i % (size_t)m.width];
+        const double v = sign * (double)sst_map_f32_row(score, (int)(i / (size_t)m->width))[i % (size_t)m->width];
 
-        m.at[i] = v >= cfg->grow * cfg->seed;
+        m->at[i] = v >= cfg->grow * cfg->seed;
     }
     if (!err) {
-        spread_mask(&m, scratch, 1, false);
-        spread_mask(&m, scratch, 1, true);
-        spread_mask(&m, scratch, cfg->close_px / 2, true);
-        spread_mask(&m, scratch, cfg->close_px / 2, false);
-        err = collect(blob, count, &m, score, sign, cfg, stack);
+        spread_mask(m, scratch, 1, false);
+        spread_mask(m, scratch, 1, true);
+        spread_mask(m, scratch, cfg->close_px / 2, true);
+        spread_mask(m, scratch, cfg->close_px / 2, false);
+        err = collect(blob, count, &s, stack);
     }
     if (err) {
         free(*blob);
         *blob = NULL;
         *count = 0;
     }
-    free(m.at);
+    free(m->at);
     free(scratch);
     free(stack);
     return err;

@@ -1,5 +1,5 @@
 /* Scores by local mean and spread, from sums over rows and columns: windows of any size cost the same. */
-#include "pipeline/posed/find/score.h"
+#include "pipeline/posed/find/find_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -36,7 +36,7 @@ static int sums_init(struct sums *s, int width, int height)
 struct scoring {
     const struct sst_map_f32 *value; /* smoothed */
     struct sst_map_f32 *mean, *spread;
-    const struct sst_score_config *cfg;
+    const struct find_score_config *cfg;
     struct sums sums;
     double middle; /* of all values: subtracted, so that squares do not cancel */
     float least;
@@ -177,9 +177,9 @@ static int smooth(struct sst_map_f32 *out, const struct sst_map_f32 *in, double 
 
 /* --- scores ------------------------------------------------------------------------------------------------------- */
 
-struct sst_score_config sst_score_defaults(void)
+struct find_score_config find_score_defaults(void)
 {
-    return (struct sst_score_config){ .reach = 31, .cut = 2.5, .rounds = 3, .least = 0.7, .smooth_px = 1 };
+    return (struct find_score_config){ .reach = 31, .cut = 2.5, .rounds = 3, .least = 0.7, .smooth_px = 1 };
 }
 
 static int rounds(struct scoring *s, int threads)
@@ -204,8 +204,8 @@ static int rounds(struct scoring *s, int threads)
     return err;
 }
 
-int sst_score(struct sst_map_f32 *score, const struct sst_map_f32 *value, const struct sst_score_config *cfg,
-              int threads)
+int find_score(struct sst_map_f32 *score, const struct sst_map_f32 *value, const struct find_score_config *cfg,
+               int threads)
 {
     struct sst_map_f32 smoothed = { 0 }, mean = { 0 }, spread = { 0 };
     struct scoring s = { .value = &smoothed, .mean = &mean, .spread = &spread, .cfg = cfg };

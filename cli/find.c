@@ -1,0 +1,305 @@
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "cli/posed_internal.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/posed/find/find.h"
+#include "pipeline/posed/picture.h"
+
+#define METRE_MM 1000.0
+#define CROP     96 /* px around a find, of the integral and of the view that shows it best */
+#define ENLARGED 3
+#define SHOWN    9999 /* finds with a picture of their own */
+
+struct search {
+    struct posed_scene scene;
+    struct render_args args; /* of the surface and the view */
+    struct sst_find_config cfg;
+    const char *by, *out, *path;
+    bool json, force, dark;
+    struct sst_finds finds;
+};
+
+/* --- what was found, as text and JSON ----------------------------------------------------------------------------- */
+
+static json_t *found_json(const struct search *s, const struct sst_found *f)
+{
+    const char *best = f->best >= 0 ? s->scene.posed.view[f->best].name : NULL;
+    json_t *json = json_pack("{s:f, s:[f, f], s:[i, i, i, i], s:[f, f, f], s:f, s:i, s:i}", "score", f->blob.score,
+                             "pixel", f->blob.x, f->blob.y, "box", f->blob.box.x0, f->blob.box.y0, f->blob.box.x1,
+                             f->blob.box.y1, "position_m", f->at_mm[0] / METRE_MM, f->at_mm[1] / METRE_MM,
+                             f->at_mm[2] / METRE_MM, "size_m", f->size_m, "views", f->views, "looking", f->seen);
+
+    if (!isnan(f->latitude))
+        json_object_update_new(json, json_pack("{s:f, s:f}", "latitude", f->latitude, "longitude", f->longitude));
+    if (best)
+        json_object_update_new(json, json_pack("{s:s, s:[f, f], s:i}", "best_view", best, "best_pixel", f->best_x,
+                                               f->best_y, "moment", f->moment));
+    return json;
+}
+
+static json_t *search_json(const struct search *s)
+{
+    json_t *finds = json_array(), *json;
+
+    for (int i = 0; i < s->finds.count; i++)
+        json_array_append_new(finds, found_json(s, &s->finds.found[i]));
+    json = json_pack("{s:s, s:o, s:f, s:f, s:b, s:o}", "lightfield", s->path, "scene", cli_posed_scene_json(&s->scene),
+                     "threshold", s->finds.threshold, "hectares", s->finds.hectares, "metric", s->scene.posed.metric,
+                     "finds", finds);
+    if (json && !isnan(s->finds.alarms))
+        json_object_set_new(json, "expected_false_per_hectare", json_real(s->finds.alarms));
+    return json;
+}
+
+/* RFC 7946: points in longitude and latitude. */
+static json_t *geojson(const struct search *s)
+{
+    json_t *features = json_array();
+
+    for (int i = 0; i < s->finds.count; i++) {
+        const struct sst_found *f = &s->finds.found[i];
+
+        if (!isnan(f->latitude))
+            json_array_append_new(features, json_pack("{s:s, s:{s:s, s:[f, f]}, s:o}", "type", "Feature", "geometry",
+                                                      "type", "Point", "coordinates", f->longitude, f->latitude,
+                                                      "properties", found_json(s, f)));
+    }
+    return json_pack("{s:s, s:o}", "type", "FeatureCollection", "features", features);
+}
+
+static int write_json(json_t *json, const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX], *text = json ? json_dumps(json, JSON_INDENT(1)) : NULL;
+    int err = text ? sst_path_join(path, dir, name) : -ENOMEM;
+
+    err = err ? err : sst_file_write(path, text, strlen(text));
+    free(text);
+    json_decref(json);
+    return err;
+}
+
+static void print_table(const struct search *s)
+{
+    const char *unit = s->scene.posed.metric ? "m" : "units";
+
+    printf("%d %s on %.3g ha, threshold %.2f spreads", s->finds.count, s->finds.count == 1 ? "find" : "finds",
+           s->finds.hectares, s->finds.threshold);
+    if (!isnan(s->finds.alarms) && s->cfg.alarms > 0)
+        printf(", the background is expected to make %.2g a hectare", s->finds.alarms);
+    putchar('\n');
+    for (int i = 0; i < s->finds.count; i++) {
+        const struct sst_found *f = &s->finds.found[i];
+
+        printf("%3d  score %5.1f  at %.2f, %.2f, %.2f %s", i + 1, f->blob.score, f->at_mm[0] / METRE_MM,
+               f->at_mm[1] / METRE_MM, f->at_mm[2] / METRE_MM, unit);
+        if (!isnan(f->latitude))
+            printf(" (%.7f, %.7f)", f->latitude, f->longitude);
+        printf("  size %.2f %s  shown by %d of %d views", f->size_m, unit, f->views, f->seen);
+        if (f->best >= 0)
+            printf(", best by %s", s->scene.posed.view[f->best].name);
+        putchar('\n');
+    }
+}
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+/* The integral as 8-bit picture, by the stretch that shows it best; black where it is not covered. */
+static int picture_of_integral(struct sst_image *out, const struct search *s)
+{
+    const struct sst_finds *m = &s->finds;
+    const int w = m->score.width, h = m->score.height;
+    struct sst_deep levels = { 0 };
+    int err = sst_deep_init(&levels, w, h, m->channels, 65535);
+
+    for (int c = 0; c < m->channels && !err; c++) {
+        for (int y = 0; y < h; y++) {
+            for (int x = 0; x < w; x++) {
+                const double v = (double)sst_map_f32_row(&m->integral[c], y)[x] *
+                                 (m->channels == 3 && s->scene.posed.bits == 8 ? 257 : 1);
+
+                sst_map_u16_row(&levels.plane[c], y)[x] = (uint16_t)(isnan(v) ? 0 : fmin(fmax(v + 0.5, 0), 65535));
+            }
+        }
+    }
+    err = err ? err : sst_deep_to_image(out, &levels, sst_deep_stretch(&levels));
+    sst_deep_fini(&levels);
+    return err;
+}
+
+static void put(struct sst_image *image, int x, int y, const uint8_t rgb[3])
+{
+    for (int c = 0; c < 3 && x >= 0 && y >= 0 && x < image->width && y < image->height; c++)
+        sst_image_row(image, c, y)[x] = rgb[c];
+}
+
+/* A frame one pixel wide, `margin` outside a box. */
+static void frame(struct sst_image *image, struct sst_rect box, int margin)
+{
+    static const uint8_t yellow[3] = { 255, 214, 0 };
+
+    for (int x = box.x0 - margin; x < box.x1 + margin; x++) {
+        put(image, x, box.y0 - margin, yellow);
+        put(image, x, box.y1 + margin - 1, yellow);
+    }
+    for (int y = box.y0 - margin; y < box.y1 + margin; y++) {
+        put(image, box.x0 - margin, y, yellow);
+        put(image, box.x1 + margin - 1, y, yellow);
+    }
+}
+
+/* CROP pixels around a place, enlarged, into columns of a picture from left on. */
+static void crop(struct sst_image *to, int left, const struct sst_image *from, double x, double y)
+{
+    const int x0 = (int)floor(x + 0.5) - CROP / 2, y0 = (int)floor(y + 0.5) - CROP / 2;
+
+    for (int c = 0; c < 3; c++) {
+        for (int r = 0; r < CROP * ENLARGED; r++) {
+            for (int k = 0; k < CROP * ENLARGED; k++) {
+                const int at_x = x0 + k / ENLARGED, at_y = y0 + r / ENLARGED;
+                const bool inside = at_x >= 0 && at_y >= 0 && at_x < from->width && at_y < from->height;
+
+                sst_image_row(to, c, r)[left + k] = inside ? sst_image_row(from, c, at_y)[at_x] : 0;
+            }
+        }
+    }
+}
+
+/* A find in the integral, and beside it in the view that shows it best. */
+static int write_find(const struct search *s, const struct sst_image *integral, int i, const char *dir)
+{
+    const struct sst_found *f = &s->finds.found[i];
+    struct sst_image pair = { 0 }, view = { 0 };
+    struct sst_deep picture = { 0 };
+    char name[64], path[SST_PATH_MAX];
+    int err = sst_image_init(&pair, 2 * CROP * ENLARGED, CROP * ENLARGED);
+
+    snprintf(name, sizeof(name), "find-%02d.png", i + 1);
+    if (!err)
+        crop(&pair, 0, integral, f->blob.x, f->blob.y);
+    if (!err && f->best >= 0) {
+        err = sst_posed_picture(&picture, &s->scene.posed, s->path, f->best);
+        err = err ? err : sst_deep_to_image(&view, &picture, sst_deep_stretch(&picture));
+        if (!err)
+            crop(&pair, CROP * ENLARGED, &view, f->best_x, f->best_y);
+    }
+    err = err ? err : sst_path_join(path, dir, name);
+    err = err ? err : sst_image_write_png(&pair, path);
+    sst_deep_fini(&picture);
+    sst_image_fini(&view);
+    sst_image_fini(&pair);
+    return err;
+}
+
+static int write_folder(const struct search *s, const char *dir)
+{
+    struct sst_image integral = { 0 };
+    char path[SST_PATH_MAX];
+    int err = picture_of_integral(&integral, s);
+
+    for (int i = 0; i < s->finds.count && i < SHOWN && !err; i++)
+        err = write_find(s, &integral, i, dir);
+    for (int i = 0; i < s->finds.count && !err; i++)
+        frame(&integral, s->finds.found[i].blob.box, 4);
+    err = err ? err : sst_path_join(path, dir, "finds.png");
+    err = err ? err : sst_image_write_png(&integral, path);
+    err = err ? err : write_json(search_json(s), dir, "finds.json");
+    if (!err && s->scene.posed.geographic)
+        err = write_json(geojson(s), dir, "finds.geojson");
+    sst_image_fini(&integral);
+    return err;
+}
+
+static int write_out(const struct search *s)
+{
+    struct sst_outdir dir = { 0 };
+    int err = sst_outdir_open(&dir, s->out, s->force);
+
+    if (err)
+        return err;
+    err = write_folder(s, dir.temporary);
+    if (err) {
+        sst_outdir_abort(&dir);
+        return err;
+    }
+    return sst_outdir_commit(&dir);
+}
+
+/* --- command ------------------------------------------------------------------------------------------------------ */
+
+static int search(struct search *s)
+{
+    const struct sst_find_scene scene = { &s->scene.posed, s->path, &s->scene.cfg.camera, &s->scene.cfg.surface };
+    int err;
+
+    s->scene.cfg.camera = sst_find_camera(&s->scene.cfg.camera, &s->scene.cfg.surface);
+    s->cfg.sign = s->dark ? -1 : 1;
+    s->cfg.threads = s->args.cfg.threads;
+    if (s->by)
+        s->cfg.by = !strcmp(s->by, "views") ? SST_FIND_VIEWS : SST_FIND_INTEGRAL;
+    err = sst_posed_find(&s->finds, &scene, &s->cfg);
+    if (!err && s->out)
+        err = write_out(s);
+    if (!err && s->json)
+        err = cli_print_json(search_json(s));
+    else if (!err)
+        print_table(s);
+    sst_finds_fini(&s->finds);
+    return cli_exit_code(err == -ENODATA || err == -EINVAL ? -EBADMSG : err);
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct search s = { .cfg = sst_find_defaults() };
+    int r;
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_MADE, &s.out, "DIR",
+          "folder to make: finds.json, finds.png, find-01.png ..., finds.geojson" },
+        { "surface", 0, CLI_STRING, &s.args.surface, "S",
+          "ground (found, default), plane:Z, plane:NX,NY,NZ,D, three points plane:X,Y,Z,... or a terrain file" },
+        { "view", 0, CLI_STRING, &s.args.view, "NAME", "the view to look from (the middle one), or nadir" },
+        { "near", 0, CLI_DOUBLE, &s.args.near_m, "M", "the ground is sought from this distance on", 1e-3, 1e6 },
+        { "far", 0, CLI_DOUBLE, &s.args.far_m, "M", "... up to this one", 1e-3, 1e6 },
+        { "by", 0, CLI_STRING, &s.by, "WAY", "integral (default of one channel) or views (default of colour)", 0, 0,
+          "integral views" },
+        { "dark", 0, CLI_FLAG, &s.dark, NULL, "integral: lower levels than around are sought, not higher ones" },
+        { "threshold", 0, CLI_DOUBLE, &s.cfg.threshold, "T", "spreads; 4 by the integral, 7 by views", 0.5, 1e3 },
+        { "alarms", 0, CLI_DOUBLE, &s.cfg.alarms, "N", "... or the false finds a hectare that the background may make",
+          1e-6, 1e6 },
+        { "coverage", 0, CLI_DOUBLE, &s.cfg.coverage, "SHARE",
+          "places count that this share of the most views see (0.5)", 0, 1 },
+        { "least-views", 0, CLI_INT, &s.cfg.least_views, "N", "views that show a find (3)", 1, 4 },
+        { "least", 0, CLI_DOUBLE, &s.cfg.least_m, "M", "smallest find: diameter of a circle of its area (0.15)", 0,
+          1e3 },
+        { "most", 0, CLI_DOUBLE, &s.cfg.most_m, "M", "largest find (3.5)", 0, 1e4 },
+        { "json", 0, CLI_FLAG, &s.json, NULL, "print one JSON object" },
+        { "threads", 0, CLI_INT, &s.args.cfg.threads, "N", "threads; all processors", 1, 256 },
+        { "force", 'f', CLI_FLAG, &s.force, NULL, "replace an existing folder" },
+    };
+
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &s.path, 1, 1);
+    if (r != CLI_GO_ON)
+        return r;
+    if (s.cfg.threshold > 0 && s.cfg.alarms > 0)
+        return cli_usage_error(cmd, "--threshold and --alarms exclude each other");
+    if (s.cfg.least_m >= s.cfg.most_m)
+        return cli_usage_error(cmd, "--least %g is not below --most %g", s.cfg.least_m, s.cfg.most_m);
+    if (!sst_posed_is(s.path)) {
+        sst_log_error("%s is no light field with a pose for every view; `sst import poses` or `pictures` makes one",
+                      s.path);
+        return CLI_INPUT;
+    }
+    r = cli_posed_open(&s.scene, cmd, &s.args, s.path, (char *[]){ NULL });
+    if (r != CLI_GO_ON)
+        return r;
+    r = search(&s);
+    cli_posed_close(&s.scene);
+    return r;
+}
+
+const struct cli_command cli_find = { "find", run };

@@ -1,0 +1,82 @@
+/* pipeline/posed/find/find.h - what does not belong to forest or ground: places that stand out in the integral. */
+#ifndef SST_PIPELINE_POSED_FIND_FIND_H
+#define SST_PIPELINE_POSED_FIND_FIND_H
+
+#include "pipeline/posed/integral.h"
+
+/** Connected pixels that stand out. */
+struct sst_blob {
+    struct sst_rect box; /* x1, y1: behind the last pixel */
+    double x, y;         /* middle, weighted by the score */
+    double score;        /* largest */
+    int pixels;
+};
+
+enum sst_find_by {
+    SST_FIND_CHOOSE,   /* integral for one channel, views for colour */
+    SST_FIND_INTEGRAL, /* local score of the integral: warm bodies among cold leaves */
+    SST_FIND_VIEWS,    /* Reed-Xiaoli score of each view, integrated: clothes among leaves and soil */
+};
+
+struct sst_find_config {
+    enum sst_find_by by;
+    int sign;         /* integral: 1: higher levels than around, -1: lower ones */
+    double threshold; /* spreads; 0: by `alarms` */
+    double alarms;    /* false finds a hectare that the background is expected to make; 0: the threshold's default */
+    double coverage;  /* a place counts where at least this share of the most views see it */
+    double window_m;  /* side of the window of means and spreads; lengths are in metres of the world */
+    double least_m, most_m; /* diameter of a circle of a find's area */
+    int least_views;        /* that show it: a leaf in the sun is seen by one; of few views at most half */
+    int threads;
+};
+
+struct sst_find_config sst_find_defaults(void);
+
+struct sst_found {
+    struct sst_blob blob;       /* in the virtual picture */
+    double at_mm[3];            /* middle on the surface, world axes */
+    double size_m;              /* diameter of a circle of its area */
+    double latitude, longitude; /* degrees; NAN where places are not geographic */
+    int views;                  /* that show it, ... */
+    int seen;                   /* ... of those that look there */
+    int best;                   /* view that shows it best; -1: none */
+    double best_x, best_y;      /* px there */
+    int moment;                 /* of the views */
+};
+
+/** What a search looks at: placed views of a folder, on a surface, as a virtual camera sees it. */
+struct sst_find_scene {
+    const struct sst_posed *posed;
+    const char *dir;
+    const struct sst_virtual *camera;
+    const struct sst_surface *surface;
+};
+
+/** Finds, the highest score first, and maps of the virtual camera's size. */
+struct sst_finds {
+    struct sst_found *found; /* [count] */
+    int count;
+    int channels;
+    struct sst_map_f32 integral[3]; /* [channels] means, levels; NAN: not seen */
+    struct sst_map_f32 score;       /* NAN: not covered */
+    struct sst_map_u16 views;
+    double threshold; /* that was used */
+    double alarms;    /* a hectare, that the background is expected to make at it; NAN: too few places to tell */
+    double hectares;  /* of the surface that is covered */
+};
+void sst_finds_fini(struct sst_finds *finds);
+
+/** The same view with pixels of at least 4 cm on the surface, as a search wants them. */
+struct sst_virtual sst_find_camera(const struct sst_virtual *camera, const struct sst_surface *surface);
+
+/**
+ * Find places on a surface that stand out (design/posed-find.md).
+ *
+ * @param out  out, initialised here; to be freed by sst_finds_fini() unless an error is returned
+ * @return 0, -EINVAL (the camera does not meet the surface), -ENODATA (no view is placed), -ENOMEM, or as
+ * sst_posed_picture(); logged
+ */
+SST_MUST_CHECK int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene,
+                                  const struct sst_find_config *cfg);
+
+#endif

@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# `sst find` of a simulated flight: folder, JSON, GeoJSON; options that exclude each other, sources without poses.
+set -u
+. "$(dirname "$0")/../lib.sh"
+python=${PYTHON:-/usr/bin/python3}
+"$python" -c 'import json' 2>/dev/null || skip "python3 is absent"
+
+"$sst" scene flight -o flight --size 320x256 --grid 1x16 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" find flight --surface flight/truth/ground.obj -o finds --json >found.json 2>err || fail "find: $(cat err)"
+"$python" - <<'PY' || fail "finds differ from the walkers"
+import json, math
+found, truth, geo = json.load(open("found.json")), json.load(open("flight/truth/truth.json")), json.load(open("finds/finds.geojson"))
+assert [f["box"] for f in json.load(open("finds/finds.json"))["finds"]] == [f["box"] for f in found["finds"]]
+at = [f["position_m"] for f in found["finds"]]
+for w in truth["walkers"]:
+    if w["views"] >= 6:
+        assert any(math.dist(w["position_m"][:2], p[:2]) < 0.8 for p in at), w
+assert len(geo["features"]) == len(at) > 0
+for f, g in zip(found["finds"], geo["features"]):
+    lon, lat = g["geometry"]["coordinates"]
+    assert abs((lat - 48.3) * 111194 - f["position_m"][1]) < 0.3 and f["views"] <= f["looking"]
+PY
+[ -s finds/find-01.png ] && [ -s finds/finds.png ] || fail "pictures are missing"
+"$sst" find flight --surface flight/truth/ground.obj --view nadir >out 2>err || fail "nadir: $(cat err)"
+grep -q '^ *1 *score' out || fail "nothing is found from above: $(cat out)"
+
+refused() { # exit code, words of the sentence, arguments
+  local code=$1 words=$2; shift 2
+  "$sst" find "$@" >out 2>err; local r=$?
+  [ $r -eq "$code" ] && [ "$(grep -c error: err)" -eq 1 ] && grep -q "$words" err || fail "find $*: $r, $(cat err)"
+}
+refused 2 "exclude each other" flight --threshold 5 --alarms 2
+refused 2 "not below" flight --least 3 --most 1
+refused 2 "neither ground" flight --surface hill
+refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35
+before=$(md5sum <finds/finds.json)
+"$sst" find flight --surface plane:35 -o finds >out 2>err && fail "a folder was replaced without --force"
+[ "$before" = "$(md5sum <finds/finds.json)" ] || fail "a refused run changed its folder"
+"$sst" scene bush -o bush --grid 2x2 --size 64x48 -q >out 2>err || fail "scene: $(cat err)"
+refused 3 "pose for every view" bush
+"$sst" scene flight -o lost --size 64x48 --grid 1x2 --unplaced -q >out 2>err || fail "scene: $(cat err)"
+refused 3 "is placed" lost

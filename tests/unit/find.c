@@ -1,0 +1,176 @@
+/* Searches of simulated forests (pipeline/posed/find/find.h): walkers that views show are found at their places, and
+ * nothing else. */
+#include "pipeline/posed/find/find.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "simulators/flight/flight.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define OFF_M 0.8 /* a walker's middle, and where its head and hands are on the ground's plane */
+
+struct forest {
+    char path[SST_PATH_MAX];
+    struct sst_posed posed;
+    json_t *truth;
+    struct sst_virtual camera;
+    struct sst_surface ground;
+    struct sst_heights heights;
+    struct sst_find_scene scene;
+};
+
+static void plant(struct forest *f, const char *name, int cols, int width, int height)
+{
+    struct sst_flight_config cfg;
+
+    sst_flight_config_defaults(&cfg);
+    cfg.width = width;
+    cfg.height = height;
+    cfg.rows = 1;
+    cfg.cols = cols;
+    *f = (struct forest){ 0 };
+    snprintf(f->path, sizeof(f->path), "%s", test_path("%s", name));
+    assert_int_equal(sst_flight_write(name, &cfg, f->path, true), 0);
+    assert_int_equal(sst_posed_load(&f->posed, f->path), 0);
+    f->truth = json_load_file(test_path("%s/truth/truth.json", name), 0, NULL);
+    assert_non_null(f->truth);
+    f->camera = sst_virtual_of_view(&f->posed, sst_posed_middle(&f->posed));
+    assert_int_equal(sst_heights_read(&f->heights, test_path("%s/truth/ground.obj", name)), 0);
+    assert_int_equal(sst_surface_terrain(&f->ground, &f->heights, f->posed.up), 0);
+    f->camera = sst_find_camera(&f->camera, &f->ground);
+    f->scene = (struct sst_find_scene){ &f->posed, f->path, &f->camera, &f->ground };
+}
+
+static void fell(struct forest *f)
+{
+    sst_posed_fini(&f->posed);
+    sst_heights_fini(&f->heights);
+    json_decref(f->truth);
+}
+
+/* The find that is at a walker's place; -1: none. */
+static int find_at(const struct sst_found *found, int count, const json_t *walker)
+{
+    const json_t *at = json_object_get(walker, "position_m");
+    const double x = json_real_value(json_array_get(at, 0)), y = json_real_value(json_array_get(at, 1));
+
+    for (int i = 0; i < count; i++) {
+        if (hypot(found[i].at_mm[0] / 1000 - x, found[i].at_mm[1] / 1000 - y) < OFF_M)
+            return i;
+    }
+    return -1;
+}
+
+/* Walkers that `least` views show are found. @return the highest score of what is no walker, 0: all are */
+static double compare(const struct forest *f, const struct sst_finds *finds, int least, double *weakest)
+{
+    const struct sst_found *found = finds->found;
+    const int count = finds->count;
+    const json_t *walkers = json_object_get(f->truth, "walkers");
+    bool is_walker[64] = { false };
+    double other = 0;
+
+    *weakest = INFINITY;
+    assert_true(count <= 64);
+    for (size_t i = 0; i < json_array_size(walkers); i++) {
+        const json_t *w = json_array_get(walkers, i);
+        const int at = find_at(found, count, w);
+
+        if (json_integer_value(json_object_get(w, "views")) >= least) {
+            assert_true(at >= 0);
+            *weakest = fmin(*weakest, found[at].blob.score);
+        }
+        if (at >= 0)
+            is_walker[at] = true;
+    }
+    for (int i = 0; i < count; i++)
+        other = fmax(other, is_walker[i] ? 0 : found[i].blob.score);
+    return other;
+}
+
+static void thermal(void **state SST_UNUSED)
+{
+    struct sst_find_config cfg = sst_find_defaults();
+    struct sst_finds finds;
+    struct forest f;
+    double weakest;
+
+    plant(&f, "flight", 20, 320, 256);
+    assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), 0);
+    assert_true(compare(&f, &finds, 6, &weakest) == 0);
+    assert_true(isfinite(weakest) && finds.count >= 3);
+    assert_true(finds.hectares > 0.05 && finds.hectares < 0.3);
+    for (int i = 0; i < finds.count; i++) {
+        const struct sst_found *found = &finds.found[i];
+        const double metre = 1 / 111000.0;
+
+        assert_true(found->best >= 0 && found->views >= 3 && found->views <= found->seen);
+        assert_true(found->size_m > 0.4 && found->size_m < 2.5);
+        assert_true(fabs(found->latitude - f.posed.latitude - found->at_mm[1] / 1000 * metre) < metre);
+        assert_true(fabs(found->longitude - f.posed.longitude) < 40 * metre);
+    }
+    sst_finds_fini(&finds);
+    cfg.sign = -1; /* nothing is colder than its surroundings */
+    assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), 0);
+    assert_true(compare(&f, &finds, 1000, &weakest) < 6);
+    sst_finds_fini(&finds);
+    fell(&f);
+}
+
+static void colour(void **state SST_UNUSED)
+{
+    struct sst_find_config cfg = sst_find_defaults();
+    struct sst_finds finds, again;
+    struct forest f;
+    double weakest;
+
+    plant(&f, "forest", 8, 512, 512);
+    assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), 0);
+    assert_true(2 * compare(&f, &finds, 5, &weakest) < weakest);
+    assert_true(isfinite(weakest) && finds.count >= 2);
+    cfg.threads = 1;
+    assert_int_equal(sst_posed_find(&again, &f.scene, &cfg), 0);
+    assert_int_equal(finds.count, again.count);
+    assert_memory_equal(finds.found, again.found, (size_t)finds.count * sizeof(*finds.found));
+    sst_finds_fini(&finds);
+    sst_finds_fini(&again);
+    fell(&f);
+}
+
+static void nothing_to_search(void **state SST_UNUSED)
+{
+    const struct sst_find_config cfg = sst_find_defaults();
+    const double up[3] = { 0, 0, 1 }, beyond[3] = { 0, 0, 1e6 };
+    struct sst_surface above;
+    struct sst_finds finds;
+    struct forest f;
+
+    plant(&f, "flight", 2, 64, 48);
+    above = sst_surface_plane(up, beyond);
+    f.scene.surface = &above;
+    assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), -EINVAL);
+    assert_null(finds.found);
+    f.scene.surface = &f.ground;
+    for (int k = 0; k < f.posed.count; k++)
+        f.posed.view[k].camera.known = false;
+    assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), -ENODATA);
+    assert_int_equal(finds.count, 0);
+    fell(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(thermal),
+        cmocka_unit_test(colour),
+        cmocka_unit_test(nothing_to_search),
+    };
+
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
+}
