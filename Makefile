@@ -117,7 +117,7 @@ CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shel
 LIBS = $(PACKAGE_LIBS) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack)
-OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
+OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_features2d -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
 AV_LIBS := $(if $(AV_PACKAGES),$(shell $(PKG_CONFIG) --libs $(AV_PACKAGES)))
 LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 

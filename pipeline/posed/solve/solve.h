@@ -1,0 +1,55 @@
+/* pipeline/posed/solve/solve.h - poses of the views of a light field from its pictures. */
+#ifndef SST_PIPELINE_POSED_SOLVE_SOLVE_H
+#define SST_PIPELINE_POSED_SOLVE_SOLVE_H
+
+#include "pipeline/posed/posed.h"
+
+struct sst_posed_solve_config {
+    double focal_px;          /* of every view; 0: of the views' lenses, else it is searched */
+    bool free_lens;           /* focal length and k1, shared, are adjusted */
+    bool refine;              /* start from the given poses, which are priors, in place of none */
+    double sigma_position_mm; /* of given positions; 0: a tenth of the mean distance of neighbours */
+    double sigma_angle_deg;   /* of given rotations; 0: 2 */
+    double spacing_mm;        /* mean distance of neighbours; 0: unknown */
+    bool one_rig;             /* several light fields are of one array: its views' relative poses are shared */
+    int threads;              /* 0: all processors */
+    void (*progress)(void *arg, double done);
+    void *progress_arg;
+};
+
+/** Result of one light field; placed views are in its sst_posed. */
+struct sst_posed_solved {
+    int placed;
+    double median_px, p90_px; /* residuals of all sights of points */
+    double focal_px;          /* of the first placed view */
+    double spacing_mm;        /* mean distance of neighbours in the order of names, in the light field's unit */
+    bool *doubtful;           /* [views] placed, but not plausibly: its neighbours' distances or directions differ */
+    double *view_px;          /* [views] median residual; NAN: not placed */
+};
+
+void sst_posed_solved_fini(struct sst_posed_solved *solved);
+
+/**
+ * Place the views of light fields by their pictures: poses, lens, points, history, and the kind of unit.
+ *
+ * Features of neighbours (SIFT) become tracks; a start by similarities of pictures is adjusted with a robust loss from
+ * wide to narrow (docs/design/posed.md). The first placed view, or given positions, define the axes.
+ * Views without enough matches are left unplaced. The same bytes for any number of threads.
+ *
+ * @param posed   in and out [count]; unchanged on failure
+ * @param dir     [count] folders of the pictures
+ * @param solved  out [count]
+ * @return 0, -EDOM (no pose can be found: one sentence), -EBADMSG (views of one rig differ), -ENOTSUP (no
+ * OpenCV), -ENOMEM, or of the pictures; logged
+ */
+SST_MUST_CHECK int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
+                                   const struct sst_posed_solve_config *cfg, struct sst_posed_solved *solved);
+
+/** Figures of poses that another program found: views, mean distance of neighbours, doubtful ones by their places
+ *  alone. @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_posed_judge(const struct sst_posed *posed, struct sst_posed_solved *solved);
+
+/** Mean distance of neighbours among the placed views in the order of names, in the light field's unit; 0: none */
+double sst_posed_spacing(const struct sst_posed *posed);
+
+#endif

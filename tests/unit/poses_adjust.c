@@ -1,0 +1,293 @@
+/* Adjustment of poses (pipeline/posed/solve/): skyline algebra, tracks, starts and priors on simulated sights. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/posed/solve/solve_internal.h"
+#include "tests/random.h"
+#include "tests/test.h"
+
+#define VIEWS  10
+#define POINTS 300
+#define FOCAL  1000.0
+#define HALF   400.0 /* of a picture, px */
+#define DEG    (3.14159265358979 / 180)
+
+static double random_of(uint64_t *seed, double lo, double hi)
+{
+    return lo + (hi - lo) * sst_random(seed);
+}
+
+/* Ten cameras on a line, tilted up to 6 degrees, at unequal heights, over points at depths of 26 to 45. */
+static void make_truth(struct poses_model *m, uint64_t seed)
+{
+    assert_int_equal(poses_model_init(m, VIEWS, POINTS), 0);
+    m->focal = FOCAL;
+    for (int v = 0; v < VIEWS; v++) {
+        const double turn[3] = { random_of(&seed, -6, 6) * DEG, random_of(&seed, -6, 6) * DEG,
+                                 random_of(&seed, -10, 10) * DEG };
+
+        m->centre[v][0] = v + random_of(&seed, -0.04, 0.04);
+        m->centre[v][1] = random_of(&seed, -0.05, 0.05);
+        m->centre[v][2] = random_of(&seed, -0.05, 0.05);
+        sst_rotation_from_vector(turn, m->rotation[v]);
+    }
+    for (int t = 0; t < POINTS; t++) {
+        m->point[t][2] = random_of(&seed, 26, 45);
+        m->point[t][0] = random_of(&seed, -6, 15);
+        m->point[t][1] = random_of(&seed, -10, 10);
+    }
+}
+
+/* Sights of each camera, with noise and some wrong ones. */
+static void see(struct poses_tracks *out, const struct poses_model *truth, double noise_px, double wrong)
+{
+    uint64_t seed = 9;
+
+    *out = (struct poses_tracks){ .first = calloc(POINTS + 1, sizeof(int)),
+                                  .sight = calloc(POINTS * VIEWS, sizeof(struct poses_sight)) };
+    assert_true(out->first && out->sight);
+    for (int t = 0; t < POINTS; t++) {
+        out->first[t] = out->sights;
+        for (int v = 0; v < VIEWS; v++) {
+            double d[3], q[3];
+
+            for (int i = 0; i < 3; i++)
+                d[i] = truth->point[t][i] - truth->centre[v][i];
+            sst_numbers_apply3(truth->rotation[v], d, q);
+            if (fabs(q[0] / q[2]) > HALF / FOCAL || fabs(q[1] / q[2]) > HALF / FOCAL)
+                continue;
+            out->sight[out->sights] = (struct poses_sight){ v, t, FOCAL * q[0] / q[2], FOCAL * q[1] / q[2] };
+            out->sight[out->sights].x += noise_px * random_of(&seed, -1, 1);
+            out->sight[out->sights].y += noise_px * random_of(&seed, -1, 1);
+            if (random_of(&seed, 0, 1) < wrong)
+                out->sight[out->sights].x += 40;
+            out->sights++;
+        }
+    }
+    out->first[POINTS] = out->sights;
+    out->tracks = POINTS;
+}
+
+/* A start that is off by as much as similarities of pictures are. */
+static void disturb(struct poses_model *m, uint64_t seed)
+{
+    for (int v = 0; v < VIEWS; v++) {
+        const double turn[3] = { random_of(&seed, -0.5, 0.5) * DEG, random_of(&seed, -0.5, 0.5) * DEG,
+                                 random_of(&seed, -1, 1) * DEG };
+        double by[9];
+
+        sst_rotation_from_vector(turn, by);
+        sst_numbers_mul3(by, m->rotation[v], m->rotation[v]);
+        m->centre[v][0] = v;
+        m->centre[v][1] = m->centre[v][2] = 0;
+    }
+}
+
+static void adjust(struct poses_model *m, const struct poses_tracks *tracks, struct poses_adjust how)
+{
+    static const double sigma[] = { 30, 8, 2, 1 };
+    double cost;
+
+    for (size_t i = 0; i < ARRAY_LEN(sigma); i++) {
+        how.sigma_px = sigma[i];
+        how.rounds = 40;
+        assert_int_equal(poses_adjust(m, tracks, &how, &cost), 0);
+    }
+}
+
+static const bool all[VIEWS] = { true, true, true, true, true, true, true, true, true, true };
+
+static double gap(const struct poses_model *m, int v)
+{
+    const double *a = m->centre[v], *b = m->centre[v - 1];
+
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
+
+/* Exact sights beside wrong ones: other points of the scene then meet within 0.1 px in the cameras that are found. */
+static void cameras_on_a_line(void **state SST_UNUSED)
+{
+    struct poses_model truth, m, other;
+    struct poses_tracks tracks, check;
+
+    make_truth(&truth, 1);
+    see(&tracks, &truth, 0.3, 0.1);
+    assert_int_equal(poses_model_copy(&m, &truth), 0);
+    disturb(&m, 5);
+    poses_triangulate(&m, &tracks);
+    assert_true(poses_median(&m, &tracks) > 2);
+    adjust(&m, &tracks,
+           (struct poses_adjust){ .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS });
+    assert_true(poses_median(&m, &tracks) < 0.3);
+    make_truth(&other, 1);
+    for (int t = 0; t < POINTS; t++)
+        other.point[t][2] += 3;
+    see(&check, &other, 0, 0);
+    poses_triangulate(&m, &check);
+    assert_true(poses_median(&m, &check) < 0.1);
+    poses_normalise(&m, all);
+    poses_normalise(&truth, all);
+    for (int v = 1; v < VIEWS; v++)
+        assert_true(fabs(gap(&m, v) - gap(&truth, v)) < 0.05);
+    poses_tracks_fini(&tracks);
+    poses_tracks_fini(&check);
+    poses_model_fini(&truth);
+    poses_model_fini(&other);
+    poses_model_fini(&m);
+}
+
+/* A focal length that is 20 % off, and k1, are found. */
+static void lens_is_found(void **state SST_UNUSED)
+{
+    struct poses_model truth, m;
+    struct poses_tracks tracks;
+
+    make_truth(&truth, 2);
+    see(&tracks, &truth, 0, 0);
+    for (int i = 0; i < tracks.sights; i++) {
+        struct poses_sight *s = tracks.sight + i;
+        const double scale = 1 + 0.1 * (s->x * s->x + s->y * s->y) / (FOCAL * FOCAL);
+
+        s->x *= scale;
+        s->y *= scale;
+    }
+    assert_int_equal(poses_model_copy(&m, &truth), 0);
+    m.focal = 1.2 * FOCAL;
+    poses_triangulate(&m, &tracks);
+    adjust(&m, &tracks, (struct poses_adjust){ .linked = all, .free_focal = true, .free_k1 = true });
+    assert_true(poses_median(&m, &tracks) < 0.01);
+    assert_true(fabs(m.k1 - 0.1) < 0.01);
+    assert_true(fabs(m.focal / FOCAL - 1) < 0.01);
+    poses_tracks_fini(&tracks);
+    poses_model_fini(&truth);
+    poses_model_fini(&m);
+}
+
+/* Given poses whose compass is off by a degree about the vertical, z here: positions and pictures correct it. */
+static void compass_is_corrected(void **state SST_UNUSED)
+{
+    struct poses_prior prior[VIEWS];
+    struct poses_model truth, m;
+    struct poses_tracks tracks;
+    double turn[9], v[3], between[9];
+
+    make_truth(&truth, 3);
+    see(&tracks, &truth, 0.3, 0.05);
+    assert_int_equal(poses_model_copy(&m, &truth), 0);
+    sst_rotation_from_vector((double[]){ 0, 0, 1 * DEG }, turn);
+    for (int k = 0; k < VIEWS; k++) {
+        prior[k] = (struct poses_prior){
+            .sigma_angle = 1 * DEG, .sigma_centre = 0.02, .axis = { 0, 0, 1 }, .sigma_axis = 30 * DEG
+        };
+        sst_numbers_mul3(truth.rotation[k], turn, m.rotation[k]);
+        memcpy(prior[k].rotation, m.rotation[k], sizeof(prior[k].rotation));
+        memcpy(prior[k].centre, truth.centre[k], sizeof(prior[k].centre));
+    }
+    poses_triangulate(&m, &tracks);
+    adjust(&m, &tracks, (struct poses_adjust){ .linked = all, .prior = prior });
+    for (int k = 0; k < VIEWS; k++) {
+        sst_rotation_between(m.rotation[k], truth.rotation[k], between);
+        sst_rotation_to_vector(between, v);
+        assert_true(fabs(v[2]) < 0.1 * DEG);
+    }
+    poses_tracks_fini(&tracks);
+    poses_model_fini(&truth);
+    poses_model_fini(&m);
+}
+
+/* A matrix with gaps: the solution satisfies it. */
+static void skyline_solves(void **state SST_UNUSED)
+{
+    enum { N = 30 };
+    int first[N];
+    double full[N][N] = { { 0 } }, x[N], b[N];
+    struct poses_skyline m;
+    uint64_t seed = 4;
+
+    for (int i = 0; i < N; i++) {
+        first[i] = i == N - 1 ? 0 : sst_max_int(0, i - 4);
+        for (int j = first[i]; j <= i; j++)
+            full[i][j] = full[j][i] = i == j ? 10 : random_of(&seed, -1, 1) / (i == N - 1 ? 10 : 1);
+    }
+    assert_int_equal(poses_skyline_init(&m, first, N), 0);
+    for (int i = 0; i < N; i++) {
+        x[i] = b[i] = random_of(&seed, -1, 1);
+        for (int j = first[i]; j <= i; j++)
+            m.row[i][j] = full[i][j];
+    }
+    assert_true(poses_skyline_factor(&m));
+    poses_skyline_substitute(&m, x);
+    for (int i = 0; i < N; i++) {
+        double sum = 0;
+
+        for (int j = 0; j < N; j++)
+            sum += full[i][j] * x[j];
+        assert_true(fabs(sum - b[i]) < 1e-12);
+    }
+    poses_skyline_clear(&m);
+    assert_false(poses_skyline_factor(&m));
+    poses_skyline_fini(&m);
+}
+
+/* Similarities of pictures that a line of cameras takes become equal steps, rolls, and tilts. */
+static void start_on_a_line(void **state SST_UNUSED)
+{
+    enum { N = 4 };
+    struct poses_pair pair[N - 1];
+    bool linked[N] = { true, true, true, true };
+    struct sst_posed posed = { .count = N, .width = 800, .height = 800 };
+    struct poses_scene scene = { .posed = &posed, .views = N, .pair = pair, .pairs = N - 1, .linked = linked };
+    const double shift[N - 1] = { -30, -30, -40 }; /* the last view is tilted by 10 px */
+    struct poses_model m;
+    double v[3];
+
+    for (int i = 0; i < N - 1; i++)
+        pair[i] =
+            (struct poses_pair){ .a = i, .b = i + 1, .count = 100, .share = 1, .similarity = { 1, 0, shift[i], 0 } };
+    assert_int_equal(poses_model_init(&m, N, 0), 0);
+    m.focal = FOCAL;
+    assert_true(poses_start_line(&m, &scene));
+    for (int i = 0; i < N; i++)
+        assert_true(fabs(m.centre[i][0] - i) < 1e-12 && m.centre[i][1] == 0);
+    sst_rotation_to_vector(m.rotation[3], v);
+    assert_true(fabs(v[1] + 10 / FOCAL) < 1e-12 && fabs(v[0]) + fabs(v[2]) < 1e-12);
+    poses_model_fini(&m);
+}
+
+/* Features joined through a third picture are one track; one that sees a picture twice is none. */
+static void tracks_join(void **state SST_UNUSED)
+{
+    float at[2][2] = { { 1, 2 }, { 3, 4 } };
+    struct cv_features feature[3] = { { 2, at, NULL }, { 2, at, NULL }, { 2, at, NULL } };
+    int first[2][2] = { { 0, 1 }, { 1, 0 } }, second[1][2] = { { 1, 1 } }, third[1][2] = { { 0, 0 } };
+    struct poses_pair pair[3] = { { .a = 0, .b = 1, .count = 2, .match = first },
+                                  { .a = 1, .b = 2, .count = 1, .match = second },
+                                  { .a = 1, .b = 2, .count = 1, .match = third } };
+    bool linked[3] = { true, true, true };
+    struct sst_posed posed = { .count = 3, .width = 8, .height = 8 };
+    struct poses_scene scene = {
+        .posed = &posed, .views = 3, .feature = feature, .pair = pair, .pairs = 3, .linked = linked
+    };
+    struct poses_tracks tracks;
+
+    assert_int_equal(poses_tracks_make(&tracks, &scene), 0);
+    assert_int_equal(tracks.tracks, 2);
+    assert_int_equal(tracks.sights, 6);
+    poses_tracks_fini(&tracks);
+    pair[1].match = first; /* joins both features of view 2 with one of view 1 by different ways */
+    pair[1].count = 2;
+    assert_int_equal(poses_tracks_make(&tracks, &scene), 0);
+    assert_int_equal(tracks.tracks, 0);
+    poses_tracks_fini(&tracks);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(cameras_on_a_line), cmocka_unit_test(lens_is_found),   cmocka_unit_test(compass_is_corrected),
+        cmocka_unit_test(skyline_solves),    cmocka_unit_test(start_on_a_line), cmocka_unit_test(tracks_join),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
