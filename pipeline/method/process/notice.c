@@ -12,6 +12,7 @@
 #include "base/border.h"
 #include "base/stats.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/share.h"
 
 struct job {
@@ -19,23 +20,34 @@ struct job {
     struct sst_notice_view *view; /* [views] */
 };
 
+/* Of a view that is known to be of a JPEG; NAN: unknown */
+static double file_quality(const struct sst_lightfield *lf, int view)
+{
+    return lf->files && lf->files->without_folder ? lf->files->view[view].quality : NAN;
+}
+
+static void measure(struct sst_notice_view *out, const struct sst_view *v, double quality)
+{
+    *out = (struct sst_notice_view){ .present = true,
+                                     .noise = sst_image_noise(&v->image),
+                                     .edge = sst_image_edge_px(&v->image, &v->valid),
+                                     .quality = isnan(quality) ? sst_image_jpeg_quality(&v->image) : quality,
+                                     .contrast = sst_image_contrast(&v->image) };
+}
+
 static int measure_view(void *arg, int view, int worker SST_UNUSED)
 {
     const struct job *job = arg;
     const struct sst_view *v = &job->lf->views[view];
 
     if (v->present && v->image.plane[0])
-        sst_notice_view(&job->view[view], &v->image, &v->valid);
+        measure(&job->view[view], v, file_quality(job->lf, view));
     return 0;
 }
 
 void sst_notice_view(struct sst_notice_view *out, const struct sst_image *image, const struct sst_map_u8 *valid)
 {
-    *out = (struct sst_notice_view){ .present = true,
-                                     .noise = sst_image_noise(image),
-                                     .edge = sst_image_edge_px(image, valid),
-                                     .quality = sst_image_jpeg_quality(image),
-                                     .contrast = sst_image_contrast(image) };
+    measure(out, &(struct sst_view){ .image = *image, .valid = *valid }, NAN);
 }
 
 /* One of the figures of all views that are there; NAN: others. */
