@@ -124,7 +124,7 @@ static inline int raw_field_make(struct raw_field *f, const struct sst_sim_setti
     err = err ? err : raw_field_fill(&f->raw, f, stage);
     err = err ? err : raw_field_fill(&f->rectified, f, stage);
     for (int k = 0; k < f->raw.rows * f->raw.cols && !err; k++)
-        err = calibration_rectify_view(&f->rectified, k);
+        err = sst_lightfield_rectify_view(&f->rectified, k);
     f->rectified.images_raw = false;
     sim_stage_close(stage);
     return err;
