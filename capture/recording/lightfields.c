@@ -393,9 +393,15 @@ static int fill(struct job *job)
     return err ? err : sst_lightfield_write(&job->lf, job->dir, job->cfg->threads);
 }
 
-/* @param out  NULL: in the folder; else in memory */
+/* Where a light field goes. */
+struct target {
+    const char *dir; /* NULL: to memory */
+    struct sst_samples *samples;
+    struct sst_lightfield *lf; /* in memory, else NULL */
+};
+
 static int make_one(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, int number,
-                    const char *dir, struct sst_samples *samples, struct sst_lightfield *out)
+                    struct target to)
 {
     struct job *job = calloc(1, sizeof(*job));
     int err;
@@ -403,8 +409,8 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     if (!job)
         return -ENOMEM;
     *job = (struct job){
-        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir, .number = number,
-        .samples = samples
+        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = to.dir, .number = number,
+        .samples = to.samples
     };
     err = sst_recording_set(recording, number, &job->set);
     if (err)
@@ -414,15 +420,15 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
         err = prepare(job);
     if (!err)
         err = fill(job);
-    if (!err && dir && number == cfg->sets[0])
-        sst_lightfield_warn_views(&job->lf, dir, cfg->out);
-    *samples = job->lf.samples;
+    if (!err && to.dir && number == cfg->sets[0])
+        sst_lightfield_warn_views(&job->lf, to.dir, cfg->out);
+    *to.samples = job->lf.samples;
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         free((uint8_t *)(uintptr_t)job->raw[k].data);
-    if (err || !out)
+    if (err || !to.lf)
         sst_lightfield_fini(&job->lf);
     else
-        *out = job->lf;
+        *to.lf = job->lf;
     free(job);
     return err;
 }
@@ -431,7 +437,7 @@ int sst_recording_to_memory(struct sst_lightfield *out, const struct sst_recordi
                             const struct sst_lightfields_config *cfg)
 {
     struct sst_samples samples;
-    const int err = cfg->count == 1 ? make_one(recording, cfg, cfg->sets[0], NULL, &samples, out) : -EINVAL;
+    const int err = cfg->count == 1 ? make_one(recording, cfg, cfg->sets[0], (struct target){ NULL, &samples, out }) : -EINVAL;
 
     if (err == -ENOMEM)
         sst_log_error("no memory for set %d of %s", cfg->sets[0], sst_recording_dir(recording));
@@ -455,7 +461,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
         if (!err)
             err = sst_path_make_dir(path);
         if (!err)
-            err = make_one(recording, cfg, cfg->sets[i], path, &samples, NULL);
+            err = make_one(recording, cfg, cfg->sets[i], (struct target){ path, &samples, NULL });
         if (!err && json_array_append_new(list, json_pack("{s:i, s:s}", "set", cfg->sets[i], "lightfield", name)))
             err = -ENOMEM;
         if (cfg->progress)
@@ -484,7 +490,7 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
     if (err)
         return err;
     err = cfg->each ? make_each(recording, cfg, out.temporary)
-                    : make_one(recording, cfg, cfg->sets[0], out.temporary, &samples, NULL);
+                    : make_one(recording, cfg, cfg->sets[0], (struct target){ out.temporary, &samples, NULL });
     if (err == -ENOMEM)
         sst_log_error("no memory to import %s", sst_recording_dir(recording));
     return sst_outdir_end(&out, err);
