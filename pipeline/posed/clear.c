@@ -12,17 +12,20 @@
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/surface_internal.h"
 
-#define WIDTH_PX     512  /* of the compared pictures, about */
-#define PARALLAX_PX  25.0 /* of the surface between compared views, there */
-#define STEP_PX      1.0  /* of parallax, between surfaces */
-#define STEPS        48   /* at most */
-#define HIGHEST      1.1  /* of the highest points: where the surfaces in front end */
-#define HIGHEST_SURE 0.5  /* of the distance, where no points are known */
-#define NODE         8    /* px between exact places of weights in a view */
-#define SEE_THROUGH  13   /* of 255: least weight of a ray */
-#define KNOWN_LO     0.8  /* rays in sum: below, a pixel shows the dimmed integral alone, ... */
-#define KNOWN        1.2  /* is unknown, ... */
-#define KNOWN_HI     2.0  /* from here on the clear picture alone */
+#define WIDTH_PX     512   /* of the compared pictures, about, ... */
+#define PIXELS       2.8e6 /* of all of them, about; larger pixels than that, ... */
+#define KEEP_BYTES   1e9   /* of views that are read once */
+#define LEAST_PX     256   /* but not below this width */
+#define PARALLAX_PX  25.0  /* of the surface between compared views, there */
+#define STEP_PX      1.0   /* of parallax, between surfaces */
+#define STEPS        48    /* at most */
+#define HIGHEST      1.1   /* of the highest points: where the surfaces in front end */
+#define HIGHEST_SURE 0.5   /* of the distance, where no points are known */
+#define NODE         8     /* px between exact places of weights in a view */
+#define SEE_THROUGH  13    /* of 255: least weight of a ray */
+#define KNOWN_LO     0.8   /* rays in sum: below, a pixel shows the dimmed integral alone, ... */
+#define KNOWN        1.2   /* is unknown, ... */
+#define KNOWN_HI     2.0   /* from here on the clear picture alone */
 #define DIM          0.35
 
 struct job {
@@ -160,6 +163,15 @@ static int prepare_layers(struct job *j)
     return 0;
 }
 
+/* Pixels of a view that one of its compared picture is wide: fewer pixels of many views. */
+static int choose_step(const struct sst_posed *posed)
+{
+    const double all = (double)sst_posed_placed(posed) * posed->width * posed->height;
+    const int usual = (int)lround((double)posed->width / WIDTH_PX), fewer = (int)ceil(sqrt(all / PIXELS));
+
+    return sst_max_int(1, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
+}
+
 static int weigh_view(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *j = arg;
@@ -234,8 +246,14 @@ static int read_weighted(void *arg, int index, int worker SST_UNUSED)
     const struct read_job *read = arg;
     struct job *j = read->job;
     const int k = read->first + index;
-    int err = sst_posed_picture(&j->deep[0][index], j->posed, j->dir, j->view[k]);
+    int err = 0;
 
+    if (j->greys.kept) {
+        j->deep[0][index] = j->greys.kept[k];
+        j->greys.kept[k] = (struct sst_deep){ 0 };
+    } else {
+        err = sst_posed_picture(&j->deep[0][index], j->posed, j->dir, j->view[k]);
+    }
     if (err)
         return err;
     err = sst_deep_init(&j->deep[1][index], j->posed->width, j->posed->height, j->posed->channels, UINT16_MAX);
@@ -361,7 +379,7 @@ int sst_posed_render_weighted(struct sst_posed_rendered *out, const struct sst_p
                      .dir = dir,
                      .cfg = cfg,
                      .least = cfg->method == SST_POSED_CLEAR ? 0 : SEE_THROUGH,
-                     .greys = { .step = sst_max_int(1, (int)lround((double)posed->width / WIDTH_PX)) } };
+                     .greys = { .step = choose_step(posed) } };
     const size_t views = (size_t)posed->count;
     int err = 0;
 
@@ -383,6 +401,7 @@ int sst_posed_render_weighted(struct sst_posed_rendered *out, const struct sst_p
         err = -ENODATA;
     }
     j.greys.count = j.count;
+    j.greys.keep = 2.0 * j.count * posed->width * posed->height * posed->channels <= KEEP_BYTES;
     err = err ? err : greys_read(&j.greys, posed, dir, j.view, threads);
     err = err ? err : prepare_layers(&j);
     if (!err) {

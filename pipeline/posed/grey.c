@@ -71,7 +71,10 @@ static int read_grey(void *arg, int index, int worker SST_UNUSED)
         if (err)
             sst_log_error("no memory for a smaller picture of view %d", job->view[index]);
     }
-    sst_deep_fini(&deep);
+    if (!err && job->greys->kept)
+        job->greys->kept[index] = deep;
+    else
+        sst_deep_fini(&deep);
     return err;
 }
 
@@ -82,7 +85,8 @@ int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir
 
     out->picture = calloc((size_t)out->count, sizeof(*out->picture));
     out->camera = calloc((size_t)out->count, sizeof(*out->camera));
-    if (!out->picture || !out->camera) {
+    out->kept = out->keep ? calloc((size_t)out->count, sizeof(*out->kept)) : NULL;
+    if (!out->picture || !out->camera || (out->keep && !out->kept)) {
         sst_log_error("no memory for %d smaller pictures", out->count);
         greys_fini(out);
         return -ENOMEM;
@@ -106,8 +110,12 @@ void greys_fini(struct greys *greys)
 {
     for (int k = 0; greys->picture && k < greys->count; k++)
         sst_deep_fini(&greys->picture[k]);
+    for (int k = 0; greys->kept && k < greys->count; k++)
+        sst_deep_fini(&greys->kept[k]);
+    free(greys->kept);
     free(greys->picture);
     free(greys->camera);
+    greys->kept = NULL;
     greys->picture = NULL;
     greys->camera = NULL;
 }

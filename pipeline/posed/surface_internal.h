@@ -96,6 +96,8 @@ struct greys {
     int count, step;                 /* step: how many pixels of a view one is wide. Set before greys_read() */
     struct sst_deep *picture;        /* [count] */
     struct sst_calib_camera *camera; /* [count] */
+    bool keep;                       /* the whole pictures too: as greys_read() */
+    struct sst_deep *kept;           /* [count], or NULL */
 };
 
 /* @return as sst_posed_picture(), -ENOMEM; logged; then nothing is to be freed */
