@@ -11,7 +11,7 @@ struct sst_integral;
 /**
  * Begin without views.
  *
- * Memory: 22 bytes a pixel of the virtual picture, 14 of one channel, and the surface's heights, which are borrowed.
+ * Memory: 19 bytes a pixel of the virtual picture, 11 of one channel, and the surface's heights, which are borrowed.
  *
  * @param channels  1 or 3
  * @param threads   as for sst_thread_count()
