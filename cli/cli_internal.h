@@ -143,7 +143,7 @@ void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
 extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
-    cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
+    cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_poses, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
     cli_find, cli_stereo, cli_sweep, cli_topology, cli_version;
 
@@ -265,6 +265,17 @@ json_t *cli_posed_json(const struct sst_posed *posed);
 
 /** Print it, or one line, of the light field in a folder. @return exit code */
 int cli_report_posed(const char *dir, const char *name, bool json);
+
+/* --- poses by another program: poses_colmap.c. --- */
+
+struct sst_posed_solve_config;
+
+/**
+ * Poses of a light field's pictures by COLMAP, which runs in a temporary folder of the light field.
+ * @param posed  in and out; unchanged on failure
+ * @return 0, -ENOTSUP (it is not installed), -EDOM (it places no view), or of its model; logged
+ */
+SST_MUST_CHECK int cli_poses_colmap(struct sst_posed *posed, const char *dir, const struct sst_posed_solve_config *cfg);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 

@@ -14,11 +14,11 @@
 #define KEPT_BYTES  (256 << 20) /* freed memory that is kept at most */
 
 static const struct cli_command *const commands[] = {
-    &cli_demo,    &cli_scene,    &cli_import,   &cli_recording, &cli_export,      &cli_rectify,
-    &cli_process, &cli_batch,    &cli_render,   &cli_sweep,     &cli_find,        &cli_stereo,
-    &cli_segment, &cli_models,   &cli_eval,     &cli_board,     &cli_capture,     &cli_calibrate,
-    &cli_cameras, &cli_identify, &cli_topology, &cli_plan,      &cli_calibration, &cli_doctor,
-    &cli_status,  &cli_events,   &cli_snapshot, &cli_record,    &cli_reload,      &cli_version,
+    &cli_demo,     &cli_scene,  &cli_import,      &cli_poses,   &cli_recording, &cli_export,  &cli_rectify,
+    &cli_process,  &cli_batch,  &cli_render,      &cli_sweep,   &cli_find,      &cli_stereo,  &cli_segment,
+    &cli_models,   &cli_eval,   &cli_board,       &cli_capture, &cli_calibrate, &cli_cameras, &cli_identify,
+    &cli_topology, &cli_plan,   &cli_calibration, &cli_doctor,  &cli_status,    &cli_events,  &cli_snapshot,
+    &cli_record,   &cli_reload, &cli_version,
 };
 
 static void usage(void)

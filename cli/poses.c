@@ -1,0 +1,217 @@
+/* sst poses: find or refine the poses of light fields from their pictures. */
+#include "cli/cli_internal.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "pipeline/posed/solve/solve.h"
+
+#define METRE_MM 1000.0
+#define MOST_LF  256 /* on one command line */
+
+struct poses_run {
+    int count;
+    const char *dir[MOST_LF + 1];
+    struct sst_posed *posed;         /* [count] */
+    struct sst_posed_solved *solved; /* [count] */
+};
+
+static json_t *names_json(const struct sst_posed *posed, const bool *doubtful)
+{
+    json_t *list = json_array();
+
+    for (int k = 0; k < posed->count; k++) {
+        if (doubtful ? doubtful[k] : !posed->view[k].camera.known)
+            json_array_append_new(list, json_string(posed->view[k].name));
+    }
+    return list;
+}
+
+static json_t *centres_json(const struct sst_posed *posed)
+{
+    json_t *centres = json_object();
+
+    for (int k = 0; k < posed->count; k++) {
+        const struct sst_calib_camera *c = &posed->view[k].camera;
+
+        if (c->known)
+            json_object_set_new(centres, posed->view[k].name,
+                                json_pack("[f, f, f]", c->position_mm[0] / METRE_MM, c->position_mm[1] / METRE_MM,
+                                          c->position_mm[2] / METRE_MM));
+    }
+    return centres;
+}
+
+static json_t *result_json(const char *dir, const struct sst_posed *posed, const struct sst_posed_solved *r)
+{
+    return json_pack("{s:s, s:i, s:i, s:o, s:o, s:f, s:b, s:f, s:o, s:o, s:o, s:s}", "lightfield", dir, "placed",
+                     r->placed, "views", posed->count, "median_px", cli_real_json(r->median_px), "p90_px",
+                     cli_real_json(r->p90_px), "focal_px", r->focal_px, "metric", (int)posed->metric, "spacing",
+                     r->spacing_mm / METRE_MM, "unplaced", names_json(posed, NULL), "doubtful",
+                     names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
+}
+
+static int print_json(const struct poses_run *run)
+{
+    json_t *list;
+
+    if (run->count == 1)
+        return cli_print_json(result_json(run->dir[0], run->posed, run->solved));
+    list = json_array();
+    for (int i = 0; i < run->count; i++)
+        json_array_append_new(list, result_json(run->dir[i], &run->posed[i], &run->solved[i]));
+    return cli_print_json(json_pack("{s:o}", "lightfields", list));
+}
+
+static void print_names(const char *title, const struct sst_posed *posed, const bool *doubtful)
+{
+    bool any = false;
+
+    for (int k = 0; k < posed->count; k++) {
+        if (doubtful ? doubtful[k] : !posed->view[k].camera.known) {
+            printf("%s%s", any ? ", " : title, posed->view[k].name);
+            any = true;
+        }
+    }
+    if (any)
+        printf("\n");
+}
+
+static void print_text(const char *dir, const struct sst_posed *posed, const struct sst_posed_solved *r)
+{
+    printf("%s: %d of %d views placed", dir, r->placed, posed->count);
+    if (isfinite(r->median_px))
+        printf(", residuals %.2f px (median)", r->median_px);
+    if (isfinite(r->p90_px))
+        printf(", %.2f px (90 %%)", r->p90_px);
+    printf(", focal length %.1f px\n", r->focal_px);
+    printf("  mean distance of neighbours %.3f %s, %d points\n", r->spacing_mm / METRE_MM,
+           posed->metric ? "m" : "(unit unknown)", posed->point_count);
+    print_names("  not placed, too few matches: ", posed, NULL);
+    print_names("  doubtful, away from where its neighbours suggest: ", posed, r->doubtful);
+}
+
+static int load(struct poses_run *run)
+{
+    run->posed = calloc((size_t)run->count, sizeof(*run->posed));
+    run->solved = calloc((size_t)run->count, sizeof(*run->solved));
+    if (!run->posed || !run->solved)
+        return -ENOMEM;
+    for (int i = 0; i < run->count; i++) {
+        const int err = sst_posed_load(&run->posed[i], run->dir[i]);
+
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+static void run_fini(struct poses_run *run)
+{
+    for (int i = 0; i < run->count; i++) {
+        if (run->posed)
+            sst_posed_fini(&run->posed[i]);
+        if (run->solved)
+            sst_posed_solved_fini(&run->solved[i]);
+    }
+    free(run->posed);
+    free(run->solved);
+}
+
+/* Light fields apart are solved one by one, so that the fault of one leaves the others' results. */
+static int solve(struct poses_run *run, const struct sst_posed_solve_config *cfg)
+{
+    int err = 0;
+
+    if (cfg->one_rig)
+        return sst_posed_solve(run->posed, run->dir, run->count, cfg, run->solved);
+    for (int i = 0; !err && i < run->count; i++)
+        err = sst_posed_solve(&run->posed[i], &run->dir[i], 1, cfg, &run->solved[i]);
+    return err;
+}
+
+static int solve_with_colmap(struct poses_run *run, const struct sst_posed_solve_config *cfg)
+{
+    int err = 0;
+
+    for (int i = 0; !err && i < run->count; i++) {
+        struct sst_posed_solved *r = &run->solved[i];
+
+        err = cli_poses_colmap(&run->posed[i], run->dir[i], cfg);
+        if (!err)
+            err = sst_posed_judge(&run->posed[i], r);
+    }
+    return err;
+}
+
+static int check(const struct cli_command *cmd, const struct poses_run *run, const struct sst_posed_solve_config *cfg,
+                 int with)
+{
+    if (cfg->one_rig && run->count < 2)
+        return cli_usage_error(cmd, "--one-rig needs several light fields of one array");
+    if (cfg->one_rig && (cfg->refine || with))
+        return cli_usage_error(cmd, "--one-rig does not go with --refine or --with");
+    if (cfg->refine && (with || cfg->spacing_mm > 0))
+        return cli_usage_error(cmd, "--refine keeps the unit of given poses; it does not go with --spacing or --with");
+    if (!cfg->refine && (cfg->sigma_position_mm > 0 || cfg->sigma_angle_deg > 0))
+        return cli_usage_error(cmd, "--sigma-position and --sigma-angle are of given poses, with --refine");
+    return CLI_GO_ON;
+}
+
+static int run_poses(const struct cli_command *cmd, struct poses_run *run, const struct sst_posed_solve_config *cfg,
+                     int with, bool json)
+{
+    int r = check(cmd, run, cfg, with), err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    err = load(run);
+    if (!err)
+        err = with ? solve_with_colmap(run, cfg) : solve(run, cfg);
+    cli_progress_end();
+    for (int i = 0; !err && i < run->count; i++)
+        err = sst_posed_save(&run->posed[i], run->dir[i]);
+    if (err)
+        return cli_exit_code(err);
+    if (json)
+        return print_json(run);
+    for (int i = 0; i < run->count; i++)
+        print_text(run->dir[i], &run->posed[i], &run->solved[i]);
+    return CLI_OK;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct sst_posed_solve_config cfg = { .progress = cli_progress, .progress_arg = (char[]){ "poses" } };
+    struct poses_run poses = { 0 };
+    bool json = false;
+    int with = 0, r;
+    const struct cli_option options[] = {
+        { "focal", 0, CLI_DOUBLE, &cfg.focal_px, "PX",
+          "focal length of all views; default: the views' own, else searched", 1, 1e7 },
+        { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL, "adjust the lens: focal length and k1" },
+        { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM", "mean distance of neighbours in the order of names", 1e-3,
+          1e9 },
+        { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields are moments of one array" },
+        { "refine", 0, CLI_FLAG, &cfg.refine, NULL, "improve given poses" },
+        { "sigma-position", 0, CLI_DOUBLE, &cfg.sigma_position_mm, "MM",
+          "error of given positions (a tenth of the mean distance of neighbours)", 1e-3, 1e9 },
+        { "sigma-angle", 0, CLI_DOUBLE, &cfg.sigma_angle_deg, "DEG", "error of given rotations (2)", 1e-3, 180 },
+        { "with", 0, CLI_WORD, &with, "PROGRAM", "program that finds the poses instead: colmap", 1, 0, "colmap" },
+        { "threads", 't', CLI_INT, &cfg.threads, "N", "threads (all processors)", 1, 256 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
+    };
+
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, poses.dir, 1, MOST_LF);
+    if (r != CLI_GO_ON)
+        return r;
+    while (poses.dir[poses.count])
+        poses.count++;
+    r = run_poses(cmd, &poses, &cfg, with, json);
+    run_fini(&poses);
+    return r;
+}
+
+const struct cli_command cli_poses = { "poses", run };

@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# `sst poses`: poses of simulated flights, the report, views that cannot be placed, and refusals in one sentence.
+set -u
+. "$(dirname "$0")/../lib.sh"
+need opencv
+python=${PYTHON:-/usr/bin/python3}
+"$python" -c 'import json' 2>/dev/null || skip "python3 is absent"
+
+"$sst" scene forest -o forest --grid 1x5 --size 256x256 --unplaced >out 2>&1
+
+# bad CODE WORDS ARGS...: refused in one sentence, the light field is as before
+bad() {
+  local code=$1 words=$2
+  shift 2
+  cp forest/lightfield.json before
+  "$sst" poses "$@" >out 2>err
+  judge "$code" "$words" $? "sst poses $*"
+  cmp -s before forest/lightfield.json || fail "sst poses $*: the light field has changed"
+}
+bad 3 "no view is placed" forest --refine
+bad 2 "needs several light fields" forest --one-rig
+bad 2 "does not go with --spacing" forest --refine --spacing 1000
+bad 2 "are of given poses" forest --sigma-angle 1
+bad 3 "no such folder" absent
+
+# --- all views, the spacing that is given, and one that shows something else
+"$sst" poses forest --spacing 500 --json >report 2>err || fail "poses: $(cat err)"
+"$python" - <<'PY' || failed=1
+import json
+r = json.load(open("report"))
+assert r["placed"] == r["views"] == 5 and not r["unplaced"] and not r["doubtful"], r
+assert r["metric"] and abs(r["spacing"] - 0.5) < 1e-6 and r["median_px"] < 0.3 < r["p90_px"] + 0.3, r
+assert len(r["centres"]) == 5 and all(len(c) == 3 for c in r["centres"].values()), r
+lf = json.load(open("forest/lightfield.json"))
+assert all("rotation" in v for v in lf["views"]) and "found 5 of 5" in lf["history"], lf["history"]
+PY
+"$sst" poses forest --refine >out 2>err || fail "refine: $(cat err)"
+grep -q "5 of 5 views placed" out || fail "refine: $(cat out)"
+
+mkdir pictures one
+cp forest/views/* pictures/
+cp "pictures/$(ls pictures | head -n 1)" one/
+"$sst" scene bush -o bush --grid 1x2 --size 256x256 >out 2>&1
+cp "bush/views/$(ls bush/views | head -n 1)" pictures/zz.png
+"$sst" import pictures pictures -o mixed >out 2>err || fail "import: $(cat err)"
+"$sst" poses mixed >out 2>err || fail "mixed: $(cat err)"
+grep -q "5 of 6 views placed" out && grep -q "not placed.*zz.png" out || fail "mixed: $(cat out)"
+
+"$sst" import pictures one -o single >out 2>err || fail "import: $(cat err)"
+bad 3 "one picture alone" single
+bad 3 "they are not of one rig" forest mixed --one-rig
+
+# --- without the other program, which is found by PATH
+PATH=/nowhere "$sst" poses forest --with colmap >out 2>err
+judge 5 "no program .colmap." $? "--with colmap"
+[ -z "$(find forest -name '*colmap*')" ] || fail "--with colmap: leaves $(find forest -name '*colmap*')"
+exit $failed
