@@ -154,7 +154,7 @@ static void hysteresis(void **state SST_UNUSED)
     assert_int_equal(sst_map_f32_init(&score, SIDE, SIDE), 0);
     add_square(&score, 10, 10, 8, 3);   /* grows to 8x8 of 3 ... */
     add_square(&score, 12, 12, 3, 4);   /* ... from a seed of 7 */
-    add_square(&score, 21, 10, 8, 3);   /* a gap of 3 pixels is closed: the same blob */
+    add_square(&score, 21, 10, 8, 3);   /* a gap of 3 pixels separates no blobs */
     add_square(&score, 60, 60, 8, 4);   /* no seed */
     add_square(&score, 90, 90, 4, 9);   /* too small */
     add_square(&score, 100, 10, 30, 9); /* too large */

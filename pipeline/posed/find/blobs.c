@@ -1,4 +1,4 @@
-/* Blobs of high scores: hysteresis, opening, closing, connected pixels. */
+/* Blobs of high scores: hysteresis, opening, pixels that are connected across gaps. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -6,10 +6,10 @@
 
 #include "pipeline/posed/find/find_internal.h"
 
-/* A mask of width x height bytes, 0 or 1. */
+/* Masks of width x height bytes, 0 or 1: pixels of high scores, and those by way of which they are connected. */
 struct mask {
     int width, height;
-    uint8_t *at;
+    uint8_t *at, *core;
 };
 
 struct search {
@@ -45,7 +45,8 @@ static void spread_mask(struct mask *m, uint8_t *scratch, int reach, bool larges
     }
 }
 
-/* Pixels connected with one, taken from the mask. @param stack  [pixels] */
+/* Pixels of the core that are connected with one, by way of the mask, from which they are taken. @param stack  [pixels]
+ */
 static struct sst_blob take(struct mask *m, const struct sst_map_f32 *score, int sign, size_t first, size_t *stack)
 {
     struct sst_blob b = { { m->width, m->height, 0, 0 }, 0, 0, -INFINITY, 0 };
@@ -59,13 +60,15 @@ static struct sst_blob take(struct mask *m, const struct sst_map_f32 *score, int
         const int x = (int)(at % (size_t)m->width), y = (int)(at / (size_t)m->width);
         const double v = sign * (double)sst_map_f32_row(score, y)[x], weight = isnan(v) ? 0 : fmax(v, 0);
 
-        b.box = (struct sst_rect){ sst_min_int(b.box.x0, x), sst_min_int(b.box.y0, y), sst_max_int(b.box.x1, x + 1),
-                                   sst_max_int(b.box.y1, y + 1) };
-        b.score = v > b.score ? v : b.score;
-        b.x += weight * x;
-        b.y += weight * y;
-        weights += weight;
-        b.pixels++;
+        if (m->core[at]) {
+            b.box = (struct sst_rect){ sst_min_int(b.box.x0, x), sst_min_int(b.box.y0, y), sst_max_int(b.box.x1, x + 1),
+                                       sst_max_int(b.box.y1, y + 1) };
+            b.score = v > b.score ? v : b.score;
+            b.x += weight * x;
+            b.y += weight * y;
+            weights += weight;
+            b.pixels++;
+        }
         for (int k = 0; k < 9; k++) {
             const int nx = x + k % 3 - 1, ny = y + k / 3 - 1;
             const size_t next = (size_t)ny * (size_t)m->width + (size_t)nx;
@@ -121,11 +124,11 @@ int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *sco
                const struct find_blob_config *cfg)
 {
     const size_t pixels = (size_t)score->width * (size_t)score->height;
-    struct search s = { { score->width, score->height, malloc(pixels) }, score, sign, cfg };
+    struct search s = { { score->width, score->height, malloc(pixels), malloc(pixels) }, score, sign, cfg };
     struct mask *m = &s.mask;
     uint8_t *scratch = malloc(pixels);
     size_t *stack = malloc(pixels * sizeof(*stack));
-    int err = m->at && scratch && stack ? 0 : -ENOMEM;
+    int err = m->at && m->core && scratch && stack ? 0 : -ENOMEM;
 
     *blob = NULL;
     *count = 0;
@@ -137,8 +140,8 @@ int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *sco
     if (!err) {
         spread_mask(m, scratch, 1, false);
         spread_mask(m, scratch, 1, true);
+        memcpy(m->core, m->at, pixels);
         spread_mask(m, scratch, cfg->close_px / 2, true);
-        spread_mask(m, scratch, cfg->close_px / 2, false);
         err = collect(blob, count, &s, stack);
     }
     if (err) {
@@ -147,6 +150,7 @@ int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *sco
         *count = 0;
     }
     free(m->at);
+    free(m->core);
     free(scratch);
     free(stack);
     return err;

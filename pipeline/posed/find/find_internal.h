@@ -31,12 +31,12 @@ SST_MUST_CHECK int find_score(struct sst_map_f32 *score, const struct sst_map_f3
 struct find_blob_config {
     double seed;           /* a blob has a pixel of at least this score ... */
     double grow;           /* ... and all connected ones of at least grow * seed */
-    int close_px;          /* gaps up to this are closed; odd, 1: none */
+    int close_px;          /* gaps up to this separate no blobs; 1: none */
     int least_px, most_px; /* pixels of a blob */
 };
 
 /**
- * Connected pixels (8 neighbours) whose score is high, opened by 3x3 and closed, the highest first.
+ * Connected pixels (8 neighbours) whose score is high, opened by 3x3, the highest first.
  * @param sign  1: high scores; -1: low ones
  * @param blob  out, [count], to be freed by the caller @return 0, -ENOMEM
  */
