@@ -159,7 +159,8 @@ int sst_integral_levels(struct sst_deep *out, const struct sst_integral *integra
         for (int x = 0; x < camera->width; x++) {
             const uint32_t n = integral->count[at + (size_t)x] << SST_POSED_SHIFT;
 
-            row[x] = n ? (uint16_t)(((uint64_t)integral->sum[c][at + (size_t)x] + n / 2) / n) : 0;
+            if (n)
+                row[x] = (uint16_t)(((uint64_t)integral->sum[c][at + (size_t)x] + n / 2) / n);
         }
     }
     return err;
