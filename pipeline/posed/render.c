@@ -28,7 +28,7 @@ int posed_stretch(struct sst_samples *out, const struct sst_deep *levels, const 
     for (int c = 0; c < levels->channels; c++) {
         uint16_t last = 0;
 
-        for (int pass = 0; pass < 2; pass++) { /* the second one fills what comes before the first seen pixel */
+        for (int pass = 0; pass < 2; pass++) { /* the second one fills pixels before the first seen one */
             for (int y = 0; y < levels->height; y++) {
                 for (int x = 0; x < levels->width; x++) {
                     last = sst_map_u16_row(views, y)[x] ? sst_map_u16_row(&levels->plane[c], y)[x] : last;
