@@ -7,6 +7,7 @@
 #include "pipeline/kernels/census_tmpl.h"
 #include "pipeline/kernels/cheapest_tmpl.h"
 #include "pipeline/kernels/class_row_tmpl.h"
+#include "pipeline/kernels/clear_blend_tmpl.h"
 #include "pipeline/kernels/clear_take_tmpl.h"
 #include "pipeline/kernels/clear_tmpl.h"
 #include "pipeline/kernels/consensus_tmpl.h"
