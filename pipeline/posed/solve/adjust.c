@@ -11,7 +11,7 @@
 #define BEHIND_COST 1e4  /* squared residual, in sigmas, of a point that is not in front of its view */
 #define NEAR        1e-3 /* smallest depth, in the model's unit */
 #define TRIES       8    /* steps of growing damping before the adjustment ends */
-#define ENOUGH      1e-6 /* relative fall of the cost that ends it */
+#define ENOUGH      1e-7 /* relative fall of the cost that ends it */
 
 /* A sight's derivatives, by rotation and centre of its view, its point, and the lens. */
 struct slopes {

@@ -248,12 +248,24 @@ int poses_finish(struct poses_scene *scene, const struct poses_adjust *how, doub
         double cost;
 
         now.sigma_px = sigma;
-        now.rounds = 15;
+        now.rounds = 20;
         now.free_focal = sigma <= 2 && how->free_focal;
         now.free_k1 = sigma <= 2 && how->free_k1;
         err = poses_adjust(&scene->model, &scene->few, &now, &cost);
     }
     return err ? err : keep_supported(scene);
+}
+
+/* Groups of pictures that do not match each other are refined together: given poses hold them in one world. */
+static void link_given(struct poses_scene *scene)
+{
+    memset(scene->linked, 0, (size_t)scene->views * sizeof(*scene->linked));
+    for (int p = 0; p < scene->pairs; p++) {
+        const int a = scene->pair[p].a, b = scene->pair[p].b;
+
+        if (scene->posed->view[a].camera.known && scene->posed->view[b].camera.known)
+            scene->linked[a] = scene->linked[b] = true;
+    }
 }
 
 /* Given poses as priors, in the unit of their neighbours' mean distance. */
@@ -268,10 +280,9 @@ static int read_priors(struct search *s)
     if (err)
         return err;
     s->prior = calloc((size_t)scene->views, sizeof(*s->prior));
-    for (int v = 0; s->prior && v < scene->views; v++) {
+    link_given(scene);
+    for (int v = 0; v < scene->views; v++)
         memcpy(given.centre[v], scene->posed->view[v].camera.position_mm, sizeof(given.centre[v]));
-        scene->linked[v] = scene->linked[v] && scene->posed->view[v].camera.known;
-    }
     unit = scene->unit_mm = poses_spacing(&given, scene->linked);
     sigma = s->cfg->sigma_position_mm > 0 ? s->cfg->sigma_position_mm / unit : 0.1;
     for (int v = 0; s->prior && v < scene->views; v++) {

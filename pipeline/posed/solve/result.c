@@ -17,6 +17,7 @@
 #define RESIDUAL    3.0  /* median residual, in medians of all views, and ... */
 #define RESIDUAL_PX 0.5
 #define FEW_SIGHTS  30
+#define FAR         1e5 /* of a point, in distances of neighbours: no longer a place */
 
 /* World of the light field: X = turn (x - from) unit + to. */
 struct world {
@@ -116,8 +117,8 @@ static void to_world(const struct world *w, const double in[3], double out[3])
         out[i] = out[i] * w->unit + w->to[i];
 }
 
-/* Place the views of the light field. */
-static void write_views(struct poses_scene *scene, const struct world *w)
+/* Place the views of the light field. @param refined  others stay where they were given */
+static void write_views(struct poses_scene *scene, const struct world *w, bool refined)
 {
     for (int k = 0; k < scene->views; k++) {
         struct sst_calib_camera *cam = &scene->posed->view[k].camera;
@@ -134,13 +135,21 @@ static void write_views(struct poses_scene *scene, const struct world *w)
             memset(cam->k, 0, sizeof(cam->k));
             cam->k[0] = scene->model.k1;
         }
-        cam->known = scene->placed[k];
-        if (!cam->known)
+        if (!scene->placed[k]) {
+            cam->known = cam->known && refined; /* where it was given */
             continue;
+        }
+        cam->known = true;
         sst_rotation_between(scene->model.rotation[k], w->turn, rotation);
         memcpy(cam->rotation, rotation, sizeof(rotation));
         to_world(w, scene->model.centre[k], cam->position_mm);
     }
+}
+
+/* Rays of short tracks can be parallel but for noise. */
+static bool is_near(const double point[3])
+{
+    return fabs(point[0]) < FAR && fabs(point[1]) < FAR && fabs(point[2]) < FAR;
 }
 
 /* Points that two placed views see within a few px. */
@@ -157,7 +166,7 @@ static int write_points(struct poses_scene *scene, const struct world *w, const 
 
         for (int s = few->first[t]; s < few->first[t + 1]; s++)
             views += scene->placed[few->sight[s].view] && px[s] < INLIER_PX;
-        if (views < 2)
+        if (views < 2 || !is_near(scene->model.point[t]))
             continue;
         to_world(w, scene->model.point[t], points[count].at_mm);
         points[count++].views = views;
@@ -339,7 +348,13 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     err = write_points(scene, &w, px);
     if (err)
         goto done;
-    write_views(scene, &w);
+    write_views(scene, &w, cfg->refine);
+    for (int k = 0; cfg->refine && k < scene->views; k++) {
+        const bool kept = posed->view[k].camera.known && !scene->placed[k];
+
+        solved->placed += kept;
+        solved->doubtful[k] = solved->doubtful[k] || kept;
+    }
     posed->median_px = solved->median_px;
     solved->focal_px = posed->view[first_placed(scene)].camera.fx;
     solved->spacing_mm = poses_spacing(&scene->model, scene->placed) * w.unit;
