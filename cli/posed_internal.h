@@ -13,7 +13,7 @@ struct posed_scene {
     const char *path;
     struct sst_posed posed;
     struct sst_heights heights; /* of terrain */
-    struct sst_ground ground;   /* views is 0: not sought */
+    struct sst_posed_ground ground;   /* views is 0: not sought */
     struct sst_posed_render_config cfg;
     const char *view; /* the camera's: a view's name, or "nadir" */
 };

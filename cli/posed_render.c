@@ -68,7 +68,7 @@ static double seen_percent(const struct sst_map_u16 *views)
 static void report(const struct posed_scene *scene, const struct sst_posed_rendered *made, const char *out,
                    struct sst_samples stretch)
 {
-    const struct sst_ground *ground = &scene->ground;
+    const struct sst_posed_ground *ground = &scene->ground;
 
     if (ground->views)
         printf("%s: ground %.2f m in front of %s, tilted by %.1f degrees, found by %d views\n", out,

@@ -76,7 +76,7 @@ enum sst_cpu_level {
     X(split_row)                                                                                                       \
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
-    X(posed_row)                                                                                                       \
+    X(warped_row)                                                                                                      \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
@@ -556,8 +556,8 @@ struct sst_clear_view {
 
 /**
  * Send the rays of pixels x .. x+n-1 of row y of a view that are not removed; the nearest one stays where several land,
- * kept pixels first. Those that leave the picture are dropped. Pixels beside may be stored with the value they have: one
- * thread at a time.
+ * kept pixels first. Those that leave the picture are dropped. Pixels beside may be stored with the value they have:
+ * one thread at a time.
  *
  * @param landed  in and out, [height] rows `stride` apart
  * @param disp    in [n]  @param state  in [n]: removed where the disparity is unknown
@@ -736,7 +736,7 @@ typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resamp
 /* --- posed views (pipeline/posed/) --- */
 
 /** A view's picture: levels of up to 16 bits. */
-struct sst_posed_source {
+struct sst_warped_source {
     const uint16_t *plane[3]; /* [channels][height][stride]; a row that ends the memory ends with its last sample */
     size_t stride;            /* samples; stride times height is below 2^31 */
     int width, height;        /* 2 .. 32767 */
@@ -745,7 +745,7 @@ struct sst_posed_source {
 
 /** Pixels of one row, `at` the first, that see places on a line of the source: x + i dx, y + i dy in 1/65536 px, all
  *  of them within 0 .. width - 1 and 0 .. height - 1. */
-struct sst_posed_segment {
+struct sst_warped_segment {
     int32_t x_q16, y_q16, dx_q16, dy_q16;
     int32_t at, n;
 };
@@ -759,9 +759,9 @@ struct sst_posed_segment {
  * @param count     in, out
  * @param segment   [segments]
  */
-#define SST_POSED_SHIFT 6
-typedef void sst_posed_row_fn(uint32_t *const sum[3], uint16_t *count, const struct sst_posed_source *from,
-                              const struct sst_posed_segment *segment, size_t segments);
+#define SST_WARPED_SHIFT 6
+typedef void sst_warped_row_fn(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,
+                               const struct sst_warped_segment *segment, size_t segments);
 
 #define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
 #define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */

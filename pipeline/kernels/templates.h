@@ -21,7 +21,6 @@
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/median_votes_tmpl.h"
 #include "pipeline/kernels/place_row_tmpl.h"
-#include "pipeline/kernels/posed_row_tmpl.h"
 #include "pipeline/kernels/resample_row_tmpl.h"
 #include "pipeline/kernels/score_tmpl.h"
 #include "pipeline/kernels/sgm_tmpl.h"
@@ -31,6 +30,7 @@
 #include "pipeline/kernels/subpixel_tmpl.h"
 #include "pipeline/kernels/support_tmpl.h"
 #include "pipeline/kernels/transpose_tmpl.h"
+#include "pipeline/kernels/warped_row_tmpl.h"
 #include "pipeline/kernels/winner_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);

@@ -74,7 +74,7 @@ static int sample_band(void *arg, int band, int worker)
 
     for (int k = 0; k < a->greys->count; k++) {
         const struct sst_deep *picture = &a->greys->picture[k];
-        const struct sst_posed_source from = warp_source(picture);
+        const struct sst_warped_source from = warp_source(picture);
         const struct warp_view view =
             warp_view_of(&a->warp.camera, &a->greys->camera[k], picture->width, picture->height);
 
@@ -84,11 +84,11 @@ static int sample_band(void *arg, int band, int worker)
 
             memset(sum, 0, (size_t)width * sizeof(*sum));
             memset(count, 0, (size_t)width * sizeof(*count));
-            kernels->posed_row((uint32_t *const[3]){ sum }, count, &from, rows->segment[r], (size_t)rows->segments[r]);
+            kernels->warped_row((uint32_t *const[3]){ sum }, count, &from, rows->segment[r], (size_t)rows->segments[r]);
             for (int x = 0; x < width; x++) {
-                const float level = (float)(int32_t)(sum[x] - (32768u << SST_POSED_SHIFT));
+                const float level = (float)(int32_t)(sum[x] - (32768u << SST_WARPED_SHIFT));
 
-                a->level[at + (size_t)x] = count[x] ? level * (1.0f / (GREY_SPREAD << SST_POSED_SHIFT)) : 0;
+                a->level[at + (size_t)x] = count[x] ? level * (1.0f / (GREY_SPREAD << SST_WARPED_SHIFT)) : 0;
                 a->seen[at + (size_t)x] = (uint8_t)count[x];
             }
         }

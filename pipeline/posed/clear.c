@@ -1,5 +1,3 @@
-#include "pipeline/posed/clear.h"
-
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -371,8 +369,8 @@ static int render(struct sst_posed_rendered *out, struct job *j, int threads)
     return err;
 }
 
-int sst_posed_render_weighted(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
-                              const struct sst_posed_render_config *cfg)
+int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
+                    const struct sst_posed_render_config *cfg)
 {
     const int threads = sst_thread_count(cfg->threads);
     struct job j = { .posed = posed,

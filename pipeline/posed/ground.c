@@ -89,7 +89,7 @@ static double share(int64_t n, const struct agree_tally *tally)
     return tally->seen ? (double)n / (double)tally->seen : 0;
 }
 
-static int sweep(struct sst_ground *out, struct search *s, const double range[2])
+static int sweep(struct sst_posed_ground *out, struct search *s, const double range[2])
 {
     const double none[2] = { 0, 0 };
     int err = 0;
@@ -112,7 +112,7 @@ static int sweep(struct sst_ground *out, struct search *s, const double range[2]
 
 /* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
  * peak before it. @return -1: none */
-static int farthest_peak(const struct sst_ground *g)
+static int farthest_peak(const struct sst_posed_ground *g)
 {
     double behind = INFINITY;
 
@@ -155,7 +155,7 @@ static int try_plane(double at[3], double *best, struct search *s, const double 
 }
 
 /* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round. */
-static int refine(struct sst_ground *out, struct search *s, bool level)
+static int refine(struct sst_posed_ground *out, struct search *s, bool level)
 {
     const double first = out->at_mm[out->chosen];
     double at[3] = { first, 0, 0 }, step[3] = { SCAN / 2 * first, TILT, TILT }, best = -1;
@@ -192,12 +192,12 @@ static void choose_axes(struct search *s, const struct sst_posed *posed)
     vector_cross(s->across[1], s->normal, s->across[0]);
 }
 
-int sst_posed_ground(struct sst_ground *out, const struct sst_posed *posed, const char *dir,
+int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
                      const struct sst_virtual *camera, const struct sst_ground_config *cfg)
 {
     const int step = sst_max_int(1, (int)lround((double)posed->width / WIDTH_PX));
     const struct sst_virtual small = sst_virtual_scaled(camera, step);
-    struct sst_ground g = { .chosen = -1 };
+    struct sst_posed_ground g = { .chosen = -1 };
     struct search s = { .camera = camera };
     struct greys greys = { .step = step };
     double range[2];

@@ -12,7 +12,7 @@ struct sst_ground_config {
 
 #define SST_GROUND_PLANES 400
 
-struct sst_ground {
+struct sst_posed_ground {
     struct sst_surface plane;
     double distance_mm; /* along the virtual camera's axis */
     double tilt_deg;    /* of the plane from where the sweep began */
@@ -35,7 +35,7 @@ struct sst_ground {
  * @return 0, -EINVAL (near and far are not given and no points exist), -ENODATA (fewer than three views see a plane, or
  *         no plane stands out), -ENOMEM, or as sst_posed_picture(); logged
  */
-SST_MUST_CHECK int sst_posed_ground(struct sst_ground *out, const struct sst_posed *posed, const char *dir,
+SST_MUST_CHECK int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
                                     const struct sst_virtual *camera, const struct sst_ground_config *cfg);
 
 #endif

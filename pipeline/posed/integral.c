@@ -99,7 +99,7 @@ static int add_band(void *arg, int band, int worker)
     const int width = s->warp.camera.width;
 
     for (int k = 0; k < job->n; k++) {
-        const struct sst_posed_source from = warp_source(job->picture[k]);
+        const struct sst_warped_source from = warp_source(job->picture[k]);
 
         warp_band(rows, &s->warp, &job->view[k], band);
         for (int r = 0; r < WARP_CELL; r++) {
@@ -109,7 +109,7 @@ static int add_band(void *arg, int band, int worker)
             for (int c = 0; c < s->channels && rows->segments[r]; c++)
                 sum[c] = s->sum[c] + at;
             if (rows->segments[r])
-                kernels->posed_row(sum, s->count + at, &from, rows->segment[r], (size_t)rows->segments[r]);
+                kernels->warped_row(sum, s->count + at, &from, rows->segment[r], (size_t)rows->segments[r]);
         }
     }
     return 0;
@@ -157,7 +157,7 @@ int sst_integral_levels(struct sst_deep *out, const struct sst_integral *integra
         uint16_t *row = sst_map_u16_row(&out->plane[c], y);
 
         for (int x = 0; x < camera->width; x++) {
-            const uint32_t n = integral->count[at + (size_t)x] << SST_POSED_SHIFT;
+            const uint32_t n = integral->count[at + (size_t)x] << SST_WARPED_SHIFT;
 
             if (n)
                 row[x] = (uint16_t)(((uint64_t)integral->sum[c][at + (size_t)x] + n / 2) / n);
@@ -175,7 +175,7 @@ int sst_integral_means(struct sst_map_f32 *out, const struct sst_integral *integ
         const size_t at = (size_t)y * (size_t)camera->width;
 
         for (int x = 0; x < camera->width; x++) {
-            const double n = (double)(integral->count[at + (size_t)x] << SST_POSED_SHIFT);
+            const double n = (double)(integral->count[at + (size_t)x] << SST_WARPED_SHIFT);
 
             sst_map_f32_row(out, y)[x] = n > 0 ? (float)(integral->sum[channel][at + (size_t)x] / n) : NAN;
         }

@@ -76,7 +76,7 @@ static void sample(float *level, struct layer_scratch *s, struct warp *warp, int
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const struct sst_deep *picture = &s->in->greys->picture[k];
-    const struct sst_posed_source from = warp_source(picture);
+    const struct sst_warped_source from = warp_source(picture);
     const struct warp_view view =
         warp_view_of(&warp->camera, &s->in->greys->camera[k], picture->width, picture->height);
 
@@ -87,12 +87,12 @@ static void sample(float *level, struct layer_scratch *s, struct warp *warp, int
 
             memset(s->sum, 0, s->width * sizeof(*s->sum));
             memset(s->count, 0, s->width * sizeof(*s->count));
-            kernels->posed_row((uint32_t *const[3]){ s->sum }, s->count, &from, s->rows.segment[r],
-                               (size_t)s->rows.segments[r]);
+            kernels->warped_row((uint32_t *const[3]){ s->sum }, s->count, &from, s->rows.segment[r],
+                                (size_t)s->rows.segments[r]);
             for (size_t x = 0; x < s->width; x++) {
-                const float v = (float)(int32_t)(s->sum[x] - (32768u << SST_POSED_SHIFT));
+                const float v = (float)(int32_t)(s->sum[x] - (32768u << SST_WARPED_SHIFT));
 
-                level[at + x] = s->count[x] ? v * (1.0f / (GREY_SPREAD << SST_POSED_SHIFT)) : 0;
+                level[at + x] = s->count[x] ? v * (1.0f / (GREY_SPREAD << SST_WARPED_SHIFT)) : 0;
                 s->seen[at + x] = (uint8_t)s->count[x];
             }
         }

@@ -3,7 +3,6 @@
 #include <errno.h>
 
 #include "base/log.h"
-#include "pipeline/posed/clear.h"
 #include "pipeline/posed/integral.h"
 #include "pipeline/posed/surface_internal.h"
 
@@ -70,8 +69,8 @@ int sst_posed_render(struct sst_posed_rendered *out, const struct sst_posed *pos
                      const struct sst_posed_render_config *cfg)
 {
     struct sst_posed_rendered made = { 0 };
-    int err = cfg->method == SST_POSED_REFOCUS ? refocus(&made, posed, dir, cfg)
-                                               : sst_posed_render_weighted(&made, posed, dir, cfg);
+    int err =
+        cfg->method == SST_POSED_REFOCUS ? refocus(&made, posed, dir, cfg) : render_weighted(&made, posed, dir, cfg);
 
     if (!err && !made.seen) {
         sst_log_error("%s: no view and the camera see the same part of the surface: it is beside or behind them", dir);

@@ -7,8 +7,8 @@
 
 enum sst_posed_method {
     SST_POSED_REFOCUS = 0, /* the mean of all views on the surface (integral.h) */
-    SST_POSED_THROUGH = 1, /* rays that agree with others on the surface weigh more (clear.h) */
-    SST_POSED_CLEAR = 2,   /* the surface alone, of rays that nothing in front blocks (clear.h) */
+    SST_POSED_THROUGH = 1, /* rays that agree with others on the surface weigh more */
+    SST_POSED_CLEAR = 2,   /* the surface alone, of rays that nothing in front blocks */
 };
 
 struct sst_posed_render_config {

@@ -7,7 +7,7 @@
 
 #include "pipeline/image/deep.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/posed/virtual.h"
+#include "pipeline/posed/render.h"
 
 static inline double vector_dot(const double a[3], const double b[3])
 {
@@ -54,7 +54,7 @@ struct warp {
 
 /* Segments of the rows of one band in one view. One thread. */
 struct warp_rows {
-    struct sst_posed_segment *segment[WARP_CELL]; /* [segments[r]], room for one a pixel */
+    struct sst_warped_segment *segment[WARP_CELL]; /* [segments[r]], room for one a pixel */
     int segments[WARP_CELL];
     double *lattice; /* of cell corners and the points between them */
 };
@@ -81,7 +81,7 @@ struct warp_view warp_view_of(const struct sst_virtual *from, const struct sst_c
                               int height);
 
 /* A picture as the kernel reads it; may it? */
-struct sst_posed_source warp_source(const struct sst_deep *picture);
+struct sst_warped_source warp_source(const struct sst_deep *picture);
 bool warp_source_fits(const struct sst_deep *picture);
 
 /* Segments of one band; different bands may be computed at once. */
@@ -167,5 +167,24 @@ bool posed_any(const struct sst_map_u16 *views);
 /* Stretch of the pixels that a view sees: unseen ones repeat the one before. @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep *levels,
                                  const struct sst_map_u16 *views);
+
+/* --- clear: pictures with weighted rays ------------------------------------------------------------------------------
+ */
+
+/*
+ * Render with rays weighed by the surface that their view sees.
+ *
+ * Every view is compared with up to four others about a ground's parallax of 25 px away, on surfaces from the given one
+ * up to the highest points of the scene: windows of 7x7 pixels, the mean correlation of the two best views. A ray's
+ * weight is high where the view agrees with others on the surface better than on any in front of it.
+ *
+ * See-through: rays weigh 0.05 at least. Clear: rays that something in front blocks do not count; pixels with less than
+ * 1.2 rays in sum are unknown: `views` is 0 there, and the picture shows the integral, dimmed. Between known and
+ * unknown pixels the picture changes gradually.
+ *
+ * @return as sst_posed_render(); -ENODATA: fewer than three views are placed
+ */
+SST_MUST_CHECK int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
+                                   const struct sst_posed_render_config *cfg);
 
 #endif

@@ -135,9 +135,9 @@ static inline bool project(const struct warp_view *view, const double ab[2], dou
     return fabs(xy[0]) < FAR_PX && fabs(xy[1]) < FAR_PX;
 }
 
-struct sst_posed_source warp_source(const struct sst_deep *picture)
+struct sst_warped_source warp_source(const struct sst_deep *picture)
 {
-    struct sst_posed_source from = {
+    struct sst_warped_source from = {
         { NULL }, picture->plane[0].stride / sizeof(uint16_t), picture->width, picture->height, picture->channels
     };
 
@@ -222,7 +222,7 @@ static void add_cell(const struct band *band, int x, int y, int log2_size, doubl
     }
     for (int r = 0; r < size && band->y + y + r < camera->height; r++) {
         int64_t range[2] = { 0, least(size, camera->width - x) }, from[2], step[2];
-        struct sst_posed_segment *s;
+        struct sst_warped_segment *s;
 
         for (int k = 0; k < 2; k++) {
             from[k] = q16[0][k] + rounded_shift((q16[2][k] - q16[0][k]) * r, log2_size);

@@ -721,7 +721,7 @@ static void resampled(void **state SST_UNUSED)
 /* Places are rounded to 1/256 px, so the level may be off by 1/512 of the differences across and down. */
 static void posed_levels(void **state SST_UNUSED)
 {
-    struct bound b = { "posed_row",
+    struct bound b = { "warped_row",
                        "whole numbers",
                        "levels of 65535",
                        "1/512 of the largest difference twice, 1/128 of the sum",
@@ -733,14 +733,14 @@ static void posed_levels(void **state SST_UNUSED)
     for (int i = 0; i < 30000; i++) {
         const uint16_t level[4] = { (uint16_t)below(65536), (uint16_t)below(65536), (uint16_t)below(65536),
                                     (uint16_t)(i % 2 ? below(65536) : 65535 * below(2)) };
-        const struct sst_posed_source from = { { level }, 2, 2, 2, 1 };
-        const struct sst_posed_segment s = { (int32_t)below(65537), (int32_t)below(65537), 0, 0, 0, 1 };
+        const struct sst_warped_source from = { { level }, 2, 2, 2, 1 };
+        const struct sst_warped_segment s = { (int32_t)below(65537), (int32_t)below(65537), 0, 0, 0, 1 };
         const wide x = s.x_q16 / 65536.0L, y = s.y_q16 / 65536.0L;
         const wide want = (1 - y) * ((1 - x) * level[0] + x * level[1]) + y * ((1 - x) * level[2] + x * level[3]);
         uint32_t sum = 0;
         uint16_t count = 0;
 
-        sst_posed_row_ref(&(uint32_t *const){ &sum }, &count, &from, &s, 1);
+        sst_warped_row_ref(&(uint32_t *const){ &sum }, &count, &from, &s, 1);
         bound_note(&b, (double)fabsl(sum / 64.0L - want), "place %d %d, %.4Lf", s.x_q16, s.y_q16, want);
     }
     bound_end(&b);
@@ -777,10 +777,10 @@ static void light(void **state SST_UNUSED)
 
 /* Kernels with a line above, beside those that count. */
 static const char *const measured[] = {
-    "class_row",           "guide_cells", "support_mean_row", "bilateral_row", "subpixel_fit_row", "subpixel_plane_row",
-    "subpixel_window_row", "blend_rays",  "blend_take",       "blend_finish",  "clear_land",       "clear_surface",
-    "clear_take",          "clear_blend", "agree_votes",      "place_row",     "resample_row",     "light_row",
-    "posed_row"
+    "class_row",          "guide_cells",         "support_mean_row", "bilateral_row", "subpixel_fit_row",
+    "subpixel_plane_row", "subpixel_window_row", "blend_rays",       "blend_take",    "blend_finish",
+    "clear_land",         "clear_surface",       "clear_take",       "clear_blend",   "agree_votes",
+    "place_row",          "resample_row",        "light_row",        "warped_row"
 };
 
 static void every_kernel_has_a_bound(void **state SST_UNUSED)

@@ -22,7 +22,7 @@ static int32_t below(int32_t n)
 }
 
 /* Ends of every segment are inside; corners of the picture first. */
-static void random_segments(struct sst_posed_segment *s)
+static void random_segments(struct sst_warped_segment *s)
 {
     static const int lengths[SEGMENTS] = { 1, 2, 7, 8, 15, 16, 17, 32, 64 };
     int at = 0;
@@ -38,13 +38,13 @@ static void random_segments(struct sst_posed_segment *s)
             step[k] = lengths[i] > 1 ? (end - from[k]) / (lengths[i] - 1) : 0;
             from[k] = lengths[i] > 1 ? from[k] : end;
         }
-        s[i] = (struct sst_posed_segment){ from[0], from[1], step[0], step[1], at, lengths[i] };
+        s[i] = (struct sst_warped_segment){ from[0], from[1], step[0], step[1], at, lengths[i] };
         at += lengths[i] + below(5);
     }
     assert_true(at <= N);
 }
 
-static void posed_row_equals_reference(void **state SST_UNUSED)
+static void warped_row_equals_reference(void **state SST_UNUSED)
 {
     const uint16_t *const plane[3] = { guard_random(2 * WIDTH * HEIGHT, &seed), guard_random(2 * WIDTH * HEIGHT, &seed),
                                        guard_random(2 * WIDTH * HEIGHT, &seed) };
@@ -57,19 +57,19 @@ static void posed_row_equals_reference(void **state SST_UNUSED)
             continue;
         }
         for (int round = 0; round < 200; round++) {
-            const struct sst_posed_source from = {
+            const struct sst_warped_source from = {
                 { plane[0], plane[1], plane[2] }, WIDTH, WIDTH, HEIGHT, round % 2 ? 3 : 1
             };
             static uint32_t want[3][N], got[3][N];
             static uint16_t count[2][N];
-            struct sst_posed_segment segment[SEGMENTS];
+            struct sst_warped_segment segment[SEGMENTS];
 
             for (int i = 0; i < 3 * N; i++)
                 want[i / N][i % N] = got[i / N][i % N] = (uint32_t)below(1 << 30);
             memset(count, 3, sizeof(count));
             random_segments(segment);
-            sst_posed_row_ref((uint32_t *const[3]){ want[0], want[1], want[2] }, count[0], &from, segment, SEGMENTS);
-            k.posed_row((uint32_t *const[3]){ got[0], got[1], got[2] }, count[1], &from, segment, SEGMENTS);
+            sst_warped_row_ref((uint32_t *const[3]){ want[0], want[1], want[2] }, count[0], &from, segment, SEGMENTS);
+            k.warped_row((uint32_t *const[3]){ got[0], got[1], got[2] }, count[1], &from, segment, SEGMENTS);
             assert_memory_equal(count[0], count[1], sizeof(count[0]));
             for (int i = 0; i < 3 * N; i++) {
                 if (want[i / N][i % N] != got[i / N][i % N])
@@ -86,13 +86,13 @@ static void posed_row_equals_reference(void **state SST_UNUSED)
 static void sums_have_room(void **state SST_UNUSED)
 {
     const uint16_t level[4] = { 7, 65535, 65535, 65535 };
-    const struct sst_posed_source from = { { level }, 2, 2, 2, 1 };
-    const struct sst_posed_segment segment = { 65536, 65536, 0, 0, 0, 1 };
+    const struct sst_warped_source from = { { level }, 2, 2, 2, 1 };
+    const struct sst_warped_segment segment = { 65536, 65536, 0, 0, 0, 1 };
     uint32_t sum = 0;
     uint16_t count = 0;
 
     for (int i = 0; i < 1024; i++)
-        sst_posed_row_ref(&(uint32_t *const){ &sum }, &count, &from, &segment, 1);
+        sst_warped_row_ref(&(uint32_t *const){ &sum }, &count, &from, &segment, 1);
     assert_int_equal(count, 1024);
     assert_true(sum == 1024u * 65535 * 64);
 }
@@ -100,7 +100,7 @@ static void sums_have_room(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(posed_row_equals_reference),
+        cmocka_unit_test(warped_row_equals_reference),
         cmocka_unit_test(sums_have_room),
     };
 

@@ -110,7 +110,7 @@ static void ground_is_behind_the_leaves(void **state SST_UNUSED)
     struct sst_ground_config none = { 0 };
     struct sst_posed posed;
     struct sst_virtual camera;
-    struct sst_ground ground;
+    struct sst_posed_ground ground;
 
     make_forest(&posed, test_path("forest.lf"), 0.55);
     camera = sst_virtual_of_view(&posed, 4);

@@ -1,7 +1,7 @@
 #include "pipeline/kernels/kernels.h"
 
-void sst_posed_row_ref(uint32_t *const sum[3], uint16_t *count, const struct sst_posed_source *from,
-                       const struct sst_posed_segment *segment, size_t segments)
+void sst_warped_row_ref(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,
+                        const struct sst_warped_segment *segment, size_t segments)
 {
     for (; segments > 0; segments--, segment++) {
         for (int i = 0; i < segment->n; i++) {
