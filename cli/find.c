@@ -109,7 +109,14 @@ static void print_table(const struct search *s)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-/* The integral as 8-bit picture, by the stretch that shows it best; black where it is not covered. */
+/* Levels as a picture: those of 16 bits by the stretch that shows them best. */
+static int show_levels(struct sst_image *out, const struct search *s, const struct sst_deep *levels)
+{
+    return sst_deep_to_image(out, levels,
+                             s->scene.posed.bits == 8 ? (struct sst_samples){ 0 } : sst_deep_stretch(levels));
+}
+
+/* The integral; black where no view sees the surface. */
 static int picture_of_integral(struct sst_image *out, const struct search *s)
 {
     const struct sst_finds *m = &s->finds;
@@ -127,7 +134,7 @@ static int picture_of_integral(struct sst_image *out, const struct search *s)
             }
         }
     }
-    err = err ? err : sst_deep_to_image(out, &levels, sst_deep_stretch(&levels));
+    err = err ? err : show_levels(out, s, &levels);
     sst_deep_fini(&levels);
     return err;
 }
@@ -184,7 +191,7 @@ static int write_find(const struct search *s, const struct sst_image *integral, 
         crop(&pair, 0, integral, f->blob.x, f->blob.y);
     if (!err && f->best >= 0) {
         err = sst_posed_picture(&picture, &s->scene.posed, s->path, f->best);
-        err = err ? err : sst_deep_to_image(&view, &picture, sst_deep_stretch(&picture));
+        err = err ? err : show_levels(&view, s, &picture);
         if (!err)
             crop(&pair, CROP * ENLARGED, &view, f->best_x, f->best_y);
     }

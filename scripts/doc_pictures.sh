@@ -23,6 +23,15 @@ table=$work/transportation/transportation
 montage "$table"/{labels_initial,labels_hcsm,labels,truth}/02_02.png -tile 2x2 -geometry 500x375+3+3 "$work/table.png"
 convert "$work/table.png" -quality 85 docs/pictures/refinement.jpg
 
+$sst scene forest -o "$work/forest" --seed 4
+for method in refocus clear; do
+  $sst render "$work/forest" --near 25 --far 45 --view C5 --method $method -o "$work/forest-$method.png"
+done
+$sst find "$work/forest" --near 25 --far 45 --view C5 -o "$work/forest-finds"
+montage "$work/forest/views/0005.png" "$work"/forest-{refocus,clear}.png "$work/forest-finds/finds.png" -tile 2x2 \
+  -geometry 500x500+3+3 "$work/forest.png"
+convert "$work/forest.png" -quality 82 docs/pictures/forest.jpg
+
 real() { # name, format, folder, focus
   [ -d "$data/$3" ] || { echo "no $data/$3: docs/pictures/$1.jpg stays as it is"; return 0; }
   $sst import "$2" "$data/$3" -o "$work/$1"
