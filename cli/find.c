@@ -109,7 +109,7 @@ static void print_table(const struct search *s)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-/* Levels as a picture: those of 16 bits by the stretch that shows them best. */
+/* Levels as a picture, 16 bits by the stretch that shows them best. */
 static int show_levels(struct sst_image *out, const struct search *s, const struct sst_deep *levels)
 {
     return sst_deep_to_image(out, levels,
