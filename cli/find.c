@@ -25,7 +25,8 @@ struct search {
     struct sst_finds finds;
 };
 
-/* --- what was found, as text and JSON ----------------------------------------------------------------------------- */
+/* --- finds as text and JSON ----------------------------------------------------------------------------------------
+ */
 
 static json_t *found_json(const struct search *s, const struct sst_found *f)
 {

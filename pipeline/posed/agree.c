@@ -1,4 +1,4 @@
-/* Agreement of views on a surface: in each pixel, how many views show 7x7 pixels whose correlation is high. */
+/* Agreement of views on a surface: in each pixel, the number of views with highly correlated 7x7 pixels. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* Pictures of a flight: a depth buffer of triangles at FINE samples a pixel along each side, then light and colour of
- * what each sample sees. */
+ * each sample. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -141,7 +141,7 @@ static double kelvin(const struct canvas *c, const struct flight_triangle *t, st
     }
 }
 
-/* What a sample shows: red, green and blue, or kelvin. */
+/* Value of a sample: red, green and blue, or kelvin. */
 static void sample(double out[3], const struct canvas *c, int x, int y)
 {
     const struct flight_world *w = c->p->world;

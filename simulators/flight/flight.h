@@ -28,7 +28,7 @@ const char *const *sst_flight_names(void);
 /**
  * Write a posed light field with LF/truth: truth.json (true cameras, walkers by moment: position of their middle on the
  * ground, m), ground.obj (the terrain, m), behind.png or .pfm (the middle view without trees, of levels), and
- * depth.pfm (m along the middle view's axis, of what it sees) with floor.pfm (of the ground below the trees).
+ * depth.pfm (m along the middle view's axis, as it sees the forest) with floor.pfm (of the ground below the trees).
  * @return 0, -EINVAL (unknown name, absurd size; logged), -ENOMEM, or an output error; logged
  */
 SST_MUST_CHECK int sst_flight_write(const char *name, const struct sst_flight_config *cfg, const char *out, bool force);

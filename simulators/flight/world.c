@@ -225,7 +225,7 @@ struct sst_vec3 flight_walker_at(const struct flight_world *w, int walker, doubl
     return (struct sst_vec3){ x, y, flight_ground(w, x, y) };
 }
 
-/* Body of a walker whose feet are at the origin and who looks along x; axes of an ellipsoid, m. */
+/* Body of a walker with feet at the origin that looks along x; axes of an ellipsoid, m. */
 static const struct part {
     struct sst_vec3 middle, radius;
     enum flight_matter matter;

@@ -14,7 +14,7 @@
 
 #define MOMENT_S 0.5 /* between moments of the array */
 #define DRIFT_M  0.8 /* that the drone flies on in it */
-#define REACH_M  9.0 /* of trees beyond what the cameras look at */
+#define REACH_M  9.0 /* of trees beyond the cameras' pictures */
 
 /* Kinds of flights. */
 static const struct kind {
@@ -202,7 +202,7 @@ static int make_world(struct job *j)
     const struct sst_flight_config *cfg = j->cfg;
     struct flight_world *w = &j->world;
     const double focal = kind->focal_px * cfg->width / kind->width;
-    /* What the cameras look at, on flat ground. */
+    /* The pictures' half sizes on flat ground. */
     const double half_x = kind->high_m * cfg->width / focal / 2 + kind->step_m * (cfg->cols - 1) / 2.0;
     const double half_y = kind->high_m * cfg->height / focal / 2 + kind->line_m * (cfg->rows - 1) / 2.0;
     const int moments = j->posed.count / j->per_moment;
@@ -270,7 +270,7 @@ static int write_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-/* The middle view without trees, its depths, and those of the ground. */
+/* The middle view without trees, its depths, and depths of the ground. */
 static int write_behind(struct job *j)
 {
     const int k = sst_posed_middle(&j->posed);
@@ -325,7 +325,7 @@ static json_t *numbers(const double *v, int count)
     return list;
 }
 
-/* Views that show at least a third of a walker whom they would show whole. */
+/* Views that show at least a third of the walker's samples without trees. */
 static int shown_by(const struct job *j, int moment, int walker)
 {
     int views = 0;

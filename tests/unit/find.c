@@ -67,7 +67,7 @@ static int find_at(const struct sst_found *found, int count, const json_t *walke
     return -1;
 }
 
-/* Walkers that `least` views show are found. @return the highest score of what is no walker, 0: all are */
+/* Walkers that `least` views show are found. @return the highest score of other finds, 0: none */
 static double compare(const struct forest *f, const struct sst_finds *finds, int least, double *weakest)
 {
     const struct sst_found *found = finds->found;

@@ -1,4 +1,4 @@
-/* Scores by local mean and spread, and blobs of them (pipeline/posed/find/find_internal.h). */
+/* Scores by local mean and spread, and their blobs (pipeline/posed/find/find_internal.h). */
 #include "pipeline/posed/find/find_internal.h"
 
 #include <errno.h>
@@ -43,7 +43,7 @@ static double largest(const struct sst_map_f32 *map, int x0, int y0, int side)
     return v;
 }
 
-/* A level of 30,000 below the values changes scores by what floats round. */
+/* A level of 30,000 below the values changes scores by rounding alone. */
 static void offset_does_not_count(void **state SST_UNUSED)
 {
     const struct find_score_config cfg = find_score_defaults();
@@ -70,7 +70,7 @@ static void offset_does_not_count(void **state SST_UNUSED)
     sst_map_f32_fini(&b);
 }
 
-/* What stands together hides itself unless values are cut. */
+/* Squares that stand together hide each other unless values are cut. */
 static void neighbours_stay_visible(void **state SST_UNUSED)
 {
     struct find_score_config cfg = find_score_defaults();
@@ -97,7 +97,7 @@ static void gaps(void **state SST_UNUSED)
         for (int x = 0; x < SIDE / 2; x++)
             sst_map_f32_row(&value, y)[x] = NAN;
     }
-    add_square(&value, SIDE / 2, 40, 6, 10); /* at the edge of what is seen */
+    add_square(&value, SIDE / 2, 40, 6, 10); /* at the edge of the valid pixels */
     assert_int_equal(find_score(&score, &value, &cfg, 1), 0);
     for (int y = 0; y < SIDE; y++) {
         for (int x = 0; x < SIDE; x++)

@@ -6,7 +6,7 @@
 
 #include "pipeline/posed/find/find_internal.h"
 
-/* Masks of width x height bytes, 0 or 1: pixels of high scores, and those by way of which they are connected. */
+/* Masks of width x height bytes, 0 or 1: pixels of high scores, and pixels by way of which they are connected. */
 struct mask {
     int width, height;
     uint8_t *at, *core;

@@ -1,4 +1,4 @@
-/* Searches: an integral, its scores, blobs, and which views show each of them. */
+/* Searches: an integral, its scores, blobs, and the views that show each blob. */
 #include "pipeline/posed/find/find.h"
 
 #include <errno.h>
@@ -192,7 +192,7 @@ static int integrate(struct search *s)
     return err;
 }
 
-/* Views by which a place counts: a share of what most places have. */
+/* Views by which a place counts: a share of the number that most places have. */
 static int least_coverage(const struct search *s)
 {
     const struct sst_map_u16 *views = &s->maps->views;
@@ -232,7 +232,7 @@ static int64_t cover(const struct search *s, struct sst_map_f32 *value, int leas
     return pixels;
 }
 
-/* The score that `rank` views reach at each pixel: what one or two see is no thing on the surface. */
+/* The score that `rank` views reach at each pixel: a leaf that one or two see is not on the surface. */
 static int ranked(struct search *s, struct sst_map_f32 *out, int rank)
 {
     struct sst_map_f32 top[RANKS] = { { 0 } };
@@ -279,8 +279,8 @@ struct tail {
     double peaks, slope; /* at TAIL_FROM; a spread. 0: unknown */
 };
 
-/* Of two steps as long, the second one has exp(-slope * step) times the peaks of the first; what is higher may be
- * sought. */
+/* Of two steps as long, the second one has exp(-slope * step) times the peaks of the first; higher ones may be
+ * persons. */
 static int find_tail(const struct search *s, struct tail *tail)
 {
     const struct find_blob_config cfg = {
@@ -438,7 +438,7 @@ static int search_init(struct search *s)
     return s->scores ? sst_integral_create(&s->one, s->camera, s->surface, 1, s->threads) : -ENOMEM;
 }
 
-/* The map of values whose local score is searched. */
+/* The map of values that are scored. */
 static int search_values(struct search *s, struct sst_map_f32 *value)
 {
     const struct sst_map_f32 *from = &s->maps->integral[0];

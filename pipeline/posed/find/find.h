@@ -1,4 +1,4 @@
-/* pipeline/posed/find/find.h - what does not belong to forest or ground: places that stand out in the integral. */
+/* pipeline/posed/find/find.h - finds: places that stand out from forest and ground in the integral. */
 #ifndef SST_PIPELINE_POSED_FIND_FIND_H
 #define SST_PIPELINE_POSED_FIND_FIND_H
 
@@ -38,13 +38,13 @@ struct sst_found {
     double size_m;              /* diameter of a circle of its area */
     double latitude, longitude; /* degrees; NAN where places are not geographic */
     int views;                  /* that show it, ... */
-    int seen;                   /* ... of those that look there */
+    int seen;                   /* ... of the views that look there */
     int best;                   /* view that shows it best; -1: none */
     double best_x, best_y;      /* px there */
     int moment;                 /* of the views */
 };
 
-/** What a search looks at: placed views of a folder, on a surface, as a virtual camera sees it. */
+/** Scene of a search: placed views of a folder, on a surface, as a virtual camera sees it. */
 struct sst_find_scene {
     const struct sst_posed *posed;
     const char *dir;

@@ -4,7 +4,7 @@
 
 #include "pipeline/posed/find/find.h"
 
-/* --- how far values stand out from what is around ----------------------------------------------------------------- */
+/* --- scores: values beside their surroundings --------------------------------------------------------------------- */
 
 struct find_score_config {
     int reach;        /* px: windows have sides of 2 reach + 1 */
@@ -19,7 +19,7 @@ struct find_score_config find_score_defaults(void);
 
 /**
  * Score of each pixel: (value - mean) / spread of the valid pixels in a window around it. Values that stand out are cut
- * before mean and spread are taken again: what stands together would otherwise hide itself.
+ * before mean and spread are taken again: persons who stand together would otherwise hide each other.
  *
  * @param score  out, initialised here; NAN where `value` is NAN, and everywhere if no spread is above 0
  * @param value  NAN: not valid
@@ -36,7 +36,7 @@ struct find_blob_config {
 };
 
 /**
- * Connected pixels (8 neighbours) whose score is high, opened by 3x3, the highest first.
+ * Connected pixels (8 neighbours) of high score, opened by 3x3, the highest first.
  * @param sign  1: high scores; -1: low ones
  * @param blob  out, [count], to be freed by the caller @return 0, -ENOMEM
  */
