@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cfenv>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -21,9 +22,24 @@ static constexpr double RATIO = 0.85;    /* of the best two distances */
 static constexpr double EPIPOLAR_PX = 1.5;
 static constexpr float ONE = 512; /* length of a descriptor */
 
+/* OpenCV's fits divide by zero where points are degenerate, and drop the result: that is no fault to trap. */
+struct no_traps {
+    fenv_t before;
+    no_traps()
+    {
+        std::feholdexcept(&before);
+    }
+    ~no_traps()
+    {
+        std::fesetenv(&before);
+    }
+};
+
 /* Run fn; an exception becomes an errno and one line of text, which OpenCV does not print besides. */
 template <typename Fn> static int guarded(char why[256], Fn fn)
 {
+    const no_traps held;
+
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     try {
         return fn();

@@ -6,7 +6,7 @@
 #include "pipeline/posed/solve/opencv_features.h"
 #include "pipeline/posed/solve/solve.h"
 
-#define POSES_FEATURES   3000 /* of a picture */
+#define POSES_FEATURES   2500 /* of a picture */
 #define POSES_MIN_PAIR   25   /* matches of two pictures that one epipolar geometry explains */
 #define POSES_MIN_SIGHTS 12   /* of a placed view */
 
