@@ -479,6 +479,8 @@ BENCH_GPU := $(BUILD)/sst $(BUILD)/bench/device_limits $(BUILD)/bench/device_sgm
   $(if $(filter 1,$(WITH_DNNL)),$(BUILD)/bench/network_device)
 bench-gpu: $(BENCH_GPU) ## measure every stage on every device against the CPU; renews docs/measured/gpu.md
 	$(PYTHON) scripts/bench_gpu.py --build $(BUILD)
+bench-posed: $(BUILD)/sst ## measure posed light fields, about 4 minutes: ARRAYS=DIR and THERMAL=DIR add public pictures; renews docs/measured/bench-posed.md
+	$(PYTHON) scripts/bench_posed.py --build $(BUILD) $(if $(ARRAYS),--arrays $(ARRAYS)) $(if $(THERMAL),--thermal $(THERMAL))
 bench-perturb: $(BUILD)/sst ## measure error against what is wrong with the pictures, an hour; renews docs/measured/bench-perturb.*
 	$(PYTHON) scripts/bench_perturb.py --build $(BUILD)
 

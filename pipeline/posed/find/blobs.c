@@ -135,7 +135,7 @@ int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *sco
     for (size_t i = 0; !err && i < pixels; i++) {
         const double v = sign * (double)sst_map_f32_row(score, (int)(i / (size_t)m->width))[i % (size_t)m->width];
 
-        m->at[i] = v >= cfg->grow * cfg->seed;
+        m->at[i] = isgreaterequal(v, cfg->grow * cfg->seed);
     }
     if (!err) {
         spread_mask(m, scratch, 1, false);

@@ -337,7 +337,7 @@ static int show(struct search *s, struct sst_found *found, int count, int k, dou
             for (int x = box.x0; x < box.x1; x++) {
                 const double v = (double)sst_map_f32_row(&map, y)[x];
 
-                if (!isnan(v) && (double)sst_map_f32_row(&s->maps->score, y)[x] >= GROW * s->threshold) {
+                if (!isnan(v) && isgreaterequal((double)sst_map_f32_row(&s->maps->score, y)[x], GROW * s->threshold)) {
                     sum += v;
                     n++;
                 }

@@ -198,7 +198,7 @@ static int rounds(struct scoring *s, int threads)
             float *spread = sst_map_f32_row(s->spread, y);
 
             for (int x = 0; x < s->value->width; x++)
-                spread[x] = spread[x] > s->least ? spread[x] : s->least;
+                spread[x] = isgreater(spread[x], s->least) ? spread[x] : s->least;
         }
     }
     return err;
@@ -225,10 +225,10 @@ int find_score(struct sst_map_f32 *score, const struct sst_map_f32 *value, const
         for (int x = 0; x < value->width; x++) {
             const float sd = sst_map_f32_row(&spread, y)[x];
 
-            to[x] = sd > 0 ? (float)(((double)sst_map_f32_row(&smoothed, y)[x] - s.middle -
-                                      (double)sst_map_f32_row(&mean, y)[x]) /
-                                     (double)sd)
-                           : NAN;
+            to[x] = isgreater(sd, 0) ? (float)(((double)sst_map_f32_row(&smoothed, y)[x] - s.middle -
+                                                (double)sst_map_f32_row(&mean, y)[x]) /
+                                               (double)sd)
+                                     : NAN;
         }
     }
     sums_fini(&s.sums);
