@@ -31,10 +31,11 @@ struct search {
 static json_t *found_json(const struct search *s, const struct sst_found *f)
 {
     const char *best = f->best >= 0 ? s->scene.posed.view[f->best].name : NULL;
-    json_t *json = json_pack("{s:f, s:[f, f], s:[i, i, i, i], s:[f, f, f], s:f, s:i, s:i}", "score", f->blob.score,
-                             "pixel", f->blob.x, f->blob.y, "box", f->blob.box.x0, f->blob.box.y0, f->blob.box.x1,
-                             f->blob.box.y1, "position_m", f->at_mm[0] / METRE_MM, f->at_mm[1] / METRE_MM,
-                             f->at_mm[2] / METRE_MM, "size_m", f->size_m, "views", f->views, "looking", f->seen);
+    json_t *json =
+        json_pack("{s:f, s:[f, f], s:[i, i, i, i], s:[o, o, o], s:f, s:i, s:i}", "score", f->blob.score, "pixel",
+                  f->blob.x, f->blob.y, "box", f->blob.box.x0, f->blob.box.y0, f->blob.box.x1, f->blob.box.y1,
+                  "position_m", cli_real_json(f->at_mm[0] / METRE_MM), cli_real_json(f->at_mm[1] / METRE_MM),
+                  cli_real_json(f->at_mm[2] / METRE_MM), "size_m", f->size_m, "views", f->views, "looking", f->seen);
 
     if (!isnan(f->latitude))
         json_object_update_new(json, json_pack("{s:f, s:f}", "latitude", f->latitude, "longitude", f->longitude));
@@ -79,6 +80,8 @@ static int write_json(json_t *json, const char *dir, const char *name)
     char path[SST_PATH_MAX], *text = json ? json_dumps(json, JSON_INDENT(1)) : NULL;
     int err = text ? sst_path_join(path, dir, name) : -ENOMEM;
 
+    if (!text)
+        sst_log_error("%s cannot be written: not enough memory, or a name in it is not UTF-8", name);
     err = err ? err : sst_file_write(path, text, strlen(text));
     free(text);
     json_decref(json);
@@ -110,33 +113,57 @@ static void print_table(const struct search *s)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-/* Levels as a picture, 16 bits by the stretch that shows them best. */
+/* Levels as a picture: colours of 8 bits as they are, others by the stretch that shows them best. */
 static int show_levels(struct sst_image *out, const struct search *s, const struct sst_deep *levels)
 {
-    return sst_deep_to_image(out, levels,
-                             s->scene.posed.bits == 8 ? (struct sst_samples){ 0 } : sst_deep_stretch(levels));
+    const bool plain = s->scene.posed.bits == 8 && levels->channels == 3;
+
+    return sst_deep_to_image(out, levels, plain ? (struct sst_samples){ 0 } : sst_deep_stretch(levels));
 }
 
-/* The integral; black where no view sees the surface. */
+/* A level of the integral; where no view sees the surface, the one that most of it has. */
+static uint16_t level_at(const struct search *s, int c, int x, int y, double middle)
+{
+    const double scale = s->finds.channels == 3 && s->scene.posed.bits == 8 ? 257 : 1;
+    const double v = (double)sst_map_f32_row(&s->finds.integral[c], y)[x];
+
+    return (uint16_t)fmin(fmax((isnan(v) ? middle : v) * scale + 0.5, 0), 65535);
+}
+
+static double mean_of(const struct sst_map_f32 *map)
+{
+    double sum = 0, n = 0;
+
+    for (int y = 0; y < map->height; y++) {
+        for (int x = 0; x < map->width; x++) {
+            const double v = (double)sst_map_f32_row(map, y)[x];
+
+            sum += isnan(v) ? 0 : v;
+            n += !isnan(v);
+        }
+    }
+    return n > 0 ? sum / n : 0;
+}
+
+/* The integral, stretched as the pixels that views see ask for; the others are black. */
 static int picture_of_integral(struct sst_image *out, const struct search *s)
 {
-    const struct sst_finds *m = &s->finds;
-    const int w = m->score.width, h = m->score.height;
+    const int w = s->finds.score.width, h = s->finds.score.height;
     struct sst_deep levels = { 0 };
-    int err = sst_deep_init(&levels, w, h, m->channels, 65535);
+    int err = sst_deep_init(&levels, w, h, s->finds.channels, 65535);
 
-    for (int c = 0; c < m->channels && !err; c++) {
-        for (int y = 0; y < h; y++) {
-            for (int x = 0; x < w; x++) {
-                const double v = (double)sst_map_f32_row(&m->integral[c], y)[x] *
-                                 (m->channels == 3 && s->scene.posed.bits == 8 ? 257 : 1);
+    for (int c = 0; c < s->finds.channels && !err; c++) {
+        const double middle = mean_of(&s->finds.integral[c]);
 
-                sst_map_u16_row(&levels.plane[c], y)[x] = (uint16_t)(isnan(v) ? 0 : fmin(fmax(v + 0.5, 0), 65535));
-            }
-        }
+        for (int i = 0; i < w * h; i++)
+            sst_map_u16_row(&levels.plane[c], i / w)[i % w] = level_at(s, c, i % w, i / w, middle);
     }
     err = err ? err : show_levels(out, s, &levels);
     sst_deep_fini(&levels);
+    for (int i = 0; !err && i < w * h; i++) {
+        for (int c = 0; c < 3 && !sst_map_u16_row(&s->finds.views, i / w)[i % w]; c++)
+            sst_image_row(out, c, i / w)[i % w] = 0;
+    }
     return err;
 }
 
@@ -240,16 +267,17 @@ static int write_out(const struct search *s)
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-static int search(struct search *s)
+static int search(const struct cli_command *cmd, struct search *s)
 {
     const struct sst_find_scene scene = { &s->scene.posed, s->path, &s->scene.cfg.camera, &s->scene.cfg.surface };
     int err;
 
+    if (s->dark && (s->cfg.by == SST_FIND_VIEWS || (s->cfg.by == SST_FIND_CHOOSE && s->scene.posed.channels == 3)))
+        return cli_usage_error(
+            cmd, "--dark seeks by the integral; colour views are searched by their scores: add --by integral");
     s->scene.cfg.camera = sst_find_camera(&s->scene.cfg.camera, &s->scene.cfg.surface);
     s->cfg.sign = s->dark ? -1 : 1;
     s->cfg.threads = s->args.cfg.threads;
-    if (s->by)
-        s->cfg.by = !strcmp(s->by, "views") ? SST_FIND_VIEWS : SST_FIND_INTEGRAL;
     err = sst_posed_find(&s->finds, &scene, &s->cfg);
     if (!err && s->out)
         err = write_out(s);
@@ -302,10 +330,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                       s.path);
         return CLI_INPUT;
     }
+    if (s.by)
+        s.cfg.by = !strcmp(s.by, "views") ? SST_FIND_VIEWS : SST_FIND_INTEGRAL;
     r = cli_posed_open(&s.scene, cmd, &s.args, s.path, (char *[]){ NULL });
     if (r != CLI_GO_ON)
         return r;
-    r = search(&s);
+    r = search(cmd, &s);
     cli_posed_close(&s.scene);
     return r;
 }

@@ -27,6 +27,7 @@
 #define EARTH_A            6378137.0 /* WGS 84 */
 #define EARTH_E2           6.69437999014e-3
 #define RANKS              4
+#define KEPT_BYTES         ((size_t)1 << 30) /* of views' scores; the others are computed again where they are wanted */
 
 struct search {
     const struct sst_posed *posed;
@@ -37,7 +38,7 @@ struct search {
     enum sst_find_by by;
     int threads, reach, close; /* px of the virtual picture */
     double pixel_m, threshold;
-    struct sst_deep *scores;  /* [views], of placed ones: score levels in the view's pixels */
+    struct sst_deep *scores;  /* [views], of placed ones that are kept: score levels in the view's pixels */
     struct sst_integral *one; /* of one view at a time */
     struct sst_finds *maps;
 };
@@ -68,7 +69,7 @@ static bool place_of(const struct sst_virtual *camera, const struct sst_surface 
 
     sst_virtual_ray(camera, x, y, ray);
     t = sst_surface_meet(surface, camera->centre_mm, ray);
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; isfinite(t) && i < 3; i++)
         at_mm[i] = camera->centre_mm[i] + t * ray[i];
     return isfinite(t);
 }
@@ -102,18 +103,39 @@ struct sst_virtual sst_find_camera(const struct sst_virtual *camera, const struc
     return pixel_m > 0 && pixel_m < PIXEL_M ? sst_virtual_scaled(camera, PIXEL_M / pixel_m) : *camera;
 }
 
+/* Place of a find: of its middle, or where the surface has none there, of its highest score that has one. */
+static bool find_place(const struct search *s, struct sst_found *f)
+{
+    const struct sst_rect box = f->blob.box;
+    double best = -INFINITY, at[3];
+
+    if (place_of(s->camera, s->surface, f->blob.x, f->blob.y, f->at_mm))
+        return true;
+    for (int y = box.y0; y < box.y1; y++) {
+        for (int x = box.x0; x < box.x1; x++) {
+            const double score = (double)sst_map_f32_row(&s->maps->score, y)[x];
+
+            if (isgreater(score, best) && place_of(s->camera, s->surface, x, y, at)) {
+                memcpy(f->at_mm, at, sizeof(at));
+                best = score;
+            }
+        }
+    }
+    return best > -INFINITY;
+}
+
 static void locate(const struct search *s, struct sst_found *f)
 {
     const struct sst_posed *p = s->posed;
     const double to_rad = M_PI / 180, sine = sin(p->latitude * to_rad), w = 1 - EARTH_E2 * sine * sine;
-    const double meridian = EARTH_A * (1 - EARTH_E2) / (w * sqrt(w)),
-                 parallel = EARTH_A / sqrt(w) * cos(p->latitude * to_rad);
+    const double meridian = EARTH_A * (1 - EARTH_E2) / (w * sqrt(w));
+    const double parallel = EARTH_A / sqrt(w) * cos(p->latitude * to_rad);
+    const bool placed = find_place(s, f);
 
     f->latitude = f->longitude = (double)NAN;
-    if (!place_of(s->camera, s->surface, f->blob.x, f->blob.y, f->at_mm)) {
-        for (int i = 0; i < 3; i++)
-            f->at_mm[i] = (double)NAN;
-    } else if (p->geographic) {
+    for (int i = 0; !placed && i < 3; i++)
+        f->at_mm[i] = (double)NAN;
+    if (placed && p->geographic) {
         f->latitude = p->latitude + f->at_mm[1] / 1000 / meridian / to_rad;
         f->longitude = p->longitude + f->at_mm[0] / 1000 / parallel / to_rad;
     }
@@ -131,34 +153,45 @@ static double view_scale(const struct search *s, int k)
     return isfinite(far_mm) ? s->pixel_m * 1000 * cam->fx / far_mm : 1;
 }
 
-static int score_view(void *arg, int k, int worker SST_UNUSED)
+static int compute_scores(const struct search *s, struct sst_deep *out, int k)
 {
-    struct search *s = arg;
+    const double scale = view_scale(s, k);
     struct sst_deep picture = { 0 };
-    double scale;
-    int err;
+    int err = sst_posed_picture(&picture, s->posed, s->dir, k);
 
-    if (!s->posed->view[k].camera.known)
-        return 0;
-    scale = view_scale(s, k);
-    err = sst_posed_picture(&picture, s->posed, s->dir, k);
     if (!err && picture.channels == 3)
-        err = find_colour_scores(&s->scores[k], &picture, (int)(SMEARED_M / s->pixel_m * scale));
+        err = find_colour_scores(out, &picture, (int)(SMEARED_M / s->pixel_m * scale));
     else if (!err)
-        err = find_local_scores(&s->scores[k], &picture, s->cfg->sign, sst_max_int((int)(s->reach * scale), 2));
+        err = find_local_scores(out, &picture, s->cfg->sign, sst_max_int((int)(s->reach * scale), 2));
     sst_deep_fini(&picture);
     return err;
 }
 
-/* One picture on the surface; NAN where it shows nothing of it. */
-static int resample(struct search *s, struct sst_map_f32 *out, int k, const struct sst_deep *picture)
+static int score_view(void *arg, int k, int worker SST_UNUSED)
+{
+    struct search *s = arg;
+    const size_t each = 2 * (size_t)s->posed->width * (size_t)s->posed->height;
+
+    return s->posed->view[k].camera.known && (size_t)k < KEPT_BYTES / each ? compute_scores(s, &s->scores[k], k) : 0;
+}
+
+/* Scores of a view on the surface; NAN where it shows nothing of it. */
+static int resample(struct search *s, struct sst_map_f32 *out, int k)
 {
     const struct sst_calib_camera *camera = &s->posed->view[k].camera;
-    int err;
+    const struct sst_deep *scores = &s->scores[k];
+    struct sst_deep own = { 0 };
+    int err = 0;
 
+    if (!scores->width) { /* not kept */
+        err = compute_scores(s, &own, k);
+        scores = &own;
+    }
     sst_integral_restart(s->one, s->surface);
-    err = sst_integral_add(s->one, &camera, &picture, 1);
-    return err ? err : sst_integral_means(out, s->one, 0);
+    err = err ? err : sst_integral_add(s->one, &camera, &scores, 1);
+    err = err ? err : sst_integral_means(out, s->one, 0);
+    sst_deep_fini(&own);
+    return err;
 }
 
 /* The integral of all views, less each one's median where it has one channel. */
@@ -243,9 +276,9 @@ static int ranked(struct search *s, struct sst_map_f32 *out, int rank)
     for (int k = 0; k < s->posed->count && !err; k++) {
         struct sst_map_f32 map = { 0 };
 
-        if (!s->scores[k].width)
+        if (!s->posed->view[k].camera.known)
             continue;
-        err = resample(s, &map, k, &s->scores[k]);
+        err = resample(s, &map, k);
         for (int y = 0; !err && y < map.height; y++) {
             for (int x = 0; x < map.width; x++) {
                 float v = sst_map_f32_row(&map, y)[x];
@@ -314,6 +347,9 @@ static int choose_threshold(struct search *s)
         s->threshold = s->cfg->threshold;
     else if (wanted > 0 && tail.slope > 0)
         s->threshold = fmax(TAIL_FROM + log(fmax(tail.peaks / wanted, 1)) / tail.slope, THRESHOLD_LEAST);
+    if (wanted > 0 && !(tail.slope > 0) && !err)
+        sst_log_warning("%s: too few places to tell how many false finds the background makes; the threshold is %.3g",
+                        s->dir, s->threshold);
     s->maps->threshold = s->threshold;
     s->maps->alarms = tail.slope > 0 && s->maps->hectares > 0
                           ? tail.peaks * exp(-tail.slope * (s->threshold - TAIL_FROM)) / s->maps->hectares
@@ -327,7 +363,7 @@ static int choose_threshold(struct search *s)
 static int show(struct search *s, struct sst_found *found, int count, int k, double *best)
 {
     struct sst_map_f32 map = { 0 };
-    int err = resample(s, &map, k, &s->scores[k]);
+    int err = resample(s, &map, k);
 
     for (int i = 0; i < count && !err; i++) {
         const struct sst_rect box = found[i].blob.box;
@@ -362,8 +398,10 @@ static void see_best(const struct search *s, struct sst_found *f)
     const struct sst_calib_camera *cam = f->best >= 0 ? &s->posed->view[f->best].camera : NULL;
     double p[3];
 
-    if (!cam)
+    if (!cam || isnan(f->at_mm[0])) {
+        f->best = -1;
         return;
+    }
     for (int i = 0; i < 3; i++)
         p[i] = cam->rotation[3 * i] * (f->at_mm[0] - cam->position_mm[0]) +
                cam->rotation[3 * i + 1] * (f->at_mm[1] - cam->position_mm[1]) +
@@ -398,7 +436,7 @@ static int judge(struct search *s)
         locate(s, &found[i]);
     }
     for (int k = 0; k < s->posed->count && !err && n; k++) {
-        if (s->scores[k].width)
+        if (s->posed->view[k].camera.known)
             err = show(s, found, n, k, best);
     }
     for (int i = 0; i < n && !err; i++) {
@@ -438,15 +476,19 @@ static int search_init(struct search *s)
     return s->scores ? sst_integral_create(&s->one, s->camera, s->surface, 1, s->threads) : -ENOMEM;
 }
 
+static int rank_of(const struct search *s)
+{
+    return sst_clamp_int(sst_min_int(s->cfg->least_views, (sst_posed_placed(s->posed) + 1) / 2), 1, RANKS);
+}
+
 /* The map of values that are scored. */
 static int search_values(struct search *s, struct sst_map_f32 *value)
 {
     const struct sst_map_f32 *from = &s->maps->integral[0];
-    const int placed = sst_posed_placed(s->posed);
     int err;
 
     if (s->by == SST_FIND_VIEWS)
-        return ranked(s, value, sst_clamp_int(sst_min_int(s->cfg->least_views, (placed + 1) / 2), 1, RANKS));
+        return ranked(s, value, rank_of(s));
     err = sst_map_f32_init(value, from->width, from->height);
     for (int y = 0; !err && y < from->height; y++) {
         for (int x = 0; x < from->width; x++) {
@@ -479,7 +521,7 @@ int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene, co
     err = err ? err : integrate(&s);
     err = err ? err : search_values(&s, &value);
     if (!err)
-        covered = cover(&s, &value, least_coverage(&s));
+        covered = cover(&s, &value, sst_max_int(least_coverage(&s), s.by == SST_FIND_VIEWS ? rank_of(&s) : 1));
     score.reach = s.reach;
     err = err ? err : find_score(&out->score, &value, &score, s.threads);
     out->hectares = (double)covered * s.pixel_m * s.pixel_m / 1e4;
@@ -488,8 +530,14 @@ int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene, co
     for (int k = 0; s.scores && k < s.posed->count; k++)
         sst_deep_fini(&s.scores[k]);
     free(s.scores);
-    sst_integral_destroy(s.one);
     sst_map_f32_fini(&value);
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory for a search of %dx%d pixels", scene->camera->width, scene->camera->height);
+    if (err == -EINVAL && s.one) {
+        sst_log_error("%s: its pictures, or the virtual one, have sizes that cannot be searched", scene->dir);
+        err = -EBADMSG;
+    }
+    sst_integral_destroy(s.one);
     if (err)
         sst_finds_fini(out);
     return err;

@@ -34,7 +34,7 @@ struct sst_find_config sst_find_defaults(void);
 
 struct sst_found {
     struct sst_blob blob;       /* in the virtual picture */
-    double at_mm[3];            /* middle on the surface, world axes */
+    double at_mm[3];            /* on the surface, world axes; NAN: it has no place there */
     double size_m;              /* diameter of a circle of its area */
     double latitude, longitude; /* degrees; NAN where places are not geographic */
     int views;                  /* that show it, ... */
@@ -66,14 +66,15 @@ struct sst_finds {
 };
 void sst_finds_fini(struct sst_finds *finds);
 
-/** The same view with pixels of at least 4 cm on the surface, as a search wants them. */
+/** The same view with pixels of at least 2.5 cm on the surface, as a search wants them. */
 struct sst_virtual sst_find_camera(const struct sst_virtual *camera, const struct sst_surface *surface);
 
 /**
  * Find places on a surface that stand out (design/posed-find.md).
  *
  * @param out  out, initialised here; to be freed by sst_finds_fini() unless an error is returned
- * @return 0, -EINVAL (the camera does not meet the surface), -ENODATA (no view is placed), -ENOMEM, or as
+ * @return 0, -EINVAL (the camera does not meet the surface), -ENODATA (no view is placed), -EBADMSG (pictures that are
+ * too small), -ENOMEM, or as
  * sst_posed_picture(); logged
  */
 SST_MUST_CHECK int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene,
