@@ -164,6 +164,30 @@ static void lens_is_found(void **state SST_UNUSED)
     poses_model_fini(&m);
 }
 
+/* A focal length that is fixed stays, whatever its prior is, and does not stop views and points. */
+static void fixed_focal_length_has_no_prior(void **state SST_UNUSED)
+{
+    struct poses_model truth, m;
+    struct poses_tracks tracks;
+
+    make_truth(&truth, 1);
+    see(&tracks, &truth, 0.3, 0.1);
+    assert_int_equal(poses_model_copy(&m, &truth), 0);
+    disturb(&m, 5);
+    poses_triangulate(&m, &tracks);
+    adjust(&m, &tracks,
+           (struct poses_adjust){ .linked = all,
+                                  .line_along = POSES_LINE_ALONG,
+                                  .line_across = POSES_LINE_ACROSS,
+                                  .focal_prior = 2 * FOCAL,
+                                  .focal_sigma = 0.03 });
+    assert_true(m.focal == FOCAL);
+    assert_true(poses_median(&m, &tracks) < 0.3);
+    poses_tracks_fini(&tracks);
+    poses_model_fini(&truth);
+    poses_model_fini(&m);
+}
+
 /* Given poses whose compass is off by a degree about the vertical, z here: positions and pictures correct it. */
 static void compass_is_corrected(void **state SST_UNUSED)
 {
@@ -285,8 +309,13 @@ static void tracks_join(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cameras_on_a_line), cmocka_unit_test(lens_is_found),   cmocka_unit_test(compass_is_corrected),
-        cmocka_unit_test(skyline_solves),    cmocka_unit_test(start_on_a_line), cmocka_unit_test(tracks_join),
+        cmocka_unit_test(cameras_on_a_line),
+        cmocka_unit_test(lens_is_found),
+        cmocka_unit_test(fixed_focal_length_has_no_prior),
+        cmocka_unit_test(compass_is_corrected),
+        cmocka_unit_test(skyline_solves),
+        cmocka_unit_test(start_on_a_line),
+        cmocka_unit_test(tracks_join),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -196,7 +196,7 @@ static double prior_cost(const struct poses_model *m, const struct work *w)
                 cost += pow((m->centre[k][i] - p->centre[i]) / p->sigma_centre, 2);
         }
     }
-    if (how->focal_sigma > 0)
+    if (how->focal_sigma > 0 && how->free_focal)
         cost += pow(log(m->focal / how->focal_prior) / how->focal_sigma, 2);
     return cost;
 }
@@ -348,7 +348,7 @@ static void add_priors(struct work *w, const struct poses_model *m, int lens)
             }
         }
     }
-    if (how->focal_sigma > 0) {
+    if (how->focal_sigma > 0 && how->free_focal) {
         const double weight = 1 / (how->focal_sigma * how->focal_sigma);
 
         w->base.row[lens][lens] += weight;
