@@ -1,8 +1,10 @@
 /* Adjustment of poses (pipeline/posed/solve/): skyline algebra, tracks, starts and priors on simulated sights. */
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "pipeline/posed/solve/solve_internal.h"
 #include "tests/random.h"
 #include "tests/test.h"
@@ -306,6 +308,30 @@ static void tracks_join(void **state SST_UNUSED)
     poses_tracks_fini(&tracks);
 }
 
+/* Fewer than two views are no result, and no prior of a rig. */
+static void two_views_are_placed(void **state SST_UNUSED)
+{
+    bool placed[2][2] = { { true, false }, { true, false } };
+    struct poses_scene scene[2] = { { .dir = "a", .views = 2, .placed = placed[0] },
+                                    { .dir = "b", .views = 2, .placed = placed[1] } };
+    char text[SST_LOG_MAX] = "";
+
+    for (int s = 0; s < 2; s++) {
+        assert_int_equal(poses_model_init(&scene[s].model, 2, 0), 0);
+        scene[s].model.centre[1][0] = 1;
+    }
+    assert_int_equal(poses_share_rig(scene, 2, &(struct sst_posed_solve_config){ .threads = 1 }), 0);
+    assert_false(placed[0][1] || placed[1][1]);
+    sst_log_hold_errors(text);
+    assert_int_equal(poses_check_placed(&scene[0]), -EDOM);
+    placed[1][1] = true;
+    assert_int_equal(poses_check_placed(&scene[1]), 0);
+    sst_log_hold_errors(NULL);
+    assert_contains(text, "a: too few matches");
+    poses_model_fini(&scene[0].model);
+    poses_model_fini(&scene[1].model);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -316,6 +342,7 @@ int main(void)
         cmocka_unit_test(skyline_solves),
         cmocka_unit_test(start_on_a_line),
         cmocka_unit_test(tracks_join),
+        cmocka_unit_test(two_views_are_placed),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -256,6 +256,20 @@ int poses_finish(struct poses_scene *scene, const struct poses_adjust *how, doub
     return err ? err : keep_supported(scene);
 }
 
+int poses_check_placed(const struct poses_scene *scene)
+{
+    int placed = 0;
+
+    for (int v = 0; v < scene->views; v++)
+        placed += scene->placed[v];
+    if (placed > 1)
+        return 0;
+    sst_log_error("%s: too few matches of the pictures agree to place two views; poses need more overlap, or sharper "
+                  "pictures",
+                  scene->dir);
+    return -EDOM;
+}
+
 /* Groups of pictures that do not match each other are refined together: given poses hold them in one world. */
 static void link_given(struct poses_scene *scene)
 {

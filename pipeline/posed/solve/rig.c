@@ -217,7 +217,7 @@ int poses_share_rig(struct poses_scene *scene, int count, const struct sst_posed
     struct rig rig = { .scene = scene, .cfg = cfg, .count = count, .views = scene->views };
     const size_t n = (size_t)scene->views, all = n * (size_t)count;
     double *work = malloc((n + (size_t)count) * sizeof(*work));
-    int err = check_alike(scene, count);
+    int err = check_alike(scene, count), known = 0;
 
     if (err)
         goto done;
@@ -235,6 +235,11 @@ int poses_share_rig(struct poses_scene *scene, int count, const struct sst_posed
         relative(&rig, s, work);
     for (int v = 0; v < rig.views; v++)
         median_pose(&rig, v, work);
+    for (int v = 0; v < rig.views; v++)
+        known += rig.known[v];
+    err = 0;
+    if (known < 2) /* no distance to scale by */
+        goto done;
     scale_prior(&rig);
     err = sst_parallel_for(count, cfg->threads, solve_again, &rig);
 done:

@@ -76,6 +76,8 @@ static int solve_scenes(struct poses_scene *scene, int count, const struct sst_p
     }
     if (!err && cfg->one_rig && count > 1)
         err = poses_share_rig(scene, count, cfg);
+    for (int i = 0; !err && i < count; i++)
+        err = poses_check_placed(&scene[i]);
     return err;
 }
 

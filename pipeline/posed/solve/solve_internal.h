@@ -145,9 +145,13 @@ SST_MUST_CHECK int poses_find(struct poses_scene *scene, const struct sst_posed_
 /** The last adjustments, from wide to narrow, of scene->model; then views that too few sights support are dropped. */
 SST_MUST_CHECK int poses_finish(struct poses_scene *scene, const struct poses_adjust *how, double widest_px);
 
+/** @return 0, -EDOM (fewer than two views are placed, which have neither axes nor a unit; logged) */
+SST_MUST_CHECK int poses_check_placed(const struct poses_scene *scene);
+
 /* --- rig.c -------------------------------------------------------------------------------------------------------- */
 
-/** Solve scenes of one rig again with the median of their relative poses as a prior. */
+/** Solve scenes of one rig again with the median of their relative poses as a prior; scenes that agree on fewer than
+ *  two views stay as they are. @return 0, -EBADMSG, -ENOMEM */
 SST_MUST_CHECK int poses_share_rig(struct poses_scene *scene, int count, const struct sst_posed_solve_config *cfg);
 
 /* --- result.c ----------------------------------------------------------------------------------------------------- */
