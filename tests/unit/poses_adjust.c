@@ -308,6 +308,55 @@ static void tracks_join(void **state SST_UNUSED)
     poses_tracks_fini(&tracks);
 }
 
+/* An adjusted lens before a view's own is stored as one lens that projects alike. */
+static void lenses_join(void **state SST_UNUSED)
+{
+    static const double own[3][SST_LENS_MAX] = { { 0 },
+                                                 { -0.08, 0.02, 0.001, -0.0005, 0.01 },
+                                                 { 0.1, 0.05, 0.001, 0.0005, 0.01, 0.15, 0.02, 0.003 } };
+    static const int lens[3] = { 0, 5, 8 };
+    const double k1 = 0.04, factor = 1.05;
+
+    for (int i = 0; i < 3; i++) {
+        struct sst_posed posed;
+        struct sst_posed_solved solved;
+        struct sst_calib_camera before;
+        bool placed[2] = { true, true };
+        struct poses_scene scene = {
+            .posed = &posed, .views = 2, .placed = placed, .focal = FOCAL, .focal_known = true, .lenses = true
+        };
+
+        assert_int_equal(sst_posed_init(&posed, 2), 0);
+        assert_int_equal(poses_model_init(&scene.model, 2, 0), 0);
+        scene.model.focal = factor * FOCAL;
+        scene.model.k1 = k1;
+        scene.model.centre[1][0] = 1;
+        for (int k = 0; k < 2; k++) {
+            struct sst_calib_camera *cam = &posed.view[k].camera;
+
+            cam->fx = FOCAL;
+            cam->fy = 1.01 * FOCAL;
+            cam->cx = cam->cy = HALF;
+            cam->lens = lens[i];
+            memcpy(cam->k, own[i], sizeof(cam->k));
+        }
+        before = posed.view[1].camera;
+        assert_int_equal(poses_report(&scene, &(struct sst_posed_solve_config){ .free_lens = true }, &solved), 0);
+        assert_int_equal(posed.view[1].camera.lens, lens[i] ? lens[i] : 5);
+        for (int p = 0; p < 25; p++) {
+            const double a = 0.2 * (p % 5 - 2), b = 0.2 * (p / 5 - 2), by = factor * (1 + k1 * (a * a + b * b));
+            double should[2], is[2];
+
+            sst_camera_distort(&before, by * a, by * b, &should[0], &should[1]);
+            sst_camera_distort(&posed.view[1].camera, a, b, &is[0], &is[1]);
+            assert_true(hypot(should[0] - is[0], should[1] - is[1]) < 0.1);
+        }
+        sst_posed_solved_fini(&solved);
+        poses_model_fini(&scene.model);
+        sst_posed_fini(&posed);
+    }
+}
+
 /* Fewer than two views are no result, and no prior of a rig. */
 static void two_views_are_placed(void **state SST_UNUSED)
 {
@@ -342,6 +391,7 @@ int main(void)
         cmocka_unit_test(skyline_solves),
         cmocka_unit_test(start_on_a_line),
         cmocka_unit_test(tracks_join),
+        cmocka_unit_test(lenses_join),
         cmocka_unit_test(two_views_are_placed),
     };
 
