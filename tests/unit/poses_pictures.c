@@ -223,12 +223,58 @@ static void poses_without_evidence(void **state SST_UNUSED)
     assert_int_equal(refused(PICTURE_SAME, 4, "show no parallax"), -EDOM);
 }
 
+enum { SIDE = 160 };
+
+/* Blocks of random levels; the first and the last view show the same. */
+static int levels_of(void *arg, int view, float **level)
+{
+    const struct poses_scene *scene = arg;
+    enum { BLOCK = 5 };
+    uint64_t seed = 50 + (uint64_t)view % (uint64_t)(scene->views - 1);
+
+    *level = malloc(sizeof(**level) * SIDE * SIDE);
+    assert_non_null(*level);
+    for (int y = 0; y < SIDE; y += BLOCK) {
+        for (int x = 0; x < SIDE; x += BLOCK) {
+            const float value = (float)(255 * sst_random(&seed));
+
+            for (int i = 0; i < BLOCK * BLOCK; i++)
+                (*level)[(y + i / BLOCK) * SIDE + x + i % BLOCK] = value;
+        }
+    }
+    return 0;
+}
+
+/* Given positions of some views do not keep the others from being matched far apart in order. */
+static void views_without_poses_have_neighbours(void **state SST_UNUSED)
+{
+    enum { VIEWS = 5 };
+    struct sst_posed posed;
+    struct poses_scene scene = { .posed = &posed, .views = VIEWS };
+
+    assert_int_equal(sst_posed_init(&posed, VIEWS), 0);
+    posed.width = posed.height = SIDE;
+    for (int k = 1; k < VIEWS - 1; k++) {
+        posed.view[k].camera.known = true;
+        posed.view[k].camera.position_mm[0] = 1000 * k;
+    }
+    scene.middle = calloc(VIEWS, sizeof(*scene.middle));
+    assert_non_null(scene.middle);
+    assert_int_equal(poses_scene_match(&scene, levels_of, &scene, 2), 0);
+    assert_int_equal(scene.pairs, 1);
+    assert_int_equal(scene.pair[0].a, 0);
+    assert_int_equal(scene.pair[0].b, VIEWS - 1);
+    poses_scene_fini(&scene);
+    sst_posed_fini(&posed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forest_is_placed),
         cmocka_unit_test(compass_is_corrected),
         cmocka_unit_test(poses_without_evidence),
+        cmocka_unit_test(views_without_poses_have_neighbours),
     };
 
     if (!WITH_OPENCV) {

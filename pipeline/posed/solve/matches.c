@@ -212,8 +212,16 @@ static int match_pairs(struct poses_scene *scene, struct poses_pair *more, int c
 
 struct nearness {
     const struct poses_scene *scene;
+    bool places;     /* pairs of two placed views are compared by their positions */
     uint16_t *alike; /* [views][views] matches of few features, or nearness of given positions */
 };
+
+static bool by_places(const struct nearness *near, int a, int b)
+{
+    const struct sst_posed_view *view = near->scene->posed->view;
+
+    return near->places && view[a].camera.known && view[b].camera.known;
+}
 
 static int compare_view(void *arg, int view, int worker)
 {
@@ -228,6 +236,8 @@ static int compare_view(void *arg, int view, int worker)
     for (int v = view + 1; !err && v < scene->views; v++) {
         struct cv_features b = scene->feature[v];
 
+        if (by_places(near, view, v))
+            continue;
         b.count = sst_min_int(b.count, FEW_FEATURES);
         err = cv_features_match(&a, &b, match, &count, why);
         near->alike[(size_t)view * scene->views + v] = (uint16_t)count;
@@ -254,7 +264,7 @@ static bool is_near(const struct nearness *near, int a, int b)
     return own >= MIN_COARSE && before < NEIGHBOURS;
 }
 
-/* Given positions in place of matches: the nearest are most alike. */
+/* Given positions in place of matches: the nearest are most alike. A view that is not placed has matches alone. */
 static void compare_places(struct nearness *near)
 {
     const struct poses_scene *scene = near->scene;
@@ -269,7 +279,7 @@ static void compare_places(struct nearness *near)
 
             for (int i = 0; i < 3; i++)
                 d2 += (own->position_mm[i] - other->position_mm[i]) * (own->position_mm[i] - other->position_mm[i]);
-            if (own->known && other->known)
+            if (by_places(near, a, b))
                 near->alike[(size_t)a * scene->views + b] = (uint16_t)(UINT16_MAX / (1 + sqrt(d2) / unit));
         }
     }
@@ -281,10 +291,9 @@ static int compare_views(struct nearness *near, const struct poses_scene *scene,
     near->alike = calloc((size_t)scene->views * scene->views, sizeof(*near->alike));
     if (!near->alike)
         return -ENOMEM;
-    if (sst_posed_placed(scene->posed) > 1 && sst_posed_spacing(scene->posed) > 0) {
+    near->places = sst_posed_placed(scene->posed) > 1 && sst_posed_spacing(scene->posed) > 0;
+    if (near->places)
         compare_places(near);
-        return 0;
-    }
     return sst_parallel_for(scene->views, threads, compare_view, near);
 }
 
