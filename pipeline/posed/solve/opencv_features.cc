@@ -93,6 +93,8 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
         if (!out->at || !out->descriptor) {
             std::free(out->at);
             std::free(out->descriptor);
+            out->at = nullptr;
+            out->descriptor = nullptr;
             return -ENOMEM;
         }
         for (size_t i = 0; i < count; i++) {
