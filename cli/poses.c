@@ -16,6 +16,7 @@ struct poses_run {
     const char *dir[MOST_LF + 1];
     struct sst_posed *posed;         /* [count] */
     struct sst_posed_solved *solved; /* [count] */
+    bool *saved;                     /* [count] the result is in the folder */
 };
 
 static json_t *names_json(const struct sst_posed *posed, const bool *doubtful)
@@ -53,6 +54,7 @@ static json_t *result_json(const char *dir, const struct sst_posed *posed, const
                      names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
 }
 
+/* Results that are saved; there is one. */
 static int print_json(const struct poses_run *run)
 {
     json_t *list;
@@ -60,8 +62,10 @@ static int print_json(const struct poses_run *run)
     if (run->count == 1)
         return cli_print_json(result_json(run->dir[0], run->posed, run->solved));
     list = json_array();
-    for (int i = 0; i < run->count; i++)
-        json_array_append_new(list, result_json(run->dir[i], &run->posed[i], &run->solved[i]));
+    for (int i = 0; i < run->count; i++) {
+        if (run->saved[i])
+            json_array_append_new(list, result_json(run->dir[i], &run->posed[i], &run->solved[i]));
+    }
     return cli_print_json(json_pack("{s:o}", "lightfields", list));
 }
 
@@ -97,7 +101,8 @@ static int load(struct poses_run *run)
 {
     run->posed = calloc((size_t)run->count, sizeof(*run->posed));
     run->solved = calloc((size_t)run->count, sizeof(*run->solved));
-    if (!run->posed || !run->solved)
+    run->saved = calloc((size_t)run->count, sizeof(*run->saved));
+    if (!run->posed || !run->solved || !run->saved)
         return -ENOMEM;
     for (int i = 0; i < run->count; i++) {
         const int err = sst_posed_load(&run->posed[i], run->dir[i]);
@@ -118,32 +123,48 @@ static void run_fini(struct poses_run *run)
     }
     free(run->posed);
     free(run->solved);
+    free(run->saved);
 }
 
-/* Light fields apart are solved one by one, so that the fault of one leaves the others' results. */
-static int solve(struct poses_run *run, const struct sst_posed_solve_config *cfg)
+static int save(struct poses_run *run, int i)
 {
-    int err = 0;
+    const int err = sst_posed_save(&run->posed[i], run->dir[i]);
 
-    if (cfg->one_rig)
-        return sst_posed_solve(run->posed, run->dir, run->count, cfg, run->solved);
+    run->saved[i] = !err;
+    return err;
+}
+
+static int solve_rig(struct poses_run *run, const struct sst_posed_solve_config *cfg)
+{
+    int err = sst_posed_solve(run->posed, run->dir, run->count, cfg, run->solved);
+
     for (int i = 0; !err && i < run->count; i++)
-        err = sst_posed_solve(&run->posed[i], &run->dir[i], 1, cfg, &run->solved[i]);
+        err = save(run, i);
     return err;
 }
 
-static int solve_with_colmap(struct poses_run *run, const struct sst_posed_solve_config *cfg)
+static int solve_with_colmap(struct poses_run *run, int i, const struct sst_posed_solve_config *cfg)
 {
-    int err = 0;
+    const int err = cli_poses_colmap(&run->posed[i], run->dir[i], cfg);
 
-    for (int i = 0; !err && i < run->count; i++) {
-        struct sst_posed_solved *r = &run->solved[i];
+    return err ? err : sst_posed_judge(&run->posed[i], &run->solved[i]);
+}
 
-        err = cli_poses_colmap(&run->posed[i], run->dir[i], cfg);
+/* Light fields apart are solved and saved one by one, so that the fault of one leaves the others' results.
+ * @return the first error */
+static int solve_each(struct poses_run *run, const struct sst_posed_solve_config *cfg, int with)
+{
+    int first = 0;
+
+    for (int i = 0; i < run->count; i++) {
+        int err = with ? solve_with_colmap(run, i, cfg)
+                       : sst_posed_solve(&run->posed[i], &run->dir[i], 1, cfg, &run->solved[i]);
+
         if (!err)
-            err = sst_posed_judge(&run->posed[i], r);
+            err = save(run, i);
+        first = first ? first : err;
     }
-    return err;
+    return first;
 }
 
 static int check(const struct cli_command *cmd, const struct poses_run *run, const struct sst_posed_solve_config *cfg,
@@ -163,23 +184,21 @@ static int check(const struct cli_command *cmd, const struct poses_run *run, con
 static int run_poses(const struct cli_command *cmd, struct poses_run *run, const struct sst_posed_solve_config *cfg,
                      int with, bool json)
 {
-    int r = check(cmd, run, cfg, with), err;
+    int r = check(cmd, run, cfg, with), err, saved = 0;
 
     if (r != CLI_GO_ON)
         return r;
     err = load(run);
     if (!err)
-        err = with ? solve_with_colmap(run, cfg) : solve(run, cfg);
+        err = cfg->one_rig ? solve_rig(run, cfg) : solve_each(run, cfg, with);
     cli_progress_end();
-    for (int i = 0; !err && i < run->count; i++)
-        err = sst_posed_save(&run->posed[i], run->dir[i]);
-    if (err)
-        return cli_exit_code(err);
-    if (json)
-        return print_json(run);
-    for (int i = 0; i < run->count; i++)
-        print_text(run->dir[i], &run->posed[i], &run->solved[i]);
-    return CLI_OK;
+    for (int i = 0; run->saved && i < run->count; i++) {
+        saved += run->saved[i];
+        if (run->saved[i] && !json)
+            print_text(run->dir[i], &run->posed[i], &run->solved[i]);
+    }
+    r = saved && json ? print_json(run) : CLI_OK;
+    return err ? cli_exit_code(err) : r;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -191,7 +210,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "focal", 0, CLI_DOUBLE, &cfg.focal_px, "PX",
           "focal length of all views; default: the views' own, else searched", 1, 1e7 },
-        { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL, "adjust the lens: focal length and k1" },
+        { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL, "adjust focal length and k1, from the views' lenses on if they have any" },
         { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM", "mean distance of neighbours in the order of names", 1e-3,
           1e9 },
         { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields are moments of one array" },

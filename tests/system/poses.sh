@@ -50,6 +50,19 @@ grep -q "5 of 6 views placed" out && grep -q "not placed.*zz.png" out || fail "m
 bad 3 "one picture alone" single
 bad 3 "they are not of one rig" forest mixed --one-rig
 
+# --- a lens that is adjusted is kept by a second run; the fault of one light field leaves the others' results
+"$sst" poses forest --lens >out 2>err || fail "lens: $(cat err)"
+"$sst" poses single forest >out 2>err
+judge 3 "one picture alone" $? "sst poses single forest"
+grep -q "^forest: 5 of 5 views placed" out || fail "after a fault: $(cat out)"
+cp forest/lightfield.json lens.json
+"$sst" poses forest --lens >out 2>err || fail "lens: $(cat err)"
+"$python" - <<'PY' || failed=1
+import json
+a, b = (json.load(open(n))["views"][0]["lens"]["k"][0] for n in ("lens.json", "forest/lightfield.json"))
+assert a and abs(a - b) < 0.02, (a, b)
+PY
+
 # --- without the other program, which is found by PATH
 PATH=/nowhere "$sst" poses forest --with colmap >out 2>err
 judge 5 "no program .colmap." $? "--with colmap"
