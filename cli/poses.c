@@ -210,7 +210,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "focal", 0, CLI_DOUBLE, &cfg.focal_px, "PX",
           "focal length of all views; default: the views' own, else searched", 1, 1e7 },
-        { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL, "adjust focal length and k1, from the views' lenses on if they have any" },
+        { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL,
+          "adjust focal length and k1; views' own lenses are the start, and keep their other coefficients" },
         { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM", "mean distance of neighbours in the order of names", 1e-3,
           1e9 },
         { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields are moments of one array" },
