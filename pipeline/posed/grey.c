@@ -135,7 +135,7 @@ int greys_choose(int view[], int most, const struct sst_posed *posed, const stru
         for (int k = 0; k < 3; k++)
             apart[k] = cam->position_mm[k] - camera->centre_mm[k];
         mm = vector_length(apart);
-        if (!cam->known || (mm > reach_mm && n >= most))
+        if (!cam->known)
             continue;
         for (; at > 0 && far_mm[at - 1] > mm; at--) {
             far_mm[at] = far_mm[at - 1];

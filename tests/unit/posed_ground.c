@@ -10,7 +10,7 @@
 #include "base/file.h"
 #include "pipeline/posed/ground.h"
 #include "pipeline/posed/picture.h"
-#include "pipeline/posed/render.h"
+#include "pipeline/posed/surface_internal.h"
 #include "tests/folder.h"
 #include "tests/test.h"
 
@@ -169,11 +169,30 @@ static void clear_pictures_show_the_floor(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
+/* Of views beyond a third of a picture the nearest ones, in whatever order they are stored; within it evenly. */
+static void the_nearest_views_are_chosen(void **state SST_UNUSED)
+{
+    static const double apart_mm[] = { 900, 800, 0, 700, 30, 600, 20, 500 };
+    const struct sst_virtual camera = { .width = WIDTH, .height = HEIGHT, .fx = FOCAL };
+    struct sst_posed posed;
+    int view[4];
+
+    assert_int_equal(sst_posed_init(&posed, 8), 0);
+    for (int k = 0; k < 8; k++)
+        posed.view[k].camera = (struct sst_calib_camera){ .known = k != 4, .position_mm = { apart_mm[k] } };
+    assert_int_equal(greys_choose(view, 3, &posed, &camera, 100), 3); /* within 21 mm there are two */
+    assert_memory_equal(view, ((const int[]){ 2, 6, 7 }), 3 * sizeof(*view));
+    assert_int_equal(greys_choose(view, 3, &posed, &camera, 1e5), 3);
+    assert_memory_equal(view, ((const int[]){ 2, 7, 3 }), 3 * sizeof(*view));
+    sst_posed_fini(&posed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ground_is_behind_the_leaves),
         cmocka_unit_test(clear_pictures_show_the_floor),
+        cmocka_unit_test(the_nearest_views_are_chosen),
     };
 
     return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
