@@ -167,7 +167,7 @@ static int choose_step(const struct sst_posed *posed)
     const double all = (double)sst_posed_placed(posed) * posed->width * posed->height;
     const int usual = (int)lround((double)posed->width / WIDTH_PX), fewer = (int)ceil(sqrt(all / PIXELS));
 
-    return sst_max_int(1, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
+    return greys_step(posed, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
 }
 
 static int weigh_view(void *arg, int index, int worker SST_UNUSED)

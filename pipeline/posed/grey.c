@@ -9,6 +9,8 @@
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/surface_internal.h"
 
+#define LEAST_SIDE 16 /* px: windows of 7 px have some places in it */
+
 /* Luma of one pixel, in 1/256 level. */
 static double luma(const struct sst_deep *d, int x, int y)
 {
@@ -78,11 +80,18 @@ static int read_grey(void *arg, int index, int worker SST_UNUSED)
     return err;
 }
 
+int greys_step(const struct sst_posed *posed, int step)
+{
+    return sst_clamp_int(step, 1, sst_max_int(1, sst_min_int(posed->width, posed->height) / LEAST_SIDE));
+}
+
 int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[], int threads)
 {
     struct grey_job job = { out, posed, dir, view };
-    int err;
+    int err = warp_check_size(posed, dir);
 
+    if (err)
+        return err;
     out->picture = calloc((size_t)out->count, sizeof(*out->picture));
     out->camera = calloc((size_t)out->count, sizeof(*out->camera));
     out->kept = out->keep ? calloc((size_t)out->count, sizeof(*out->kept)) : NULL;

@@ -195,7 +195,7 @@ static void choose_axes(struct search *s, const struct sst_posed *posed)
 int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
                      const struct sst_virtual *camera, const struct sst_ground_config *cfg)
 {
-    const int step = sst_max_int(1, (int)lround((double)posed->width / WIDTH_PX));
+    const int step = greys_step(posed, (int)lround((double)posed->width / WIDTH_PX));
     const struct sst_virtual small = sst_virtual_scaled(camera, step);
     struct sst_posed_ground g = { .chosen = -1 };
     struct search s = { .camera = camera };

@@ -125,7 +125,7 @@ int sst_integral_add(struct sst_integral *integral, const struct sst_calib_camer
     if (integral->views + n > SST_POSED_MAX_VIEWS)
         return -EINVAL;
     for (int k = 0; k < n; k++) {
-        if (!warp_source_fits(picture[k]) || picture[k]->channels != integral->channels ||
+        if (!warp_source_fits(picture[k]->width, picture[k]->height) || picture[k]->channels != integral->channels ||
             (integral->white && picture[k]->white != integral->white))
             return -EINVAL;
         integral->white = picture[k]->white;
@@ -238,12 +238,13 @@ static int add_some(struct sst_integral *s, const struct sst_posed *posed, const
 
 int sst_integral_add_all(struct sst_integral *integral, const struct sst_posed *posed, const char *dir)
 {
-    int view[WARP_CELL], n = 0, err = 0;
+    int view[WARP_CELL], n = 0, err;
 
     if (!sst_posed_placed(posed)) {
         sst_log_error("%s: no view is placed; `sst poses` finds poses", dir);
         return -ENODATA;
     }
+    err = warp_check_size(posed, dir);
     for (int i = 0; i < posed->count && !err; i++) {
         if (!posed->view[i].camera.known)
             continue;

@@ -50,7 +50,7 @@ SST_MUST_CHECK int sst_integral_views(struct sst_map_u16 *out, const struct sst_
 /**
  * Add all placed views of a folder, read by `threads` threads as many at once.
  *
- * @return as sst_posed_picture(), or -ENODATA: no view is placed; logged
+ * @return as sst_posed_picture(), -ENODATA (no view is placed), or -EBADMSG (sides as above); logged
  */
 SST_MUST_CHECK int sst_integral_add_all(struct sst_integral *integral, const struct sst_posed *posed, const char *dir);
 

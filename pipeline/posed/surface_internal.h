@@ -80,9 +80,11 @@ struct warp_view {
 struct warp_view warp_view_of(const struct sst_virtual *from, const struct sst_calib_camera *camera, int width,
                               int height);
 
-/* A picture as the kernel reads it; may it? */
+/* A picture as the kernel reads it; may it, of this size? */
 struct sst_warped_source warp_source(const struct sst_deep *picture);
-bool warp_source_fits(const struct sst_deep *picture);
+bool warp_source_fits(int width, int height);
+/* @return 0, -EBADMSG: the kernel may not read the pictures of a light field; logged */
+SST_MUST_CHECK int warp_check_size(const struct sst_posed *posed, const char *dir);
 
 /* Segments of one band; different bands may be computed at once. */
 void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band);
@@ -93,14 +95,17 @@ void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view
 #define GREY_SPREAD 4096 /* levels: the standard deviation of every picture */
 
 struct greys {
-    int count, step;                 /* step: how many pixels of a view one is wide. Set before greys_read() */
+    int count, step;                 /* step: of greys_step(). Set before greys_read() */
     struct sst_deep *picture;        /* [count] */
     struct sst_calib_camera *camera; /* [count] */
     bool keep;                       /* the whole pictures too: as greys_read() */
     struct sst_deep *kept;           /* [count], or NULL */
 };
 
-/* @return as sst_posed_picture(), -ENOMEM; logged; then nothing is to be freed */
+/* Pixels of a view that one of its grey picture is wide: as many as asked for, fewer where a side is short. */
+int greys_step(const struct sst_posed *posed, int step);
+
+/* @return as sst_posed_picture(), -EBADMSG (as warp_check_size()), -ENOMEM; logged; then nothing is to be freed */
 SST_MUST_CHECK int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[],
                               int threads);
 void greys_fini(struct greys *greys);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/posed/surface_internal.h"
 
@@ -146,10 +147,18 @@ struct sst_warped_source warp_source(const struct sst_deep *picture)
     return from;
 }
 
-bool warp_source_fits(const struct sst_deep *picture)
+bool warp_source_fits(int width, int height)
 {
-    return picture->width >= 2 && picture->height >= 2 && picture->width < SST_IMAGE_MAX_SIDE &&
-           picture->height < SST_IMAGE_MAX_SIDE;
+    return width >= 2 && height >= 2 && width < SST_IMAGE_MAX_SIDE && height < SST_IMAGE_MAX_SIDE;
+}
+
+int warp_check_size(const struct sst_posed *posed, const char *dir)
+{
+    if (warp_source_fits(posed->width, posed->height))
+        return 0;
+    sst_log_error("%s has pictures of %d x %d pixels; those that are rendered have sides of 2 to %d", dir,
+                  posed->width, posed->height, SST_IMAGE_MAX_SIDE - 1);
+    return -EBADMSG;
 }
 
 /* --- one band -------------------------------------------------------------------------------------------------------

@@ -187,12 +187,46 @@ static void the_nearest_views_are_chosen(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
+/* Sides that the kernel cannot read are refused before pictures are; grey ones of narrow strips stay wide enough. */
+static void sides_are_checked(void **state SST_UNUSED)
+{
+    static const int size[][2] = { { 1, 100 }, { 100, 1 }, { SST_IMAGE_MAX_SIDE, 2 } };
+    const struct sst_ground_config ground = { .near_mm = 15000, .far_mm = 40000 };
+    struct sst_posed_render_config cfg = { .threads = 1 };
+    struct sst_posed posed;
+
+    assert_int_equal(sst_posed_init(&posed, 3), 0);
+    posed.channels = 1;
+    for (int k = 0; k < 3; k++)
+        posed.view[k].camera =
+            (struct sst_calib_camera){ .known = true, .fx = 1, .fy = 1, .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
+    for (size_t i = 0; i < ARRAY_LEN(size); i++) {
+        posed.width = size[i][0];
+        posed.height = size[i][1];
+        cfg.camera = sst_virtual_of_view(&posed, 1);
+        cfg.surface = sst_surface_plane((const double[3]){ 0, 0, -1 }, (const double[3]){ 0, 0, FLOOR });
+        for (int m = 0; m < 3; m++) {
+            cfg.method = (enum sst_posed_method)m;
+            assert_int_equal(sst_posed_render(&(struct sst_posed_rendered){ 0 }, &posed, "gone", &cfg), -EBADMSG);
+        }
+        assert_int_equal(
+            sst_posed_ground(&(struct sst_posed_ground){ 0 }, &posed, "gone", &cfg.camera, &ground), -EBADMSG);
+    }
+    posed.width = 5000;
+    posed.height = 15;
+    assert_int_equal(greys_step(&posed, 10), 1);
+    posed.height = 4000;
+    assert_int_equal(greys_step(&posed, 10), 10);
+    sst_posed_fini(&posed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ground_is_behind_the_leaves),
         cmocka_unit_test(clear_pictures_show_the_floor),
         cmocka_unit_test(the_nearest_views_are_chosen),
+        cmocka_unit_test(sides_are_checked),
     };
 
     return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
