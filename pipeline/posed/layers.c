@@ -40,6 +40,7 @@ static void scratch_fini(struct layer_scratch *s)
     sst_mem_free(s->seen);
     sst_mem_free(s->sum);
     sst_mem_free(s->count);
+    *s = (struct layer_scratch){ 0 };
 }
 
 static int scratch_init(struct layer_scratch *s, const struct layers *in, const struct warp *warp)
