@@ -87,7 +87,7 @@ static int check_place(const struct tiff_geo *geo, const char *path)
             path);
         return -EBADMSG;
     }
-    if (!(fabs(geo->dx) > 0) || !(fabs(geo->dy) > 0) || !isfinite(geo->dx + geo->dy + geo->x + geo->y)) {
+    if (!isgreater(fabs(geo->dx), 0) || !isgreater(fabs(geo->dy), 0) || !isfinite(geo->dx + geo->dy + geo->x + geo->y)) {
         sst_log_error("%s has cells of %g by %g m at %g, %g; correct its place", path, geo->dx, geo->dy, geo->x,
                       geo->y);
         return -EBADMSG;
@@ -126,7 +126,7 @@ static size_t scale(struct sst_heights *h)
         float *row = sst_map_f32_row(&h->mm, y);
 
         for (int x = 0; x < h->mm.width; x++) {
-            row[x] = fabsf(row[x]) < MOST ? (float)((double)row[x] * MM) : NAN;
+            row[x] = isless(fabsf(row[x]), MOST) ? (float)((double)row[x] * MM) : NAN;
             known += !isnan(row[x]);
         }
     }

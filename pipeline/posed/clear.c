@@ -138,7 +138,7 @@ static int prepare_layers(struct job *j)
 {
     const double focal_px = j->posed->view[j->view[0]].camera.fx / j->greys.step;
     const double distance_mm = surface_distance(j);
-    double baseline_mm;
+    double baseline_mm, steps;
 
     if (distance_mm <= 0) {
         sst_log_error("%s: no view's axis meets the surface", j->dir);
@@ -153,11 +153,9 @@ static int prepare_layers(struct job *j)
         return -ENODATA;
     }
     j->layers.step = STEP_PX / (focal_px * baseline_mm);
-    j->layers.steps = (int)ceil((1 / (distance_mm - highest(j)) - 1 / distance_mm) / j->layers.step) + 1;
-    if (j->layers.steps > STEPS) {
-        j->layers.step *= (double)j->layers.steps / STEPS;
-        j->layers.steps = STEPS;
-    }
+    steps = ceil((1 / (distance_mm - highest(j)) - 1 / distance_mm) / j->layers.step) + 1;
+    j->layers.step *= fmax(steps / STEPS, 1);
+    j->layers.steps = (int)fmin(steps, STEPS);
     return 0;
 }
 
@@ -304,7 +302,7 @@ static double smooth(double v, double lo, double hi)
     return t * t * (3 - 2 * t);
 }
 
-/* Means of weighted rays; unknown pixels of clear pictures become the dimmed integral. */
+/* Means of weighted rays; of clear pictures, levels of unknown pixels become the dimmed integral, and means NAN. */
 static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum[3], const struct job *j)
 {
     const bool clear = j->cfg->method == SST_POSED_CLEAR;
@@ -324,17 +322,19 @@ static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum
         for (int i = 0; i < plain.height * plain.width && !err; i++) {
             const int y = i / plain.width, x = i % plain.width;
             float *mean = sst_map_f32_row(&out->mean[c], y) + x;
-            const double w = (double)sst_map_f32_row(&weight, y)[x];
-            const double rays = w * sst_map_u16_row(&out->views, y)[x] / 255;
-            const double black = out->stretch.black;
-            const double grey = black + DIM * (sst_map_u16_row(&plain.plane[c], y)[x] - black);
-            const double known = clear ? smooth(rays, KNOWN_LO, KNOWN_HI) : 1;
+            const double w = (double)sst_map_f32_row(&weight, y)[x], black = out->stretch.black;
+            double rays, grey, known;
+            float level;
 
             if (isnan(w))
                 continue; /* no view sees it: level 0, mean NAN */
-            *mean = (float)(known > 0 ? known * scale * (double)*mean / w + (1 - known) * grey : grey);
+            rays = w * sst_map_u16_row(&out->views, y)[x] / 255;
+            grey = black + DIM * (sst_map_u16_row(&plain.plane[c], y)[x] - black);
+            known = clear ? smooth(rays, KNOWN_LO, KNOWN_HI) : 1;
+            level = (float)(known > 0 ? known * scale * (double)*mean / w + (1 - known) * grey : grey);
+            *mean = clear && rays < KNOWN ? NAN : (float)(scale * (double)*mean / w);
             sst_map_u16_row(&out->levels.plane[c], y)[x] =
-                (uint16_t)sst_clamp_double((double)*mean + 0.5, 0, plain.white);
+                (uint16_t)sst_clamp_double((double)level + 0.5, 0, plain.white);
         }
     }
     for (int i = 0; clear && !err && i < plain.height * plain.width; i++) {

@@ -94,7 +94,7 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
     const double none[2] = { 0, 0 };
     int err = 0;
 
-    out->planes = sst_clamp_int((int)ceil(log(range[1] / range[0]) / log(RATIO)) + 1, 3, SST_GROUND_PLANES);
+    out->planes = (int)sst_clamp_double(ceil(log(range[1] / range[0]) / log(RATIO)) + 1, 3, SST_GROUND_PLANES);
     for (int i = 0; i < out->planes && !err; i++) {
         const double distance = range[0] * pow(range[1] / range[0], (double)i / (out->planes - 1));
         const struct sst_surface plane = plane_at(s, distance, none);

@@ -20,8 +20,8 @@ struct sst_posed_render_config {
 
 /** Zeroed: empty. */
 struct sst_posed_rendered {
-    struct sst_deep levels;     /* rounded; in the views' range */
-    struct sst_map_f32 mean[3]; /* [channels] in levels, not rounded; NAN: no ray */
+    struct sst_deep levels;     /* rounded; in the views' range. Clear: the dimmed integral where unknown */
+    struct sst_map_f32 mean[3]; /* [channels] of the rays, in levels, not rounded; NAN: no ray, or unknown */
     struct sst_map_u16 views;   /* number of views that each pixel is of; 0: unknown */
     bool seen;                  /* a view sees the surface somewhere, blocked or not */
     struct sst_samples stretch; /* levels that 0.5 % of the seen pixels are below and above, for 8 bits */

@@ -22,7 +22,7 @@ struct sst_virtual sst_virtual_of_view(const struct sst_posed *posed, int view);
  * size on the surface, larger ones where the picture would have more than `most_pixels`. The picture's top is north
  * where places are geographic, else the middle view's.
  *
- * @return 0, -EINVAL (`up` is unknown, no view is placed, or none meets the surface); logged
+ * @return 0, -EINVAL (`up` is unknown, no view is placed, or none meets the surface), -ENOMEM; logged
  */
 SST_MUST_CHECK int sst_virtual_nadir(struct sst_virtual *out, const struct sst_posed *posed,
                                      const struct sst_surface *surface, double most_pixels);

@@ -84,7 +84,7 @@ static double lens_reach(const struct sst_calib_camera *cam, int width, int heig
         const double seen =
             r * (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
 
-        if (!(seen > last))
+        if (!isgreater(seen, last)) /* or no number */
             return 2 * corner * (i - 1) / 1000;
         if (seen > corner)
             return r;
