@@ -10,8 +10,9 @@
 #include "base/mem.h"
 #include "pipeline/image/codec_formats.h"
 
-#define MOST_EMPTY 64   /* times the area of the triangles that their extent may have */
-#define EDGE       1e-6 /* share of a triangle: samples on an edge belong to both */
+#define MOST_EMPTY 64    /* times the area of the triangles that their extent may have */
+#define MOST_AREA  1e290 /* m^2: a larger one is no ground, nor are products of lengths then numbers */
+#define EDGE       1e-6  /* share of a triangle: samples on an edge belong to both */
 
 struct vertex {
     double at[3];
@@ -116,18 +117,20 @@ static int plan(struct sst_heights *h, const struct mesh *m)
     double low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY }, area = 0, step;
     double cells[2];
 
-    for (int i = 0; i < m->triangle_count; i++) {
+    for (int i = 0; i < 3 * m->triangle_count; i++) {
+        const double *at = corner(m, &m->triangles[i / 3], i % 3);
+
+        for (int axis = 0; axis < 2; axis++) {
+            low[axis] = fmin(low[axis], at[axis]);
+            high[axis] = fmax(high[axis], at[axis]);
+        }
+    }
+    for (int i = 0; i < m->triangle_count && high[0] - low[0] < MOST_AREA / fmax(high[1] - low[1], 1); i++) {
         const struct triangle *t = &m->triangles[i];
 
         area += fabs(area2(corner(m, t, 0), corner(m, t, 1), corner(m, t, 2))) / 2;
-        for (int k = 0; k < 3; k++) {
-            for (int axis = 0; axis < 2; axis++) {
-                low[axis] = fmin(low[axis], corner(m, t, k)[axis]);
-                high[axis] = fmax(high[axis], corner(m, t, k)[axis]);
-            }
-        }
     }
-    if (!(area > 0) || !isfinite(area) || (high[0] - low[0]) * (high[1] - low[1]) > MOST_EMPTY * area) {
+    if (area <= 0 || (high[0] - low[0]) * (high[1] - low[1]) > MOST_EMPTY * area) {
         sst_log_error("%s is no terrain: its %d triangles cover no ground, z being upwards; export its mesh", m->name,
                       m->triangle_count);
         return -EBADMSG;
