@@ -42,7 +42,7 @@ completes '--pitch --pitch-y' capture rig --pi
 completes '--duration' capture array --du
 completes '' snapshot -o ''
 completes '' render garden ''
-completes 'sst' render garden --method s
+completes 'sst see-through' render garden --method s
 completes 'clear' sweep garden -m c
 completes 'preview balanced accurate' process garden --preset ''
 completes 'hedge' demo --scene he
