@@ -92,8 +92,13 @@ static void print_table(const struct search *s)
 {
     const char *unit = s->scene.posed.metric ? "m" : "units";
 
-    printf("%d %s on %.3g ha, threshold %.2f spreads", s->finds.count, s->finds.count == 1 ? "find" : "finds",
-           s->finds.hectares, s->finds.threshold);
+    if (s->scene.ground.views)
+        printf("ground %.2f %s in front of %s, tilted by %.1f degrees, found by %d views\n",
+               s->scene.ground.distance_mm / METRE_MM, unit, s->scene.view, s->scene.ground.tilt_deg,
+               s->scene.ground.views);
+    printf("%d %s on %.3g %s, threshold %.2f spreads", s->finds.count, s->finds.count == 1 ? "find" : "finds",
+           s->scene.posed.metric ? s->finds.hectares : s->finds.hectares * 1e4,
+           s->scene.posed.metric ? "ha" : "square units", s->finds.threshold);
     if (!isnan(s->finds.alarms) && s->cfg.alarms > 0)
         printf(", the background is expected to make %.2g a hectare", s->finds.alarms);
     putchar('\n');
@@ -275,6 +280,10 @@ static int search(const struct cli_command *cmd, struct search *s)
     if (s->dark && (s->cfg.by == SST_FIND_VIEWS || (s->cfg.by == SST_FIND_CHOOSE && s->scene.posed.channels == 3)))
         return cli_usage_error(
             cmd, "--dark seeks by the integral; colour views are searched by their scores: add --by integral");
+    if (s->cfg.alarms > 0 &&
+        (s->cfg.by == SST_FIND_VIEWS || (s->cfg.by == SST_FIND_CHOOSE && s->scene.posed.channels == 3)))
+        return cli_usage_error(
+            cmd, "--alarms is for --by integral: scores by views do not tell how often the background reaches them");
     s->scene.cfg.camera = sst_find_camera(&s->scene.cfg.camera, &s->scene.cfg.surface);
     s->cfg.sign = s->dark ? -1 : 1;
     s->cfg.threads = s->args.cfg.threads;
@@ -325,6 +334,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--threshold and --alarms exclude each other");
     if (s.cfg.least_m >= s.cfg.most_m)
         return cli_usage_error(cmd, "--least %g is not below --most %g", s.cfg.least_m, s.cfg.most_m);
+    if (!sst_path_is_dir(s.path)) {
+        sst_log_error("%s: there is no such folder", s.path);
+        return CLI_INPUT;
+    }
     if (!sst_posed_is(s.path)) {
         sst_log_error("%s is no light field with a pose for every view; `sst import poses` or `pictures` makes one",
                       s.path);
@@ -332,6 +345,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     }
     if (s.by)
         s.cfg.by = !strcmp(s.by, "views") ? SST_FIND_VIEWS : SST_FIND_INTEGRAL;
+    if (s.out && sst_path_check_output(s.out, s.force, "finds.json", (const char *const[]){ s.path, NULL }))
+        return CLI_USAGE;
     r = cli_posed_open(&s.scene, cmd, &s.args, s.path, (char *[]){ NULL });
     if (r != CLI_GO_ON)
         return r;

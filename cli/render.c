@@ -249,7 +249,8 @@ static int run_posed(const struct cli_command *cmd, const struct render_args *a,
     if (r != CLI_GO_ON)
         return r;
     if (scene.posed.channels > 1 && cli_has_suffix(files[0], ".pfm"))
-        r = cli_usage_error(cmd, "-o %s: a PFM has one channel, and the views are coloured; .tif has 16 bits", files[0]);
+        r = cli_usage_error(cmd, "-o %s: a PFM has one channel, and the views are coloured; .tif has 16 bits",
+                            files[0]);
     else
         r = cli_posed_render(&scene, a, files[0], files[1]);
     cli_posed_close(&scene);
@@ -284,7 +285,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cli_render_names(&a);
     if (sst_posed_is(path))
         return run_posed(cmd, &a, path, argv + 1, (const char *const[]){ out, valid });
-    r = cli_render_check_posed(&a, cmd);
+    r = cli_render_check_posed(&a, cmd, path);
     if (r == CLI_GO_ON)
         r = check_files(cmd, &a, focus, out, valid);
     if (r == CLI_GO_ON && samples && !cli_has_suffix(out, ".png"))

@@ -20,8 +20,8 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
     *a = (struct render_args){ .device = "cpu", .cut = NAN, .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
-        { "method", 'm', CLI_WORD, &cfg->method, "M",
-          "see-through or sst (default), refocus (all rays alike) or clear", 0, 0, "refocus sst clear see-through" },
+        { "method", 'm', CLI_WORD, &cfg->method, "M", "see-through or sst (default), refocus (all rays alike) or clear",
+          0, 0, "refocus sst clear see-through" },
         { "cut", 0, CLI_DOUBLE, &a->cut, "D", "clear: remove all nearer than D px per spacing (found by itself)", 0,
           0 },
         { "remove-label", 0, CLI_STRING, &a->remove_label, "NAME", "clear: remove objects with this label" },
@@ -85,9 +85,15 @@ void cli_render_names(struct render_args *a)
         a->cfg.method = SST_RENDER_SST;
 }
 
-int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd)
+int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd, const char *path)
 {
-    if (a->surface || a->view || a->near_m > 0 || a->far_m > 0)
+    const bool posed = a->surface || a->view || a->near_m > 0 || a->far_m > 0;
+
+    if (posed && !sst_path_is_dir(path)) {
+        sst_log_error("%s: there is no such folder", path);
+        return CLI_INPUT;
+    }
+    if (posed)
         return cli_usage_error(cmd, "--surface, --view, --near and --far are for light fields with a pose for every "
                                     "view (`sst import poses`); lattices have --focus, --view-x and --view-y");
     return CLI_GO_ON;
@@ -252,7 +258,8 @@ static bool verifies(const struct render_args *a, const struct sst_lightfield *l
 }
 
 /* Choose the data to load: images by option or cost, confidences only to verify rays. A device rectifies raw frames
- * itself where nothing else needs the views. Converts the f-stop to a radius. @param lf  its images need not be there */
+ * itself where nothing else needs the views. Converts the f-stop to a radius. @param lf  its images need not be there
+ */
 static int choose_data(struct render_input *in, struct render_args *a, const struct sst_lightfield *lf, unsigned *what)
 {
     bool raw, frames;

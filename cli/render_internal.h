@@ -14,17 +14,17 @@ struct render_args {
     const char *label;                    /* as written */
     const char *remove_label, *remove_at; /* of the clear method */
     double cut;                           /* NaN: not given */
-    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, and is the focus found */
-    int pictures;      /* to be rendered: `--sampling auto` depends on it */
-    bool views_needed; /* rectified views are looked at besides */
-    bool disparities_needed; /* also by methods that do not use them */
-    double f_stop;           /* 0: not given */
-    bool no_verify;          /* altered views are accepted */
-    const char *device;      /* as written */
-    const char *skip;        /* as written; NULL: nothing is skipped */
-    int device_memory;       /* MiB; 0: not given */
-    const char *surface, *view; /* of posed light fields, as written; NULL: not given */
-    double near_m, far_m;       /* 0: not given */
+    bool focus_found;                     /* out of cli_render_open(): cfg.focus_px was NaN, and is the focus found */
+    int pictures;                         /* to be rendered: `--sampling auto` depends on it */
+    bool views_needed;                    /* rectified views are looked at besides */
+    bool disparities_needed;              /* also by methods that do not use them */
+    double f_stop;                        /* 0: not given */
+    bool no_verify;                       /* altered views are accepted */
+    const char *device;                   /* as written */
+    const char *skip;                     /* as written; NULL: nothing is skipped */
+    int device_memory;                    /* MiB; 0: not given */
+    const char *surface, *view;           /* of posed light fields, as written; NULL: not given */
+    double near_m, far_m;                 /* 0: not given */
     bool json, force;
 };
 
@@ -44,7 +44,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 void cli_render_names(struct render_args *a);
 
 /** Refuse options of light fields with a pose for every view. @return CLI_GO_ON or CLI_USAGE */
-int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd);
+int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd, const char *path);
 
 /** The method's name. */
 const char *cli_render_method(const struct render_args *a);

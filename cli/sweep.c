@@ -70,8 +70,8 @@ static json_t *describe(const struct sweep *s)
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, over_keys[s->over], value_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in->path, "method", cli_render_method(&s->args), "fps", s->fps,
-                     "frames", frames);
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in->path, "method", cli_render_method(&s->args), "fps",
+                     s->fps, "frames", frames);
 }
 
 static int write_description(const struct sweep *s, const char *dir)
@@ -303,7 +303,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cli_render_names(&s.args);
     if (sst_posed_is(path))
         return run_posed(cmd, &s, path, over, argv + 1);
-    r = cli_render_check_posed(&s.args, cmd);
+    r = cli_render_check_posed(&s.args, cmd, path);
     if (r == CLI_GO_ON && over == OVERS)
         r = cli_usage_error(cmd, "--over height is for light fields with a pose for every view");
     if (r == CLI_GO_ON)
@@ -325,8 +325,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!r && s.args.json) {
         cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o, s:o}", "output", s.out, "frames", frame_count(&s),
                                 "over", over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
-                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&in),
-                                "skip", cli_render_skips_json(&in, &s.args)),
+                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&in), "skip",
+                                cli_render_skips_json(&in, &s.args)),
                       JSON_INDENT(2));
     }
     cli_render_close(&in);

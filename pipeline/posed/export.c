@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/jpeg_tables.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/export_poses.h"
 #include "pipeline/posed/posed_internal.h"
 
@@ -53,7 +54,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
     const struct sst_posed_view *v = &job->posed.view[k];
-    char from[SST_PATH_MAX], to[SST_PATH_MAX], name[SST_EXPORT_NAME + 16];
+    char from[SST_PATH_MAX], to[SST_PATH_MAX], name[SST_EXPORT_NAME + 16], hash[65];
     uint8_t *data;
     size_t size;
     int err;
@@ -67,7 +68,14 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     err = err ? err : sst_file_read(from, POSED_VIEW_BYTES, &data, &size);
     if (err)
         return err;
-    err = sst_jpeg_write(to, data, size);
+    sst_sha256_hex(hash, data, size);
+    if (v->sha256[0] && strcmp(hash, v->sha256)) {
+        sst_log_error(
+            "%s differs from its SHA-256 in lightfield.json: it is damaged or was changed; import the pictures again",
+            from);
+        err = -EBADMSG;
+    }
+    err = err ? err : sst_jpeg_write(to, data, size);
     free(data);
     return err;
 }
@@ -80,8 +88,8 @@ static bool one_lens(const struct sst_posed *posed, int reference)
     for (int k = 0; k < posed->count; k++) {
         const struct sst_calib_camera *b = &posed->view[k].camera;
 
-        if (b->known && (a->fx != b->fx || a->fy != b->fy || a->cx != b->cx || a->cy != b->cy ||
-                         memcmp(a->k, b->k, sizeof(a->k))))
+        if (b->known &&
+            (a->fx != b->fx || a->fy != b->fy || a->cx != b->cx || a->cy != b->cy || memcmp(a->k, b->k, sizeof(a->k))))
             return false;
     }
     return true;
@@ -148,9 +156,10 @@ int sst_posed_export(const struct sst_export_config *cfg)
     while (f < ARRAY_LEN(formats) && strcmp(formats[f].name, cfg->format))
         f++;
     if (f == ARRAY_LEN(formats)) {
-        sst_log_error("a light field with a pose for every view has no rows and columns, which the format %s needs; use "
-                      "colmap or nerfstudio",
-                      cfg->format);
+        sst_log_error(
+            "a light field with a pose for every view has no rows and columns, which the format %s needs; use "
+            "colmap or nerfstudio",
+            cfg->format);
         return -EINVAL;
     }
     if (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->focus_mm > 0 || cfg->infinity_px) {

@@ -76,8 +76,9 @@ static int limits(double range[2], const struct sst_posed *posed, const struct s
     free(depth);
     if (range[0] > 0 && range[1] > range[0])
         return 0;
-    sst_log_error("the ground is sought between two distances, and no points of the scene are known: give --near and "
-                  "--far");
+    sst_log_error(
+        "the ground is sought between two distances, and no points of the scene are known: give both --near and "
+        "--far, such as two thirds and one and a half of the height, or find points by `sst poses LF --refine`");
     return -EINVAL;
 }
 

@@ -96,8 +96,10 @@ static void place_camera(struct job *j, int k, uint64_t *random)
     const double high = kind->high_m + 0.2 * normal(random) - 0.01 * along * along * !kind->thermal;
 
     *cam = (struct sst_calib_camera){ .known = true, .fx = kind->focal_px * j->cfg->width / kind->width };
-    v->moment = k / j->per_moment;
-    v->time_s = kind->thermal ? place * 0.3 : v->moment * MOMENT_S;
+    const int moment = k / j->per_moment;
+
+    v->moment = kind->thermal ? 0 : moment + 1;
+    v->time_s = kind->thermal ? place * 0.3 : moment * MOMENT_S;
     cam->fy = cam->fx;
     cam->cx = (j->cfg->width - 1) / 2.0;
     cam->cy = (j->cfg->height - 1) / 2.0;
@@ -105,7 +107,7 @@ static void place_camera(struct job *j, int k, uint64_t *random)
     turn(cam->rotation, kind->shake_deg * normal(random), inwards + kind->shake_deg * normal(random),
          kind->shake_deg * normal(random));
     cam->position_mm[0] = 1000 * (along * kind->step_m + 0.03 * normal(random));
-    cam->position_mm[1] = 1000 * (across * kind->line_m + v->moment * DRIFT_M + 0.03 * normal(random));
+    cam->position_mm[1] = 1000 * (across * kind->line_m + moment * DRIFT_M + 0.03 * normal(random));
     cam->position_mm[2] = 1000 * high;
     snprintf(v->name, sizeof(v->name), kind->thermal ? "thermal %04d.png" : "C%d.png", k);
     snprintf(v->file, sizeof(v->file), "%04d.png", k);
@@ -146,7 +148,7 @@ static int place_cameras(struct job *j)
             struct sst_calib_camera *cam = &j->posed.view[k].camera;
 
             *cam = *first;
-            cam->position_mm[1] += 1000 * DRIFT_M * j->posed.view[k].moment;
+            cam->position_mm[1] += 1000 * DRIFT_M * (k / j->per_moment);
         }
     }
     snprintf(j->posed.source, sizeof(j->posed.source), "simulated %s seed %llu", kind->name,
@@ -443,6 +445,7 @@ int sst_flight_write(const char *name, const struct sst_flight_config *cfg, cons
         return -EINVAL;
     }
     err = choose(&chosen, j.kind);
+    err = err ? err : sst_path_check_output(out, force, "lightfield.json", (const char *const[]){ NULL });
     err = err ? err : place_cameras(&j);
     err = err ? err : sst_outdir_open(&dir, out, force);
     if (!err) {

@@ -33,6 +33,13 @@ refused 2 "exclude each other" flight --threshold 5 --alarms 2
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35
+refused 2 "is for --by integral" flight --alarms 2 --by views --surface plane:35
+refused 3 "no such folder" gone --surface plane:35
+mkdir keep && echo mine >keep/mine.txt
+"$sst" find flight --surface plane:35 -o keep --force >out 2>err && fail "a folder of other things was replaced"
+"$sst" find flight --surface plane:35 -o flight --force >out 2>err && fail "the light field was replaced"
+"$sst" scene forest --size 64x64 -o keep --force -q >out 2>err && fail "scene replaced a folder of other things"
+[ -s keep/mine.txt ] && [ -s flight/lightfield.json ] || fail "files are gone"
 before=$(md5sum <finds/finds.json)
 "$sst" find flight --surface plane:35 -o finds >out 2>err && fail "a folder was replaced without --force"
 [ "$before" = "$(md5sum <finds/finds.json)" ] || fail "a refused run changed its folder"

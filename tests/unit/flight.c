@@ -152,7 +152,7 @@ static void moments(void **state SST_UNUSED)
     make("forest", &cfg, "moments", path, &posed);
     assert_int_equal(posed.count, 6);
     for (int k = 0; k < 6; k++) {
-        assert_int_equal(posed.view[k].moment, k / 2);
+        assert_int_equal(posed.view[k].moment, k / 2 + 1);
         assert_true(posed.view[k].time_s == 0.5 * (k / 2));
         assert_memory_equal(posed.view[k].camera.rotation, posed.view[k % 2].camera.rotation, 9 * sizeof(double));
     }

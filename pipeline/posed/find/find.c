@@ -351,7 +351,7 @@ static int choose_threshold(struct search *s)
         sst_log_warning("%s: too few places to tell how many false finds the background makes; the threshold is %.3g",
                         s->dir, s->threshold);
     s->maps->threshold = s->threshold;
-    s->maps->alarms = tail.slope > 0 && s->maps->hectares > 0
+    s->maps->alarms = s->by == SST_FIND_INTEGRAL && tail.slope > 0 && s->maps->hectares > 0
                           ? tail.peaks * exp(-tail.slope * (s->threshold - TAIL_FROM)) / s->maps->hectares
                           : (double)NAN;
     return err;
@@ -442,7 +442,7 @@ static int judge(struct search *s)
     for (int i = 0; i < n && !err; i++) {
         struct sst_found f = found[i];
 
-        if (f.views < sst_min_int(s->cfg->least_views, sst_max_int((f.seen + 1) / 2, 1)))
+        if (f.views < sst_min_int(s->cfg->least_views, sst_max_int((f.seen + 1) / 2, 2)))
             continue;
         see_best(s, &f);
         found[kept++] = f;
@@ -459,8 +459,9 @@ static int search_init(struct search *s)
     const int placed = sst_posed_placed(s->posed);
     const double per_px = pixel_size(s->camera, s->surface);
 
-    if (!placed) {
-        sst_log_error("%s has no placed view; `sst poses %s` places them", s->dir, s->dir);
+    if (placed < 2) {
+        sst_log_error("%s has %s placed view, and a search needs two at least; `sst poses %s` places them", s->dir,
+                      placed ? "one" : "no", s->dir);
         return -ENODATA;
     }
     if (!(per_px > 0)) {
