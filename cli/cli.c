@@ -281,8 +281,7 @@ static int unknown_option(const struct cli_command *cmd, const struct cli_option
     return CLI_USAGE;
 }
 
-/* An argument that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
-static bool is_option(const char *arg)
+bool cli_is_option(const char *arg)
 {
     return arg[0] == '-' && arg[1] && !(arg[1] == '.' || (arg[1] >= '0' && arg[1] <= '9') || !strncmp(arg, "-inf", 4));
 }
@@ -311,7 +310,7 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
             only_positional = true;
             continue;
         }
-        if (only_positional || !is_option(arg)) {
+        if (only_positional || !cli_is_option(arg)) {
             if (n == n_max)
                 return cli_usage_error(cmd, "too many arguments: %s", arg);
             positional[n++] = arg;

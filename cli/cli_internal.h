@@ -90,6 +90,9 @@ const struct cli_manual *cli_manual(const struct cli_command *cmd);
 /** Result of cli_parse() to continue; any other is the exit code. */
 #define CLI_GO_ON (-1)
 
+/** An argument that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
+bool cli_is_option(const char *arg);
+
 /**
  * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
  * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line

@@ -13,25 +13,48 @@
 #define NADIR        "nadir"
 #define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
 
-/* Options that lattices alone have are refused by name. */
+struct known_option {
+    const char *name;
+    char letter;
+    bool flag;
+};
+
+static const struct known_option *find_option(const char *arg, size_t length)
+{
+    static const struct known_option known[] = {
+        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false },
+        { "view", 0, false },     { "near", 0, false },     { "far", 0, false },   { "threads", 't', false },
+        { "json", 0, true },      { "force", 0, true },     { "over", 0, false },  { "from", 0, false },
+        { "to", 0, false },       { "steps", 'n', false },  { "fps", 0, false },   { "bounce", 0, true },
+        { "quiet", 'q', true },   { "verbose", 'v', true },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(known); i++) {
+        const struct known_option *o = &known[i];
+
+        if (arg[1] == '-' ? strlen(o->name) + 2 == length && !strncmp(arg + 2, o->name, length - 2)
+                          : arg[1] == o->letter)
+            return o;
+    }
+    return NULL;
+}
+
+/* Options that lattices alone have are refused. The arguments were parsed before: values are there. */
 static int check_options(const struct cli_command *cmd, char **argv)
 {
-    static const char *const known[] = { "method", "output",  "valid", "surface", "view",  "near",
-                                         "far",    "threads", "json",  "force",   "over",  "from",
-                                         "to",     "steps",   "fps",   "bounce",  "quiet", "verbose" };
-
     for (; *argv && strcmp(*argv, "--"); argv++) {
-        const char *name = *argv + 2;
-        const size_t length = strcspn(name, "=");
-        bool found = false;
+        const char *arg = *argv;
+        const size_t length = arg[1] == '-' ? strcspn(arg, "=") : 2;
+        const struct known_option *o;
 
-        if (strncmp(*argv, "--", 2))
+        if (!cli_is_option(arg))
             continue;
-        for (size_t i = 0; i < ARRAY_LEN(known); i++)
-            found |= strlen(known[i]) == length && !strncmp(known[i], name, length);
-        if (!found)
-            return cli_usage_error(cmd, "--%.*s has no effect on a light field with a pose for every view", (int)length,
-                                   name);
+        o = find_option(arg, length);
+        if (!o)
+            return cli_usage_error(cmd, "%.*s has no effect on a light field with a pose for every view", (int)length,
+                                   arg);
+        if (!o->flag && !arg[length])
+            argv++; /* the value */
     }
     return CLI_GO_ON;
 }

@@ -43,4 +43,7 @@ refuse "No such file" forest.lf --surface gone.tif
 refuse "nor a view of" forest.lf --surface plane:40 --view gone
 refuse "not nearer than" forest.lf --near 50 --far 20
 refuse "limits of --surface ground" forest.lf --surface plane:40 --far 20
-refuse "no effect on a light field with a pose" forest.lf --focus 3
+for o in "--focus 3" "--focus=3" "-f 3" -f3 "-l tree" "-a 2"; do
+  refuse "error: render: ${o:0:2}[a-z]* has no effect on a light field with a pose" forest.lf --surface plane:40 $o
+done
+"$sst" render forest.lf -q -m refocus -t2 --surface plane:40 --view=C4 -o=-f.png >out 2>err || fail "values: $(cat err)"
