@@ -87,7 +87,8 @@ static int check_place(const struct tiff_geo *geo, const char *path)
             path);
         return -EBADMSG;
     }
-    if (!isgreater(fabs(geo->dx), 0) || !isgreater(fabs(geo->dy), 0) || !isfinite(geo->dx + geo->dy + geo->x + geo->y)) {
+    if (!isgreater(fabs(geo->dx), 0) || !isgreater(fabs(geo->dy), 0) ||
+        !isfinite(geo->dx + geo->dy + geo->x + geo->y)) {
         sst_log_error("%s has cells of %g by %g m at %g, %g; correct its place", path, geo->dx, geo->dy, geo->x,
                       geo->y);
         return -EBADMSG;

@@ -181,7 +181,7 @@ static int weigh_view(void *arg, int index, int worker SST_UNUSED)
 /* Weight at a place of the map of weights, bilinear; the border goes on. */
 static double weight_at(const struct sst_map_u8 *map, double x, double y)
 {
-    const double u = sst_clamp_double(x, 0, map->width - 1), v = sst_clamp_double(y, 0, map->height - 1);
+    const double u = fmin(fmax(x, 0), map->width - 1), v = fmin(fmax(y, 0), map->height - 1); /* also if no number */
     const int i = sst_min_int((int)u, sst_max_int(map->width - 2, 0)),
               j = sst_min_int((int)v, sst_max_int(map->height - 2, 0));
     const int right = map->width > 1, below = map->height > 1;

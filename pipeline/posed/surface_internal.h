@@ -184,8 +184,8 @@ SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep 
  * weight is high where the view agrees with others on the surface better than on any in front of it.
  *
  * See-through: rays weigh 0.05 at least. Clear: rays that something in front blocks do not count; pixels with less than
- * 1.2 rays in sum are unknown: `views` is 0 there, the mean NAN, and the levels show the integral, dimmed. Between known
- * and unknown pixels the levels change gradually.
+ * 1.2 rays in sum are unknown: `views` is 0 there, the mean NAN, and the levels show the integral, dimmed. Between
+ * known and unknown pixels the levels change gradually.
  *
  * @return as sst_posed_render(); -ENODATA: fewer than three views are placed
  */

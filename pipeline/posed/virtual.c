@@ -112,14 +112,14 @@ int sst_virtual_nadir(struct sst_virtual *out, const struct sst_posed *posed, co
     sst_stats_sort_double(f.pixel_mm, f.count);
     pixel_mm = f.count ? f.pixel_mm[f.count / 2] : 0;
     free(f.pixel_mm);
-    if (!f.count) {
+    for (int k = 0; k < 2; k++)
+        size[k] = f.hi[k] - f.lo[k];
+    if (!isfinite(size[0] * size[1])) {
         sst_log_error("no view's centre meets the surface");
         return -EINVAL;
     }
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < 2; k++)
         middle[k] = (f.lo[k] + f.hi[k]) / 2;
-        size[k] = f.hi[k] - f.lo[k];
-    }
     pixel_mm = fmax(pixel_mm, sqrt(size[0] * size[1] / most_pixels));
     pixel_mm = fmax(pixel_mm, fmax(size[0], size[1]) / (SST_IMAGE_MAX_SIDE / 2));
     v.width = sst_max_int(2, (int)ceil(size[0] / pixel_mm));

@@ -156,8 +156,8 @@ int warp_check_size(const struct sst_posed *posed, const char *dir)
 {
     if (warp_source_fits(posed->width, posed->height))
         return 0;
-    sst_log_error("%s has pictures of %d x %d pixels; those that are rendered have sides of 2 to %d", dir,
-                  posed->width, posed->height, SST_IMAGE_MAX_SIDE - 1);
+    sst_log_error("%s has pictures of %d x %d pixels; those that are rendered have sides of 2 to %d", dir, posed->width,
+                  posed->height, SST_IMAGE_MAX_SIDE - 1);
     return -EBADMSG;
 }
 

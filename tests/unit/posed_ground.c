@@ -212,8 +212,8 @@ static void sides_are_checked(void **state SST_UNUSED)
             cfg.method = (enum sst_posed_method)m;
             assert_int_equal(sst_posed_render(&(struct sst_posed_rendered){ 0 }, &posed, "gone", &cfg), -EBADMSG);
         }
-        assert_int_equal(
-            sst_posed_ground(&(struct sst_posed_ground){ 0 }, &posed, "gone", &cfg.camera, &ground), -EBADMSG);
+        assert_int_equal(sst_posed_ground(&(struct sst_posed_ground){ 0 }, &posed, "gone", &cfg.camera, &ground),
+                         -EBADMSG);
     }
     posed.width = 5000;
     posed.height = 15;
