@@ -75,7 +75,7 @@ $(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/sim
 endif
 # Scenes are constant while they are drawn, without variables that are shared: only the loops over bands and views are watched.
 ifneq (,$(findstring thread,$(SAN)))
-DRAWING := $(filter-out %/layers.c %/write.c,$(wildcard simulators/scene/*.c))
+DRAWING := $(filter-out %/layers.c %/write.c,$(wildcard simulators/scene/*.c simulators/flight/*.c))
 $(DRAWING:%.c=$(BUILD)/obj/%.o): SANFLAGS += -fno-sanitize=thread
 endif
 # KERNEL_OPT=FLAGS: of kernels alone.

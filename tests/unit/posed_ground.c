@@ -12,6 +12,7 @@
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/surface_internal.h"
 #include "tests/folder.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define WIDTH  320
@@ -226,7 +227,7 @@ static void sides_are_checked(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ground_is_behind_the_leaves),
+        serial_test(ground_is_behind_the_leaves),
         cmocka_unit_test(clear_pictures_show_the_floor),
         cmocka_unit_test(the_nearest_views_are_chosen),
         cmocka_unit_test(sides_are_checked),

@@ -11,6 +11,7 @@
 #include "simulators/flight/flight.h"
 #include "simulators/scene/noise.h"
 #include "tests/folder.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define DEG (3.14159265358979 / 180)
@@ -272,8 +273,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forest_is_placed),
-        cmocka_unit_test(compass_is_corrected),
-        cmocka_unit_test(poses_without_evidence),
+        serial_test(compass_is_corrected),
+        serial_test(poses_without_evidence),
         cmocka_unit_test(views_without_poses_have_neighbours),
     };
 
