@@ -31,7 +31,7 @@ struct cli_process {
         .w = { .device = "cpu", .range_min = NAN, .range_max = NAN },                                                  \
     }
 
-/** A light field, and what is known of it once it is processed. */
+/** A light field and its report. */
 struct cli_processed {
     const struct cli_process *process;
     const char *name; /* its folder, or a name for messages */
@@ -48,7 +48,8 @@ int cli_process_configure(const struct cli_command *cmd, struct cli_process *p, 
 SST_MUST_CHECK int cli_process_open_devices(struct cli_process *p);
 void cli_process_close_devices(struct cli_process *p);
 
-/** Load a light field from its folder with its external maps or the options'. @param what  besides what is needed */
+/** Load a light field from its folder with its external maps or the options'. @param what  data to load besides the
+ * views */
 SST_MUST_CHECK int cli_process_load(struct cli_processed *c, struct sst_share *share, unsigned what);
 
 /** Compute the maps of a loaded light field. @param share  or NULL */

@@ -253,7 +253,7 @@ def same_maps(named):
     for kind in named[0][1]["maps"]:
         differing = [name for name, r in named if any(kind in of["differ"] for of in r["levels"].values())]
         where = "all runs" if len(differing) == len(named) else ", ".join(differing)
-        lines.append(f"{kind} has other bytes in {where}" if differing else f"{kind} is the same bytes")
+        lines.append(f"maps of {kind} differ in {where}" if differing else f"maps of {kind} are equal")
     levels = len(named[0][1]["levels"])
     return f"Errors are those of the best level; with AVX2 {' and '.join(lines)}.\n" if levels > 1 else ""
 

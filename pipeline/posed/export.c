@@ -61,11 +61,9 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 
     if (!v->camera.known)
         return 0;
-    snprintf(name, sizeof(name), "views/%s", v->file);
-    err = sst_path_join(from, job->cfg->dir, name);
     snprintf(name, sizeof(name), "images/%s", job->name[k]);
-    err = err ? err : sst_path_join(to, job->out, name);
-    err = err ? err : sst_file_read(from, POSED_VIEW_BYTES, &data, &size);
+    err = sst_path_join(to, job->out, name);
+    err = err ? err : posed_read_view(from, &data, &size, v, job->cfg->dir);
     if (err)
         return err;
     sst_sha256_hex(hash, data, size);

@@ -73,29 +73,29 @@ static int world_to_json(json_t *root, const struct sst_posed *posed)
 {
     const double *up = posed->up, kelvin[2] = { posed->kelvin_scale, posed->kelvin_offset };
 
-    return (posed->samples.white && json_object_set_new(root, "samples", json_pack("[i, i]", posed->samples.black,
-                                                                                   posed->samples.white))) ||
+    return (posed->samples.white &&
+            json_object_set_new(root, "samples", json_pack("[i, i]", posed->samples.black, posed->samples.white))) ||
            ((up[0] != 0 || up[1] != 0 || up[2] != 0) && json_object_set_new(root, "up", numbers(up, 3))) ||
            (posed->geographic &&
             json_object_set_new(root, "geographic",
-                                json_pack("{s:f, s:f, s:f}", "latitude", posed->latitude, "longitude",
-                                          posed->longitude, "altitude_m", posed->altitude_m))) ||
+                                json_pack("{s:f, s:f, s:f}", "latitude", posed->latitude, "longitude", posed->longitude,
+                                          "altitude_m", posed->altitude_m))) ||
            (kelvin[0] != 0 && json_object_set_new(root, "kelvin", numbers(kelvin, 2))) ||
            (!isnan(posed->median_px) && json_object_set_new(root, "median_px", json_real(posed->median_px)));
 }
 
 char *posed_to_json(const struct sst_posed *posed, char (*hashes)[65], const struct points_file *points)
 {
-    json_t *root = json_pack("{s:s, s:i, s:s, s:i, s:i, s:i, s:i, s:b, s:s, s:s}", "format", FORMAT_NAME, "version",
-                             VERSION, "kind", KIND, "width", posed->width, "height", posed->height, "channels",
-                             posed->channels, "bits", posed->bits, "metric", (int)posed->metric, "source",
-                             posed->source, "history", posed->history);
+    json_t *root =
+        json_pack("{s:s, s:i, s:s, s:i, s:i, s:i, s:i, s:b, s:s, s:s}", "format", FORMAT_NAME, "version", VERSION,
+                  "kind", KIND, "width", posed->width, "height", posed->height, "channels", posed->channels, "bits",
+                  posed->bits, "metric", (int)posed->metric, "source", posed->source, "history", posed->history);
     char *text = NULL;
 
     if (root && !world_to_json(root, posed) &&
-        (!points->count ||
-         !json_object_set_new(root, "points", json_pack("{s:s, s:s, s:i}", "file", points->name, "sha256",
-                                                        points->sha256, "count", points->count))) &&
+        (!points->count || !json_object_set_new(root, "points",
+                                                json_pack("{s:s, s:s, s:i}", "file", points->name, "sha256",
+                                                          points->sha256, "count", points->count))) &&
         !json_object_set_new(root, "views", views_to_json(posed, hashes)))
         text = json_dumps(root, JSON_INDENT(1));
     json_decref(root);

@@ -25,15 +25,12 @@ static int check(const struct sst_posed *posed, const struct sst_deep *deep, con
 int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const char *dir, int view)
 {
     const struct sst_posed_view *v = &posed->view[view];
-    char path[SST_PATH_MAX], name[300], hash[65];
+    char path[SST_PATH_MAX], hash[65];
     struct sst_deep made;
     uint8_t *data;
     size_t size;
-    int err;
+    int err = posed_read_view(path, &data, &size, v, dir);
 
-    snprintf(name, sizeof(name), "views/%s", v->file);
-    err = sst_path_join(path, dir, name);
-    err = err ? err : sst_file_read(path, POSED_VIEW_BYTES, &data, &size);
     if (err)
         return err;
     /* A file that cannot be decoded is reported as such, not as one that has changed. */

@@ -181,8 +181,8 @@ const char *posed_fault(const struct sst_posed *posed)
         return "channels: neither 1 nor 3";
     if (posed->bits != 8 && posed->bits != 16)
         return "bits: neither 8 nor 16";
-    if (posed->samples.white && (posed->samples.black < 0 || posed->samples.black >= posed->samples.white ||
-                                 posed->samples.white > 65535))
+    if (posed->samples.white &&
+        (posed->samples.black < 0 || posed->samples.black >= posed->samples.white || posed->samples.white > 65535))
         return "samples: not two ascending whole numbers in 0..65535";
     for (int k = 0; k < posed->count; k++) {
         const char *fault = view_fault(posed, k);

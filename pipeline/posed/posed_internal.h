@@ -5,9 +5,9 @@
 #include "base/file.h"
 #include "pipeline/posed/posed.h"
 
-#define POSED_MAX_POINTS   200000
-#define POSED_VIEW_BYTES   ((size_t)1 << 30) /* of one picture's file */
-#define POSED_POINTS_NAME  64                /* bytes of the name of the points' file */
+#define POSED_MAX_POINTS  200000
+#define POSED_VIEW_BYTES  ((size_t)1 << 30) /* of one picture's file */
+#define POSED_POINTS_NAME 64                /* bytes of the name of the points' file */
 
 /** Points' file: its name, which has a part of its hash, so that a new one never replaces the one in use. */
 struct points_file {
@@ -32,5 +32,9 @@ SST_MUST_CHECK int points_write(struct points_file *file, const struct sst_posed
 
 /** Read the points of a folder. @return 0, -ENOENT, -EBADMSG (another hash or length), -ENOMEM, -EIO; logged */
 SST_MUST_CHECK int points_read(struct sst_posed *posed, const struct points_file *file, const char *dir);
+
+/** Bytes of a view's picture in a folder. @param path  out, for messages @return as sst_file_read() */
+SST_MUST_CHECK int posed_read_view(char path[SST_PATH_MAX], uint8_t **data, size_t *size,
+                                   const struct sst_posed_view *v, const char *dir);
 
 #endif

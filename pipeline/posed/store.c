@@ -193,16 +193,24 @@ int sst_posed_load(struct sst_posed *posed, const char *dir)
     return err;
 }
 
-static int hash_view(char out[65], const struct sst_posed_view *v, const char *dir)
+int posed_read_view(char path[SST_PATH_MAX], uint8_t **data, size_t *size, const struct sst_posed_view *v,
+                    const char *dir)
 {
-    char path[SST_PATH_MAX], name[300];
-    uint8_t *data;
-    size_t size;
+    char name[300];
     int err;
 
     snprintf(name, sizeof(name), "views/%s", v->file);
     err = sst_path_join(path, dir, name);
-    err = err ? err : sst_file_read(path, POSED_VIEW_BYTES, &data, &size);
+    return err ? err : sst_file_read(path, POSED_VIEW_BYTES, data, size);
+}
+
+static int hash_view(char out[65], const struct sst_posed_view *v, const char *dir)
+{
+    char path[SST_PATH_MAX];
+    uint8_t *data;
+    size_t size;
+    const int err = posed_read_view(path, &data, &size, v, dir);
+
     if (err)
         return err;
     sst_sha256_hex(out, data, size);
