@@ -165,7 +165,7 @@ static int read_word(const struct cli_command *cmd, const struct cli_option *o, 
         }
     }
     near = sst_edit_nearest(text, (const char *const *)word);
-    if (near && strcmp(near, text))
+    if (near && strcmp(near, text) && strlen(text) > 2) /* `km` is no misspelt `mm` */
         return cli_usage_error(cmd, "unknown --%s `%s`; did you mean `%s`? choose from %s", o->name, text, near, o->words);
     if (o->type != CLI_WORD)
         return CLI_GO_ON;

@@ -87,7 +87,8 @@ def sfm():
 def geo():
     pitch = {"dji": -90, "up": 180}.get(fault, 0)
     with open(at("geo.txt"), "w") as f:
-        f.write({"srs": "EPSG:31468", "proj": "+proj=lcc +lat_0=1", "swapped": "EPSG:4326"}.get(fault, "EPSG:32633") + "\n")
+        if fault != "first":
+            f.write({"srs": "EPSG:31468", "proj": "+proj=lcc +lat_0=1", "swapped": "EPSG:4326"}.get(fault, "EPSG:32633") + "\n")
         for i, n in enumerate(names):
             f.write(f"{n.replace(' ', '_')} {450000 + i} 5350000" + ("" if fault == "angles" else f" 300 0 {'x' if fault == 'word' else pitch} 0") + "\n")
 
@@ -125,15 +126,22 @@ for kind in colmap binary nerf sfm llff mrcal; do
   grep -q '^'$kind'.lf: 8 views of 96x64, colour of 8 bits, 8 placed, centres over 0.700 x 0.0[0-9]* x 0.000 ' out || fail "$kind: $(cat out)"
 done
 make aos
-"$sst" import poses aos/poses.json --pictures pictures -o aos.lf --focal 90 --kelvin 0.04,-3 --json >out 2>err || fail "aos: $(cat err)"
+"$sst" import poses aos/poses.json --pictures pictures -o aos.lf --focal 90 --json >out 2>err || fail "aos: $(cat err)"
 "$python" - <<'PY' || fail "import --json: $(cat out)"
 import json
 o = json.load(open("out"))
-assert o["views"] == o["placed"] == 8 and o["metric"] and o["thermal"] and o["bits"] == 8 and o["kind"] == "posed", o
+assert o["views"] == o["placed"] == 8 and o["metric"] and not o["thermal"] and o["bits"] == 8 and o["kind"] == "posed", o
 assert abs(o["extent_m"][0] - 0.7) < 1e-9 and o["source"].startswith("AOS import of aos/poses.json"), o
 lf = json.load(open("aos.lf/lightfield.json"))
-assert lf["version"] == 3 and lf["up"] == [0, 0, -1] and lf["kelvin"] == [0.04, -3], lf
+assert lf["version"] == 3 and lf["up"] == [0, 0, -1], lf
 assert lf["views"][0]["name"] == "leaf 1.png" and lf["views"][0]["lens"]["cx"] == 47.5, lf["views"][0]
+PY
+"$sst" scene flight -o thermal --grid 1x2 --size 96x64 --unplaced -q >out 2>err || fail "scene: $(cat err)"
+"$sst" import pictures thermal/views -o warm.lf --kelvin 0.04,-3 --json >out 2>err || fail "warm: $(cat err)"
+"$python" - <<'PY' || fail "--kelvin: $(cat out)"
+import json
+o, lf = json.load(open("out")), json.load(open("warm.lf/lightfield.json"))
+assert o["thermal"] and o["bits"] == 16 and lf["kelvin"] == [0.04, -3], (o, lf)
 PY
 cmp -s "pictures/leaf 3.png" aos.lf/views/0002.png || fail "a picture is not copied byte for byte"
 # A flight writes its poses again and again: the last file counts.
@@ -155,6 +163,10 @@ cp -r pictures more && cp "pictures/leaf 1.png" more/extra.png
 "$sst" import poses colmap --pictures more -o more.lf >out 2>err || fail "more: $(cat err)"
 grep -q '9 views .* 8 placed' out && grep -q '1 pictures have no pose' err && grep -q '1 pictures without a pose are of another size' err ||
   fail "pictures without a pose: $(cat out err)"
+
+echo no picture >more/broken.png
+"$sst" import poses colmap --pictures more -o more.lf --force >out 2>err || fail "a damaged picture without a pose: $(cat err)"
+grep -q 'more/broken.png .*has no pose, and is left out' err && grep -q '9 views' out && ! grep -q error: err || fail "damaged: $(cat out err)"
 
 "$sst" import pictures pictures -o plain.lf --moments 'leaf {moment}.png' >out 2>err || fail "pictures: $(cat err)"
 grep -q '8 views .* 0 placed, 8 moments' out || fail "pictures: $(cat out)"
@@ -215,8 +227,9 @@ bad "not in the list of cameras" sfm camera
 bad "radians" sfm degrees
 bad "look away" sfm behind
 bad "not an object" sfm list
-bad "reference system .EPSG:31468" geo srs --focal 90
-bad "reference system .+proj=lcc" geo proj --focal 90
+bad "first line .EPSG:31468" geo srs --focal 90
+bad "first line .leaf_1.png.*EPSG:4326" geo first --focal 90
+bad "first line .+proj=lcc" geo proj --focal 90
 bad "longitude and latitude" geo swapped --focal 90
 bad "add 90" geo dji --focal 90
 bad "look up" geo up --focal 90
@@ -233,6 +246,8 @@ bad "6 numbers" mrcal nan
 want 2 "focal length; add --focal" import poses aos --pictures pictures -o bad.lf
 want 2 "lenses of its own" import poses colmap --pictures pictures -o bad.lf --focal 90
 want 2 "say the same" import poses aos --pictures pictures -o bad.lf --focal 90 --fov 40
+want 2 "those of pictures are colour" import pictures pictures -o bad.lf --kelvin 0.04,0
+want 2 "unknown --unit .km.; use mm or m" import poses aos -o bad.lf --unit km
 want 2 "SCALE,OFFSET" import pictures pictures -o bad.lf --kelvin 0.04
 want 2 "belong to the formats poses and pictures" import folder pictures --grid 2x4 -o bad.lf --focal 9
 want 2 "does not apply to poses" import poses colmap -o bad.lf --grid 2x4
@@ -247,6 +262,9 @@ echo '{"Labels": {"poly": []}}' >label.json && want 3 "format that is known" imp
 want 4 "exists" import poses colmap --pictures pictures -o aos.lf
 cp -r pictures cut && head -c 900 "pictures/leaf 4.png" >"cut/leaf 4.png"
 want 3 "leaf 4.png" import poses colmap --pictures cut -o bad.lf
+mkdir broken && echo none >broken/a.png && echo none >broken/b.png
+"$sst" import pictures broken -o bad.lf >out 2>err && fail "no picture can be read: $(cat out)"
+grep -q "error: broken has no picture that can be read" err && [ ! -e bad.lf ] || fail "no picture can be read: $(cat err)"
 cp -r pictures two && cp other/views/00_00.png "two/leaf 4.png"
 want 3 "leaf 4.png has 64x64 pixels, colour of 8 bits, but" import poses colmap --pictures two -o bad.lf
 want 3 "all pictures must be of one kind" import pictures two -o bad.lf

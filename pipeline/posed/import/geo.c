@@ -187,18 +187,19 @@ static int add(struct model *m, const struct reference *of, struct place *origin
 
 static int read_lines(struct model *m, char *text)
 {
-    char *save, *line = strtok_r(text, "\n", &save);
+    char *save, *line = strtok_r(text, "\r\n", &save);
     struct reference of;
     struct place origin = { { 0 }, { 0 } };
     int err = 0, level = 0;
 
     if (!line || !read_reference(&of, line)) {
         line = line ? line : text;
-        sst_log_error("%s: the reference system `%.*s` is not EPSG:4326, nor a zone of UTM on WGS 84 (EPSG:32601 to 32760)",
-                      m->path, (int)strcspn(line, "\r\n"), line);
+        sst_log_error("%s: the first line `%.60s` is no reference system that is known: it must be `EPSG:4326` (x, y are "
+                      "longitude and latitude) or a zone of UTM on WGS 84 (EPSG:32601 to 32760, `WGS84 UTM 33N`); correct it, or add it above",
+                      m->path, line);
         return -EBADMSG;
     }
-    while (!err && (line = strtok_r(NULL, "\n", &save))) {
+    while (!err && (line = strtok_r(NULL, "\r\n", &save))) {
         struct entry e = { .v = { 0 } };
         int n;
 

@@ -35,6 +35,23 @@ static read_model_fn *reader_of_json(const json_t *root)
     return NULL;
 }
 
+/* Lines as of geo.txt whose first line, the reference system, is missing: a picture's name and its place. */
+static bool lists_places(const char *text)
+{
+    char name[256], value[3][32];
+    double v;
+
+    if (sscanf(text, "%255s %31s %31s %31s", name, value[0], value[1], value[2]) != 4 || !strchr(name, '.'))
+        return false;
+    for (int i = 0; i < 3; i++) {
+        char end;
+
+        if (sscanf(value[i], "%lf%c", &v, &end) != 1)
+            return false;
+    }
+    return true;
+}
+
 /* First words of a file. @return NULL also where it cannot be read, which is logged */
 static read_model_fn *reader_of_file(const char *path, bool *failed)
 {
@@ -62,7 +79,8 @@ static read_model_fn *reader_of_file(const char *path, bool *failed)
             json_decref(root);
         }
     } else if (!strncmp((const char *)data + at, "EPSG:", 5) || !strncmp((const char *)data + at, "+proj=", 6) ||
-               !strncmp((const char *)data + at, "WGS84", 5)) {
+               !strncmp((const char *)data + at, "WGS84", 5) || sst_text_ends(path, "geo.txt") ||
+               lists_places((const char *)data + at)) {
         reader = read_geo;
     }
     free(data);

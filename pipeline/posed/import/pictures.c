@@ -219,7 +219,7 @@ static int add_unplaced(struct model *m)
                    !strncmp(m->view[j].path, m->view[k].path, (size_t)bytes);
         if (seen)
             continue;
-        snprintf(dir, sizeof(dir), "%.*s", bytes ? bytes : 1, bytes ? m->view[k].path : ".");
+        snprintf(dir, sizeof(dir), "%.*s", bytes > 1 ? bytes - 1 : 1, bytes ? m->view[k].path : ".");
         err = list_sorted(&l, dir);
         for (int i = 0; !err && i < l.count; i++) {
             char name[MODEL_NAME];

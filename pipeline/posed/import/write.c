@@ -15,6 +15,7 @@
 
 /* Properties of a picture's file. */
 struct picture {
+    bool damaged; /* a picture without a pose, which is left out */
     int width, height, channels, bits;
     struct sst_samples stretch; /* of 16 bits */
     uint8_t orientation;        /* EXIF's, which is not applied */
@@ -56,23 +57,42 @@ static int view_file(char path[SST_PATH_MAX], const char *out, int k, const char
     return sst_path_join(path, out, name);
 }
 
+/* Read and check a picture; a damaged one is named, and refused only if it has a pose. */
+static int read_picture(struct picture *p, uint8_t **data, size_t *size, const struct model_view *v)
+{
+    char text[SST_LOG_MAX] = "", *before = sst_log_hold_errors(text);
+    int err = sst_file_read(v->path, POSED_VIEW_BYTES, data, size);
+
+    if (!err) {
+        err = inspect(p, *data, *size, v->path);
+        if (err)
+            free(*data);
+    }
+    sst_log_hold_errors(before);
+    if (!err)
+        return 0;
+    if (err == -ENOMEM || v->camera.known) {
+        sst_log_error("%s", text);
+        return err;
+    }
+    sst_log_warning("%s; it has no pose, and is left out", text);
+    p->damaged = true;
+    return 0;
+}
+
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const char *from = job->m->view[k].path;
     struct picture *p = &job->picture[k];
     char to[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
-    int err = sst_file_read(from, POSED_VIEW_BYTES, &data, &size);
+    int err = read_picture(p, &data, &size, &job->m->view[k]);
 
-    if (err)
+    if (err || p->damaged)
         return err;
-    err = inspect(p, data, size, from);
-    if (!err) {
-        sst_sha256_hex(p->sha256, data, size);
-        err = view_file(to, job->out, k, p->end);
-    }
+    sst_sha256_hex(p->sha256, data, size);
+    err = view_file(to, job->out, k, p->end);
     err = err ? err : sst_file_write(to, data, size);
     free(data);
     return err;
@@ -91,18 +111,31 @@ static const char *kind_text(char text[64], const struct picture *p)
     return text;
 }
 
+/* First posed picture, else the first one. @return -1: none can be read */
+static int first_of(const struct model *m, const struct job *job)
+{
+    int first = -1;
+
+    for (int k = m->count - 1; k >= 0; k--) {
+        if (!job->picture[k].damaged && (m->view[k].camera.known || first < 0 || !m->view[first].camera.known))
+            first = k;
+    }
+    return first;
+}
+
 /* Pictures without a pose that differ from the posed ones are no views: they are removed from the model. */
 static int choose_views(struct model *m, struct job *job)
 {
-    int first = 0, kept = 0;
+    const int first = first_of(m, job);
+    int kept = 0;
     char a[64], b[64];
 
-    while (first < m->count - 1 && !m->view[first].camera.known)
-        first++;
-    if (!m->view[first].camera.known)
-        first = 0;
+    if (first < 0) {
+        sst_log_error("%s has no picture that can be read; convert them to PNG, JPEG or TIFF", m->cfg->source);
+        return -EBADMSG;
+    }
     for (int k = 0; k < m->count; k++) {
-        const bool same = alike(&job->picture[k], &job->picture[first]);
+        const bool same = job->picture[k].damaged || alike(&job->picture[k], &job->picture[first]);
 
         if (!same && (m->view[k].camera.known || !m->view[first].camera.known)) {
             sst_log_error("%s has %s, but %s has %s; all pictures must be of one kind", m->view[k].path,
@@ -115,6 +148,8 @@ static int choose_views(struct model *m, struct job *job)
         char from[SST_PATH_MAX], to[SST_PATH_MAX];
         int err = view_file(from, job->out, k, job->picture[k].end);
 
+        if (job->picture[k].damaged)
+            continue;
         if (!err && !alike(&job->picture[k], &job->picture[first])) {
             remove(from);
             continue;
@@ -342,8 +377,15 @@ static void set_world(struct sst_posed *posed, struct model *m)
 static int finish(struct model *m, const struct job *job)
 {
     struct sst_posed posed;
-    int err = sst_posed_init(&posed, m->count);
+    int err;
 
+    if (m->cfg->kelvin_scale != 0 && job->picture[0].channels == 3) {
+        sst_log_error("--kelvin is of thermal pictures, which have one channel; those of %s are colour; leave it out, or "
+                      "name the folder of the thermal ones",
+                      m->cfg->source);
+        return -EINVAL;
+    }
+    err = sst_posed_init(&posed, m->count);
     if (err)
         return err;
     posed.width = job->picture[0].width;
