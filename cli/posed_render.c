@@ -65,14 +65,19 @@ static double seen_percent(const struct sst_map_u16 *views)
     return 100.0 * (double)n / ((double)views->width * views->height);
 }
 
-static void report(const struct posed_scene *scene, const struct sst_posed_rendered *made, const char *out,
-                   struct sst_samples stretch)
+static void report_ground(const struct posed_scene *scene, const char *out)
 {
     const struct sst_posed_ground *ground = &scene->ground;
 
     if (ground->views)
         printf("%s: ground %.2f m in front of %s, tilted by %.1f degrees, found by %d views\n", out,
                ground->distance_mm * 1e-3, scene->view, ground->tilt_deg, ground->views);
+}
+
+static void report(const struct posed_scene *scene, const struct sst_posed_rendered *made, const char *out,
+                   struct sst_samples stretch)
+{
+    report_ground(scene, out);
     if (stretch.white > 0)
         printf("%s: 8 bits, levels %d to %d stretched over them; .png and .tif keep 16\n", out, stretch.black,
                stretch.white);
@@ -218,19 +223,37 @@ static int write_video(const struct posed_scene *scene, const struct posed_sweep
     return err;
 }
 
+/* Distance of the surface in the middle of the picture, m; INFINITY: none is there. */
+static double surface_distance(const struct posed_scene *scene)
+{
+    const struct sst_virtual *camera = &scene->cfg.camera;
+    double ray[3];
+
+    sst_virtual_ray(camera, (camera->width - 1) / 2.0, (camera->height - 1) / 2.0, ray);
+    return sst_surface_meet(&scene->cfg.surface, camera->centre_mm, ray) * 1e-3;
+}
+
 /* A tenth of the surface's distance, below and above it. */
 static void find_ends(const struct posed_scene *scene, struct posed_sweep *s)
 {
-    const struct sst_virtual *camera = &scene->cfg.camera;
-    double ray[3], distance;
+    const double distance = surface_distance(scene);
 
     if (!isnan(s->from_m))
         return;
-    sst_virtual_ray(camera, (camera->width - 1) / 2.0, (camera->height - 1) / 2.0, ray);
-    distance = sst_surface_meet(&scene->cfg.surface, camera->centre_mm, ray) * 1e-3;
     s->to_m = isfinite(distance) ? USUAL_SWEEP * distance : 1;
     s->from_m = -s->to_m;
-    sst_log_info("height from %.2f to %.2f m", s->from_m, s->to_m);
+}
+
+/* The surface, and the heights above it. */
+static void report_sweep(const struct posed_scene *scene, const struct posed_sweep *s)
+{
+    const double distance = surface_distance(scene);
+
+    report_ground(scene, s->out);
+    if (!scene->ground.views && isfinite(distance))
+        printf("%s: %s %.2f m in front of %s\n", s->out,
+               scene->cfg.surface.kind == SST_SURFACE_TERRAIN ? "terrain" : "plane", distance, scene->view);
+    printf("%s: %d pictures, heights from %.2f to %.2f m above it\n", s->out, frame_count(s), s->from_m, s->to_m);
 }
 
 int cli_posed_sweep(struct posed_scene *scene, const struct render_args *a, struct posed_sweep *sweep)
@@ -239,7 +262,9 @@ int cli_posed_sweep(struct posed_scene *scene, const struct render_args *a, stru
 
     find_ends(scene, sweep);
     err = cli_has_suffix(sweep->out, ".mp4") ? write_video(scene, sweep) : write_folder(scene, sweep, a->force);
-    if (!err && a->json) {
+    if (!err && !a->json) {
+        report_sweep(scene, sweep);
+    } else if (!err) {
         json_t *root = cli_posed_scene_json(scene);
 
         json_object_update_new(root, json_pack("{s:s, s:i, s:s, s:f, s:f}", "output", sweep->out, "frames",

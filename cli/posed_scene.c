@@ -11,6 +11,7 @@
 
 #define METRE_MM     1000.0
 #define NADIR        "nadir"
+#define ZERO_MISS    0.1 /* of the distance: where the ground is not at z = 0 */
 #define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
 
 struct known_option {
@@ -112,6 +113,11 @@ static int read_numbers(double *number, int most, const char *text)
     return -1;
 }
 
+static bool vector_known(const double v[3])
+{
+    return v[0] != 0 || v[1] != 0 || v[2] != 0;
+}
+
 static int read_plane(struct posed_scene *scene, const struct cli_command *cmd, const char *text, bool level)
 {
     const struct sst_virtual *camera = &scene->cfg.camera;
@@ -119,6 +125,7 @@ static int read_plane(struct posed_scene *scene, const struct cli_command *cmd, 
     const int n = read_numbers(v, 9, text);
 
     if (n == 1 && v[0] > 0) {
+        level = level && vector_known(scene->posed.up);
         for (int i = 0; i < 3; i++) {
             normal[i] = level ? scene->posed.up[i] : -camera->rotation[6 + i];
             point[i] = camera->centre_mm[i] - v[0] * METRE_MM * normal[i];
@@ -160,6 +167,26 @@ static int read_terrain(struct posed_scene *scene, const char *path)
     return err ? cli_exit_code(-EBADMSG) : CLI_GO_ON;
 }
 
+/* AOS's worlds have their ground at z = 0: the ground that is found far from there may be the canopy. */
+static void compare_with_zero(const struct posed_scene *scene)
+{
+    const struct sst_virtual *camera = &scene->cfg.camera;
+    const double *up = scene->posed.up;
+    double height = 0, along = 0;
+
+    if (strncmp(scene->posed.source, "AOS", 3) != 0)
+        return;
+    for (int i = 0; i < 3; i++) {
+        height += up[i] * camera->centre_mm[i];
+        along -= up[i] * camera->rotation[6 + i];
+    }
+    if (height > 0 && along > 0.5 && fabs(scene->ground.distance_mm / (height / along) - 1) > ZERO_MISS)
+        sst_log_warning("%s: the ground is found %.2f m in front of the camera, but z = 0, the ground of AOS's poses, is "
+                        "%.2f m away; if what is found is the canopy, give --surface plane:%.2f",
+                        scene->path, scene->ground.distance_mm / METRE_MM, height / along / METRE_MM,
+                        height / along / METRE_MM);
+}
+
 static int find_ground(struct posed_scene *scene, const struct render_args *a)
 {
     const struct sst_ground_config cfg = { .near_mm = a->near_m * METRE_MM,
@@ -168,6 +195,8 @@ static int find_ground(struct posed_scene *scene, const struct render_args *a)
     const int err = sst_posed_ground(&scene->ground, &scene->posed, scene->path, &scene->cfg.camera, &cfg);
 
     scene->cfg.surface = scene->ground.plane;
+    if (!err)
+        compare_with_zero(scene);
     return err ? cli_exit_code(err == -ENODATA || err == -EINVAL ? -EBADMSG : err) : CLI_GO_ON;
 }
 
@@ -217,6 +246,10 @@ int cli_posed_open(struct posed_scene *scene, const struct cli_command *cmd, con
         r = find_surface(&s, cmd, a);
     }
     if (r == CLI_GO_ON && a->view && !strcmp(a->view, NADIR)) {
+        if (!vector_known(s.posed.up)) {
+            memcpy(s.posed.up, s.cfg.surface.normal, sizeof(s.posed.up));
+            sst_log_warning("%s: the direction of gravity is unknown: nadir looks straight at the surface", path);
+        }
         err = sst_virtual_nadir(&s.cfg.camera, &s.posed, &s.cfg.surface, NADIR_PIXELS);
         r = err ? cli_exit_code(err == -EINVAL ? -EBADMSG : err) : CLI_GO_ON;
         s.view = NADIR;

@@ -17,6 +17,9 @@
 #define LEAST_FOUR 0.001 /* of the pixels */
 #define NEAREST    0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
 #define FARTHEST   1.6
+#define WIDE       20  /* farthest limit over the nearest one: planes behind the ground are many */
+#define OVERLAPPING 0.7  /* of a picture's side: shift of the nearest view at the nearest distance */
+#define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
 #define SCAN       0.0075 /* distances around the peak, relative */
 #define SCANS      4      /* to both sides */
 #define TILT       0.03   /* tangent: the first step of refinement */
@@ -44,6 +47,35 @@ static struct sst_surface plane_at(const struct search *s, double distance_mm, c
 
 /* --- limits of the sweep --------------------------------------------------------------------------------------------
  */
+
+/* Without points: from where the nearest views begin to overlap to where the baseline of those that are compared shifts
+ * a picture by little. */
+static void limits_of_baselines(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera)
+{
+    const double side = sst_min_int(camera->width, camera->height) / camera->fx;
+    double least[VIEWS + 1], apart[3]; /* distances from the camera, ascending */
+    int n = 0;
+
+    for (int i = 0; i < posed->count; i++) {
+        const struct sst_calib_camera *cam = &posed->view[i].camera;
+        double mm;
+        int at;
+
+        for (int k = 0; k < 3; k++)
+            apart[k] = cam->position_mm[k] - camera->centre_mm[k];
+        mm = vector_length(apart);
+        if (!cam->known || !(mm > 0) || (n > VIEWS && mm >= least[VIEWS]))
+            continue;
+        n += n <= VIEWS;
+        for (at = n - 1; at > 0 && least[at - 1] > mm; at--)
+            least[at] = least[at - 1];
+        least[at] = mm;
+    }
+    if (n < 2)
+        return;
+    range[0] = range[0] > 0 ? range[0] : least[0] / (OVERLAPPING * side);
+    range[1] = range[1] > 0 ? range[1] : least[n - 1] / (LITTLE * side);
+}
 
 static int limits(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera,
                   const struct sst_ground_config *cfg)
@@ -74,11 +106,14 @@ static int limits(double range[2], const struct sst_posed *posed, const struct s
         range[1] = range[1] > 0 ? range[1] : FARTHEST * depth[n - 1 - n / 50];
     }
     free(depth);
+    if (n < 10)
+        limits_of_baselines(range, posed, camera);
+    sst_log_info("the ground is sought from %.2f to %.2f m, limits by %s", range[0] * 1e-3, range[1] * 1e-3,
+                 n < 10 ? "the distances of views" : "the points of the scene");
     if (range[0] > 0 && range[1] > range[0])
         return 0;
-    sst_log_error(
-        "the ground is sought between two distances, and no points of the scene are known: give both --near and "
-        "--far, such as two thirds and one and a half of the height, or find points by `sst poses LF --refine`");
+    sst_log_error("no points of the scene are known, and views are too few or at one place: give both --near and --far, "
+                  "such as two thirds and one and a half of the height, or --surface plane:Z");
     return -EINVAL;
 }
 
@@ -112,18 +147,20 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
 }
 
 /* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
- * peak before it. @return -1: none */
-static int farthest_peak(const struct sst_posed_ground *g)
+ * peak before it. Far behind the ground chance makes the least share small: in a wide sweep the mean one counts as well.
+ * @return -1: none */
+static int farthest_peak(const struct sst_posed_ground *g, bool wide)
 {
-    double behind = INFINITY;
+    double behind = INFINITY, sum = 0;
 
     for (int i = g->planes - 2; i > 0; i--) {
         double before = INFINITY;
         int k = i - 1;
 
         behind = fmin(behind, g->four[i + 1]);
+        sum += g->four[i + 1];
         if (g->four[i] < g->four[i + 1] || g->four[i] < g->four[i - 1] || g->four[i] < LEAST_FOUR ||
-            g->four[i] < BEHIND * behind)
+            g->four[i] < BEHIND * (wide ? fmax(behind, sum / (g->planes - 1 - i)) : behind))
             continue;
         for (; k >= 0 && g->four[k] <= g->four[i]; k--)
             before = fmin(before, g->four[k]);
@@ -224,7 +261,7 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
         err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
         err = err ? err : sweep(&g, &s, range);
         if (!err) {
-            g.chosen = farthest_peak(&g);
+            g.chosen = farthest_peak(&g, range[1] > WIDE * range[0]);
             err = g.chosen < 0 ? -ENODATA : refine(&g, &s, cfg->level);
         }
         agree_fini(&s.agree);

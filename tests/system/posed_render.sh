@@ -25,6 +25,10 @@ grep -q "stretched" out || fail "the stretch of a JPEG is not said: $(cat out)"
 [ "$(head -c 25 thermal.png | tail -c 1 | od -An -tu1 | tr -d ' ')" = 16 ] || fail "thermal.png has not 16 bits"
 "$sst" render flight.lf -m refocus --surface plane:30 --view nadir -o nadir.png >out 2>err || fail "nadir: $(cat err)"
 "$sst" sweep forest.lf -m refocus --surface $terrain --from -1 --to 1 --steps 3 -o sweep >out 2>err || fail "sweep: $(cat err)"
+grep -q "^sweep: terrain [34][0-9.]* m in front" out && grep -q "3 pictures, heights from -1.00 to 1.00 m" out || fail "sweep says: $(cat out)"
+sed '/"up": \[/,/\]/d' flight.lf/lightfield.json >up.json && cp -r flight.lf level.lf && cp up.json level.lf/lightfield.json
+"$sst" render level.lf -m refocus --surface plane:30 --view nadir -o level.png >out 2>err || fail "nadir without gravity: $(cat err)"
+grep -q "gravity is unknown: nadir looks straight at the surface" err || fail "nadir without gravity: $(cat err)"
 grep -q '"height_m": -1' sweep/sweep.json && [ -s sweep/0002.png ] || fail "sweep: $(cat sweep/sweep.json)"
 
 refuse() { # text, arguments of sst render

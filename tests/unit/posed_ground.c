@@ -119,6 +119,12 @@ static void ground_is_behind_the_leaves(void **state SST_UNUSED)
     assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &cfg), 0);
     if (fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 300 || ground.tilt_deg > 1)
         fail_msg("ground at %.0f mm, tilted by %.2f degrees", ground.distance_mm, ground.tilt_deg);
+    /* Without limits and points: by the distances of the views. */
+    assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &none), 0);
+    if (fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 300 || ground.tilt_deg > 1)
+        fail_msg("by default: ground at %.0f mm, tilted by %.2f degrees", ground.distance_mm, ground.tilt_deg);
+    for (int k = 0; k < posed.count; k++)
+        memcpy(posed.view[k].camera.position_mm, camera.centre_mm, sizeof(camera.centre_mm));
     assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &none), -EINVAL);
     sst_posed_fini(&posed);
 }
