@@ -14,6 +14,8 @@
 
 #if WITH_CURL
 #include <curl/curl.h>
+#include <dlfcn.h>
+#include <pthread.h>
 #include <sys/un.h>
 #endif
 
@@ -51,6 +53,48 @@ struct sst_client {
 };
 
 #if WITH_CURL
+/* --- libcurl: with the libraries that it needs, it would take a third of every start of sst ------------------------
+ */
+
+#undef curl_easy_setopt
+#undef curl_easy_getinfo
+
+#define FUNCTIONS(X)                                                                                                   \
+    X(curl_global_init)                                                                                                \
+    X(curl_easy_init)                                                                                                  \
+    X(curl_easy_setopt)                                                                                                \
+    X(curl_easy_perform)                                                                                               \
+    X(curl_easy_getinfo)                                                                                               \
+    X(curl_easy_strerror)                                                                                              \
+    X(curl_easy_cleanup)                                                                                               \
+    X(curl_slist_append)                                                                                               \
+    X(curl_slist_free_all)
+
+static struct {
+#define X(name) __typeof__(&(name)) name;
+    FUNCTIONS(X)
+#undef X
+} lib; /* fixed after load() */
+static bool loaded;
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+static void load(void)
+{
+    void *library = dlopen(SST_CURL_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+
+    if (!library) {
+        sst_log_error("cannot load %s: %s; install the package that has it", SST_CURL_LIBRARY, dlerror());
+        return;
+    }
+    loaded = true;
+#define X(name)                                                                                                        \
+    *(void **)&lib.name = dlsym(library, #name);                                                                       \
+    loaded = loaded && lib.name;
+    FUNCTIONS(X)
+#undef X
+    if (!loaded)
+        sst_log_error("%s is of another version: functions are missing", SST_CURL_LIBRARY);
+}
 
 /* --- receiving ---------------------------------------------------------------------------------------------------- */
 
@@ -171,7 +215,7 @@ static size_t receive(char *data, size_t one, size_t bytes, void *arg)
 
     (void)one; /* always 1 */
     c->heard_ns = sst_clock_now_ns();
-    (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
+    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
     if (code / 100 == 2 && c->file) {
         if (fwrite(data, 1, bytes, c->file) != bytes)
             c->err = errno ? -errno : -EIO;
@@ -204,7 +248,7 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
 {
     long os = 0;
 
-    (void)curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &os);
+    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &os);
     switch (code) {
     case CURLE_COULDNT_CONNECT:
         if (os == EACCES || os == EPERM) {
@@ -222,13 +266,13 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
         return -ETIMEDOUT;
     case CURLE_SSL_CONNECT_ERROR:
         sst_log_error("the service at %s cannot be asked by TLS: %s; without web.tls_certificate it is http://",
-                      c->place, *said ? said : curl_easy_strerror(code));
+                      c->place, *said ? said : lib.curl_easy_strerror(code));
         return -ENOPKG;
     case CURLE_OUT_OF_MEMORY:
         sst_log_error("no memory to ask the service");
         return -ENOMEM;
     default:
-        sst_log_error("the service at %s cannot be asked: %s", c->place, *said ? said : curl_easy_strerror(code));
+        sst_log_error("the service at %s cannot be asked: %s", c->place, *said ? said : lib.curl_easy_strerror(code));
         return code == CURLE_PEER_FAILED_VERIFICATION ? -EACCES : -EPROTO;
     }
 }
@@ -288,19 +332,19 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     c->length = 0;
     c->heard_ns = sst_clock_now_ns();
     c->silence_ns = silence_s(c, path, endless) * INT64_C(1000000000);
-    (void)curl_easy_setopt(c->curl, CURLOPT_URL, url);
-    (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
-    (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
-    (void)curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_URL, url);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
     if (post) {
-        (void)curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
-        (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
-        (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, post);
+        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
+        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
+        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, post);
     }
-    code = curl_easy_perform(c->curl);
-    (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
-    (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
-    (void)curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &c->type);
+    code = lib.curl_easy_perform(c->curl);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
+    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &c->type);
     if (c->err == -ETIMEDOUT)
         return transfer_error(c, CURLE_OPERATION_TIMEDOUT, said);
     if (c->err)
@@ -314,7 +358,7 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
 
 static bool add_header(struct curl_slist **list, const char *header)
 {
-    struct curl_slist *longer = curl_slist_append(*list, header);
+    struct curl_slist *longer = lib.curl_slist_append(*list, header);
 
     if (longer)
         *list = longer;
@@ -386,7 +430,7 @@ static int set_place(struct sst_client *c, const struct sst_client_service *wher
         return -EINVAL;
     }
     c->base = "http://localhost";
-    return curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
+    return lib.curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
 }
 
 int sst_client_open(struct sst_client **out, const struct sst_client_service *where)
@@ -396,27 +440,28 @@ int sst_client_open(struct sst_client **out, const struct sst_client_service *wh
 
     if (!c)
         goto fail;
-    if (curl_global_init(CURL_GLOBAL_DEFAULT)) {
+    pthread_once(&once, load);
+    if (!loaded || lib.curl_global_init(CURL_GLOBAL_DEFAULT)) {
         err = -ENOTSUP;
         goto fail;
     }
-    c->curl = curl_easy_init();
+    c->curl = lib.curl_easy_init();
     if (!c->curl)
         goto fail;
     if (!add_header(&c->get_headers, "Accept: application/json, application/x-ndjson, */*;q=0.1") ||
         !add_header(&c->post_headers, "Content-Type: application/json") || !add_header(&c->post_headers, "Expect:"))
         goto fail;
-    (void)curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
-    (void)curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
-    (void)curl_easy_setopt(c->curl, CURLOPT_XFERINFOFUNCTION, progress);
-    (void)curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
-    (void)curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
-    (void)curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
-    (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* no proxy of the environment */
-    (void)curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
-    (void)curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_XFERINFOFUNCTION, progress);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* no proxy of the environment */
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
+    (void)lib.curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
     if (where->ca)
-        (void)curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
+        (void)lib.curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
     err = set_place(c, where);
     if (err)
         goto fail;
@@ -434,9 +479,11 @@ void sst_client_close(struct sst_client *c)
 {
     if (!c)
         return;
-    curl_easy_cleanup(c->curl);
-    curl_slist_free_all(c->get_headers);
-    curl_slist_free_all(c->post_headers);
+    if (loaded) {
+        lib.curl_easy_cleanup(c->curl);
+        lib.curl_slist_free_all(c->get_headers);
+        lib.curl_slist_free_all(c->post_headers);
+    }
     free(c->text);
     free(c);
 }
