@@ -12,6 +12,16 @@
 
 #define VIDEO_MAJOR 81
 
+static const struct sim_fault faults[] = {
+#define X(fault, name, least, greatest, help) { name, least, greatest, help },
+    SIM_CAM_FAULTS(X)
+#undef X
+};
+
+const struct sim_fault_scope sim_camera_faults = {
+    .name = "camera", .faults = faults, .count = SST_SIM_FAULTS_OF_CAMERA, .instances = 1
+};
+
 struct sim_array {
     struct sim_array_config cfg; /* fixed after open, but for `truth` */
     int cameras, scope;
@@ -175,6 +185,7 @@ void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung)
 int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
 {
     struct sim_array *a = calloc(1, sizeof(*a));
+    struct sim_fault_scope scope = sim_camera_faults;
     int err = -ENOMEM;
 
     if (!a)
@@ -192,14 +203,10 @@ int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
     }
     if (a->truth)
         setlinebuf(a->truth);
-    a->scope = sim_faults_add(cfg->faults, &(struct sim_fault_scope){
-                                               .name = "camera",
-                                               .faults = sim_cam_faults,
-                                               .count = SST_SIM_FAULTS_OF_CAMERA,
-                                               .instances = a->cameras,
-                                               .changed = fault_changed,
-                                               .arg = a,
-                                           });
+    scope.instances = a->cameras;
+    scope.changed = fault_changed;
+    scope.arg = a;
+    a->scope = sim_faults_add(cfg->faults, &scope);
     err = sst_min_int(a->scope, 0);
     for (int i = 0; !err && i < a->cameras; i++) {
         struct sim_cam *cam = &a->cam[i];

@@ -114,42 +114,44 @@ void sim_cam_queue_free(struct sim_cam *cam);
 
 /* --- exposures (exposure.c) --------------------------------------------------------------------------------------- */
 
-/** Faults of a camera, in the order of the table in camera_faults.c. */
+/** Faults of a camera: enumerator, name, least and greatest value, help. */
+#define SIM_CAM_FAULTS(X)                                                                                              \
+    X(UNPLUG, "unplug", 0, 1, "1: away, 0: back, perhaps as another /dev/videoN")                                      \
+    X(EIO, "eio", 0, 1, "share of DQBUF calls that fail with EIO; the frame stays for the next call")                  \
+    X(ERROR_FLAG, "error_flag", 0, 1, "share of frames with V4L2_BUF_FLAG_ERROR")                                      \
+    X(GAP, "gap", 0, 1, "share of frames lost on the way: the sequence shows a gap")                                   \
+    X(LATE_MS, "late_ms", 0, 60000, "frames are done this many ms later")                                              \
+    X(LATE_P, "late_p", 0, 1, "share of frames that late_ms concerns; 0: all")                                         \
+    X(DUPLICATE, "duplicate", 0, 1, "share of frames that come twice, the second stamped 500 us later")                \
+    X(FROZEN, "frozen", 0, 1, "1: the same picture for ever, with new stamps")                                         \
+    X(TRUNCATED, "truncated", 0, 1, "share of frames that end in the middle")                                          \
+    X(CORRUPT_SOI, "corrupt_soi", 0, 1, "share of frames whose first two bytes are wrong")                             \
+    X(CORRUPT_EOI, "corrupt_eoi", 0, 1, "share of frames whose last two bytes are wrong")                              \
+    X(CORRUPT_MID, "corrupt_mid", 0, 1, "share of frames with 16 bytes of the middle overwritten")                     \
+    X(SHORT, "short", 0, 1, "share of frames of 32 bytes")                                                             \
+    X(STALL, "stall", 0, 5, "no frames until: 1 restream, 2 reopen, 3 USB reset, 4 re-authorise, 5 power")             \
+    X(BUSY, "busy", 0, 1, "1: S_FMT and REQBUFS fail with EBUSY")                                                      \
+    X(NOSPACE, "nospace", 0, 1, "1: STREAMON fails with ENOSPC")                                                       \
+    X(SEQUENCE_WRAP, "sequence_wrap", 0, 1, "1: the sequence goes on from 2^32 - 8")                                   \
+    X(TIME_WRAP, "time_wrap", 0, 1, "1: stamps go on from 2^31 - 2 s and wrap to -2^31 s")                             \
+    X(BACKWARDS, "backwards", 0, 1, "share of frames stamped a second too early")                                      \
+    X(CLOCK_STEP_US, "clock_step_us", -1e9, 1e9, "added to the stamps")                                                \
+    X(SWAP, "swap", -255, 255, "the camera behind this cable is number N + VALUE")                                     \
+    X(CONTROL_STUCK, "control_stuck", 0, 1, "1: S_CTRL succeeds and changes nothing")                                  \
+    X(OTHER_SIZE, "other_size", 0, 1, "share of frames whose JPEG header says 8 lines more")                           \
+    X(NO_TABLES, "no_tables", 0, 1, "share of frames without Huffman tables")                                          \
+    X(LEAD, "lead", 0, 64, "bytes of something else before each frame")                                                \
+    X(FIELD, "field", 0, 19, "enum v4l2_field that buffers have, and plus 10 formats too; 0: progressive")             \
+    X(PARM_ERRNO, "parm_errno", 0, 133, "S_PARM fails with this errno")                                                \
+    X(MPLANE, "mplane", 0, 1, "1: the node has the multi-planar API alone, with one plane")                            \
+    X(SAME_STAMP, "same_stamp", 0, 1, "1: the stamp of the first frame for all")                                       \
+    X(SLOW_OPEN_MS, "slow_open_ms", 0, 60000, "open() takes this long")
 enum sim_cam_fault {
-    SST_SIM_FAULT_UNPLUG,
-    SST_SIM_FAULT_EIO,
-    SST_SIM_FAULT_ERROR_FLAG,
-    SST_SIM_FAULT_GAP,
-    SST_SIM_FAULT_LATE_MS,
-    SST_SIM_FAULT_LATE_P,
-    SST_SIM_FAULT_DUPLICATE,
-    SST_SIM_FAULT_FROZEN,
-    SST_SIM_FAULT_TRUNCATED,
-    SST_SIM_FAULT_CORRUPT_SOI,
-    SST_SIM_FAULT_CORRUPT_EOI,
-    SST_SIM_FAULT_CORRUPT_MID,
-    SST_SIM_FAULT_SHORT,
-    SST_SIM_FAULT_STALL,
-    SST_SIM_FAULT_BUSY,
-    SST_SIM_FAULT_NOSPACE,
-    SST_SIM_FAULT_SEQUENCE_WRAP,
-    SST_SIM_FAULT_TIME_WRAP,
-    SST_SIM_FAULT_BACKWARDS,
-    SST_SIM_FAULT_CLOCK_STEP_US,
-    SST_SIM_FAULT_SWAP,
-    SST_SIM_FAULT_CONTROL_STUCK,
-    SST_SIM_FAULT_OTHER_SIZE,
-    SST_SIM_FAULT_NO_TABLES,
-    SST_SIM_FAULT_LEAD,
-    SST_SIM_FAULT_FIELD,
-    SST_SIM_FAULT_PARM_ERRNO,
-    SST_SIM_FAULT_MPLANE,
-    SST_SIM_FAULT_SAME_STAMP,
-    SST_SIM_FAULT_SLOW_OPEN_MS,
+#define X(fault, ...) SST_SIM_FAULT_##fault,
+    SIM_CAM_FAULTS(X)
+#undef X
     SST_SIM_FAULTS_OF_CAMERA,
 };
-extern const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA];
-
 struct sim_shot {
     struct sim_timer timer;
     struct sim_cam *cam;
