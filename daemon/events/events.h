@@ -42,15 +42,6 @@ enum sst_event_level {
     SST_EVENT_ERROR = 2,
 };
 
-struct sst_event {
-    uint64_t id; /* 1, 2, ... since the start */
-    int64_t wall_ns;
-    enum sst_event_level level;
-    char type[32];
-    char message[512]; /* one sentence */
-    json_t *data;      /* object; borrowed, read-only */
-};
-
 struct sst_events; /* opaque; any thread */
 
 /** Keeps the last `capacity` events. @return 0, -EINVAL, -ENOMEM */

@@ -127,20 +127,7 @@ int sst_deep_decode(struct sst_deep *out, const uint8_t *data, size_t size, cons
     return -EBADMSG;
 }
 
-int sst_deep_read(struct sst_deep *out, const char *path)
-{
-    uint8_t *data;
-    size_t size;
-    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
-
-    if (err)
-        return err;
-    err = sst_deep_decode(out, data, size, path);
-    free(data);
-    return err;
-}
-
-static int decode_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name)
+int sst_deep_decode_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name)
 {
     struct sst_deep_size made = { .bits = 8 };
     int err;
@@ -160,26 +147,6 @@ static int decode_size(struct sst_deep_size *out, const uint8_t *data, size_t si
         break;
     }
     return -EBADMSG;
-}
-
-int sst_deep_read_size(const char *path, int *width, int *height, int *channels, int *bits)
-{
-    struct sst_deep_size found;
-    uint8_t *data;
-    size_t size;
-    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
-
-    if (err)
-        return err;
-    err = decode_size(&found, data, size, path);
-    free(data);
-    if (err)
-        return err;
-    *width = found.width;
-    *height = found.height;
-    *channels = found.channels;
-    *bits = found.bits;
-    return 0;
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
@@ -300,7 +267,7 @@ int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *dat
 
     if (sst_image_is_jpeg(data, size))
         return 0;
-    err = decode_size(&found, data, size, name);
+    err = sst_deep_decode_size(&found, data, size, name);
     if (err || found.bits == 8)
         return err;
     err = sst_deep_decode(&deep, data, size, name);

@@ -28,11 +28,10 @@ void sst_deep_fini(struct sst_deep *deep);
  * A radiometric JPEG (FLIR, DJI) is refused with the command that converts it, floats and other depths by name.
  * @return as readers of codec.h
  */
-SST_MUST_CHECK int sst_deep_read(struct sst_deep *out, const char *path);
 SST_MUST_CHECK int sst_deep_decode(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
 
-/** Size, channels and bits of a file without its pixels. @return as sst_deep_read() */
-SST_MUST_CHECK int sst_deep_read_size(const char *path, int *width, int *height, int *channels, int *bits);
+/** Size, channels and bits of a file without its pixels. @return as sst_deep_decode() */
+SST_MUST_CHECK int sst_deep_decode_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name);
 
 /** 16-bit PNG or TIFF (deflate) by the name's end, grey or RGB; levels of 8 bits are multiplied by 257.
  *  @return as writers of codec.h, -EINVAL: another end, logged */

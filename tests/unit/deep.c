@@ -6,6 +6,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/deep.h"
 #include "tests/codec_pictures.h"
+#include "tests/deep_read.h"
 
 #define WIDTH  33
 #define HEIGHT 21
@@ -40,13 +41,13 @@ static void assert_same(const struct sst_deep *a, const struct sst_deep *b, int 
 
 static void assert_size(const char *path, int channels, int bits)
 {
-    int width, height, c, b;
+    struct sst_deep_size kind;
 
-    assert_int_equal(sst_deep_read_size(path, &width, &height, &c, &b), 0);
-    assert_int_equal(width, WIDTH);
-    assert_int_equal(height, HEIGHT);
-    assert_int_equal(c, channels);
-    assert_int_equal(b, bits);
+    assert_int_equal(deep_read(NULL, &kind, path), 0);
+    assert_int_equal(kind.width, WIDTH);
+    assert_int_equal(kind.height, HEIGHT);
+    assert_int_equal(kind.channels, channels);
+    assert_int_equal(kind.bits, bits);
 }
 
 static void wrong_kinds_are_refused(void **state SST_UNUSED)
@@ -70,7 +71,7 @@ static void png_keeps_levels(void **state SST_UNUSED)
         struct sst_deep deep = make(channels, white), got;
 
         assert_int_equal(sst_deep_write(&deep, test_path("a.PNG")), 0);
-        assert_int_equal(sst_deep_read(&got, test_path("a.PNG")), 0);
+        assert_int_equal(deep_read(&got, NULL, test_path("a.PNG")), 0);
         assert_int_equal(got.white, 65535);
         assert_same(&deep, &got, white == 255 ? 257 : 1);
         assert_size(test_path("a.PNG"), channels, 16);
@@ -96,7 +97,7 @@ static void eight_bits_stay(void **state SST_UNUSED)
         sst_map_u8_row(&map, i / WIDTH)[i % WIDTH] = (uint8_t)i;
     for (int indexed = 0; indexed < 2; indexed++) {
         assert_int_equal(sst_map_u8_write_png(&map, test_path("m.png"), indexed ? palette : NULL), 0);
-        assert_int_equal(sst_deep_read(&got, test_path("m.png")), 0);
+        assert_int_equal(deep_read(&got, NULL, test_path("m.png")), 0);
         assert_int_equal(got.white, 255);
         assert_int_equal(got.channels, indexed ? 3 : 1);
         for (int c = 0; c < got.channels; c++)
@@ -113,7 +114,7 @@ static void eight_bits_stay(void **state SST_UNUSED)
         assert_int_equal(sst_image_encode_jpeg_as(&img, 90, grey ? SST_JPEG_GREY : SST_JPEG_420, &data, &size), 0);
         put_file("c.jpg", data, size);
         assert_int_equal(sst_image_decode(&decoded, data, size, "c.jpg"), 0);
-        assert_int_equal(sst_deep_read(&got, test_path("c.jpg")), 0);
+        assert_int_equal(deep_read(&got, NULL, test_path("c.jpg")), 0);
         assert_int_equal(got.white, 255);
         assert_int_equal(got.channels, grey ? 1 : 3);
         for (int c = 0; c < got.channels; c++)
@@ -156,17 +157,17 @@ static void check_camera(const char *const *segment, const size_t *bytes, const 
 {
     const char *path = test_path("camera.jpg");
     char text[SST_LOG_MAX] = "", *before;
+    struct sst_deep_size kind;
     struct sst_deep deep;
-    int w, h, c, b;
 
     put_jpeg("camera.jpg", segment, bytes, mark, count);
     before = sst_log_hold_errors(text);
-    assert_int_equal(sst_deep_read(&deep, path), words ? -EBADMSG : 0);
+    assert_int_equal(deep_read(&deep, NULL, path), words ? -EBADMSG : 0);
     if (words)
         assert_contains(text, words);
     else
         sst_deep_fini(&deep);
-    assert_int_equal(sst_deep_read_size(path, &w, &h, &c, &b), words ? -EBADMSG : 0);
+    assert_int_equal(deep_read(NULL, &kind, path), words ? -EBADMSG : 0);
     sst_log_hold_errors(before);
 }
 

@@ -9,6 +9,7 @@
 
 #include "pipeline/image/codec.h"
 #include "pipeline/posed/picture.h"
+#include "tests/deep_read.h"
 #include "tests/folder.h"
 #include "tests/test.h"
 
@@ -89,7 +90,7 @@ static void nothing_in_front(void **state SST_UNUSED)
     assert_true(posed.geographic && posed.kelvin_scale > 0);
     assert_int_equal(sst_posed_picture(&view, &posed, path, 0), 0);
     snprintf(file, sizeof(file), "%s/truth/behind.png", path);
-    assert_int_equal(sst_deep_read(&behind, file), 0);
+    assert_int_equal(deep_read(&behind, NULL, file), 0);
     snprintf(file, sizeof(file), "%s/truth/depth.pfm", path);
     assert_int_equal(sst_map_f32_read_pfm(&depth, file), 0);
     snprintf(file, sizeof(file), "%s/truth/floor.pfm", path);

@@ -16,6 +16,7 @@
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "simulators/devices/ptp/ptp_model.h"
+#include "tests/deep_read.h"
 #include "tests/test.h"
 
 #define WIDTH  6
@@ -431,7 +432,7 @@ static void tiff_views_are_those_of_png(void **state SST_UNUSED)
 
         snprintf(from, sizeof(from), "src/00_%02d.png", k);
         snprintf(to, sizeof(to), "src/00_%02d.%s", k, k == 1 ? "TIF" : "tiff");
-        assert_int_equal(sst_deep_read(&deep, in_dir(from)), 0);
+        assert_int_equal(deep_read(&deep, NULL, in_dir(from)), 0);
         assert_int_equal(sst_deep_write(&deep, in_dir(to)), 0);
         assert_int_equal(unlink(in_dir(from)), 0);
         sst_deep_fini(&deep);

@@ -7,6 +7,7 @@
 #include "pipeline/image/deep.h"
 #include "simulators/scene/noise.h"
 #include "tests/codec_pictures.h"
+#include "tests/deep_read.h"
 
 #if WITH_TIFF
 #include <tiffio.h>
@@ -132,10 +133,10 @@ static void check(const struct kind *k)
 {
     const char *path = make(k);
     const bool palette = k->photometric == PHOTOMETRIC_PALETTE;
-    int width, height, channels, bits;
+    struct sst_deep_size kind;
     struct sst_deep deep;
 
-    assert_int_equal(sst_deep_read(&deep, path), 0);
+    assert_int_equal(deep_read(&deep, NULL, path), 0);
     assert_int_equal(deep.width, WIDTH);
     assert_int_equal(deep.height, HEIGHT);
     assert_int_equal(deep.channels, palette ? 3 : k->channels);
@@ -146,11 +147,11 @@ static void check(const struct kind *k)
                 assert_int_equal(sst_map_u16_row(&deep.plane[c], y)[x], wanted(k, x, y, c));
         }
     }
-    assert_int_equal(sst_deep_read_size(path, &width, &height, &channels, &bits), 0);
-    assert_int_equal(width, WIDTH);
-    assert_int_equal(height, HEIGHT);
-    assert_int_equal(channels, deep.channels);
-    assert_int_equal(bits, deep.white == 255 ? 8 : 16);
+    assert_int_equal(deep_read(NULL, &kind, path), 0);
+    assert_int_equal(kind.width, WIDTH);
+    assert_int_equal(kind.height, HEIGHT);
+    assert_int_equal(kind.channels, deep.channels);
+    assert_int_equal(kind.bits, deep.white == 255 ? 8 : 16);
     sst_deep_fini(&deep);
 }
 
@@ -188,12 +189,12 @@ static void refused(const char *path, const char *words)
 {
     char text[SST_LOG_MAX] = "", *before = sst_log_hold_errors(text);
     struct sst_deep deep;
+    struct sst_deep_size kind;
     struct sst_image img;
-    int a, b, c, d;
 
-    assert_int_equal(sst_deep_read(&deep, path), -EBADMSG);
+    assert_int_equal(deep_read(&deep, NULL, path), -EBADMSG);
     assert_contains(text, words);
-    assert_int_equal(sst_deep_read_size(path, &a, &b, &c, &d), -EBADMSG);
+    assert_int_equal(deep_read(NULL, &kind, path), -EBADMSG);
     assert_int_equal(sst_image_read(&img, path), -EBADMSG);
     sst_log_hold_errors(before);
 }
@@ -288,7 +289,7 @@ static void wrong_tags_are_refused(void **state SST_UNUSED)
     struct sst_deep deep;
 
     put_file("drawn.tif", file, draw(file, &good));
-    assert_int_equal(sst_deep_read(&deep, test_path("drawn.tif")), 0);
+    assert_int_equal(deep_read(&deep, NULL, test_path("drawn.tif")), 0);
     assert_int_equal(sst_map_u16_row(&deep.plane[0], 3)[5], (uint8_t)(46 * 5) | (uint8_t)(47 * 5) << 8);
     sst_deep_fini(&deep);
     wrong(&(struct drawn){ .width = 8, .height = 4, .bits = 12 }, "of 12 bits a sample");
@@ -401,7 +402,7 @@ static void written_files_are_read(void **state SST_UNUSED)
             for (int i = 0; i < 700 * 300; i++)
                 sst_map_u16_row(&deep.plane[c], i / 700)[i % 700] = level(&kinds[k], i % 700, i / 700, c);
         assert_int_equal(sst_deep_write(&deep, path), 0);
-        assert_int_equal(sst_deep_read(&got, path), 0);
+        assert_int_equal(deep_read(&got, NULL, path), 0);
         tif = TIFFOpen(path, "r");
         assert_non_null(tif);
         assert_true(TIFFGetField(tif, TIFFTAG_PREDICTOR, &predictor) && predictor == 2);
@@ -435,7 +436,7 @@ static void eight_bits_are_those_of_png(void **state SST_UNUSED)
         size_t size[2];
         struct sst_deep deep;
 
-        assert_int_equal(sst_deep_read(&deep, path[0]), 0);
+        assert_int_equal(deep_read(&deep, NULL, path[0]), 0);
         assert_int_equal(sst_deep_write(&deep, path[1]), 0);
         for (int i = 0; i < 2; i++) {
             assert_int_equal(sst_file_read(path[i], 1 << 20, &data[i], &size[i]), 0);
