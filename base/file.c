@@ -202,6 +202,18 @@ bool sst_path_is_dir(const char *path)
     return !stat(path, &st) && S_ISDIR(st.st_mode);
 }
 
+const char *sst_file_line(char *out, size_t size, const char *path)
+{
+    FILE *f = fopen(path, "re");
+
+    if (!f || !fgets(out, (int)size, f))
+        out[0] = 0;
+    out[strcspn(out, "\n")] = 0;
+    if (f)
+        fclose(f);
+    return out;
+}
+
 int sst_file_open(const char *path)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK); /* a pipe without a writer must not hang */

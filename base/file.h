@@ -41,6 +41,9 @@ SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t *
  *  logged */
 SST_MUST_CHECK int sst_file_read_text(const char *path, size_t limit_bytes, uint8_t **text, size_t *size);
 
+/** First line of a file, as far as it fits, without its end; "" if it cannot be read. Not logged. @return out */
+const char *sst_file_line(char *out, size_t size, const char *path);
+
 /**
  * A file that appears under its name only when committed: written beside it under a temporary name, synced, renamed.
  * "-" is not special. Abort and failures remove the temporary file.

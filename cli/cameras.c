@@ -133,18 +133,12 @@ static void find_user(char user[USER_MAX], const char *node)
 
     *user = 0;
     while (proc && !*user && (entry = readdir(proc))) {
-        char path[300], name[32] = "";
-        FILE *f;
+        char path[300], name[32];
 
         if (!isdigit((unsigned char)*entry->d_name) || !has_open(entry->d_name, node))
             continue;
         snprintf(path, sizeof(path), "/proc/%s/comm", entry->d_name);
-        f = fopen(path, "re");
-        if (f && fgets(name, sizeof(name), f))
-            name[strcspn(name, "\n")] = 0;
-        if (f)
-            fclose(f);
-        snprintf(user, USER_MAX, "%s (%.12s)", name, entry->d_name);
+        snprintf(user, USER_MAX, "%s (%.12s)", sst_file_line(name, sizeof(name), path), entry->d_name);
     }
     if (proc)
         closedir(proc);

@@ -340,17 +340,11 @@ static int64_t folder_bytes(const char *path)
 
 static void print_address(const struct site *s, double seconds, bool settled)
 {
-    char token[128] = "", cache[SST_PATH_MAX];
-    FILE *f = fopen(s->token, "re");
+    char token[128], cache[SST_PATH_MAX];
 
-    if (f && !fgets(token, sizeof(token), f))
-        token[0] = 0;
-    if (f)
-        fclose(f);
-    token[strcspn(token, "\n")] = 0;
     printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s%s\n"
            "  status         sst status --socket %s\n  configuration  %s, kept when edited\n",
-           s->scene, seconds, s->port, token, s->picture,
+           s->scene, seconds, s->port, sst_file_line(token, sizeof(token), s->token), s->picture,
            settled ? "" : ", not yet as good as the page's will be: the scene does not settle", s->socket, s->config);
     if (!sst_sim_world_cache(cache, NULL))
         printf("  prepared       %s, %.0f MB for all scenes seen so far; may be deleted\n", cache,

@@ -229,17 +229,9 @@ void doctor_check_hosts(struct doctor *d)
 static long read_parameter(const char *name)
 {
     char path[SST_PATH_MAX], text[32];
-    long value = -1;
-    FILE *f;
 
     snprintf(path, sizeof(path), "/sys/module/uvcvideo/parameters/%s", name);
-    f = fopen(path, "re");
-    if (!f)
-        return -1;
-    if (fgets(text, sizeof(text), f))
-        value = strtol(text, NULL, 0);
-    fclose(f);
-    return value;
+    return *sst_file_line(text, sizeof(text), path) ? strtol(text, NULL, 0) : -1;
 }
 
 void doctor_check_uvcvideo(struct doctor *d)

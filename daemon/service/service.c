@@ -383,18 +383,12 @@ void sst_service_address(struct sst_service *s, char *out, size_t size)
 {
     const int port = s->http ? sst_http_port(s->http) : 0;
     const bool tls = s->config.web.tls_certificate[0] != 0, six = strchr(s->config.web.address, ':') != NULL;
-    char token[128] = "";
-    FILE *f = port ? fopen(s->config.web.token_file, "re") : NULL;
+    char token[128];
 
-    if (f && (!fgets(token, sizeof(token), f)))
-        token[0] = 0;
-    if (f)
-        fclose(f);
-    token[strcspn(token, "\n")] = 0;
     out[0] = 0;
     if (port)
         snprintf(out, size, "%s://%s%s%s:%d/?token=%s", tls ? "https" : "http", six ? "[" : "", s->config.web.address,
-                 six ? "]" : "", port, token);
+                 six ? "]" : "", port, sst_file_line(token, sizeof(token), s->config.web.token_file));
 }
 
 /* --- stop --------------------------------------------------------------------------------------------------------- */

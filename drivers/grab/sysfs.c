@@ -8,22 +8,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/file.h"
 #include "base/log.h"
 
 /* First line of a small file in a folder of sysfs; "" if it cannot be read. */
 static void read_attribute(char out[SST_GRAB_NAME_MAX], const char *dir, const char *name)
 {
     char path[PATH_MAX + 32];
-    FILE *f;
 
-    *out = 0;
     snprintf(path, sizeof(path), "%s/%s", dir, name);
-    f = fopen(path, "re");
-    if (!f)
-        return;
-    if (fgets(out, SST_GRAB_NAME_MAX, f))
-        out[strcspn(out, "\n")] = 0;
-    fclose(f);
+    (void)sst_file_line(out, SST_GRAB_NAME_MAX, path);
 }
 
 /* ".../1-2/1-2.3/1-2.3:1.0" is the interface of a USB device; its folder's parent is the device. */
