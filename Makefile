@@ -127,12 +127,14 @@ SIM_SRC := $(sort $(wildcard simulators/devices/*.c simulators/devices/camera/*.
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 # Sources of optional parts, by whether they are built; gpio_none.c, sysfs.c and tiff_none.c replace parts that have callers without them.
 OPTIONAL_AVFORMAT := capture/recording/libav.c
+OPTIONAL_DEFLATE := pipeline/image/png_plain.c
 OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_device.c plan_dnnl.c sample.c)
 OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events peer reply request stream web)
+OPTIONAL_ISAL := pipeline/image/png_pack.c
 OPTIONAL_TIFF := $(addprefix pipeline/image/,file_tiff.c tiff.c tiff_grid.c)
 OPTIONAL_UDEV := drivers/grab/udev.c
 OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vulkan*.c))
-LEFT_OUT := $(foreach x,AVFORMAT DNNL HTTPD TIFF UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
+LEFT_OUT := $(foreach x,AVFORMAT DEFLATE DNNL HTTPD ISAL TIFF UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
             $(filter-out drivers/trigger/gpio_$(if $(filter 1 2,$(WITH_GPIOD)),v$(WITH_GPIOD),none).c,$(wildcard drivers/trigger/gpio_*.c)) \
             $(if $(filter 1,$(WITH_TIFF)),pipeline/image/tiff_none.c) $(if $(filter 1,$(WITH_UDEV)),drivers/grab/sysfs.c)
 LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \

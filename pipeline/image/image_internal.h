@@ -25,8 +25,8 @@ struct png_plain {
 
 /**
  * Read a whole file that is of this kind, not interlaced and without any fault.
- * @return false: it is not, there is no memory, or this build has no libdeflate; nothing is to be freed then. Not
- * logged
+ * @return false: it is not, or there is no memory; nothing is to be freed then. Not logged. Not in builds without
+ * libdeflate
  */
 bool png_plain_read(struct png_plain *out, const uint8_t *data, size_t size, enum png_plain_kind kind);
 
@@ -45,7 +45,7 @@ struct png_map {
  * A whole file of a map: quickly rather than small. The bytes depend on the library, the samples are the map's.
  *
  * @param out  the file; the caller frees it
- * @return false: there is no memory, or this build has no ISA-L; nothing is to be freed then. Not logged
+ * @return false: there is no memory; nothing is to be freed then. Not logged. Not in builds without ISA-L
  */
 bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
 

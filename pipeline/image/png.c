@@ -219,7 +219,7 @@ static bool decode_plain(const uint8_t *data, size_t size, const struct decoded 
     struct png_plain p;
     bool good;
 
-    if (!png_plain_read(&p, data, size, d->kind))
+    if (!WITH_DEFLATE || !png_plain_read(&p, data, size, d->kind))
         return false;
     good = !make_picture(d, p.width, p.height);
     for (int y = 0; good && y < p.height; y++)
@@ -335,13 +335,11 @@ struct writer {
     char message[MESSAGE_BYTES];
 };
 
-/* The image to write: one of four types. */
+/* The image to write: one of three types. */
 struct picture {
     const struct sst_map_u16 *deep; /* [3] planes of 16-bit RGB */
     const struct sst_image *image;
-    const struct sst_map_u8 *u8;
-    const struct sst_map_u16 *u16;
-    const uint8_t (*palette)[3];
+    const struct png_map *map;
     int width, height;
     struct sst_samples samples; /* of 16 bits, for an image; white 0: 8 bits */
 };
@@ -370,28 +368,23 @@ static void pack_deep_row(uint8_t *row, const struct sst_map_u16 plane[3], int y
 
 static void write_rows(struct writer *w, const struct picture *p)
 {
-    const bool rgb = p->image || p->deep;
-    const int type = rgb ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
+    const struct png_map *map = p->map;
+    const bool rgb = !map, wide = map ? map->u16 : p->deep || p->samples.white, indexed = map && map->palette;
+    const int type = rgb ? PNG_COLOR_TYPE_RGB : indexed ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
 
     png_init_io(w->png, w->stream);
-    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height,
-                 p->u16 || p->deep || p->samples.white ? 16 : 8, type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-                 PNG_FILTER_TYPE_DEFAULT);
-    if (p->palette) {
-        png_color colors[256];
-
-        for (int i = 0; i < 256; i++)
-            colors[i] = (png_color){ p->palette[i][0], p->palette[i][1], p->palette[i][2] };
-        png_set_PLTE(w->png, w->info, colors, 256);
-    }
+    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height, wide ? 16 : 8, type,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    if (indexed)
+        png_set_PLTE(w->png, w->info, (png_const_colorp)map->palette, 256); /* three bytes each */
     /* Speed before size: many of these files are written. Of a map, runs of bytes alone are smaller than short matches,
      * in two thirds of the time. Filters do not shrink a map of indices. */
     png_set_compression_level(w->png, 2);
     if (!rgb)
         png_set_compression_strategy(w->png, Z_RLE);
-    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, p->palette ? PNG_FILTER_NONE : rgb ? PNG_FILTER_SUB : PNG_FILTER_UP);
+    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, indexed ? PNG_FILTER_NONE : rgb ? PNG_FILTER_SUB : PNG_FILTER_UP);
     png_write_info(w->png, w->info);
-    if (p->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+    if (map && map->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
         png_set_swap(w->png);
     for (int y = 0; y < p->height; y++) {
         if (p->image)
@@ -400,9 +393,7 @@ static void write_rows(struct writer *w, const struct picture *p)
             pack_deep_row(w->packed, p->deep, y);
         if (p->samples.white)
             deepen_row(w->packed, p->width, p->samples);
-        png_write_row(w->png, rgb     ? w->packed
-                              : p->u8 ? sst_map_u8_row(p->u8, y)
-                                      : (png_const_bytep)sst_map_u16_row(p->u16, y));
+        png_write_row(w->png, map ? (png_const_bytep)map->data + (size_t)y * map->stride : w->packed);
     }
     png_write_end(w->png, w->info);
 }
@@ -425,9 +416,9 @@ static int write_png(const struct picture *p, const char *path)
 
     w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w.message, on_error, ignore_warning);
     w.info = w.png ? png_create_info_struct(w.png) : NULL;
-    w.packed = p->image || p->deep ? malloc((size_t)p->width * 6) : NULL;
+    w.packed = p->map ? NULL : malloc((size_t)p->width * 6);
     w.stream = open_memstream(&w.data, &w.size);
-    if (!w.info || !w.stream || ((p->image || p->deep) && !w.packed))
+    if (!w.info || !w.stream || (!p->map && !w.packed))
         err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
     else
         err = encode(&w, p, path);
@@ -455,14 +446,14 @@ int sst_image_write_samples(const struct sst_image *img, struct sst_samples samp
 }
 
 /* A map, by libpng where it cannot be packed faster. */
-static int write_map(const struct png_map *map, const struct picture *p, const char *path)
+static int write_map(const struct png_map *map, const char *path)
 {
     uint8_t *data;
     size_t size;
     int err;
 
-    if (!png_pack_map(&data, &size, map))
-        return write_png(p, path);
+    if (!WITH_ISAL || !png_pack_map(&data, &size, map))
+        return write_png(&(struct picture){ .map = map, .width = map->width, .height = map->height }, path);
     err = sst_file_write(path, data, size);
     free(data);
     return err;
@@ -470,18 +461,12 @@ static int write_map(const struct png_map *map, const struct picture *p, const c
 
 int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])
 {
-    return write_map(
-        &(struct png_map){
-            .data = map->data, .stride = map->stride, .width = map->width, .height = map->height, .palette = palette },
-        &(struct picture){ .u8 = map, .palette = palette, .width = map->width, .height = map->height }, path);
+    return write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, false, palette }, path);
 }
 
 int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
 {
-    return write_map(
-        &(struct png_map){
-            .data = map->data, .stride = map->stride, .width = map->width, .height = map->height, .u16 = true },
-        &(struct picture){ .u16 = map, .width = map->width, .height = map->height }, path);
+    return write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, true, NULL }, path);
 }
 
 int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path)

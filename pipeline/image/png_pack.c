@@ -1,7 +1,6 @@
 /* PNG files of maps, packed by ISA-L in a quarter of the time that zlib needs for runs of bytes alone. */
 #include "pipeline/image/image_internal.h"
 
-#if WITH_ISAL
 #include <isa-l/crc.h>
 #include <isa-l/igzip_lib.h>
 #include <stdlib.h>
@@ -156,9 +155,3 @@ bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map)
     *size = (size_t)(end - file);
     return true;
 }
-#else
-bool png_pack_map(uint8_t **out SST_UNUSED, size_t *size SST_UNUSED, const struct png_map *map SST_UNUSED)
-{
-    return false;
-}
-#endif

@@ -3,7 +3,6 @@
  * libpng's. */
 #include "pipeline/image/image_internal.h"
 
-#if WITH_DEFLATE
 #include <libdeflate.h>
 #include <stdlib.h>
 #include <string.h>
@@ -197,15 +196,3 @@ void png_plain_fini(struct png_plain *p)
     sst_mem_free(p->rows);
     *p = (struct png_plain){ 0 };
 }
-#else
-bool png_plain_read(struct png_plain *out, const uint8_t *data SST_UNUSED, size_t size SST_UNUSED,
-                    enum png_plain_kind kind SST_UNUSED)
-{
-    *out = (struct png_plain){ 0 };
-    return false;
-}
-
-void png_plain_fini(struct png_plain *p SST_UNUSED)
-{
-}
-#endif
