@@ -509,24 +509,21 @@ int array_cameras(struct service_array *a, struct array_camera *out)
     return n;
 }
 
-unsigned array_generation(void *array)
+struct array_source array_source(struct service_array *a)
 {
-    struct service_array *a = array;
-    unsigned generation;
-
-    pthread_mutex_lock(&a->lock);
-    generation = a->layout.generation;
-    pthread_mutex_unlock(&a->lock);
-    return generation;
+    return (struct array_source){ &a->lock, &a->layout };
 }
 
-void array_layout(void *array, struct array_layout *out)
+unsigned array_layout(struct array_source source, unsigned seen, struct array_layout *out)
 {
-    struct service_array *a = array;
+    unsigned generation;
 
-    pthread_mutex_lock(&a->lock);
-    *out = a->layout;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_lock(source.lock);
+    generation = source.layout->generation;
+    if (generation != seen)
+        *out = *source.layout;
+    pthread_mutex_unlock(source.lock);
+    return generation;
 }
 
 void array_tracks(struct service_array *a, struct sst_recorder_track *out)

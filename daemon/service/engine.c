@@ -188,7 +188,7 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 /** Follow the array's openings and the configuration's changes. @return there is a light field to bring up to date */
 static bool follow(struct live_engine *v)
 {
-    unsigned generation;
+    struct array_layout now;
     bool restart, enabled;
 
     pthread_mutex_lock(&v->lock);
@@ -196,15 +196,13 @@ static bool follow(struct live_engine *v)
     enabled = v->config.live.enabled;
     v->state.enabled = enabled;
     pthread_mutex_unlock(&v->lock);
-    generation = v->source.generation(v->source.arg); /* after `restart`: sets from before it are not processed again */
-    if (generation && generation != v->layout.generation) {
-        const struct sst_array_config before = v->layout.config;
-
-        v->source.layout(v->source.arg, &v->layout);
-        if (same_array(&before, &v->layout.config))
-            v->last = v->layout.first - 1 > v->last ? v->layout.first - 1 : v->last;
+    /* After `restart`: sets from before it are not processed again. */
+    if (array_layout(v->source, v->layout.generation, &now) != v->layout.generation) {
+        if (same_array(&v->layout.config, &now.config))
+            v->last = now.first - 1 > v->last ? now.first - 1 : v->last;
         else
             restart = true;
+        v->layout = now;
     }
     if (restart || !enabled)
         close_live(v);

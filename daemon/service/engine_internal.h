@@ -136,7 +136,7 @@ struct visit {
 struct live_engine {
     /* fixed after open */
     struct sst_ring *ring;
-    struct engine_source source;
+    struct array_source source;
     struct sst_storage *storage; /* this and the next two: NULL of a recording */
     struct sst_visits *kept;
     struct sst_events *events;

@@ -502,14 +502,14 @@ static int overlay_outlet_locked(struct live_engine *v, enum sst_livepicture_ove
 
 static int camera_outlet_locked(struct live_engine *v, const char *name, struct sst_slot **out)
 {
-    struct array_layout *layout = malloc(sizeof(*layout));
+    struct array_layout *layout = calloc(1, sizeof(*layout));
     int row, col, end = 0, err = -ENOENT;
 
     if (!layout)
         return -ENOMEM;
-    v->source.layout(v->source.arg, layout);
+    (void)array_layout(v->source, 0, layout);
     if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
-        for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
+        for (int i = 0; i < layout->config.bound && err == -ENOENT; i++)
             if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
                 err = share_locked(&v->camera[i], out);
     free(layout);

@@ -73,26 +73,6 @@ struct service_replay {
 
 /* --- the engine's source of layouts ------------------------------------------------------------------------------- */
 
-static unsigned generation(void *replay)
-{
-    struct service_replay *r = replay;
-    unsigned n;
-
-    pthread_mutex_lock(&r->lock);
-    n = r->layout.generation;
-    pthread_mutex_unlock(&r->lock);
-    return n;
-}
-
-static void read_layout(void *replay, struct array_layout *out)
-{
-    struct service_replay *r = replay;
-
-    pthread_mutex_lock(&r->lock);
-    *out = r->layout;
-    pthread_mutex_unlock(&r->lock);
-}
-
 /* --- sets, thread only -------------------------------------------------------------------------------------------- */
 
 /* Frames that are damaged or gone are missing in the set. @return number of frames */
@@ -285,7 +265,7 @@ static void take_config(struct service_replay *r)
 static int open_engine(struct service_replay *r)
 {
     const struct sst_recording_info *info = sst_recording_info(r->reader);
-    struct engine_config cfg = { .config = r->used, .source = { r, generation, read_layout } };
+    struct engine_config cfg = { .config = r->used, .source = { &r->lock, &r->layout } };
     struct live_engine *engine = NULL;
     int err = sst_ring_create(&r->ring, ring_bytes(info));
 

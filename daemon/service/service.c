@@ -142,15 +142,14 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
         err = array_open(&s->array, &c->array, s->ring, s->events);
     if (!err)
         err = open_visits(s);
-    const struct engine_config viewer = { .config = c,
-                                          .ring = s->ring,
-                                          .source = { s->array, array_generation, array_layout },
-                                          .storage = s->storage,
-                                          .visits = s->visits,
-                                          .events = s->events };
+    struct engine_config viewer = {
+        .config = c, .ring = s->ring, .storage = s->storage, .visits = s->visits, .events = s->events
+    };
 
-    if (!err)
+    if (!err) {
+        viewer.source = array_source(s->array);
         err = engine_open(&s->engine, &viewer);
+    }
     if (!err)
         err = replay_open(&s->replay, s->storage, c);
     if (!err)
@@ -293,21 +292,17 @@ static void watch_clock(struct sst_service *s)
 /** Pass the layout of the cameras to storage, for its recordings. */
 static void update_storage(struct sst_service *s)
 {
-    const unsigned generation = array_generation(s->array);
-    struct array_layout *layout;
     struct sst_recorder_track *tracks;
+    struct array_layout *layout = &s->layout_now;
 
-    if (generation == s->generation)
+    if (array_layout(array_source(s->array), layout->generation, layout) == s->generation)
         return;
-    layout = calloc(1, sizeof(*layout));
     tracks = calloc(SST_CAMERAS_MAX, sizeof(*tracks));
-    if (layout && tracks) {
-        array_layout(s->array, layout);
+    if (tracks) {
         array_tracks(s->array, tracks);
         sst_storage_cameras(s->storage, &layout->config, tracks);
-        s->generation = generation;
+        s->generation = layout->generation;
     }
-    free(layout);
     free(tracks);
 }
 

@@ -80,8 +80,15 @@ void array_state(struct service_array *a, struct array_state *out);
 /** Cameras of the last opening, by index of array_layout.config.camera. @param out  [SST_CAMERAS_MAX] @return count */
 int array_cameras(struct service_array *a, struct array_camera *out);
 
-unsigned array_generation(void *array); /* a struct service_array; also a source of layouts for an engine */
-void array_layout(void *array, struct array_layout *out);
+/** Where the cameras of a ring's sets are: in the array, or in a recording. */
+struct array_source {
+    pthread_mutex_t *lock;
+    const struct array_layout *layout; /* under lock */
+};
+struct array_source array_source(struct service_array *a);
+
+/** Copy the layout unless it is the one of generation `seen`. @return its generation; 0: none, nothing is copied */
+unsigned array_layout(struct array_source source, unsigned seen, struct array_layout *out);
 
 /** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
@@ -206,17 +213,10 @@ struct engine_state {
 /** Pictures come, but the range of disparities or the cut has only just been found. */
 bool engine_settling(const struct engine_state *v);
 
-/** Where the cameras of the ring's sets are: in the array, or in a recording. */
-struct engine_source {
-    void *arg;
-    unsigned (*generation)(void *arg);
-    void (*layout)(void *arg, struct array_layout *out);
-};
-
 struct engine_config {
     const struct sst_config *config; /* copied */
     struct sst_ring *ring;           /* this and all below must outlive the engine */
-    struct engine_source source;
+    struct array_source source;
     /* NULL: the sets are a recording's, and are neither recorded nor reported */
     struct sst_storage *storage;
     struct sst_visits *visits;
@@ -302,7 +302,8 @@ struct sst_service {
     unsigned generation;    /* of the layout that was passed to storage */
     int64_t wall_offset_ns; /* wall less monotonic */
     int64_t cpu_ns, cpu_at_ns;
-    struct array_state array_now; /* the last state; too large for a stack */
+    struct array_state array_now; /* the last state; too large for a stack, as the next two */
+    struct array_layout layout_now;
     struct engine_state engine_now;
     pthread_mutex_t reload;  /* held while the configuration is read and applied */
     pthread_mutex_t drawing; /* before `reload`: held while the file of zones is exchanged */

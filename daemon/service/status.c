@@ -284,7 +284,7 @@ static struct status_now *gather_status(struct sst_service *s)
     now->version = SST_VERSION;
     now->one = true;
     array_state(s->array, &now->array);
-    array_layout(s->array, &now->layout);
+    (void)array_layout(array_source(s->array), 0, &now->layout);
     pthread_mutex_lock(&s->lock);
     live = s->config.live;
     now->phase = s->phase;
@@ -325,7 +325,7 @@ static struct cameras_now *gather_cameras(struct sst_service *s)
     if (!now)
         return NULL;
     now->count = array_cameras(s->array, now->now);
-    array_layout(s->array, &now->layout);
+    (void)array_layout(array_source(s->array), 0, &now->layout);
     for (int i = 0; i < now->count; i++) {
         const struct array_camera *c = &now->now[i];
 
