@@ -285,10 +285,10 @@ SST_MUST_CHECK int cli_poses_colmap(struct sst_posed *posed, const char *dir, co
 #define CLI_DEVICE_MEMORY_HELP "memory of the device to use at most (three quarters of it)"
 
 /** Report of the device, for `--json`; "cpu" without one. */
-json_t *cli_network_device_json(struct sst_network_device *d);
+json_t *cli_network_device_json(struct sst_runner_user *d);
 
 /** One line of the log about it: a warning where a network ran on the CPU instead. */
-void cli_network_report_device(struct sst_network_device *d);
+void cli_network_report_device(struct sst_runner_user *d);
 
 /* --- matching: the option --precision of commands that run networks, and the matching options that `sst stereo` and
  * `sst process` share. --- */

@@ -19,7 +19,7 @@
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 #include "pipeline/gpu/gpu.h"
-#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/disparity/device.h"
 #include "pipeline/method/network/device.h"
 #include "pipeline/method/render/render.h"
 #include "pipeline/step/run.h"
@@ -256,8 +256,8 @@ void doctor_check_uvcvideo(struct doctor *d)
 /* Steps that a device computes otherwise than the CPU; "": none. */
 static const char *refused_steps(struct sst_runner *runner)
 {
-    struct sst_disparity_device *match = NULL;
-    struct sst_network_device *networks = NULL;
+    struct sst_runner_user *match = NULL;
+    struct sst_runner_user *networks = NULL;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
     const char *refused = sst_disparity_device_create(&match, runner)                  ? "steps of matching"
                           : WITH_DNNL && sst_network_device_open_on(&networks, runner) ? "networks"

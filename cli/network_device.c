@@ -10,7 +10,7 @@ static json_t *mean_ms(int64_t ns, int64_t runs)
     return cli_real_json(runs ? (double)ns * 1e-6 / (double)runs : NAN);
 }
 
-json_t *cli_network_device_json(struct sst_network_device *d)
+json_t *cli_network_device_json(struct sst_runner_user *d)
 {
     struct sst_network_device_report r;
     json_t *root;
@@ -31,7 +31,7 @@ json_t *cli_network_device_json(struct sst_network_device *d)
     return root;
 }
 
-void cli_network_report_device(struct sst_network_device *d)
+void cli_network_report_device(struct sst_runner_user *d)
 {
     struct sst_network_device_report r;
 

@@ -20,6 +20,7 @@
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/parallax.h"
 #include "pipeline/lightfield/share.h"
+#include "pipeline/method/disparity/device.h"
 #include "pipeline/method/network/model_path.h"
 
 /* --- work --------------------------------------------------------------------------------------------------------- */
@@ -126,7 +127,7 @@ int cli_process_open_devices(struct cli_process *p)
 {
     int err = sst_runner_create(&p->device, p->w.device, (uint64_t)p->w.device_memory << 20);
 
-    err = err ? err : sst_disparity_device_create(&p->cfg.disparity.device, p->device);
+    err = err ? err : sst_disparity_device_create(&p->cfg.disparity.runner, p->device);
     if (!err && ((!p->w.no_labels && !p->w.labels_dir) || p->cfg.disparity.cost & SST_COST_MCCNN))
         err = sst_network_device_open_on(&p->w.networks, p->device);
     p->cfg.networks = p->cfg.disparity.networks = p->w.networks;
@@ -136,7 +137,7 @@ int cli_process_open_devices(struct cli_process *p)
 void cli_process_close_devices(struct cli_process *p)
 {
     sst_network_device_close(p->w.networks);
-    sst_disparity_device_destroy(p->cfg.disparity.device);
+    sst_disparity_device_destroy(p->cfg.disparity.runner);
     sst_runner_destroy(p->device);
 }
 

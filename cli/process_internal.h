@@ -9,7 +9,7 @@
 struct cli_process_wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *device;
     int memory, device_memory; /* MiB; 0: not given */
-    struct sst_network_device *networks;
+    struct sst_runner_user *networks;
     double range_min, range_max;
     bool no_labels, no_verify;
     int unaligned;         /* 1: `align` is off */

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "cli/process_internal.h"
 #include "pipeline/lightfield/folder.h"
+#include "pipeline/method/disparity/device.h"
 #include "pipeline/method/render/focus.h"
 
 /* --- report about the pictures themselves ------------------------------------------------------------------------- */
@@ -271,7 +272,7 @@ int cli_process_report(const struct cli_processed *c, struct sst_process_time sa
     int err;
 
     if (p->device)
-        sst_disparity_device_report(p->cfg.disparity.device, &device);
+        sst_disparity_device_report(p->cfg.disparity.runner, &device);
     levels = log_warnings(c, &device);
     err = sst_render_find_focus(&c->lf, &focus_px) == -ENOMEM ? -ENOMEM : 0;
     if (!err && out) {

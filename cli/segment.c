@@ -248,7 +248,7 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
     return first;
 }
 
-static int print_json(json_t *images, const char *model, double load_ms, struct sst_network_device *device)
+static int print_json(json_t *images, const char *model, double load_ms, struct sst_runner_user *device)
 {
     json_t *root = json_pack("{s:s, s:f, s:o, s:O}", "model", model, "load_ms", load_ms, "device",
                              cli_network_device_json(device), "images", images);
@@ -260,7 +260,7 @@ static int segment(const char *const *args, const struct options *o)
 {
     const int64_t start_ns = sst_clock_now_ns();
     char path[SST_PATH_MAX];
-    struct sst_network_device *device = NULL;
+    struct sst_runner_user *device = NULL;
     struct sst_segmenter *seg = NULL;
     struct inputs in = { 0 };
     json_t *images = json_array();
@@ -277,7 +277,7 @@ static int segment(const char *const *args, const struct options *o)
         err = find_inputs(&in, args, o);
     if (!err) {
         sst_segmenter_configure(seg, &o->layout);
-        sst_segmenter_use_device(seg, device);
+        sst_segmenter_use_runner(seg, device);
         err = label_all(images, seg, &in, o);
         printed = o->json ? print_json(images, path, load_ms, device) : 0;
         cli_network_report_device(device);

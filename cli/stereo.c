@@ -52,7 +52,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     };
     struct sst_image left = { 0 }, right = { 0 };
     struct sst_map_f32 disp = { 0 };
-    struct sst_network_device *networks = NULL;
+    struct sst_runner_user *networks = NULL;
     struct sst_disparity_config cfg;
     char model[SST_PATH_MAX];
     int64_t start;

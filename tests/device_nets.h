@@ -111,7 +111,7 @@ static SST_UNUSED double nets_apart(const struct image *got, const struct image 
 
 /* Run a copy of a model on a device; NULL: on the CPU. */
 static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct image *in,
-                                        enum sst_precision precision, struct sst_network_device *d)
+                                        enum sst_precision precision, struct sst_runner_user *d)
 {
     struct ow_buf copy = { 0 };
     struct sst_network *net;
@@ -119,7 +119,7 @@ static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct
 
     ow_raw(&copy, model->p, model->n);
     assert_int_equal(open_with(&net, &copy, precision, 1), 0);
-    sst_network_use_device(net, d);
+    sst_network_use_runner(net, d);
     out = run_net(net, in);
     sst_network_close(net);
     return out;
@@ -139,7 +139,7 @@ static SST_UNUSED void nets_expect(const struct image *got, const struct image *
 }
 
 /* Vectors of length 1 in bytes, on a device and on the CPU: at most one step apart, and that rarely. */
-static SST_UNUSED void nets_expect_features(struct sst_network_device *d, enum sst_precision precision)
+static SST_UNUSED void nets_expect_features(struct sst_runner_user *d, enum sst_precision precision)
 {
     const char ranges[] = "1 x\n5 a\n5 b\n5 c\n1 y\n";
     struct ow_buf models[] = { nets_matching(ranges), nets_matching(ranges) };
@@ -152,7 +152,7 @@ static SST_UNUSED void nets_expect_features(struct sst_network_device *d, enum s
         struct sst_network *net;
 
         assert_int_equal(open_with(&net, &models[i], precision, 1), 0);
-        sst_network_use_device(net, i ? d : NULL);
+        sst_network_use_runner(net, i ? d : NULL);
         assert_non_null(out[i]);
         assert_int_equal(sst_network_run_s8(net, &(struct sst_network_bytes){ in.d, 19, 13, 127, out[i], NULL }), 0);
         sst_network_close(net);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "base/log.h"
+#include "pipeline/method/disparity/device.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/self_tests.h"
@@ -107,7 +108,7 @@ static inline void match_assert_equal(const struct sst_lightfield *a, const stru
     }
 }
 
-/* Match on a device and on the CPU, which must give the same bytes. @param device  cfg->device */
+/* Match on a device and on the CPU, which must give the same bytes. @param device  cfg->runner */
 static inline void match_compare(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                  struct sst_disparity_device_report *report)
 {
@@ -123,7 +124,7 @@ static inline void match_compare(struct sst_lightfield *lf, const struct sst_dis
         other.views[i].disp = (struct sst_map_u16){ 0 };
         other.views[i].confidence = (struct sst_map_u8){ 0 };
     }
-    cpu.device = NULL;
+    cpu.runner = NULL;
     cpu.report = &skipped[0];
     gpu.report = &skipped[1];
     assert_int_equal(sst_disparity_lightfield(&other, &cpu, NULL, NULL), 0);
@@ -131,7 +132,7 @@ static inline void match_compare(struct sst_lightfield *lf, const struct sst_dis
     assert_memory_equal(&skipped[0], &skipped[1], sizeof(skipped[0]));
     if (cfg->report)
         *cfg->report = skipped[1];
-    sst_disparity_device_report(cfg->device, report);
+    sst_disparity_device_report(cfg->runner, report);
     match_assert_equal(lf, &other);
     for (size_t i = 0; i < views; i++) {
         sst_map_u16_fini(&other.views[i].disp);
@@ -154,7 +155,7 @@ static inline void match_config_tiles(struct sst_disparity_config *cfg)
 }
 
 /* A device for matching alone; match_device_destroy() follows. @param memory_bytes  0: three quarters of what it has */
-static inline int match_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
+static inline int match_device_create(struct sst_runner_user **out, const char *name, uint64_t memory_bytes)
 {
     struct sst_runner *shared;
     int err = sst_runner_create(&shared, name, memory_bytes);
@@ -168,9 +169,9 @@ static inline int match_device_create(struct sst_disparity_device **out, const c
     return err;
 }
 
-static inline void match_device_destroy(struct sst_disparity_device *d)
+static inline void match_device_destroy(struct sst_runner_user *d)
 {
-    struct sst_runner *shared = d ? d->shared : NULL;
+    struct sst_runner *shared = d ? d->runner : NULL;
 
     sst_disparity_device_destroy(d);
     sst_runner_destroy(shared);
@@ -178,7 +179,7 @@ static inline void match_device_destroy(struct sst_disparity_device *d)
 
 static inline bool match_opens(const char *name)
 {
-    struct sst_disparity_device *d;
+    struct sst_runner_user *d;
     const bool opened = !match_device_create(&d, name, 0);
 
     match_device_destroy(d);

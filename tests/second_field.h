@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 
+#include "pipeline/method/disparity/device.h"
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
@@ -127,11 +128,11 @@ static inline int second_behind(const struct second_field *f, int k)
 
 /* All that follows the first pass: maps are carried, the matched views get a second pass, maps are carried again, where
  * sources agree, then the carried views get theirs; at last all maps are carried once more. */
-static inline void second_run(struct second_field *f, struct sst_disparity_device *device, bool skip)
+static inline void second_run(struct second_field *f, struct sst_runner_user *device, bool skip)
 {
     double percent[2];
 
-    f->all.device = device;
+    f->all.runner = device;
     f->all.skip_hypotheses = skip;
     assert_int_equal(sst_disparity_carry_error(&f->all, NULL, 3, &percent[0]), 0);
     assert_int_equal(sst_disparity_carry(&f->all, f->status, 2), 0);
@@ -146,7 +147,7 @@ static inline void second_run(struct second_field *f, struct sst_disparity_devic
 }
 
 /* The same on a device and on the CPU. @param report  out: since the last one */
-static inline void second_compare(struct sst_disparity_device *device, bool skip,
+static inline void second_compare(struct sst_runner_user *device, bool skip,
                                   struct sst_disparity_device_report *report)
 {
     struct second_field *on_cpu = second_new(), *on_device = second_new();

@@ -360,6 +360,52 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
     sst_runner_unlock(user->runner);
 }
 
+void sst_run_note(struct sst_runner_user *user, unsigned stages, const char *why)
+{
+    if (!user)
+        return;
+    sst_runner_lock(user->runner);
+    user->report.stages_on_cpu |= stages;
+    user->report.items[0].on_cpu++;
+    if (why)
+        snprintf(user->report.why, sizeof(user->report.why), "%s", why);
+    sst_runner_unlock(user->runner);
+}
+
+int64_t sst_run_on_cpu(const struct sst_runner_user *user, int counter)
+{
+    return user ? user->report.items[counter].on_cpu : 0;
+}
+
+static void claim(struct sst_runner_user *user, const void *of, int views, const size_t *pixels)
+{
+    sst_runner_lock(user->runner);
+    sst_step_planes_claim(sst_runner_planes(user->runner), sst_runner_device(user->runner), of, views, pixels);
+    sst_runner_unlock(user->runner);
+}
+
+void sst_run_claim(struct sst_runner_user *user, const void *of, int views, const size_t *pixels)
+{
+    if (!user)
+        return;
+    claim(user, of, views, pixels);
+    user->claimed = of;
+}
+
+void sst_run_adopt(struct sst_runner_user *user, const void *of, int views, size_t pixels)
+{
+    if (user && !user->claimed)
+        claim(user, of, views, (const size_t[]){ pixels, pixels, pixels });
+}
+
+void sst_run_forget(struct sst_runner_user *user, const void *of)
+{
+    if (!user || user->claimed != of)
+        return;
+    claim(user, NULL, 0, (const size_t[]){ 0, 0, 0 });
+    user->claimed = NULL;
+}
+
 /* Work on the CPU, for messages. */
 static const char *phrase_of(const struct sst_run *r, char text[64])
 {
@@ -406,9 +452,12 @@ static void succeed(struct sst_run *r)
 
 int sst_run_rows(struct sst_run *r, int rows, int unit)
 {
+    const int all = rows;
+
     for (int i = 0; i < r->halvings && rows > unit; i++)
         rows = ((rows + 1) / 2 + unit - 1) / unit * unit;
     r->divisible = rows > unit;
+    r->in_bands = rows < all;
     return rows;
 }
 
@@ -431,8 +480,8 @@ void runner_run_view(struct sst_run *r, int view)
     r->alone = false;
     do {
         r->memory->planes.turn++;
-        r->divisible = false;
-        r->step->device(r, r->job, view);
+        r->divisible = r->in_bands = false;
+        r->step->dispatch(r, r->job, view);
     } while (halve(r));
     for (int i = 0; i < SST_PLANES && r->err; i++) {
         if (r->step->changes >> i & 1)
@@ -470,6 +519,7 @@ static void begin(struct sst_run *r)
 /* Items first .. end - 1, unless the device fails, or has failed. @return 0, -ECANCELED */
 static int run_on_device(struct sst_run *r, int first, int end, const struct sst_run_options *o)
 {
+    struct sst_step_items *items = &r->report->items[r->step->counter];
     bool cancelled = false;
     int64_t start_ns;
 
@@ -487,9 +537,13 @@ static int run_on_device(struct sst_run *r, int first, int end, const struct sst
         if (!r->step->wants(r->job, i))
             continue;
         cancelled = o->cancel && *o->cancel;
-        if (!cancelled)
-            runner_run_view(r, i);
-        r->done[i] = !r->err && !cancelled && !sst_gpu_is_dummy(r->gpu); /* which computes nothing */
+        if (cancelled)
+            break;
+        runner_run_view(r, i);
+        r->done[i] = !r->err && !sst_gpu_is_dummy(r->gpu); /* which computes nothing */
+        items->device += !r->err;
+        items->in_bands += !r->err && r->in_bands;
+        r->rest -= !r->err && !r->done[i]; /* the CPU computes it, which does not count */
     }
     if (r->gpu)
         runner_note(r->user);
@@ -533,7 +587,10 @@ static int run_rest(void *arg, int view, int worker)
 
     if (rest->shared && r->step->wants(r->job, view))
         err = run_on_device(r, view, view + 1, rest->shared);
-    return err || !is_left(r, view) ? err : r->step->cpu(r->job, view, worker);
+    if (err || !is_left(r, view))
+        return err;
+    r->rest++;
+    return r->step->cpu(r->job, view, worker);
 }
 
 static void rest_writes(void *arg, int view, struct sst_share_maps *out)
@@ -544,6 +601,32 @@ static void rest_writes(void *arg, int view, struct sst_share_maps *out)
         r->step->writes(r->job, view, out);
 }
 
+/* Leave all items of a job that no shader does to the CPU. */
+static void refuse(struct sst_run *r)
+{
+    const char *why = r->user && r->step->refuses ? r->step->refuses(r->job) : NULL;
+
+    if (!why)
+        return;
+    r->err = RUN_LEFT;
+    sst_runner_lock(r->user->runner);
+    snprintf(r->report->why, sizeof(r->report->why), "%s", why);
+    r->report->stages_on_cpu |= r->step->stages;
+    sst_runner_unlock(r->user->runner);
+}
+
+/* Count items of the CPU, and drop planes that it has changed. */
+static void end(const struct sst_run *r, int items)
+{
+    sst_runner_lock(r->user->runner);
+    r->report->items[r->step->counter].on_cpu += r->rest;
+    sst_runner_unlock(r->user->runner);
+    for (int i = 0; r->step->changes && i < items; i++) {
+        if (is_left(r, i))
+            sst_run_changed(r->user, i, r->step->changes);
+    }
+}
+
 int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
             const struct sst_run_options *o)
 {
@@ -552,15 +635,14 @@ int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job
     struct rest rest = { &r, user && o->share ? o : NULL };
     int err = user && !done ? -ENOMEM : 0;
 
+    refuse(&r);
     if (!err && user && !o->share)
         err = run_on_device(&r, 0, items, o);
     err = err ? err : make_host(&r, items);
     if (!err)
         err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
-    for (int i = 0; user && step->changes && i < items; i++) {
-        if (is_left(&r, i))
-            sst_run_changed(user, i, step->changes);
-    }
+    if (done)
+        end(&r, items);
     free(done);
     return err;
 }

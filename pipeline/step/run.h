@@ -13,6 +13,11 @@
 
 struct sst_run; /* an item of a step on a device; one thread */
 
+/** Work on an item by the functions below. */
+typedef void sst_step_dispatch_fn(struct sst_run *r, void *job, int item);
+/** Write SST_PLANE_DERIVED of a view, of SST_PLANE_BEFORE and planes of colours of this view. */
+typedef void sst_step_derive_fn(struct sst_run *r, void *job, int view, struct sst_gpu_range to);
+
 /** A step over the views of a light field. Items are its views, or others if the step changes no planes. */
 struct sst_step {
     const char *name; /* for messages: "carrying" */
@@ -23,12 +28,13 @@ struct sst_step {
     void (*source)(const void *job, int view, struct sst_plane_source *out);
     /** Before the first item on the CPU: make what only the CPU reads. NULL: nothing. @return 0 or an error of `cpu` */
     int (*host)(void *job);
-    /** Write SST_PLANE_DERIVED of a view, of SST_PLANE_BEFORE and planes of colours of this view; or NULL. */
-    void (*derive)(struct sst_run *r, void *job, int view, struct sst_gpu_range to);
+    /** Why no shader does this job, for the report; NULL, also as the function: they do. */
+    const char *(*refuses)(const void *job);
+    sst_step_derive_fn *derive; /* NULL: the step has no derived plane */
     /** The definition: a view on the CPU. @return 0, -ENOMEM, -ECANCELED */
     sst_work_fn *cpu;
-    /** The same on a device, by the functions below; it writes the same maps. */
-    void (*device)(struct sst_run *r, void *job, int view);
+    sst_step_dispatch_fn *dispatch; /* the same by shaders; it writes the same maps */
+    int counter;                    /* of struct sst_step_report that counts the items */
     /** Results of the work on a view, for other processes, and to be compared by sst_step_check(). */
     sst_share_maps_fn *writes;
     /** True if results of two jobs are as near as they must be; NULL: their bytes are equal. */
@@ -55,6 +61,13 @@ struct sst_step {
  */
 SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
 
+/** Result of a run on a device, that stays there. */
+struct sst_run_result {
+    struct sst_gpu *gpu;
+    struct sst_gpu_buffer *buffer;
+    size_t at; /* words */
+};
+
 struct sst_run_options {
     struct sst_share *share;         /* with other processes, each with the device that it has; or NULL */
     int threads, block;              /* block: as of sst_share_blocks() */
@@ -79,8 +92,26 @@ SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *
  */
 SST_MUST_CHECK int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void *job, int item);
 
-/** The CPU has changed planes of a view (bits). @param user  or NULL */
+/* The functions below do nothing without a user. */
+
+/** The CPU has changed planes of a view (bits). */
 void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
+
+/** Note work without a step that the CPU has done. @param stages  as of struct sst_step @param why  or NULL */
+void sst_run_note(struct sst_runner_user *user, unsigned stages, const char *why);
+
+/** Items on the CPU, as the report counts them. */
+int64_t sst_run_on_cpu(const struct sst_runner_user *user, int counter);
+
+/** Keep planes of the views of a light field from step to step, none current but those of its colours; planes of
+ * another one are freed. @param pixels  [SST_PLANE_MAP + 1] of a view */
+void sst_run_claim(struct sst_runner_user *user, const void *of, int views, const size_t *pixels);
+
+/** The same for views of which no light field has claimed planes: until the next call. */
+void sst_run_adopt(struct sst_runner_user *user, const void *of, int views, size_t pixels);
+
+/** Free planes that are claimed for a light field. */
+void sst_run_forget(struct sst_runner_user *user, const void *of);
 
 /* For the work on a device: after an error, the functions below do nothing, and the view is left to the CPU. */
 

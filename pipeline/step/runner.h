@@ -10,11 +10,16 @@
 struct sst_runner; /* any thread, under its lock */
 struct sst_step;   /* run.h */
 
+#define SST_STEP_COUNTERS 3
+
 /** Work of steps on a device, and fallbacks to the CPU. */
 struct sst_step_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* of the device that was opened last */
     char why[128];                                 /* the last reason for the CPU */
     unsigned stages_on_cpu;                        /* bits by struct sst_step, `stages` */
+    struct sst_step_items {
+        int64_t device, in_bands, on_cpu; /* in_bands: of `device`, for lack of memory */
+    } items[SST_STEP_COUNTERS];                    /* by struct sst_step, `counter` */
     int64_t failures;                              /* of the device */
     bool failing;                                  /* it failed at the last piece of work, or could not be opened */
     char failure[SST_LOG_MAX];                     /* the last one's reason; "": none */
@@ -39,6 +44,7 @@ struct sst_runner_user {
     struct sst_step_report report; /* of sst_run(), under the lock */
     struct sst_runner_user *next;
     int64_t opening; /* in which its steps were compared */
+    const void *claimed; /* light field that sst_run_claim() was called for; NULL: none */
     bool given_up;   /* a live device, or `auto`, computes something else: the work is left to the CPU */
 };
 

@@ -34,6 +34,8 @@ struct sst_run {
     int err;
     int halvings;   /* of the rows that are computed at once */
     bool divisible; /* they can be halved once more */
+    bool in_bands;  /* not all rows at once */
+    SST_ATOMIC(int) rest; /* items of the CPU */
     bool alone;     /* buffers of earlier items are gone */
     char why[128]; /* of sst_run_leave() */
     /* of sst_step_check(); NULL: none */

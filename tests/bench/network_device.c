@@ -21,7 +21,7 @@
 
 /* One network, on the CPU or on the device. */
 struct runner {
-    struct sst_network_device *device; /* NULL: the CPU */
+    struct sst_runner_user *device; /* NULL: the CPU */
     bool chosen;                       /* used unless another variant is named */
     struct sst_network *net;
     float *out;
@@ -49,7 +49,7 @@ static int open_runner(struct runner *r, const struct bench *b, const char *mode
         err = sst_network_open(&r->net, model, precision, sst_thread_count(0));
     if (err)
         return err;
-    sst_network_use_device(r->net, r->device);
+    sst_network_use_runner(r->net, r->device);
     if (sst_network_metadata(r->net, "sst.radius"))
         r->bytes = sst_mem_alloc_raw(b->results, 1);
     else

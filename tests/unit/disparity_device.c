@@ -19,7 +19,7 @@ static void test_same_bytes(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
         /* Without variants of shaders, and with them. */
-        assert_int_equal(match_device_create(&cfg.device, i % 2 ? "dummy:subgroup=1,dot=1" : "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, i % 2 ? "dummy:subgroup=1,dot=1" : "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%d: %lld views, %lld tested, %lld dispatches, %lld uploads\n", i, (long long)report.views,
                       (long long)report.tested, (long long)report.step.dispatches, (long long)report.step.uploads);
@@ -31,10 +31,10 @@ static void test_same_bytes(void **state)
         assert_int_equal(report.step.failures, 0);
         assert_true(report.step.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
         assert_string_equal(report.step.why, "");
-        sst_disparity_device_report(cfg.device, &report); /* since the last one */
+        sst_disparity_device_report(cfg.runner, &report); /* since the last one */
         assert_int_equal(report.views, 0);
         assert_string_equal(report.step.name, "dummy");
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -50,12 +50,12 @@ static void test_narrow(void **state)
     match_init(&lf, 3, 3, 90, 41, 1.5);
     assert_true(match_config(&cfg, 2));
     cfg.disp_max_px = 3;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 8);
     assert_int_equal(report.step.stages_on_cpu, 0);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -71,12 +71,12 @@ static void test_tiles(void **state)
     match_init(&lf, 1, 3, 230, 192, 21);
     match_config_tiles(&cfg);
     cfg.report = &skipped;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_true(skipped.ranges_skipped > 0);
     assert_int_equal(report.views, 6);
     assert_int_equal(report.on_cpu, 0);
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -94,21 +94,21 @@ static void test_bands(void **state)
         cfg.phase_step = 2;
         cfg.rounds = 0;
         cfg.key_spacing = 1;
-        assert_int_equal(match_device_create(&cfg.device, i == 4 ? "dummy:buffer=340" : "dummy:buffer=460", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, i == 4 ? "dummy:buffer=340" : "dummy:buffer=460", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.in_bands, 8);
         assert_int_equal(report.on_cpu, 0);
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21); /* rows of tiles */
     match_config_tiles(&cfg);
-    assert_int_equal(match_device_create(&cfg.device, "dummy:buffer=3900", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:buffer=3900", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.in_bands, 3);
     assert_int_equal(report.on_cpu, 0);
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -139,13 +139,13 @@ static void test_fallback(void **state)
         assert_true(match_config(&cfg, 2));
         cfg.rounds = cfg.subpixel_steps = 0; /* the first pass alone */
         cfg.fill = false;
-        assert_int_equal(match_device_create(&cfg.device, name, i == 2 ? (uint64_t)1100 << 10 : 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, name, i == 2 ? (uint64_t)1100 << 10 : 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
         assert_int_equal(report.on_cpu, 8 - devices[i].views);
         assert_int_equal(report.step.failures, devices[i].failures);
         assert_string_equal(report.step.why, devices[i].why);
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -160,10 +160,10 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     cfg.rounds = rounds;
     cfg.subpixel_steps = subpixel_steps;
     cfg.fill = filled;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
-    sst_disparity_device_report(cfg.device, &report);
-    match_device_destroy(cfg.device);
+    sst_disparity_device_report(cfg.runner, &report);
+    match_device_destroy(cfg.runner);
     return (int)report.step.dispatches;
 }
 
@@ -197,7 +197,7 @@ static void test_fallback_later(void **state)
         assert_true(match_config(&cfg, 2));
         cfg.fill = lost[i].filled;
         cfg.subpixel_steps = 1; /* so few dispatches that the device is not lost once more */
-        assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.on_cpu, 0);
@@ -207,7 +207,7 @@ static void test_fallback_later(void **state)
         assert_int_equal(report.step.stages_on_cpu & all, lost[i].stages);
         assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
         assert_string_equal(report.step.why, "the device is lost");
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -233,14 +233,14 @@ static void test_range(void **state)
         char name[40];
 
         snprintf(name, sizeof(name), devices[i].name, devices[i].at);
-        assert_int_equal(match_device_create(&search.device, name, 0), 0);
+        assert_int_equal(match_device_create(&search.runner, name, 0), 0);
         assert_int_equal(sst_disparity_range(&lf, &search, &got[0], &got[1]), 0);
         assert_memory_equal(got, want, sizeof(want));
-        sst_disparity_device_report(search.device, &report);
+        sst_disparity_device_report(search.runner, &report);
         assert_int_equal(report.views + report.on_cpu, 4); /* of two pairs */
         assert_int_equal(report.on_cpu > 0, devices[i].on_cpu);
         assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
-        match_device_destroy(search.device);
+        match_device_destroy(search.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -248,7 +248,7 @@ static void test_range(void **state)
 /* Steps are compared with the CPU as the device is opened: the last result of the last one counts. */
 static void test_steps_are_compared(void **state)
 {
-    struct sst_disparity_device *device;
+    struct sst_runner_user *device;
     char name[32], text[SST_LOG_MAX];
 
     (void)state;
@@ -263,7 +263,7 @@ static void test_steps_are_compared(void **state)
 static void test_refused(void **state)
 {
     struct sst_disparity_device_report report;
-    struct sst_disparity_device *none;
+    struct sst_runner_user *none;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
     char text[SST_LOG_MAX];
@@ -272,7 +272,7 @@ static void test_refused(void **state)
     match_init(&lf, 3, 3, 90, 41, 4);
     assert_true(match_config(&cfg, 2));
     cfg.joint = false;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 0);
     assert_int_equal(report.on_cpu, 8);
@@ -282,7 +282,7 @@ static void test_refused(void **state)
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.on_cpu, 8);
     assert_string_equal(report.step.why, "costs are aggregated after the optimisation");
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 
     assert_int_equal(match_device_create(&none, "cpu", 0), 0);
@@ -307,11 +307,11 @@ static void test_wide(void **state SST_UNUSED)
     cfg.key_error = -1;
     cfg.disp_max_px = 90;
     cfg.memory = 1 << 16;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, 0);
     assert_int_equal(report.views, 8);
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -332,10 +332,10 @@ static void test_sweep_needs_texture(void **state SST_UNUSED)
                     sst_image_row(&lf.views[k].image, i % 3, i / 3)[x] = (uint8_t)(100 + x % 9);
             }
         }
-        assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, !flat);
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }

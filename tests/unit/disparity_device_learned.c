@@ -19,14 +19,14 @@ static void test_same_bytes(void **state)
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
-        assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, VIEWS);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.step.failures, 0);
         assert_true(report.step.uploads >= 2 * VIEWS); /* colours and features; maps that the dummy does not compute */
         assert_string_equal(report.step.why, "");
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -47,9 +47,9 @@ static void test_networks_share_the_device(void **state)
         int err;
 
         assert_true(match_config_learned(&cfg, 0, path));
-        assert_int_equal(match_device_create(&cfg.device, devices[i], 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, devices[i], 0), 0);
         sst_log_hold_errors(text);
-        err = sst_network_device_open_on(&cfg.networks, cfg.device->shared);
+        err = sst_network_device_open_on(&cfg.networks, cfg.runner->runner);
         sst_log_hold_errors(NULL);
         if (!err) { /* built with oneDNN */
             match_compare(&lf, &cfg, &report);
@@ -60,7 +60,7 @@ static void test_networks_share_the_device(void **state)
             assert_int_equal(report.on_cpu, 0);
             sst_network_device_close(cfg.networks);
         }
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -79,11 +79,11 @@ static void test_tiles(void **state)
     cfg.model = path;
     cfg.precision = SST_PRECISION_F32;
     cfg.frugal = true;
-    assert_int_equal(match_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 6); /* with those at a quarter of the size */
     assert_int_equal(report.on_cpu, 0);
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -103,7 +103,7 @@ static void test_little_memory(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         assert_true(match_config_learned(&cfg, devices[i].config, path));
-        assert_int_equal(match_device_create(&cfg.device, devices[i].name, 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, devices[i].name, 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%lld views, %lld in bands, %lld uploads\n", (long long)report.views, (long long)report.in_bands,
                       (long long)report.step.uploads);
@@ -111,7 +111,7 @@ static void test_little_memory(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.in_bands, devices[i].bands ? VIEWS : 0);
         assert_true(devices[i].bands || report.step.uploads > 4 * VIEWS);
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
 }
@@ -128,13 +128,13 @@ static void test_fallback(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + 40); /* at the second view of each opening */
     assert_true(match_config_learned(&cfg, 0, path));
-    assert_int_equal(match_device_create(&cfg.device, name, 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, name, 0), 0);
     match_compare(&lf, &cfg, &report);
     print_message("%lld views, %lld on the CPU\n", (long long)report.views, (long long)report.on_cpu);
     assert_int_equal(report.views + report.on_cpu, VIEWS);
     assert_true(report.views > 0 && report.on_cpu > 0 && report.step.failures > 1);
     assert_string_equal(report.step.why, "the device is lost");
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 

@@ -6,9 +6,9 @@
 
 static const unsigned surfaces = 1U << SST_DISPARITY_STAGE_SURFACES, carrying = 1U << SST_DISPARITY_STAGE_CARRY;
 
-static struct sst_disparity_device *open_device(const char *name, uint64_t memory_bytes)
+static struct sst_runner_user *open_device(const char *name, uint64_t memory_bytes)
 {
-    struct sst_disparity_device *device;
+    struct sst_runner_user *device;
 
     assert_int_equal(match_device_create(&device, name, memory_bytes), 0);
     return device;
@@ -16,7 +16,7 @@ static struct sst_disparity_device *open_device(const char *name, uint64_t memor
 
 static void test_same_bytes(void **state)
 {
-    struct sst_disparity_device *device = open_device("dummy", 0);
+    struct sst_runner_user *device = open_device("dummy", 0);
     struct sst_disparity_device_report report;
 
     (void)state;
@@ -41,7 +41,7 @@ static void test_lost(void **state)
     (void)state;
     for (int at = 1; at < 120; at += 1 + at / (small_level() ? 2 : 5)) {
         struct sst_disparity_device_report report;
-        struct sst_disparity_device *device;
+        struct sst_runner_user *device;
         char name[32];
 
         snprintf(name, sizeof(name), "dummy:lost=%d", before + at);
@@ -63,7 +63,7 @@ static void test_lost(void **state)
 /* A device without room is not to blame. */
 static void test_small(void **state)
 {
-    struct sst_disparity_device *device = open_device("dummy", (uint64_t)800 << 10);
+    struct sst_runner_user *device = open_device("dummy", (uint64_t)800 << 10);
     struct sst_disparity_device_report report;
 
     (void)state;

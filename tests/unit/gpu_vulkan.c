@@ -198,7 +198,7 @@ static void test_frames_in_bands(void **state)
 static void test_matches(void **state)
 {
     struct sst_disparity_device_report report;
-    struct sst_disparity_device *device;
+    struct sst_runner_user *device;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -206,7 +206,7 @@ static void test_matches(void **state)
     assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
-        cfg.device = device;
+        cfg.runner = device;
         match_compare(&lf, &cfg, &report);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
@@ -218,18 +218,18 @@ static void test_matches(void **state)
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21);
     match_config_tiles(&cfg);
-    cfg.device = device;
+    cfg.runner = device;
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.on_cpu, 0);
     sst_lightfield_fini(&lf);
     match_device_destroy(device);
     match_init(&lf, 1, 3, 97, 60, 8); /* in bands of rows */
     assert_true(match_config(&cfg, 5));
-    assert_int_equal(match_device_create(&cfg.device, "lavapipe", (uint64_t)1350 << 10), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "lavapipe", (uint64_t)1350 << 10), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.in_bands, 3);
     assert_int_equal(report.on_cpu, 0);
-    match_device_destroy(cfg.device);
+    match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
 
@@ -249,11 +249,11 @@ static void test_learned(void **state)
     ow_feature_network(path, "1");
     match_init(&lf, 2, 2, 97, 60, 8);
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
-        assert_int_equal(match_device_create(&cfg.device, "lavapipe", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, "lavapipe", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 3);
         assert_int_equal(report.on_cpu, 0);
-        match_device_destroy(cfg.device);
+        match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
     unlink(path);
@@ -263,7 +263,7 @@ static void test_learned(void **state)
 static void test_second(void **state)
 {
     struct sst_disparity_device_report report;
-    struct sst_disparity_device *device;
+    struct sst_runner_user *device;
 
     (void)state;
     assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
@@ -281,7 +281,7 @@ static void test_networks(void **state)
 {
     struct ow_buf model = nets_pyramid(nets_pyramid_ranges);
     struct sst_network_device_report report;
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
 
     (void)state;
     if (!WITH_DNNL) {
@@ -316,7 +316,7 @@ static void test_variants(void **state)
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(names) && WITH_DNNL; i++) {
         struct sst_network_device_report report;
-        struct sst_network_device *d;
+        struct sst_runner_user *d;
         struct image got;
 
         setenv("SST_GPU_VARIANT", names[i], 1);
@@ -367,7 +367,7 @@ static struct sst_network_device_report run_long(int n)
     const struct conv c2 = { n, 4, { 5, 5 }, { 1, 1 }, { 1, 1 }, { 2, 2, 2, 2 }, 1 };
     struct image in = random_image(3, 4, 4), got, want;
     struct sst_network_device_report r;
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
     struct ow_buf graph = { 0 }, model;
 
     nets_add_conv(&graph, "c1", &c1, "x", "a");

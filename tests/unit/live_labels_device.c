@@ -120,7 +120,7 @@ static void labels_are_the_cpus(void **state SST_UNUSED)
 static bool opens_if_lost_at(long dispatch)
 {
     char name[40];
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
 
     snprintf(name, sizeof(name), "dummy:lost=%ld", dispatch);
     if (sst_network_device_open(&d, name, 0))

@@ -4,16 +4,16 @@
 #include "tests/self_tests.h"
 #include "tests/small.h"
 
-static struct sst_network_device *open_device(const char *name, uint64_t memory_bytes)
+static struct sst_runner_user *open_device(const char *name, uint64_t memory_bytes)
 {
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
 
     assert_int_equal(sst_network_device_open(&d, name, memory_bytes), 0);
     assert_non_null(d);
     return d;
 }
 
-static struct sst_network_device_report report_of(struct sst_network_device *d)
+static struct sst_network_device_report report_of(struct sst_runner_user *d)
 {
     struct sst_network_device_report r;
 
@@ -28,7 +28,7 @@ static void convolutions_equal_the_cpu(void **state SST_UNUSED)
         { 5, 7, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 },
         { 16, 33, { 3, 5 }, { 1, 2 }, { 2, 1 }, { 2, 0, 1, 3 }, 1 },
     };
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
 
     for (size_t i = 0; i < ARRAY_LEN(convs); i++) {
         struct ow_buf graph = { 0 }, model;
@@ -48,7 +48,7 @@ static void convolutions_equal_the_cpu(void **state SST_UNUSED)
 
 static void a_pyramid_equals_the_cpu(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
 
     for (int int8 = 0; int8 < 2; int8++) {
         const enum sst_precision precision = int8 ? SST_PRECISION_INT8 : SST_PRECISION_F32;
@@ -78,7 +78,7 @@ static void signed_values_equal_the_cpu(void **state SST_UNUSED)
     const struct conv c3 = { 24, 24, { 5, 5 }, { 2, 2 }, { 1, 1 }, { 2, 2, 2, 2 }, 1 };
     const struct conv c4 = { 24, 24, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
     const struct conv c5 = { 48, 9, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
     struct ow_buf graph = { 0 }, a = { 0 }, model;
     struct image in = random_image(3, 22, 30), got, want;
 
@@ -102,7 +102,7 @@ static void signed_values_equal_the_cpu(void **state SST_UNUSED)
 
 static void features_equal_the_cpu(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
 
     for (int int8 = 0; int8 < 2; int8++)
         nets_expect_features(d, int8 ? SST_PRECISION_INT8 : SST_PRECISION_F32);
@@ -114,7 +114,7 @@ static void features_equal_the_cpu(void **state SST_UNUSED)
 /* A float result of vectors of length 1 has no shader. */
 static void float_features_are_the_cpus(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
     struct ow_buf model = nets_matching(NULL);
     struct image in = random_image(1, 9, 12), got = nets_run(&model, &in, SST_PRECISION_F32, d);
     struct image want = nets_run(&model, &in, SST_PRECISION_F32, NULL);
@@ -132,7 +132,7 @@ static void float_features_are_the_cpus(void **state SST_UNUSED)
 /* The pyramid on 8 bits. @param conv8  out: shader of its convolutions */
 static struct image run_variant(const char *device, char conv8[32])
 {
-    struct sst_network_device *d = open_device(device, 0);
+    struct sst_runner_user *d = open_device(device, 0);
     struct ow_buf model = nets_pyramid(nets_pyramid_ranges);
     struct image in = random_image(3, 22, 30), got = nets_run(&model, &in, SST_PRECISION_INT8, d);
 
@@ -144,7 +144,7 @@ static struct image run_variant(const char *device, char conv8[32])
 
 static bool opens(const char *name)
 {
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
 
     if (sst_network_device_open(&d, name, 0))
         return false;
@@ -232,7 +232,7 @@ static struct ow_buf joined(void)
 
 static void other_layers_end_on_the_cpu(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
     struct ow_buf models[] = { pooled(), grouped(), softened(), joined() };
     static const char *const why[] = { "MaxPool", "groups", "Softmax", "multiple of 4" };
 
@@ -256,7 +256,7 @@ static void other_layers_end_on_the_cpu(void **state SST_UNUSED)
 /* Sizes give way to each other; one that is too large is the CPU's, and the device stays. */
 static void memory_is_bounded(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 400000);
+    struct sst_runner_user *d = open_device("dummy", 400000);
     struct ow_buf model = nets_pyramid(NULL);
     static const int sizes[][2] = { { 22, 30 }, { 30, 22 }, { 80, 100 }, { 22, 30 } };
     struct sst_network *net;
@@ -265,9 +265,9 @@ static void memory_is_bounded(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
         struct image in = random_image(3, sizes[i][0], sizes[i][1]), got, want;
 
-        sst_network_use_device(net, d);
+        sst_network_use_runner(net, d);
         got = run_net(net, &in);
-        sst_network_use_device(net, NULL);
+        sst_network_use_runner(net, NULL);
         want = run_net(net, &in);
         expect_image(&got, &want, 1e-5);
         assert_true(report_of(d).memory_bytes <= 400000);
@@ -284,12 +284,12 @@ static void memory_is_bounded(void **state SST_UNUSED)
 /* More sizes than are kept. */
 static void plans_are_bounded(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
     struct ow_buf model = nets_pyramid(NULL);
     struct sst_network *net;
 
     assert_int_equal(open_model(&net, &model, 1), 0);
-    sst_network_use_device(net, d);
+    sst_network_use_runner(net, d);
     for (int i = 0; i < 20; i++) {
         struct image in = random_image(3, 8, 8 + i), got = run_net(net, &in);
 
@@ -323,7 +323,7 @@ static void write_model(const char *path, const struct ow_buf *model)
 /* Networks of one file have one plan there; one of other weights at the same path has its own. */
 static void plans_are_shared(void **state SST_UNUSED)
 {
-    struct sst_network_device *d = open_device("dummy", 0);
+    struct sst_runner_user *d = open_device("dummy", 0);
     struct ow_buf models[] = { one_layer(), one_layer() };
     struct sst_network *net[3];
     struct image in = random_image(3, 12, 16), out[3];
@@ -335,7 +335,7 @@ static void plans_are_shared(void **state SST_UNUSED)
     for (int i = 0; i < 3; i++) {
         write_model(path, &models[i / 2]);
         assert_int_equal(sst_network_open(&net[i], path, SST_PRECISION_F32, 1), 0);
-        sst_network_use_device(net[i], d);
+        sst_network_use_runner(net[i], d);
         out[i] = run_net(net[i], &in);
     }
     unlink(path);
@@ -359,7 +359,7 @@ static struct sst_network_device_report run_often(const char *name, int runs)
     struct ow_buf model = nets_pyramid(NULL);
     struct image in = random_image(3, 8, 10), want = nets_run(&model, &in, SST_PRECISION_F32, NULL);
     struct sst_network_device_report r = { 0 };
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
 
     if (!sst_network_device_open(&d, name, 0)) {
         for (int k = 0; k < runs; k++) {
@@ -407,7 +407,7 @@ static void faults_end_on_the_cpu(void **state SST_UNUSED)
 
 static void wrong_devices_are_refused(void **state SST_UNUSED)
 {
-    struct sst_network_device *d;
+    struct sst_runner_user *d;
     char text[SST_LOG_MAX];
 
     sst_log_set_level(SST_LOG_ERROR);

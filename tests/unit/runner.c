@@ -62,7 +62,7 @@ static int work_join(struct work *w, struct sst_runner *shared)
     static const struct sst_step step = { .name = "counting",
                                           .wants = counts,
                                           .cpu = count_on_cpu,
-                                          .device = count_on_device,
+                                          .dispatch = count_on_device,
                                           .writes = counted,
                                           .sample = count_sample,
                                           .seeds = 1,

@@ -29,7 +29,7 @@ int scene_open_segmenter(struct sst_livescene *s, int worker)
         return 0;
     err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
     if (!err)
-        sst_segmenter_use_device(s->segmenters[worker], s->networks);
+        sst_segmenter_use_runner(s->segmenters[worker], s->networks);
     return err;
 }
 

@@ -320,7 +320,7 @@ struct sst_livescene {
     uint8_t *all;                        /* [tiles] of 1 */
     struct scene_composer *composers;    /* [threads] */
     struct sst_segmenter **segmenters;   /* [threads], the first one from the start; NULL: no model */
-    struct sst_network_device *networks; /* that they run on; NULL: on the CPU */
+    struct sst_runner_user *networks; /* that they run on; NULL: on the CPU */
     struct scene_background *background;
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;

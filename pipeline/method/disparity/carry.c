@@ -32,12 +32,6 @@ static uint8_t confidence_of(uint32_t arrived)
     return (uint8_t)(arrived << 1);
 }
 
-struct carry {
-    const struct sst_visible_views *in;
-    struct sst_map_u8 *status;
-    struct disparity_sample *sample; /* that these are of; or NULL */
-};
-
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
 int run_carry_sources(const struct sst_visible_views *in, int k, int source[CARRY_SOURCES])
 {
@@ -218,56 +212,6 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-/* Constants of carry_project, with a layer of groups per source, and carry_close (std430). Maps are SST_PLANE_MAP. */
-struct carry_constants {
-    int32_t width, height;
-    int32_t agreed;  /* not 0: wanted; else only the first one of `arrived` is used */
-    int32_t checked; /* not 0: pixels that the check calls correct come first, and their results are correct */
-};
-
-/* The same on a device. */
-static void carry_on_device(struct sst_run *r, void *job, int k)
-{
-    enum { SOURCE, ARRIVED, CLOSED };
-    const struct carry *c = job;
-    const struct sst_visible_view *own = &c->in->view[k];
-    const int width = own->disp->width, height = own->disp->height;
-    const size_t n = (size_t)width * (size_t)height;
-    const struct sst_gpu_background background = { width, height, SST_DISP_NONE };
-    const struct carry_constants push = { width, height, own->agreed != NULL, c->status != NULL };
-    struct sst_gpu_check_other source[CARRY_SOURCES];
-    int from[CARRY_SOURCES];
-    const int count = run_carry_sources(c->in, k, from);
-    const struct sst_gpu_range maps = sst_run_planes(r, SST_PLANE_MAP, from, sst_max_int(count, 0));
-    const struct sst_gpu_range arrived = sst_run_scratch(r, ARRIVED, (own->agreed ? 3 : 1) * n * sizeof(uint32_t));
-    const struct sst_gpu_range closed = sst_run_scratch(r, CLOSED, n * sizeof(uint32_t));
-    const uint32_t *words;
-
-    sst_run_fail(r, sst_min_int(count, 0));
-    for (int i = 0; i < count; i++) {
-        const struct sst_visible_view *v = &c->in->view[from[i]];
-
-        source[i].first = sst_run_first(r, SST_PLANE_MAP, from[i]);
-        sst_run_fail(r, sst_step_shift(&source[i].shift, sst_shift_by(v->bx - own->bx, c->in->disp_min_px),
-                                       sst_shift_by(v->by - own->by, c->in->disp_min_px)));
-    }
-    sst_run_fill(r, arrived, 0, n, 0);
-    if (own->agreed) {
-        sst_run_fill(r, arrived, n, n, SST_DISP_NONE);
-        sst_run_fill(r, arrived, 2 * n, n, 0);
-    }
-    if (count > 0)
-        SST_RUN_PIXELS(r, SST_GPU_CARRY_PROJECT, &push, width, height, (uint32_t)count,
-                       sst_run_upload(r, SOURCE, source, (size_t)count * sizeof(*source)), maps, arrived);
-    SST_RUN_PIXELS(r, SST_GPU_CARRY_CLOSE, &push, width, height, 1, arrived, closed);
-    run_dispatch_background(r, closed, arrived, k, &background);
-    words = sst_run_fetch(r, sst_run_plane(r, SST_PLANE_MAP, k), n);
-    if (own->agreed && !own->agreed->data)
-        sst_run_fail(r, sst_map_u8_init(own->agreed, width, height));
-    if (words && !sst_run_failed(r))
-        sst_step_map_unpack(words, own->disp, own->confidence, own->agreed, c->status ? &c->status[k] : NULL);
-}
-
 static void carried_source(const void *job, int k, struct sst_plane_source *out)
 {
     const struct carry *c = job;
@@ -319,7 +263,7 @@ const struct sst_step disparity_carry_step = { .name = "carrying",
                                                .wants = carries,
                                                .source = carried_source,
                                                .cpu = carry_job,
-                                               .device = carry_on_device,
+                                               .dispatch = dispatch_carry,
                                                .writes = carried_maps,
                                                .changes = 1U << SST_PLANE_MAP,
                                                .sample = carry_sample,
@@ -330,8 +274,8 @@ int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *s
     const struct sst_run_options how = { in->share, threads, sst_visible_block(in), in->cancel };
     struct carry c = { in, status, NULL };
 
-    disparity_device_adopt(in->device, in);
-    return sst_run(disparity_device_user(in->device), &disparity_carry_step, &c, in->count, &how);
+    visible_adopt(in);
+    return sst_run(in->runner, &disparity_carry_step, &c, in->count, &how);
 }
 
 int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)

@@ -34,8 +34,7 @@ static int gather_job(void *job, int view SST_UNUSED, int worker SST_UNUSED)
     return 0;
 }
 
-/* The same on a device. */
-static void gather_on_device(struct sst_run *r, void *job, int view)
+static void gather_dispatch(struct sst_run *r, void *job, int view)
 {
     const struct gathered *b = job;
     const int words = b->width * SST_PLANE_FEATURE_WORDS, first = b->band.first, rows = b->band.end - first;
@@ -104,7 +103,7 @@ static void *gather_sample(uint32_t seed)
 const struct sst_step disparity_features_step = { .name = "features",
                                                   .wants = is_gathered,
                                                   .cpu = gather_job,
-                                                  .device = gather_on_device,
+                                                  .dispatch = gather_dispatch,
                                                   .writes = gathered_bytes,
                                                   .changes = 1U << SST_PLANE_FEATURES,
                                                   .sample = gather_sample,
@@ -124,16 +123,15 @@ static bool make_places(const struct disparity_run *run, struct sst_gpu *g, stru
 }
 
 /* As struct sst_feature_keeper has it. */
-static bool keep(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
+static bool keep(void *keeper, const struct sst_run_result *result)
 {
     struct sst_feature_keeper *k = keeper;
     struct disparity_run *run = k->arg;
-    struct sst_runner_user *user = disparity_device_user(run->device);
+    struct sst_runner_user *user = run->cfg->runner;
     struct sst_step_planes *p = sst_runner_planes(user->runner);
-    struct gathered b = { .view = k->view, .width = k->width, .band = k->band, .result = { result, 0 }, .at = at };
+    struct gathered b = { .view = k->view, .width = k->width, .band = k->band, .result = { result->buffer, 0 }, .at = result->at };
 
-    if (g != sst_runner_device(user->runner) || p->of != run->lf ||
-        !make_places(run, g, p))
+    if (result->gpu != sst_runner_device(user->runner) || p->of != run->lf || !make_places(run, result->gpu, p))
         return false;
     k->kept = !sst_run_item(user, &disparity_features_step, &b, k->view);
     sst_step_plane_mark(p, SST_PLANE_FEATURES, k->view, k->kept && k->band.end == k->height);
@@ -142,12 +140,10 @@ static bool keep(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result,
 
 static bool has_features(const struct disparity_run *run, int view)
 {
-    struct sst_runner_user *user = disparity_device_user(run->device);
+    struct sst_runner_user *user = run->cfg->runner;
     const struct sst_step_planes *p;
     bool has;
 
-    if (!user)
-        return false;
     sst_runner_lock(user->runner);
     p = sst_runner_planes(user->runner);
     has = p->of == run->lf && p->plane[SST_PLANE_FEATURES].view[view].current;
@@ -159,8 +155,9 @@ int run_add_features(struct disparity_run *run, int view, struct sst_network *ne
 {
     struct sst_descriptor *desc = &run->desc[view];
     struct sst_feature_keeper keeper = { .keep = keep, .arg = run, .view = view };
+    const bool placed = run->cfg->runner && !run->costs && !match_refuses(&(struct match_batch){ .run = run });
 
-    if (desc->features || (!run->costs && has_features(run, view)))
+    if (desc->features || (placed && has_features(run, view)))
         return 0;
-    return sst_descriptor_add_features(desc, net, run->device && !run->costs ? &keeper : NULL);
+    return sst_descriptor_add_features(desc, net, placed ? &keeper : NULL);
 }

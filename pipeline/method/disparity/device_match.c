@@ -26,10 +26,24 @@ enum {
     SCRATCH
 };
 
+/* A view to match, or rows of it. */
+struct rows {
+    const struct disparity_run *run;
+    int view;
+    const struct sst_neighbour *neighbours; /* of run->desc; no census is needed */
+    int count;                              /* of neighbours, at least 1 */
+    const struct sst_tiles *tiles; /* windows of disparities by tile, laid out over these rows; NULL: the whole range */
+    int top, height;               /* rows */
+    bool whole;                    /* all rows: winners are filtered, and stay as SST_PLANE_MAP */
+    int band;                      /* rows that are matched at once at most; 0: all */
+    struct sst_map_u16 *disp;      /* out: these rows */
+    struct sst_map_u8 *confidence; /* likewise, or NULL */
+};
+
 /* What the steps of a match need. */
 struct match {
     struct sst_run *r;
-    const struct match_rows *in;
+    const struct rows *in;
     const struct disparity_run *run;
     const struct sst_disparity_config *cfg;
     int width, height;           /* of the views */
@@ -96,7 +110,7 @@ static void add_tile(struct match *m, const struct sst_gpu_tile *t)
 /* Tile number i of the band. */
 static struct sst_gpu_tile tile_of(struct match *m, int i)
 {
-    const struct match_rows *in = m->in;
+    const struct rows *in = m->in;
     const struct sst_volume *shape = &m->run->shape;
     struct sst_gpu_tile made;
 
@@ -336,7 +350,7 @@ static void match_bands(struct match *m, struct sst_gpu_range winners)
 /* Reserve all scratch memory, before planes take the rest. */
 static void reserve(struct match *m)
 {
-    const struct match_rows *in = m->in;
+    const struct rows *in = m->in;
     const size_t n = (size_t)m->width * (size_t)m->height;
     const size_t states = bands_of(m) > 1 ? (size_t)((bands_of(m) + 1) * slants_of(m)) * (size_t)m->width : 1;
     size_t cells = 0, layers = 1;
@@ -424,7 +438,7 @@ static void filter(struct match *m, struct sst_gpu_range out)
 /* Disparities and confidences of the host's maps. */
 static void unpack(const struct match *m, const uint32_t *from)
 {
-    const struct match_rows *in = m->in;
+    const struct rows *in = m->in;
 
     for (int y = 0; from && y < in->height; y++, from += m->width) {
         uint16_t *disp = sst_map_u16_row(in->disp, in->top + y);
@@ -437,7 +451,7 @@ static void unpack(const struct match *m, const uint32_t *from)
     }
 }
 
-bool run_match_rows(struct sst_run *r, const struct match_rows *in)
+static void match_rows(struct sst_run *r, const struct rows *in)
 {
     const struct disparity_run *run = in->run;
     const struct sst_disparity_config *cfg = run->cfg;
@@ -450,7 +464,7 @@ bool run_match_rows(struct sst_run *r, const struct match_rows *in)
     m.tile = calloc((size_t)(in->tiles ? in->tiles->columns * in->tiles->rows : 1), sizeof(*m.tile));
     if (!m.tile) {
         sst_run_fail(r, -ENOMEM);
-        return false;
+        return;
     }
     m.band = sst_run_rows(r, in->height, in->tiles ? SST_TILE_HEIGHT : LEAST_ROWS);
     m.band = in->band ? sst_min_int(in->band, m.band) : m.band;
@@ -461,10 +475,57 @@ bool run_match_rows(struct sst_run *r, const struct match_rows *in)
         filter(&m, out);
     unpack(&m, sst_run_fetch(r, out, (size_t)m.width * (size_t)in->height));
     free(m.tile);
-    return m.band < in->height;
 }
 
-const char *run_refused(const struct disparity_run *run)
+void dispatch_match(struct sst_run *r, void *job, int view)
+{
+    struct match_batch *b = job;
+    struct disparity_run *run = b->run;
+    const struct sst_coarse coarse = run->coarse ? run_coarse_view(run, view) : (struct sst_coarse){ 0 };
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    struct rows in = { .run = run,
+                             .view = view,
+                             .neighbours = neighbours,
+                             .height = run->height,
+                             .whole = true,
+                             .band = b->sample ? b->sample->band : 0,
+                             .disp = &run->disp[view],
+                             .confidence = &run->confidence[view] };
+
+    in.count = run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
+    sst_run_fail(r, sst_min_int(in.count, 0));
+    if (run->coarse) {
+        in.tiles = &run->tiles[0];
+        sst_run_fail(r, sst_tiles_init(&run->tiles[0], run->width, 0, run->height, &run->shape, &coarse));
+    }
+    if (sst_run_failed(r))
+        return;
+    if (in.tiles)
+        run->searched[view] = sst_tiles_share(in.tiles);
+    match_rows(r, &in);
+    if (run->cfg->raw && !sst_run_failed(r)) /* no filter, which does that */
+        match_forget_unseen(&run->disp[view], &run->desc[view].seen);
+}
+
+void dispatch_compare(struct sst_run *r, void *job, int item)
+{
+    struct windows_compared *c = job;
+    struct sst_tiles *tiles = &c->run->tiles[0];
+    const struct rows in = { .run = c->run,
+                                   .view = c->run->lf->ref_view,
+                                   .neighbours = c->neighbours,
+                                   .count = c->count,
+                                   .tiles = tiles,
+                                   .top = c->top[item / 2],
+                                   .height = SST_TILE_HEIGHT,
+                                   .disp = &c->disp[item] };
+
+    sst_run_fail(r, windows_lay_out(c, item, tiles));
+    if (!sst_run_failed(r))
+        match_rows(r, &in);
+}
+
+static const char *refuses(const struct disparity_run *run)
 {
     const struct sst_disparity_config *cfg = run->cfg;
 
@@ -480,4 +541,14 @@ const char *run_refused(const struct disparity_run *run)
                    SST_GPU_MATCH_PASSES
                ? "sides that are too long for so many disparities"
                : NULL;
+}
+
+const char *match_refuses(const void *batch)
+{
+    return refuses(((const struct match_batch *)batch)->run);
+}
+
+const char *compare_refuses(const void *compared)
+{
+    return refuses(((const struct windows_compared *)compared)->run);
 }

@@ -154,7 +154,7 @@ static int open_networks(struct disparity_run *run, int threads)
     for (int i = 0; !err && i < run->networks; i++)
         err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / run->networks);
     for (int i = 0; !err && i < run->networks; i++)
-        sst_network_use_device(run->nets[i], run->cfg->networks);
+        sst_network_use_runner(run->nets[i], run->cfg->networks);
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
@@ -172,7 +172,7 @@ int run_visible_views(const struct disparity_run *run, struct sst_visible_views 
                                        .report = run->cfg->report,
                                        .cancel = run->cfg->cancel,
                                        .share = run->cfg->share,
-                                       .device = run->cfg->device };
+                                       .runner = run->cfg->runner };
     if (!out->view)
         return -ENOMEM;
     for (int k = 0; !err && k < out->count; k++) {
@@ -443,8 +443,6 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
     run->filled = calloc(views, sizeof(*run->filled));
     if (!run->need || !run->matched || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
-    run->refused = cfg->device ? run_refused(run) : NULL;
-    run->device = run->refused ? NULL : cfg->device;
     /* A range too narrow for the second pass is too narrow for carried maps. */
     return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST &&
                    (run->rounds || !cfg->rounds)
@@ -466,7 +464,7 @@ static void run_fini(struct disparity_run *run)
         if (run->filled)
             sst_map_u16_fini(&run->filled[view]);
     }
-    disparity_device_forget(run->cfg->device, run);
+    sst_run_forget(run->cfg->runner, run->lf);
     run_free_coarse(run);
     free(run->searched);
     for (int view = 0; run->settled && view < run->lf->rows * run->lf->cols; view++)
@@ -491,7 +489,7 @@ static int probe_half(const struct disparity_run *run, int threads, double *erro
     int err;
 
     cfg.scale = 2;
-    cfg.device = NULL;
+    cfg.runner = NULL;
     cfg.share = NULL;
     cfg.report = NULL;
     err = run_init(&half, run->lf, &cfg);
@@ -575,11 +573,13 @@ static int choose_ranges(struct disparity_run *run, int threads)
 
 static int run_all(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
+    const size_t matched = (size_t)run->width * (size_t)run->height;
+    const size_t pixels[] = { (size_t)run->lf->width * (size_t)run->lf->height, matched, matched };
     int err = run_make_coarse(run, threads);
 
     if (err)
         return err;
-    disparity_device_claim(run->cfg->device, run);
+    sst_run_claim(run->cfg->runner, run->lf, run->lf->rows * run->lf->cols, pixels);
     err = allocate_workers(run, threads);
     if (!err) {
         count_workers(run, threads);

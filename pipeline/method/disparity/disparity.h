@@ -24,15 +24,14 @@ enum sst_cost {
 #define SST_SUPPORT_MAX_ARM 5
 
 struct sst_share;
-struct sst_disparity_device; /* that views are matched on; one run at a time */
+struct sst_runner_user; /* that places the steps (pipeline/step/runner.h); one run at a time */
 
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
     bool census_suffices; /* pairs, and light fields of SST_VISIBLE_LEAST views and more: census alone and 4 paths,
                              whatever `cost` and `paths` are (design.md, 5.7, 5.8) */
-    /* That the network of features runs on (pipeline/method/network/device.h); NULL: on the CPU. */
-    struct sst_network_device *networks;
+    struct sst_runner_user *networks; /* that runs the network of features; NULL: on the CPU */
     const char *model;            /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     enum sst_precision precision; /* of that network */
     int paths;                    /* of the semi-global optimisation: 4 or 8 */
@@ -81,7 +80,7 @@ struct sst_disparity_config {
     struct sst_disparity_report *report; /* out, or NULL; of what this process does */
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), which all have the same maps and
                                 report then: both passes, checks and carrying by views; or NULL */
-    struct sst_disparity_device *device; /* that light fields are matched on, with the same bytes; NULL: on the CPU */
+    struct sst_runner_user *runner; /* that places the steps, with the same bytes; NULL: on the CPU */
 };
 
 /** What was skipped, and the error that this adds; percent, NaN where nothing was. */
@@ -96,8 +95,7 @@ struct sst_disparity_report {
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
-/** Stages that are named where they are done on the CPU although there is a device, which has no shader for them or
- * fails at them: X(STAGE, name), and of stages that have a step S(STAGE, step, name): disparity_<step>_step. */
+/** Stages that a runner names where they are done on the CPU, for lack of shaders or after a failure: X(STAGE, name), and of stages that have a step S(STAGE, step, name): disparity_<step>_step. */
 #define SST_DISPARITY_STAGE_LIST(X, S)                                                                                 \
     X(RANGE, "range")                       /* of disparities of a light field: a pair of its views */                 \
     S(SURFACES, surfaces, "surfaces")       /* of the second pass: around each pixel, its hypotheses */                \
@@ -117,35 +115,9 @@ enum sst_disparity_stage {
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage);
 
-/** What a device has done. */
-struct sst_disparity_device_report {
-    struct sst_step_report step; /* `stages_on_cpu`: bits by enum sst_disparity_stage, of stages that were needed */
-    int64_t views;               /* matched there; views of coarser maps count as well */
-    int64_t in_bands;            /* of these: in parts, since the whole volume did not fit */
-    int64_t on_cpu;              /* others */
-    int64_t tested;              /* views in the second pass, by round, whose hypotheses were */
-    int64_t tested_on_cpu;       /* others */
-};
-
-/**
- * Match views on a device: the costs of each by census and features of its neighbours, their aggregation, the
- * optimisation, winners and filters; in the second pass its hypotheses and their tests; refinement between pixels,
- * carried maps, check and filling. The results are the bytes of the CPU. A view whose volume does not fit is matched in
- * bands of rows, costs computed twice; one of which no band fits on the CPU. A device that fails is logged as a warning
- * and counted; the view is then matched on the CPU, and the device is tried again later.
- *
- * @param shared  the device, which lives longer; NULL: *out is NULL
- * @param out     NULL: on the CPU
- * @return 0, -ENOMEM, or an error of sst_runner_join(); logged
- */
-SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, struct sst_runner *shared);
-void sst_disparity_device_destroy(struct sst_disparity_device *d);
-
-/** What it has done since the last report. */
-void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out);
-
-/** Note that a stage was done on the CPU. @param d  or NULL: nothing is noted */
-void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_disparity_stage stage);
+/** Items that the report of the runner counts: views that are matched, views of coarser maps as well; views in the second
+ * pass, by round, whose hypotheses are tested. */
+enum sst_disparity_counter { SST_DISPARITY_MATCHED = 1, SST_DISPARITY_TESTED = 2 };
 
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
@@ -174,10 +146,10 @@ SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const str
 struct sst_disparity_search {
     int scale; /* 1; 2: matched at half of that size, in a tenth of the time; gaps of foliage may be missed then */
     int threads;
-    struct sst_disparity_device *device; /* as of struct sst_disparity_config; a pair that is matched on the CPU
-                                            although there is one is noted as SST_DISPARITY_STAGE_RANGE */
-    struct sst_share *share;             /* with other processes: the neighbours; or NULL */
-    int from;                            /* 1 + the view that is matched with its neighbours; 0: the reference view */
+    struct sst_runner_user *runner; /* as of struct sst_disparity_config; a pair that is matched on the CPU all the same is
+                                       noted as SST_DISPARITY_STAGE_RANGE */
+    struct sst_share *share;        /* with other processes: the neighbours; or NULL */
+    int from;                       /* 1 + the view that is matched with its neighbours; 0: the reference view */
 };
 
 /**

@@ -4,9 +4,6 @@
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
 #include "base/thread.h"
-#include "pipeline/gpu/check.h"
-#include "pipeline/gpu/convert.h"
-#include "pipeline/gpu/hypotheses.h"
 #include "pipeline/method/disparity/visible.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/step/run.h"
@@ -43,9 +40,7 @@ struct disparity_run {
     struct sst_tiles *tiles;       /* [threads], [workers] in use */
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
-    struct sst_disparity_device *device; /* that views are matched on; NULL: on the CPU */
-    const char *refused;                 /* why it is not the one that was asked for; or NULL */
-    bool costs;                          /* descriptors need the census if it counts: some view is matched on the CPU */
+    bool costs;                    /* descriptors need the census if it counts: some view is matched on the CPU */
 };
 
 /** @return 0, -ECANCELED */
@@ -85,8 +80,8 @@ SST_MUST_CHECK int run_describe_for(struct disparity_run *run, const int *view, 
 
 /* --- features.c --- */
 
-/** Make the features of a view, unless there are any that serve; on the device alone where the network runs there, and
- * that has room for all views'. @return 0 or an error of sst_descriptor_add_features() */
+/** Make the features of a view, unless there are any that serve: planes of the runner alone where that runs the network
+ * and has room for the features of all views. @return 0 or an error of sst_descriptor_add_features() */
 SST_MUST_CHECK int run_add_features(struct disparity_run *run, int view, struct sst_network *net);
 
 /** A worker's volume: of a whole view, or of a tile. @return 0, -ENOMEM */
@@ -98,6 +93,17 @@ SST_MUST_CHECK int run_visible_views(const struct disparity_run *run, struct sst
                                      struct sst_map_u8 *seen);
 
 /* --- match.c: the first pass --- */
+
+/** Views that are matched together: job of the step. */
+struct match_batch {
+    struct disparity_run *run;
+    const int *view;
+    int count, describing;       /* threads that describe them */
+    struct match_sample *sample; /* that these are of; or NULL */
+};
+
+/** Invalid pixels have no disparity and take no part in checking or filling. */
+void match_forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen);
 
 /** Pixels and features of a view as they are matched. */
 void run_match_source(const struct disparity_run *run, int view, struct sst_plane_source *out);
@@ -117,6 +123,21 @@ SST_MUST_CHECK int run_sweep(struct disparity_run *run, int threads);
 
 /* --- windows.c: windows of disparities from a match of all views at fewer pixels --- */
 
+#define WINDOWS_COMPARED 3 /* rows of tiles of the reference view */
+
+/** Rows of tiles in the whole range and in windows: items 2 i and 2 i + 1 of the step that compares them. */
+struct windows_compared {
+    struct disparity_run *run;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    int count, workers; /* the latter have a network each */
+    int top[WINDOWS_COMPARED];
+    struct sst_support support;
+    struct sst_map_u16 disp[2 * WINDOWS_COMPARED];
+};
+
+/** Tiles of an item. @return 0, -ENOMEM */
+SST_MUST_CHECK int windows_lay_out(const struct windows_compared *c, int item, struct sst_tiles *tiles);
+
 /** Match the views so, where the configuration allows windows and they pay. @return 0 or -errno */
 SST_MUST_CHECK int run_make_coarse(struct disparity_run *run, int threads);
 void run_free_coarse(struct disparity_run *run);
@@ -130,7 +151,7 @@ void run_report_ranges(const struct disparity_run *run);
 
 /* --- shared.c: with other processes, if there are any --- */
 
-/** Run a step over all views with the run as its job, on the device where it can. @return 0 or -errno */
+/** Run a step over all views with the run as its job. @return 0 or -errno */
 SST_MUST_CHECK int run_step(struct disparity_run *run, const struct sst_step *step, int threads);
 
 bool run_is_present(const void *job, int view);
@@ -144,10 +165,6 @@ void run_free_sample(void *job);
 /** Continue the background into pixels that no view shows, as the last step of carrying; 0 where nothing is known. */
 SST_MUST_CHECK int run_fill_background(struct disparity_run *run, int threads);
 
-/** The same of a map on a device, into the plane of a view. @param scratch  of a map's size */
-void run_dispatch_background(struct sst_run *r, struct sst_gpu_range map, struct sst_gpu_range scratch, int view,
-                             const struct sst_gpu_background *push);
-
 /* --- carry.c --- */
 
 /** What carrying would do to the reference view (sst_disparity_carry_error()), if that is one of the matched ones; else
@@ -156,6 +173,13 @@ SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct ss
                                       struct sst_map_u8 *status, double *error);
 
 #define CARRY_SOURCES 4 /* nearest matched views that a map comes from */
+
+/** Job of the step. */
+struct carry {
+    const struct sst_visible_views *in;
+    struct sst_map_u8 *status;       /* or NULL */
+    struct disparity_sample *sample; /* that these are of; or NULL */
+};
 
 /** Sources of view k. @return their number, -ENOMEM */
 SST_MUST_CHECK int run_carry_sources(const struct sst_visible_views *in, int k, int source[CARRY_SOURCES]);
@@ -196,7 +220,7 @@ struct match_sample {
     double searched[SST_STEP_SAMPLES];
     unsigned need[SST_STEP_SAMPLES];
     int view[2]; /* that are matched */
-    int band;    /* of struct match_rows */
+    int band;    /* rows that are matched at once at most; 0: all */
 };
 
 /** @param seed  1 .. MATCH_SAMPLES: each is another way to match @return NULL: no memory */
@@ -211,7 +235,7 @@ SST_DISPARITY_STAGE_LIST(X, S)
 #undef S
 extern const struct sst_step disparity_features_step, disparity_match_step, disparity_sweep_step;
 
-/* --- visible.c: views of a pass on a device --- */
+/* --- visible_pass.c, visible.c: planes of the views of a pass --- */
 
 /** Maps of view k, for planes. */
 void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_source *out);
@@ -219,52 +243,15 @@ void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_
 /** The plane of colours of the size of the maps. */
 enum sst_step_plane visible_colours(const struct sst_visible_views *in);
 
-/* --- device.c, device_match.c: matching on a device --- */
+/** Places for planes that no run has claimed, none current. */
+void visible_adopt(const struct sst_visible_views *in);
 
-struct sst_disparity_device {
-    struct sst_runner *shared;
-    struct sst_runner_user user;
-    struct sst_disparity_device_report report; /* views; the rest is in `user` */
-    const struct sst_lightfield *lf;           /* has planes; NULL: none */
-};
+/* --- dispatches of the steps, and why they cannot do a job --- */
 
-/** For sst_run(). @param d  or NULL */
-struct sst_runner_user *disparity_device_user(struct sst_disparity_device *d);
-
-/** Planes of views of this run, without maps yet; planes of another light field are freed. @param d  or NULL */
-void disparity_device_claim(struct sst_disparity_device *d, const struct disparity_run *run);
-
-/** Places for views that no run has claimed, none current. @param d  or NULL */
-void disparity_device_adopt(struct sst_disparity_device *d, const struct sst_visible_views *in);
-
-/** A view to match, or rows of it. */
-struct match_rows {
-    const struct disparity_run *run;
-    int view;
-    const struct sst_neighbour *neighbours; /* of run->desc; no census is needed */
-    int count;                              /* of neighbours, at least 1 */
-    const struct sst_tiles *tiles; /* windows of disparities by tile, laid out over these rows; NULL: the whole range */
-    int top, height;               /* rows */
-    bool whole;                    /* all rows: winners are filtered, and stay as SST_PLANE_MAP */
-    int band;                      /* rows that are matched at once at most; 0: all */
-    struct sst_map_u16 *disp;      /* out: these rows */
-    struct sst_map_u8 *confidence; /* likewise, or NULL */
-};
-
-/** Match them on a device. @return whether that was in bands of rows */
-bool run_match_rows(struct sst_run *r, const struct match_rows *in);
-
-/** Why a run cannot be on a device, or NULL. */
-const char *run_refused(const struct disparity_run *run);
-
-/** Count views that were matched: on the device, there in bands of rows, on the CPU. */
-void disparity_device_note_views(const struct disparity_run *run, int on_device, int in_bands, int on_cpu);
-
-/** Free the planes of a run that ends. @param d  or NULL */
-void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run);
-
-/** Count views of the second pass. @param d  or NULL @param tested  there @param on_cpu  on the CPU instead */
-void disparity_device_note_tested(struct sst_disparity_device *d, int tested, int on_cpu);
+sst_step_dispatch_fn dispatch_match, dispatch_compare, dispatch_check, dispatch_fill, dispatch_background,
+    dispatch_carry, dispatch_sweep, dispatch_surfaces, dispatch_subpixel;
+const char *match_refuses(const void *batch);
+const char *compare_refuses(const void *compared);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

@@ -163,11 +163,11 @@ struct bands {
 };
 
 /* Of a struct sst_network_keeper. */
-static bool keep(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at)
+static bool keep(void *arg, const struct sst_run_result *result)
 {
     struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
 
-    return k->keep(k, g, result, at);
+    return k->keep(k, result);
 }
 
 /* The network's input. */
@@ -211,7 +211,7 @@ void sst_descriptor_gather(struct sst_descriptor *desc, const int8_t *result,
     }
 }
 
-/* @param kept  out: only the device has them */
+/* @param kept  out: the keeper alone has them */
 static int make_band(struct bands *b, int i, bool *kept)
 {
     const struct sst_network_keeper keeper = { .keep = keep, .arg = b };
@@ -238,7 +238,7 @@ static int make_band(struct bands *b, int i, bool *kept)
     return err;
 }
 
-/* @return the number of bands that only the device has, or an error */
+/* @return the number of bands that the keeper alone has, or an error */
 static int make_bands(struct bands *b)
 {
     int count = 0, err = 0;
@@ -265,7 +265,7 @@ int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network 
     b.in = sst_mem_alloc_raw(w * (size_t)b.cut.height, sizeof(float));
     b.out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * (size_t)b.cut.height, 1);
     err = b.in && b.out ? make_bands(&b) : -ENOMEM;
-    if (err > 0 && err < b.cut.count) { /* the device failed, or ran out of memory, in between */
+    if (err > 0 && err < b.cut.count) { /* the keeper failed, or ran out of memory, in between */
         b.keeper = NULL;
         err = make_bands(&b);
     }

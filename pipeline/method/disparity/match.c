@@ -130,8 +130,7 @@ done:
     return down;
 }
 
-/* Invalid pixels have no disparity and take no part in checking or filling. */
-static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
+void match_forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
 {
     for (int y = 0; seen->data && y < disp->height; y++) {
         for (int x = 0; x < disp->width; x++) {
@@ -143,18 +142,9 @@ static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *see
 
 /* --- the step ----------------------------------------------------------------------------------------------------- */
 
-/* Views that are matched together. */
-struct batch {
-    struct disparity_run *run;
-    const int *view;
-    int count, describing; /* threads that describe them */
-    int on_device, in_bands;
-    struct match_sample *sample; /* that these are of; or NULL */
-};
-
 static bool is_matched(const void *job, int view)
 {
-    const struct batch *b = job;
+    const struct match_batch *b = job;
     int i = 0;
 
     while (i < b->count && b->view[i] != view)
@@ -165,7 +155,7 @@ static bool is_matched(const void *job, int view)
 /* The definition. */
 static int match_job(void *job, int view, int worker)
 {
-    struct disparity_run *run = ((struct batch *)job)->run;
+    struct disparity_run *run = ((struct match_batch *)job)->run;
     const struct sst_disparity_config *cfg = run->cfg;
     struct sst_volume *volume = &run->volumes[worker];
     struct sst_support support = { 0 };
@@ -184,14 +174,14 @@ static int match_job(void *job, int view, int worker)
     if (!err && !cfg->raw && run->inner == 1)
         err = sst_disparity_bilateral(&run->disp[view], &run->desc[view].luma, cfg->bilateral_tau);
     if (!err)
-        forget_unseen(&run->disp[view], &run->desc[view].seen);
+        match_forget_unseen(&run->disp[view], &run->desc[view].seen);
     return err;
 }
 
-/* Inputs of the CPU alone: the census, which a device computes from pixels, and features that only the device has. */
+/* Inputs of the CPU alone: the census, and features that are not on the host. */
 static int make_costs(void *job)
 {
-    struct batch *b = job;
+    struct match_batch *b = job;
 
     b->run->costs = true;
     return run_describe_for(b->run, b->view, b->count, b->describing);
@@ -211,43 +201,7 @@ void run_match_source(const struct disparity_run *run, int view, struct sst_plan
 
 static void match_source(const void *job, int view, struct sst_plane_source *out)
 {
-    run_match_source(((const struct batch *)job)->run, view, out);
-}
-
-/* The same on a device. */
-static void match_on_device(struct sst_run *r, void *job, int view)
-{
-    struct batch *b = job;
-    struct disparity_run *run = b->run;
-    const struct sst_coarse coarse = run->coarse ? run_coarse_view(run, view) : (struct sst_coarse){ 0 };
-    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    struct match_rows in = { .run = run,
-                             .view = view,
-                             .neighbours = neighbours,
-                             .height = run->height,
-                             .whole = true,
-                             .band = b->sample ? b->sample->band : 0,
-                             .disp = &run->disp[view],
-                             .confidence = &run->confidence[view] };
-    bool bands;
-
-    in.count = run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
-    sst_run_fail(r, sst_min_int(in.count, 0));
-    if (run->coarse) {
-        in.tiles = &run->tiles[0];
-        sst_run_fail(r, sst_tiles_init(&run->tiles[0], run->width, 0, run->height, &run->shape, &coarse));
-    }
-    if (sst_run_failed(r))
-        return;
-    if (in.tiles)
-        run->searched[view] = sst_tiles_share(in.tiles);
-    bands = run_match_rows(r, &in);
-    if (sst_run_failed(r))
-        return;
-    if (run->cfg->raw) /* no filter, which does that on the device */
-        forget_unseen(&run->disp[view], &run->desc[view].seen);
-    b->on_device++;
-    b->in_bands += bands;
+    run_match_source(((const struct match_batch *)job)->run, view, out);
 }
 
 static void maps_of(struct disparity_run *run, int view, struct sst_share_maps *out)
@@ -260,12 +214,12 @@ static void maps_of(struct disparity_run *run, int view, struct sst_share_maps *
 
 static void matched_maps(void *arg, int view, struct sst_share_maps *out)
 {
-    maps_of(((struct batch *)arg)->run, view, out);
+    maps_of(((struct match_batch *)arg)->run, view, out);
 }
 
 static void *match_sample(uint32_t seed)
 {
-    struct batch *b = calloc(1, sizeof(*b));
+    struct match_batch *b = calloc(1, sizeof(*b));
 
     if (!b)
         return NULL;
@@ -282,7 +236,7 @@ static void *match_sample(uint32_t seed)
 
 static void match_sample_free(void *job)
 {
-    struct batch *b = job;
+    struct match_batch *b = job;
 
     if (b)
         disparity_match_sample_free(b->sample);
@@ -294,7 +248,9 @@ const struct sst_step disparity_match_step = { .name = "matching",
                                                .source = match_source,
                                                .host = make_costs,
                                                .cpu = match_job,
-                                               .device = match_on_device,
+                                               .refuses = match_refuses,
+                                               .dispatch = dispatch_match,
+                                               .counter = SST_DISPARITY_MATCHED,
                                                .writes = matched_maps,
                                                .changes = 1U << SST_PLANE_MAP,
                                                .sample = match_sample,
@@ -329,23 +285,19 @@ static int match_batch(void *arg, const int *index, int count)
     const struct pass *p = arg;
     struct disparity_run *run = p->run;
     const struct sst_run_options how = { .threads = p->threads, .cancel = run->cfg->cancel };
-    int view[SST_MAX_VIEWS], wanted = 0, err;
-    struct batch b = { .run = run, .view = view, .count = count };
+    int view[SST_MAX_VIEWS], err;
+    struct match_batch b = { .run = run, .view = view, .count = count };
 
     b.describing = run->nets ? p->threads : p->threads * run->inner; /* a network is one worker's */
     for (int i = 0; i < count; i++) {
         view[i] = p->view[index[i]];
-        wanted += run_has_neighbours(run, view[i]);
         if (!run_has_neighbours(run, view[i])) /* unknown everywhere, filled from distant views below */
             memset(run->disp[view[i]].data, 0xFF, run->disp[view[i]].stride * (size_t)run->height);
     }
     forget_far(run, view, count);
-    run->costs = !run->device;
+    run->costs = !run->cfg->runner;
     err = run_describe_for(run, view, count, b.describing);
-    err = err ? err
-              : sst_run(disparity_device_user(run->device), &disparity_match_step, &b, run->lf->rows * run->lf->cols,
-                        &how);
-    disparity_device_note_views(run, b.on_device, b.in_bands, wanted - b.on_device);
+    err = err ? err : sst_run(run->cfg->runner, &disparity_match_step, &b, run->lf->rows * run->lf->cols, &how);
     if (p->progress)
         p->progress(p->progress_arg, 0.9 * (index[count - 1] + 1) / p->count);
     return err;

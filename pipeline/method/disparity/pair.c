@@ -249,7 +249,7 @@ static int open_networks(struct pair *p)
     for (int i = 0; !err && i < count; i++)
         err = sst_network_open(&p->nets[i], p->cfg->model, p->cfg->precision, p->threads / count);
     for (int i = 0; !err && i < count; i++)
-        sst_network_use_device(p->nets[i], p->cfg->networks);
+        sst_network_use_runner(p->nets[i], p->cfg->networks);
     return err ? err : sst_descriptor_check_network(p->nets[0], p->cfg->model, p->shape.width, p->shape.height);
 }
 

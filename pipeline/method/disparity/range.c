@@ -149,7 +149,7 @@ static int match_side(void *arg, int side, int worker SST_UNUSED)
     s->side[side].reach = fmin(ceil(sst_max_int(pair->width, pair->height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
     cfg.scale = s->search->scale;
     cfg.threads = s->search->threads;
-    cfg.device = s->search->device;
+    cfg.runner = s->search->runner;
     cfg.disp_min_px = -s->side[side].reach;
     cfg.disp_max_px = s->side[side].reach;
     return sst_disparity_lightfield(pair, &cfg, NULL, NULL);
@@ -167,8 +167,7 @@ static void side_maps(void *arg, int side, struct sst_share_maps *out)
 /* Histograms of all sides. */
 static int match_sides(struct sides *s, int64_t all[BINS], int64_t agreed[BINS])
 {
-    struct sst_disparity_device *device = s->search->device;
-    const int64_t on_cpu = device ? device->report.on_cpu : 0;
+    const int64_t on_cpu = sst_run_on_cpu(s->search->runner, SST_DISPARITY_MATCHED);
     int err = 0;
 
     for (int side = 0; !err && side < SIDES; side++)
@@ -182,8 +181,8 @@ static int match_sides(struct sides *s, int64_t all[BINS], int64_t agreed[BINS])
         collect(all, agreed, s->pair, side);
     for (int side = 0; side < SIDES; side++)
         sst_lightfield_fini(&s->pair[side]);
-    if (device && device->report.on_cpu > on_cpu)
-        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_RANGE);
+    if (sst_run_on_cpu(s->search->runner, SST_DISPARITY_MATCHED) > on_cpu)
+        sst_run_note(s->search->runner, 1U << SST_DISPARITY_STAGE_RANGE, NULL);
     return err;
 }
 

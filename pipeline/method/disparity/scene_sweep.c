@@ -92,7 +92,7 @@ int run_sweep(struct disparity_run *run, int threads)
 
         sst_map_u16_fini(v->disp);
         sst_map_u8_fini(v->confidence);
-        sst_run_changed(disparity_device_user(run->cfg->device), k, 1U << SST_PLANE_MAP);
+        sst_run_changed(run->cfg->runner, k, 1U << SST_PLANE_MAP);
         if (v->image && run->scale > 1)
             err = sst_image_halve(&half[k], v->image);
         view[k] = (struct sst_planesweep_view){
@@ -112,7 +112,7 @@ int run_sweep(struct disparity_run *run, int threads)
         run->settled = NULL;
         memset(run->matched, 0, (size_t)count * sizeof(*run->matched));
     } else {
-        sst_disparity_device_note_stage(run->cfg->device, SST_DISPARITY_STAGE_SWEEP);
+        sst_run_note(run->cfg->runner, 1U << SST_DISPARITY_STAGE_SWEEP, NULL);
     }
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)

@@ -98,11 +98,11 @@ struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int rad
 struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
                                                              int radius, int i);
 
-/** Where the network of features, if it runs on a device, leaves them there: called for each band of rows, the first
- * one first, as `keep` of struct sst_network_keeper, with this structure. */
+/** Where a runner runs the network of features, and they stay with it: called for each band of rows, the first one first,
+ * as `keep` of struct sst_network_keeper, with this structure. */
 struct sst_feature_keeper {
-    /** Store the features on the device. Sets `kept` if the host needs no copy of them. */
-    bool (*keep)(void *keeper, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    /** Store the features. Sets `kept` if the host needs no copy of them. */
+    bool (*keep)(void *keeper, const struct sst_run_result *result);
     void *arg;
     int view;
     /* set for it: */

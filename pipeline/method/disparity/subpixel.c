@@ -11,42 +11,16 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/gpu/convert.h"
-#include "pipeline/gpu/subpixel.h"
 #include "pipeline/lightfield/share.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/subpixel_internal.h"
 
 #define LIMIT      10   /* levels: from this difference on, a view does not count */
-#define MOST       20   /* 1/64 px: farthest from the first pass's answer */
 #define TOLERANCE  20   /* 1/64 px: a surface that is nearer by more than this hides a point */
-#define SIMILAR    24   /* levels: pixels of a window that count ... */
-#define APART      14   /* ... and 1/64 px from the middle's plane */
-#define WIDE_APART 12   /* the same for the large windows */
-#define FEW        10.f /* weight of the pixel's own answer: noise where there is no texture */
-#define ENOUGH     1e5f /* weight from which on a window does not follow the large one around it */
 #define MARGIN     SST_SUBPIXEL_REACH
 #define GAIN_STEP  8
 #define GAIN_LIMIT 32   /* levels: pixels that differ by more are not the same surface */
 #define GAIN_LEAST 64   /* pixels */
 #define GAIN_MOST  1.25 /* gains are within 1 / this and this */
-
-struct packed {
-    uint32_t *memory, *pixels; /* pixels: (0, 0) */
-    ptrdiff_t stride;
-};
-
-struct planes;
-
-struct pass {
-    const struct sst_visible_views *in;
-    int steps, views;
-    int gain_step;           /* pixels between the places at which gains are measured */
-    struct packed *view;     /* [in->count] */
-    struct sst_map_u16 *out; /* [in->count]; without memory: not refined */
-    struct planes *planes;   /* [threads] made by the first view of a thread */
-    int threads;
-    struct disparity_sample *sample; /* that these are of; or NULL */
-};
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
@@ -64,7 +38,7 @@ static void pack_row(uint32_t *to, const uint8_t *luma, const uint16_t *disp, in
     to[-1] = to[0];
 }
 
-static int pack_luma(struct packed *p, const struct sst_map_u8 *luma, const struct sst_map_u16 *disp)
+static int pack_luma(struct subpixel_packed *p, const struct sst_map_u8 *luma, const struct sst_map_u16 *disp)
 {
     const int w = luma->width, h = luma->height;
 
@@ -83,7 +57,7 @@ static int pack_luma(struct packed *p, const struct sst_map_u8 *luma, const stru
 
 static int pack_job(void *arg, int k, int worker SST_UNUSED)
 {
-    struct pass *p = arg;
+    struct subpixel_pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
     struct sst_image half = { 0 };
     struct sst_map_u8 luma = { 0 };
@@ -161,7 +135,7 @@ static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit 
 }
 
 /* @param nearest  out [SST_SUBPIXEL_VIEWS]: the views that it is compared with */
-static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k, int *nearest)
+void subpixel_set_fit(struct sst_subpixel_fit *f, const struct subpixel_pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
 
@@ -172,7 +146,7 @@ static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k, int
                                     .tolerance = TOLERANCE,
                                     .inverse_limit = 1.0f / LIMIT };
     for (int i = 0; i < f->views; i++) {
-        const struct packed *at = &p->view[nearest[i]];
+        const struct subpixel_packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
 
         f->view[i] = (struct sst_subpixel_view){ .view = { at->pixels, at->stride },
@@ -189,7 +163,7 @@ static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k, int
 /* --- one view ----------------------------------------------------------------------------------------------------- */
 
 /* Planes with MARGIN pixels of weight 0 around; pointers to (0, 0). */
-struct planes {
+struct subpixel_planes {
     int width, height;
     ptrdiff_t stride;
     void *memory;
@@ -202,14 +176,14 @@ struct planes {
 
 enum { PLANES = 9 };
 
-static int planes_init(struct planes *p, int width, int height)
+static int planes_init(struct subpixel_planes *p, int width, int height)
 {
     const size_t stride = sst_mem_stride((size_t)width + 2 * MARGIN, sizeof(float)) / sizeof(float);
     const size_t plane = stride * (size_t)(height + 2 * MARGIN), origin = MARGIN * stride + MARGIN;
     uint32_t *at;
 
     _Static_assert(sizeof(float) == sizeof(uint32_t), "planes of one size");
-    *p = (struct planes){ .width = width, .height = height, .stride = (ptrdiff_t)stride };
+    *p = (struct subpixel_planes){ .width = width, .height = height, .stride = (ptrdiff_t)stride };
     p->memory = sst_mem_alloc(PLANES * plane, sizeof(float));
     if (!p->memory)
         return -ENOMEM;
@@ -226,7 +200,7 @@ static int planes_init(struct planes *p, int width, int height)
     return 0;
 }
 
-static void load_row(struct planes *p, const struct sst_image *img, const struct sst_map_u16 *disp, int y)
+static void load_row(struct subpixel_planes *p, const struct sst_image *img, const struct sst_map_u16 *disp, int y)
 {
     const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
     const uint16_t *d = sst_map_u16_row(disp, y);
@@ -241,7 +215,7 @@ static void load_row(struct planes *p, const struct sst_image *img, const struct
         memset(p->slope[i] + y * p->stride, 0, (size_t)p->width * sizeof(float));
 }
 
-static int load(struct planes *p, const struct pass *pass, const struct sst_visible_view *v)
+static int load(struct subpixel_planes *p, const struct subpixel_pass *pass, const struct sst_visible_view *v)
 {
     struct sst_image half = { 0 };
     int err = p->memory ? 0 : planes_init(p, v->disp->width, v->disp->height);
@@ -259,11 +233,11 @@ static int32_t near_first(float disp_px, int32_t first, int most)
 {
     const int32_t d = (int32_t)(disp_px * 64 + 0.5f); /* below 0 it is clamped */
 
-    return sst_clamp_int(d, sst_max_int(first - MOST, 0), sst_min_int(first + MOST, most));
+    return sst_clamp_int(d, sst_max_int(first - SUBPIXEL_MOST, 0), sst_min_int(first + SUBPIXEL_MOST, most));
 }
 
 /* Share the fits of row y in small windows. @param weight, product  rows of scratch */
-static void share_row(struct planes *p, int y, float *weight, float *product)
+static void share_row(struct subpixel_planes *p, int y, float *weight, float *product)
 {
     const ptrdiff_t row = y * p->stride;
     const struct sst_subpixel_window w = { .colour = p->colour + row,
@@ -272,28 +246,28 @@ static void share_row(struct planes *p, int y, float *weight, float *product)
                                            .product = p->product + row,
                                            .slope = { p->slope[0] + row, p->slope[1] + row },
                                            .stride = p->stride,
-                                           .similar = SIMILAR,
-                                           .apart = APART / 64.0f };
+                                           .similar = SUBPIXEL_SIMILAR,
+                                           .apart = SUBPIXEL_APART / 64.0f };
     const int32_t *disp = p->disp + row;
     float *shared = p->shared + row, *kept = p->kept + row;
 
     sst_kernels_get()->subpixel_window_row(weight, product, &w, (size_t)p->width);
     for (int x = 0; x < p->width; x++) {
-        shared[x] = (product[x] + FEW * ((float)disp[x] * (1 / 64.0f))) / (weight[x] + FEW);
-        kept[x] = disp[x] < SST_SUBPIXEL_NONE ? (weight[x] < ENOUGH ? weight[x] : ENOUGH) + FEW : 0;
+        shared[x] = (product[x] + SUBPIXEL_FEW * ((float)disp[x] * (1 / 64.0f))) / (weight[x] + SUBPIXEL_FEW);
+        kept[x] = disp[x] < SST_SUBPIXEL_NONE ? (weight[x] < SUBPIXEL_ENOUGH ? weight[x] : SUBPIXEL_ENOUGH) + SUBPIXEL_FEW : 0;
     }
 }
 
 /* Let the small windows of row y follow the large ones by the weight that they lack. @param wide  row of scratch */
-static void follow_row(struct planes *p, int y, int range, float *wide)
+static void follow_row(struct subpixel_planes *p, int y, int range, float *wide)
 {
     const ptrdiff_t row = y * p->stride;
     const struct sst_subpixel_planes w = { .colour = p->colour + row,
                                            .disp = p->shared + row,
                                            .weight = p->kept + row,
                                            .stride = p->stride,
-                                           .similar = SIMILAR,
-                                           .apart = WIDE_APART / 64.0f };
+                                           .similar = SUBPIXEL_SIMILAR,
+                                           .apart = SUBPIXEL_WIDE_APART / 64.0f };
     const float *shared = p->shared + row, *kept = p->kept + row;
     const int32_t *first = p->first + row;
     int32_t *disp = p->disp + row;
@@ -301,7 +275,7 @@ static void follow_row(struct planes *p, int y, int range, float *wide)
     sst_kernels_get()->subpixel_plane_row(wide, (float *const[]){ p->slope[0] + row, p->slope[1] + row }, &w,
                                           (size_t)p->width);
     for (int x = 0; x < p->width; x++) {
-        const float share = kept[x] < ENOUGH ? 1 - kept[x] / ENOUGH : 0;
+        const float share = kept[x] < SUBPIXEL_ENOUGH ? 1 - kept[x] / SUBPIXEL_ENOUGH : 0;
         const float mixed = shared[x] + share * (wide[x] - shared[x]);
 
         disp[x] = disp[x] < SST_SUBPIXEL_NONE ? near_first(mixed, first[x], range * 64) : disp[x];
@@ -309,7 +283,7 @@ static void follow_row(struct planes *p, int y, int range, float *wide)
 }
 
 /* One step: fit each pixel, share among windows, follow planes. @param rows  scratch, 2 */
-static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int range, float *rows)
+static void step_all(struct subpixel_planes *p, const struct sst_subpixel_fit *f, int range, float *rows)
 {
     for (int y = 0; y < p->height; y++) {
         const ptrdiff_t row = y * p->stride;
@@ -322,7 +296,7 @@ static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int ran
         follow_row(p, y, range, rows);
 }
 
-static void store(const struct planes *p, struct sst_map_u16 *out)
+static void store(const struct subpixel_planes *p, struct sst_map_u16 *out)
 {
     for (int y = 0; y < p->height; y++) {
         const int32_t *disp = p->disp + y * p->stride;
@@ -335,15 +309,15 @@ static void store(const struct planes *p, struct sst_map_u16 *out)
 
 static bool refines(const void *job, int k)
 {
-    const struct pass *p = job;
+    const struct subpixel_pass *p = job;
 
     return p->in->view[k].image && !p->in->view[k].carried;
 }
 
 static int refine_job(void *arg, int k, int worker)
 {
-    struct pass *p = arg;
-    struct planes *planes = &p->planes[worker];
+    struct subpixel_pass *p = arg;
+    struct subpixel_planes *planes = &p->planes[worker];
     struct sst_subpixel_fit fit;
     float *rows = NULL;
     int nearest[SST_SUBPIXEL_VIEWS], err;
@@ -358,7 +332,7 @@ static int refine_job(void *arg, int k, int worker)
         err = rows ? 0 : -ENOMEM;
     }
     if (!err) {
-        set_fit(&fit, p, k, nearest);
+        subpixel_set_fit(&fit, p, k, nearest);
         for (int i = 0; i < p->steps; i++) {
             fit.across = i + 1 < p->steps;
             step_all(planes, &fit, p->in->range, rows);
@@ -371,94 +345,19 @@ static int refine_job(void *arg, int k, int worker)
 
 static void refined_maps(void *arg, int k, struct sst_share_maps *out)
 {
-    struct pass *p = arg;
+    struct subpixel_pass *p = arg;
 
     sst_share_add_u16(out, &p->out[k]);
 }
 
-/* --- on a device -------------------------------------------------------------------------------------------------- */
-
 static void refined_source(const void *job, int k, struct sst_plane_source *out)
 {
-    visible_source(((const struct pass *)job)->in, k, out);
-}
-
-/* Lumas, packed as pack_luma() does. */
-static void derive_luma(struct sst_run *r, void *job, int k, struct sst_gpu_range to)
-{
-    const struct sst_visible_views *in = ((const struct pass *)job)->in;
-    const struct sst_map_u16 *disp = in->view[k].disp;
-    const struct sst_gpu_convert push = { .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_LUMA };
-    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
-    const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
-
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
-}
-
-/* Lumas of a view and of its neighbours. @param views  out, places and offsets of the neighbours */
-static struct sst_gpu_range load_lumas(struct sst_run *r, const struct pass *p, int k, struct sst_subpixel_fit *f,
-                                       struct sst_gpu_range *views)
-{
-    struct sst_gpu_subpixel_view view[SST_SUBPIXEL_VIEWS] = { { 0 } };
-    int index[1 + SST_SUBPIXEL_VIEWS] = { k };
-    struct sst_gpu_range lumas;
-
-    set_fit(f, p, k, index + 1);
-    lumas = sst_run_planes(r, SST_PLANE_DERIVED, index, 1 + f->views);
-    for (int i = 0; i < f->views; i++) {
-        const struct sst_subpixel_view *v = &f->view[i];
-
-        view[i] =
-            (struct sst_gpu_subpixel_view){ v->x,    v->y,      v->dx,
-                                            v->dy,   v->bx,     v->by,
-                                            v->gain, v->offset, sst_run_first(r, SST_PLANE_DERIVED, index[1 + i]) };
-    }
-    *views = sst_run_upload(r, 0, view, (size_t)sst_max_int(f->views, 1) * sizeof(*view));
-    return lumas;
-}
-
-static void refine_on_device(struct sst_run *r, void *job, int k)
-{
-    enum { VIEWS, FITS, WINDOWS, SLOPES, DISP };
-    struct pass *p = job;
-    const int width = p->in->view[k].disp->width, height = p->in->view[k].disp->height, last = p->in->range * 64;
-    const size_t n = (size_t)width * (size_t)height, pairs = n * sizeof(struct sst_gpu_subpixel_weight);
-    const struct sst_gpu_subpixel_window window = { width, height, SIMILAR, APART / 64.0f, FEW, ENOUGH };
-    struct sst_gpu_subpixel_planes planes = { width, height, SIMILAR, 1, MOST, last, WIDE_APART / 64.0f, ENOUGH };
-    const struct sst_gpu_convert start = { .width = width, .height = height, .conversion = SST_GPU_TO_STEPS };
-    const struct sst_gpu_convert end = { .width = width, .height = height, .conversion = SST_GPU_FROM_PLAIN };
-    struct sst_subpixel_fit f;
-    struct sst_gpu_range views;
-    const struct sst_gpu_range lumas = load_lumas(r, p, k, &f, &views);
-    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(p->in), k);
-    const struct sst_gpu_range map = sst_run_plane(r, SST_PLANE_MAP, k);
-    const struct sst_gpu_range fits = sst_run_scratch(r, FITS, pairs), shared = sst_run_scratch(r, WINDOWS, pairs);
-    const struct sst_gpu_range slopes = sst_run_scratch(r, SLOPES, pairs);
-    const struct sst_gpu_range disp = sst_run_scratch(r, DISP, n * sizeof(uint32_t));
-    struct sst_gpu_subpixel_fit push = { width,       height,          f.views, sst_run_first(r, SST_PLANE_DERIVED, k),
-                                         f.tolerance, f.inverse_limit, 0 };
-    const uint32_t *words;
-
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &start, width, height, 1, map, map, map, disp);
-    SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_PLANE, &planes, width, height, 1, colours, disp, shared, slopes);
-    planes.start = 0;
-    for (int i = 0; i < p->steps; i++) {
-        push.across = i + 1 < p->steps;
-        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_FIT, &push, width, height, 1, views, lumas, disp, fits);
-        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_WINDOW, &window, width, height, 1, colours, disp, fits, slopes, shared);
-        SST_RUN_PIXELS(r, SST_GPU_SUBPIXEL_PLANE, &planes, width, height, 1, colours, disp, shared, slopes);
-    }
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &end, width, height, 1, map, map, disp, map);
-    words = sst_run_fetch(r, map, n);
-    sst_map_u16_fini(&p->out[k]);
-    sst_run_fail(r, sst_map_u16_init(&p->out[k], width, height));
-    if (words && !sst_run_failed(r))
-        sst_step_map_unpack(words, &p->out[k], NULL, NULL, NULL);
+    visible_source(((const struct subpixel_pass *)job)->in, k, out);
 }
 
 /* --- the step ----------------------------------------------------------------------------------------------------- */
 
-static void pass_fini(struct pass *p)
+static void pass_fini(struct subpixel_pass *p)
 {
     for (int k = 0; k < p->in->count; k++) {
         if (p->out)
@@ -474,7 +373,7 @@ static void pass_fini(struct pass *p)
 }
 
 /* @return 0, -ENOMEM; pass_fini() frees all, also after a failure */
-static int pass_init(struct pass *p)
+static int pass_init(struct subpixel_pass *p)
 {
     p->view = calloc((size_t)p->in->count, sizeof(*p->view));
     p->out = calloc((size_t)p->in->count, sizeof(*p->out));
@@ -484,7 +383,7 @@ static int pass_init(struct pass *p)
 
 static void refine_sample_free(void *job)
 {
-    struct pass *p = job;
+    struct subpixel_pass *p = job;
 
     if (!p)
         return;
@@ -496,14 +395,14 @@ static void refine_sample_free(void *job)
 static void *refine_sample(uint32_t seed)
 {
     struct disparity_sample *s = disparity_sample(seed, false, !(seed % 2));
-    struct pass *p = s ? calloc(1, sizeof(*p)) : NULL;
+    struct subpixel_pass *p = s ? calloc(1, sizeof(*p)) : NULL;
 
     if (!p) {
         disparity_sample_free(s);
         return NULL;
     }
     *p =
-        (struct pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
+        (struct subpixel_pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
     if (!pass_init(p))
         return p;
     refine_sample_free(p);
@@ -514,9 +413,9 @@ const struct sst_step disparity_subpixel_step = { .name = "subpixel",
                                                   .stages = 1U << SST_DISPARITY_STAGE_SUBPIXEL,
                                                   .wants = refines,
                                                   .source = refined_source,
-                                                  .derive = derive_luma,
+                                                  .derive = subpixel_derive,
                                                   .cpu = refine_job,
-                                                  .device = refine_on_device,
+                                                  .dispatch = dispatch_subpixel,
                                                   .writes = refined_maps,
                                                   .changes = 1U << SST_PLANE_MAP,
                                                   .sample = refine_sample,
@@ -525,11 +424,11 @@ const struct sst_step disparity_subpixel_step = { .name = "subpixel",
 int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
 {
     const struct sst_run_options how = { in->share, threads, 1, in->cancel };
-    struct pass p = { .in = in, .steps = steps, .views = views, .gain_step = GAIN_STEP, .threads = threads };
+    struct subpixel_pass p = { .in = in, .steps = steps, .views = views, .gain_step = GAIN_STEP, .threads = threads };
     int err = pass_init(&p);
 
-    disparity_device_adopt(in->device, in);
-    err = err ? err : sst_run(disparity_device_user(in->device), &disparity_subpixel_step, &p, in->count, &how);
+    visible_adopt(in);
+    err = err ? err : sst_run(in->runner, &disparity_subpixel_step, &p, in->count, &how);
     for (int k = 0; !err && k < in->count; k++) {
         if (p.out[k].data)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);

@@ -99,45 +99,6 @@ static int sweep_job(void *job, int i, int worker SST_UNUSED)
     return sst_sweep_view(&p->sweeps.sweep[i], &p->sweeps.plan, &test, v->disp, v->seen);
 }
 
-/* Points of the words that `sweep_points` leaves. */
-static int take_points(struct sst_sweep *out, const uint32_t *words, int columns, int rows, int stride)
-{
-    sst_mem_free(out->point);
-    out->count = 0;
-    out->point = sst_mem_alloc_raw((size_t)columns * (size_t)rows + 1, sizeof(*out->point));
-    for (int i = 0; out->point && i < columns * rows; i++) {
-        const int x = i % columns * stride + stride / 2, y = i / columns * stride + stride / 2;
-
-        if (words[i])
-            out->point[out->count++] =
-                (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)words[i], (uint16_t)(words[i] >> 16) };
-    }
-    return out->point ? 0 : -ENOMEM;
-}
-
-static void sweep_on_device(struct sst_run *r, void *job, int i)
-{
-    enum { VIEWS, FOUND };
-    struct visible_pass *p = job;
-    const struct sst_sweep_plan *plan = &p->sweeps.plan;
-    const int columns = sst_gpu_sweep_samples(plan->width, plan->stride);
-    const int rows = sst_gpu_sweep_samples(plan->height, plan->stride);
-    const size_t n = (size_t)columns * (size_t)rows;
-    struct visible_tests t;
-    struct sst_gpu_sweep push;
-    const struct sst_gpu_range found = sst_run_scratch(r, FOUND, n * sizeof(uint32_t));
-    const uint32_t *words;
-
-    visible_load(&t, r, p, p->swept[i], VIEWS);
-    push = (struct sst_gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
-                                   plan->apart, plan->distinct, plan->weight_most };
-    SST_RUN_GROUPS(r, SST_GPU_SWEEP_POINTS, &push, columns, rows, 1, t.views, t.pixels,
-                   sst_run_plane(r, SST_PLANE_BEFORE, p->swept[i]), found);
-    words = sst_run_fetch(r, found, n);
-    if (words)
-        sst_run_fail(r, take_points(&p->sweeps.sweep[i], words, columns, rows, plan->stride));
-}
-
 static void swept_points(void *job, int i, struct sst_share_maps *out)
 {
     struct sst_sweep *s = &((struct visible_pass *)job)->sweeps.sweep[i];
@@ -156,7 +117,7 @@ const struct sst_step disparity_sweep_step = { .name = "sweep",
                                                .source = visible_pass_source,
                                                .derive = visible_derive,
                                                .cpu = sweep_job,
-                                               .device = sweep_on_device,
+                                               .dispatch = dispatch_sweep,
                                                .writes = swept_points,
                                                .sample = sweep_sample,
                                                .sample_free = visible_sample_free };
@@ -164,21 +125,6 @@ const struct sst_step disparity_sweep_step = { .name = "sweep",
 int visible_sweep(struct visible_pass *p, struct sst_runner_user *user)
 {
     const struct sst_run_options how = { p->in->share, p->threads, 1, p->in->cancel };
-    const int count = p->sweeps.count;
-    int err = sst_run(user, &disparity_sweep_step, p, count, &how);
-    size_t at = 0;
 
-    for (int i = 0; i < count; i++)
-        p->points += err ? 0 : p->sweeps.sweep[i].count;
-    p->point = err ? NULL : sst_mem_alloc_raw(p->points + 1, sizeof(*p->point));
-    for (int i = 0; p->point && i < count; i++) {
-        for (size_t k = 0; k < p->sweeps.sweep[i].count; k++) {
-            const struct sst_sweep_point *from = &p->sweeps.sweep[i].point[k];
-
-            p->point[at++] =
-                (struct sst_gpu_sweep_point){ from->x | (uint32_t)from->y << 16,
-                                              from->level | (uint32_t)from->weight << 8 | (uint32_t)i << 16 };
-        }
-    }
-    return err || p->point ? err : -ENOMEM;
+    return sst_run(user, &disparity_sweep_step, p, p->sweeps.count, &how);
 }

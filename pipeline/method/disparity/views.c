@@ -20,7 +20,6 @@ int run_describe(void *arg, int view, int worker)
     struct disparity_run *run = arg;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
-    /* A device computes the census from pixels. */
     const enum sst_cost census = run->costs ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
     int err;
 
@@ -31,7 +30,7 @@ int run_describe(void *arg, int view, int worker)
         err = sst_descriptor_init(desc, &v->image, run->scale, census, NULL);
         if (!err && v->valid.data)
             err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
-    } else if (!err && census) { /* the device, for which it was made, has failed */
+    } else if (!err && census) { /* it was made without, and the CPU needs it after all */
         err = sst_descriptor_add_census(desc);
     }
     if (!err && run->cfg->cost & SST_COST_MCCNN)

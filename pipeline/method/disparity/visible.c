@@ -28,15 +28,22 @@ static void report_skipped(const struct visible_pass *p)
         report->hypotheses_error = 100 * (double)p->all.changed / (double)p->all.samples;
 }
 
+void visible_adopt(const struct sst_visible_views *in)
+{
+    size_t n = 0;
+
+    for (int k = 0; k < in->count; k++)
+        n = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : n;
+    sst_run_adopt(in->runner, in, in->count, n);
+}
+
 static int one_round(struct visible_pass *p)
 {
     const struct sst_visible_views *in = p->in;
     int err = visible_pass_code(p);
 
-    err = err ? err : visible_test(p, disparity_device_user(in->device));
+    err = err ? err : visible_test(p, in->runner);
     for (int k = 0; k < in->count; k++) {
-        disparity_device_note_tested(in->device, p->tested[k] == VISIBLE_ON_DEVICE, p->tested[k] == VISIBLE_ON_CPU);
-        p->tested[k] = VISIBLE_UNTESTED;
         if (!err && p->out[k].data) {
             memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);
             memcpy(in->view[k].confidence->data, p->confidence[k].data,
@@ -52,8 +59,8 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     struct visible_pass p = { .in = in, .threads = threads };
     int err = visible_pass_init(&p);
 
-    disparity_device_adopt(in->device, in);
-    err = err ? err : visible_sweep(&p, disparity_device_user(in->device));
+    visible_adopt(in);
+    err = err ? err : visible_sweep(&p, in->runner);
     for (int i = 0; !err && i < rounds; i++)
         err = one_round(&p);
     if (!err)

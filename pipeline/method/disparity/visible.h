@@ -29,7 +29,7 @@ struct sst_visible_views {
     struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
     const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
     struct sst_share *share;             /* as there */
-    struct sst_disparity_device *device; /* as there */
+    struct sst_runner_user *runner;      /* as there */
 };
 
 /**

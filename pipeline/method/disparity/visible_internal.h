@@ -3,11 +3,11 @@
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
 
-#include "pipeline/gpu/sweep.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
 #define VISIBLE_CHANGE 40 /* penalty of a disparity other than the first pass's */
 #define VISIBLE_CHEAP  96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
+#define VISIBLE_SAMPLED_ROWS 64 /* one in this many is tested whole, to measure what skipped hypotheses change */
 
 /** Pixels of a view with depth codes, and a margin. */
 struct visible_packed {
@@ -44,13 +44,10 @@ struct visible_pass {
     struct sst_map_u16 *out;       /* [in->count] of a round, as the next one */
     struct sst_map_u8 *confidence; /* [in->count] */
     struct sst_hypothesis_penalty penalty;
-    struct visible_scratch *scratch; /* [threads + 1]: the last one for views on a device */
+    struct visible_scratch *scratch; /* [threads + 1]: the last one for work that the runner places */
     struct sst_sweeps sweeps;
-    int *swept;                        /* [sweeps.count] these views */
-    struct sst_gpu_sweep_point *point; /* [points] of all sweeps */
-    size_t points;
+    int *swept;                      /* [sweeps.count] these views */
     struct visible_counted *counted, all; /* [in->count] of a round; of all rounds and views */
-    enum visible_tested { VISIBLE_UNTESTED = 0, VISIBLE_ON_DEVICE = 1, VISIBLE_ON_CPU = 2 } * tested; /* [in->count] */
     struct disparity_sample *sample; /* that these are of; or NULL */
 };
 
@@ -69,25 +66,40 @@ void visible_sample_free(void *pass);
 /** Tests of view k. @param nearest  out [SST_HYPOTHESIS_VIEWS]: the views that it is tested against */
 void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int *nearest);
 
-/** The same on a device. */
-struct visible_tests {
-    struct sst_hypothesis_test test;
-    struct sst_gpu_hypothesis_cost push;
-    struct sst_gpu_range views, pixels; /* struct sst_gpu_hypothesis_view[]; of all views, with depth codes */
-};
-
-/** Load view k and the views that it is tested against. @param scratch  for the list of views */
-void visible_load(struct visible_tests *t, struct sst_run *r, const struct visible_pass *p, int k, int scratch);
-
 /** Functions of steps over the pass. */
 void visible_pass_source(const void *pass, int k, struct sst_plane_source *out);
-void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to);
+sst_step_derive_fn visible_derive;
+
+/** The largest disparity with a depth code of its own. */
+unsigned visible_most(const struct sst_visible_views *in);
 
 /** Points of the views that are swept. @return 0, -ENOMEM, -ECANCELED */
 SST_MUST_CHECK int visible_sweep(struct visible_pass *p, struct sst_runner_user *user);
 
 /** A round of tests. @return 0, -ENOMEM, -ECANCELED */
 SST_MUST_CHECK int visible_test(struct visible_pass *p, struct sst_runner_user *user);
+
+/* --- surfaces.c --- */
+
+/** A view in work. */
+struct visible_tested {
+    struct visible_pass *p;
+    int k;
+    const struct sst_visible_view *view;
+    struct hypothesis_lists *lists;
+    struct sst_around *around;
+    struct sst_hypothesis_test test;
+};
+
+/** Maps of view k, with the confidences that it has, and scratch. @return 0, -ENOMEM */
+SST_MUST_CHECK int visible_begin(struct visible_tested *t, struct visible_pass *p, int k,
+                                 struct visible_scratch *scratch);
+
+bool visible_counts_skipped(const struct visible_pass *p);
+
+/** Count hypotheses that skipping left out in row y, and measure in some rows what that changes.
+ * @param chosen  [height][width] of each pixel: number of its hypothesis << 25, left out << 28; NULL: by the costs */
+void visible_count_skipped(const struct visible_tested *t, int y, const uint32_t *chosen);
 
 /* --- hypotheses.c --- */
 

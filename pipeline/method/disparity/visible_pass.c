@@ -1,4 +1,4 @@
-/* The state of the second pass: pictures with depth codes, tests of a view, on the CPU and on a device, samples. */
+/* The state of the second pass: pictures with depth codes, tests of a view, samples. */
 #include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>
@@ -8,7 +8,6 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/gpu/convert.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
 #define SIMILAR        24 /* levels: pixels of a window that count; in noise ... */
@@ -96,15 +95,14 @@ int visible_pass_code(struct visible_pass *p)
     return sst_parallel_for(p->in->count, p->threads, code_job, p);
 }
 
-/* The largest disparity with a depth code of its own. */
-static unsigned most_of(const struct sst_visible_views *in)
+unsigned visible_most(const struct sst_visible_views *in)
 {
     return (unsigned)in->range * 64 + 1;
 }
 
 static void set_codes(struct visible_pass *p)
 {
-    const unsigned most = most_of(p->in);
+    const unsigned most = visible_most(p->in);
 
     for (unsigned d = 0; d < SST_DISP_NONE; d++)
         p->code[d] = (uint8_t)(1 + (d < most ? d : most) * (NEAREST_CODE - 1) / most);
@@ -192,48 +190,9 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
     }
 }
 
-/* --- on a device -------------------------------------------------------------------------------------------------- */
-
 void visible_pass_source(const void *pass, int k, struct sst_plane_source *out)
 {
     visible_source(((const struct visible_pass *)pass)->in, k, out);
-}
-
-void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to)
-{
-    const struct sst_visible_views *in = ((const struct visible_pass *)pass)->in;
-    const struct sst_map_u16 *disp = in->view[k].disp;
-    const struct sst_gpu_convert push = {
-        .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_HYPOTHESES, .value = most_of(in)
-    };
-    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
-    const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
-
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
-}
-
-void visible_load(struct visible_tests *l, struct sst_run *r, const struct visible_pass *p, int k, int scratch)
-{
-    struct sst_gpu_hypothesis_view view[SST_HYPOTHESIS_VIEWS] = { { 0 } };
-    int index[1 + SST_HYPOTHESIS_VIEWS] = { k };
-    const struct sst_hypothesis_test *t = &l->test;
-
-    visible_set_test(&l->test, p, k, index + 1);
-    l->pixels = sst_run_planes(r, SST_PLANE_DERIVED, index, 1 + t->views);
-    for (int i = 0; i < t->views; i++)
-        view[i] = (struct sst_gpu_hypothesis_view){ t->x[i], t->y[i], t->dx[i], t->dy[i],
-                                                    sst_run_first(r, SST_PLANE_DERIVED, index[1 + i]) };
-    l->views = sst_run_upload(r, scratch, view, (size_t)sst_max_int(t->views, 1) * sizeof(*view));
-    l->push = (struct sst_gpu_hypothesis_cost){ .width = t->width,
-                                                .height = t->height,
-                                                .views = t->views,
-                                                .own = sst_run_first(r, SST_PLANE_DERIVED, k),
-                                                .tolerance = t->tolerance,
-                                                .similar = t->similar,
-                                                .most = most_of(p->in),
-                                                .settled = t->settled,
-                                                .change = VISIBLE_CHANGE,
-                                                .cheap = VISIBLE_CHEAP };
 }
 
 /* --- the pass ----------------------------------------------------------------------------------------------------- */
@@ -284,12 +243,11 @@ int visible_pass_init(struct visible_pass *p)
     p->confidence = calloc(count, sizeof(*p->confidence));
     p->scratch = calloc((size_t)p->threads + 1, sizeof(*p->scratch));
     p->counted = calloc(count, sizeof(*p->counted));
-    p->tested = calloc(count, sizeof(*p->tested));
     p->sweeps.sweep = calloc(count, sizeof(*p->sweeps.sweep));
     p->swept = calloc(count, sizeof(*p->swept));
     p->code = sst_mem_alloc_raw(65536, 1);
-    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->tested || !p->sweeps.sweep ||
-        !p->swept || !p->code)
+    if (!p->view || !p->out || !p->confidence || !p->scratch || !p->counted || !p->sweeps.sweep || !p->swept ||
+        !p->code)
         return -ENOMEM;
     set_codes(p);
     set_plan(p);
@@ -317,10 +275,8 @@ void visible_pass_fini(struct visible_pass *p)
     }
     free(p->scratch);
     free(p->counted);
-    free(p->tested);
     free(p->sweeps.sweep);
     free(p->swept);
-    sst_mem_free(p->point);
     sst_mem_free(p->code);
     free(p->view);
     free(p->out);

@@ -60,7 +60,7 @@ static int match_coarse(struct disparity_run *run, int threads)
                                               .range_error = run->cfg->range_error,
                                               .cancel = run->cfg->cancel,
                                               .share = run->cfg->share,
-                                              .device = run->cfg->device };
+                                              .runner = run->cfg->runner };
     struct sst_lightfield *c = run->coarse;
     int err = sst_lightfield_init(c, run->lf->rows, run->lf->cols);
 
@@ -97,20 +97,8 @@ void run_report_ranges(const struct disparity_run *run)
         run->cfg->report->ranges_skipped = 100 * (1 - sum / count);
 }
 
-#define COMPARED 3 /* rows of tiles of the reference view */
-
-/* Rows of tiles in the whole range and in windows: items 2 i and 2 i + 1. */
-struct compared {
-    struct disparity_run *run;
-    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    int count, workers; /* the latter have a network each */
-    int top[COMPARED];
-    struct sst_support support;
-    struct sst_map_u16 disp[2 * COMPARED];
-};
-
-/* The neighbours of the reference view, with what matching on the CPU needs unless the device does that. */
-static int gather_compared(struct compared *c)
+/* The neighbours of the reference view, with what matching on the CPU needs as run->costs has it. */
+static int gather_compared(struct windows_compared *c)
 {
     struct disparity_run *run = c->run;
     const int view = run->lf->ref_view, err = run_describe_for(run, &view, 1, c->workers);
@@ -126,10 +114,10 @@ static bool is_compared(const void *job SST_UNUSED, int item SST_UNUSED)
 
 static void compared_source(const void *job, int view, struct sst_plane_source *out)
 {
-    run_match_source(((const struct compared *)job)->run, view, out);
+    run_match_source(((const struct windows_compared *)job)->run, view, out);
 }
 
-static int lay_out(const struct compared *c, int item, struct sst_tiles *tiles)
+int windows_lay_out(const struct windows_compared *c, int item, struct sst_tiles *tiles)
 {
     const struct disparity_run *run = c->run;
     const struct sst_coarse coarse = run_coarse_view(run, run->lf->ref_view);
@@ -140,7 +128,7 @@ static int lay_out(const struct compared *c, int item, struct sst_tiles *tiles)
 /* Inputs of the CPU alone. */
 static int make_costs(void *job)
 {
-    struct compared *c = job;
+    struct windows_compared *c = job;
     const struct sst_disparity_config *cfg = c->run->cfg;
     int err;
 
@@ -154,32 +142,13 @@ static int make_costs(void *job)
 
 static int compare_job(void *job, int item, int worker)
 {
-    struct compared *c = job;
+    struct windows_compared *c = job;
     struct disparity_run *run = c->run;
-    const int err = lay_out(c, item, &run->tiles[worker]);
+    const int err = windows_lay_out(c, item, &run->tiles[worker]);
 
     return err ? err
                : run_search_tiles(run, &run->tiles[worker], &run->volumes[worker], run->lf->ref_view, c->neighbours,
                                   c->count, &c->support, &c->disp[item], NULL);
-}
-
-/* The same on a device. */
-static void compare_on_device(struct sst_run *r, void *job, int item)
-{
-    struct compared *c = job;
-    struct sst_tiles *tiles = &c->run->tiles[0];
-    const struct match_rows in = { .run = c->run,
-                                   .view = c->run->lf->ref_view,
-                                   .neighbours = c->neighbours,
-                                   .count = c->count,
-                                   .tiles = tiles,
-                                   .top = c->top[item / 2],
-                                   .height = SST_TILE_HEIGHT,
-                                   .disp = &c->disp[item] };
-
-    sst_run_fail(r, lay_out(c, item, tiles));
-    if (!sst_run_failed(r))
-        (void)run_match_rows(r, &in);
 }
 
 /* Of the shaders of disparity_match_step, which are compared there. */
@@ -188,10 +157,11 @@ static const struct sst_step compare_step = { .name = "matching",
                                               .source = compared_source,
                                               .host = make_costs,
                                               .cpu = compare_job,
-                                              .device = compare_on_device };
+                                              .refuses = compare_refuses,
+                                              .dispatch = dispatch_compare };
 
 /* Pixels of a row of tiles that differ by more than 1 px. */
-static int count_off(const struct compared *c, int i)
+static int count_off(const struct windows_compared *c, int i)
 {
     int off = 0;
 
@@ -225,28 +195,28 @@ static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED
     struct disparity_run *run = m->run;
     const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
     const struct sst_run_options how = { .threads = m->workers, .cancel = run->cfg->cancel };
-    struct compared c = { .run = run, .workers = m->workers };
+    struct windows_compared c = { .run = run, .workers = m->workers };
     int err, off = 0;
 
     if (!run->lf->views[run->lf->ref_view].present)
         return 0;
-    run->costs = !run->device;
+    run->costs = !run->cfg->runner;
     err = gather_compared(&c);
     if (err || !c.count)
         return err;
-    for (int i = 0; i < 2 * COMPARED && !err; i++) {
-        c.top[i / 2] = last * (i / 2 * 2 + 1) / (2 * COMPARED);
+    for (int i = 0; i < 2 * WINDOWS_COMPARED && !err; i++) {
+        c.top[i / 2] = last * (i / 2 * 2 + 1) / (2 * WINDOWS_COMPARED);
         err = sst_map_u16_init(&c.disp[i], run->width, c.top[i / 2] + SST_TILE_HEIGHT);
     }
-    err = err ? err : sst_run(disparity_device_user(run->device), &compare_step, &c, 2 * COMPARED, &how);
-    for (int i = 0; i < COMPARED && !err; i++)
+    err = err ? err : sst_run(run->cfg->runner, &compare_step, &c, 2 * WINDOWS_COMPARED, &how);
+    for (int i = 0; i < WINDOWS_COMPARED && !err; i++)
         off += count_off(&c, i);
-    for (int i = 0; i < 2 * COMPARED; i++)
+    for (int i = 0; i < 2 * WINDOWS_COMPARED; i++)
         sst_map_u16_fini(&c.disp[i]);
     sst_disparity_support_fini(&c.support);
     if (run->cfg->frugal)
         run_drop_phases(run);
-    m->error = 100.0 * off / ((double)COMPARED * run->width * SST_TILE_HEIGHT);
+    m->error = 100.0 * off / ((double)WINDOWS_COMPARED * run->width * SST_TILE_HEIGHT);
     return err;
 }
 

@@ -45,12 +45,12 @@ SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *mo
 void sst_segmenter_close(struct sst_segmenter *seg);
 
 /**
- * Run the network on a device from now on, see sst_network_use_device(); images are resampled and labels brought to
- * their size on the CPU.
+ * Let a runner place the network's runs from now on, see sst_network_use_runner(); images are resampled and labels
+ * brought to their size on the CPU.
  *
- * @param d  borrowed until the segmenter is closed; NULL: on the CPU
+ * @param user  borrowed until the segmenter is closed; NULL: on the CPU
  */
-void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_device *d);
+void sst_segmenter_use_runner(struct sst_segmenter *seg, struct sst_runner_user *user);
 
 struct sst_model_info;
 

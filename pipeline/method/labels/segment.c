@@ -117,9 +117,9 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     free(seg);
 }
 
-void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_device *d)
+void sst_segmenter_use_runner(struct sst_segmenter *seg, struct sst_runner_user *user)
 {
-    sst_network_use_device(seg->net, d);
+    sst_network_use_runner(seg->net, user);
 }
 
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/method/network/network_internal.h"
+#include "pipeline/method/network/device_internal.h"
 
 #define MOST_PLANS 16
 
@@ -22,22 +22,21 @@ struct entry {
     int64_t used;                 /* turn in which it was used last */
 };
 
-struct sst_network_device {
-    struct sst_runner *shared;
-    bool owns_shared; /* opened by this one, and closed with it */
-    struct sst_runner_user user;
-    /* under the lock of shared */
+struct device {
+    struct sst_runner_user user; /* first */
+    bool owns_runner; /* opened by this one, and closed with it */
+    /* under the lock of the runner */
     struct entry entry[MOST_PLANS];
     int entries;
     const struct net_device_plan *in_work; /* NULL: none; not freed */
     int64_t turn;
-    struct sst_network_device_report report; /* but for that of the user */
+    struct sst_network_device_report report; /* kept, conv8 */
 };
 
 #if WITH_DNNL
 /* --- plans -------------------------------------------------------------------------------------------------------- */
 
-static void remove_entry(struct sst_network_device *d, int i)
+static void remove_entry(struct device *d, int i)
 {
     net_device_plan_destroy(d->entry[i].plan);
     d->entry[i] = d->entry[--d->entries];
@@ -45,7 +44,7 @@ static void remove_entry(struct sst_network_device *d, int i)
 
 static void drop(void *arg)
 {
-    struct sst_network_device *d = arg;
+    struct device *d = arg;
 
     for (int i = d->entries - 1; i >= 0; i--) {
         if (!d->in_work || d->entry[i].plan != d->in_work)
@@ -53,7 +52,7 @@ static void drop(void *arg)
     }
 }
 
-static void remove_oldest(struct sst_network_device *d)
+static void remove_oldest(struct device *d)
 {
     int oldest = 0;
 
@@ -65,7 +64,7 @@ static void remove_oldest(struct sst_network_device *d)
 }
 
 /* The entry of a network, planned or refused. */
-static struct entry *find_entry(struct sst_run *r, struct sst_network_device *d, const struct net_job *job)
+static struct entry *find_entry(struct sst_run *r, struct device *d, const struct net_job *job)
 {
     const struct net_plan_config *cfg = &job->cfg;
     struct entry made = { .id = job->id, .precision = cfg->precision, .width = cfg->width, .height = cfg->height };
@@ -85,7 +84,7 @@ static struct entry *find_entry(struct sst_run *r, struct sst_network_device *d,
     return &d->entry[d->entries++];
 }
 
-static void run_planned(struct sst_run *r, struct sst_network_device *d, struct net_job *job)
+static void run_planned(struct sst_run *r, struct device *d, struct net_job *job)
 {
     struct entry *e = find_entry(r, d, job);
 
@@ -123,14 +122,14 @@ static int run_on_cpu(void *arg, int item, int worker SST_UNUSED)
     return err;
 }
 
-static void run_on_device(struct sst_run *r, void *arg, int item)
+static void dispatch(struct sst_run *r, void *arg, int item)
 {
     struct net_job *job = (struct net_job *)arg + item;
     char why[NET_DEVICE_WHY];
     struct net_device_plan *p;
 
-    if (job->device) {
-        run_planned(r, job->device, job);
+    if (job->user) {
+        run_planned(r, (struct device *)job->user, job);
         return;
     }
     p = net_device_plan_create(r, &job->cfg, why);
@@ -142,7 +141,7 @@ static void run_on_device(struct sst_run *r, void *arg, int item)
 static const struct sst_step step = { .name = "networks",
                                       .wants = wants,
                                       .cpu = run_on_cpu,
-                                      .device = run_on_device,
+                                      .dispatch = dispatch,
                                       .same = net_sample_same,
                                       .sample = net_sample,
                                       .seeds = NET_SAMPLE_SEEDS,
@@ -150,16 +149,14 @@ static const struct sst_step step = { .name = "networks",
 
 int net_job_run(struct net_job *job)
 {
-    struct sst_network_device *d = job->device;
-    const int err = sst_run(d ? &d->user : NULL, &step, job, 1, &(struct sst_run_options){ .threads = 1, .block = 1 });
+    struct device *d = (struct device *)job->user;
+    const int err = sst_run(job->user, &step, job, 1, &(struct sst_run_options){ .threads = 1, .block = 1 });
 
     if (!d)
         return err;
-    sst_runner_lock(d->shared);
-    d->report.runs += job->done;
-    d->report.kept += job->done && job->kept;
-    d->report.on_cpu += !job->done;
-    sst_runner_unlock(d->shared);
+    sst_runner_lock(d->user.runner);
+    d->report.kept += job->kept;
+    sst_runner_unlock(d->user.runner);
     return err;
 }
 #else
@@ -170,26 +167,17 @@ static void drop(void *arg SST_UNUSED)
 }
 #endif
 
-void net_device_note_cpu(struct sst_network_device *d, const char *why)
-{
-    sst_runner_lock(d->shared);
-    d->report.on_cpu++;
-    snprintf(d->user.report.why, sizeof(d->user.report.why), "%s", why);
-    sst_runner_unlock(d->shared);
-}
-
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-static struct sst_network_device *create(struct sst_runner *shared, const char *phrase)
+static struct device *create(const char *phrase)
 {
     static const struct sst_step *const steps[] = { &step };
-    struct sst_network_device *d = calloc(1, sizeof(*d));
+    struct device *d = calloc(1, sizeof(*d));
 
     if (!d) {
         sst_log_error("not enough memory for a device");
         return NULL;
     }
-    d->shared = shared;
     d->user = (struct sst_runner_user){ .steps = steps,
                                         .step_count = ARRAY_LEN(steps),
                                         .work = "run networks",
@@ -199,9 +187,9 @@ static struct sst_network_device *create(struct sst_runner *shared, const char *
     return d;
 }
 
-int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared)
+int sst_network_device_open_on(struct sst_runner_user **out, struct sst_runner *shared)
 {
-    struct sst_network_device *d;
+    struct device *d;
     int err;
 
     *out = NULL;
@@ -213,78 +201,83 @@ int sst_network_device_open_on(struct sst_network_device **out, struct sst_runne
                       sst_runner_name(shared));
         return -ENOTSUP;
     }
-    d = create(shared, "the network runs");
+    d = create("the network runs");
     if (!d)
         return -ENOMEM;
     err = sst_runner_join(shared, &d->user);
     if (err)
         free(d);
     else
-        *out = d;
+        *out = &d->user;
     return err;
 }
 
-int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+int sst_network_device_open(struct sst_runner_user **out, const char *name, uint64_t memory_bytes)
 {
-    struct sst_runner *shared;
-    int err = sst_runner_create(&shared, name, memory_bytes);
+    struct sst_runner *runner;
+    int err = sst_runner_create(&runner, name, memory_bytes);
 
     *out = NULL;
-    err = err ? err : sst_network_device_open_on(out, shared);
+    err = err ? err : sst_network_device_open_on(out, runner);
     if (*out)
-        (*out)->owns_shared = true;
+        ((struct device *)*out)->owns_runner = true;
     else
-        sst_runner_destroy(shared);
+        sst_runner_destroy(runner);
     return err;
 }
 
-int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+int sst_network_device_open_live(struct sst_runner_user **out, const char *name, uint64_t memory_bytes)
 {
     static const char phrase[] = "live labels are computed";
-    struct sst_runner *shared;
-    struct sst_network_device *d;
-    int err = sst_runner_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
+    struct sst_runner *runner;
+    struct device *d;
+    int err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_LABELS_PERCENT);
 
     *out = NULL;
-    if (err || !shared)
+    if (err || !runner)
         return err;
     if (!WITH_DNNL && strcmp(name, "auto"))
         sst_log_warning("device `%s`: this build has no oneDNN, whose plans networks on a device need; %s on the CPU",
                         name, phrase);
-    d = WITH_DNNL ? create(shared, phrase) : NULL;
+    d = WITH_DNNL ? create(phrase) : NULL;
     if (!d) {
-        sst_runner_destroy(shared);
+        sst_runner_destroy(runner);
         return WITH_DNNL ? -ENOMEM : 0;
     }
-    d->owns_shared = true;
-    err = sst_runner_join(shared, &d->user);
-    sst_runner_lock(shared);
+    d->owns_runner = true;
+    err = sst_runner_join(runner, &d->user);
+    sst_runner_lock(runner);
     if (err)
-        sst_runner_report_failure(&d->user, phrase, err, sst_runner_why(shared));
-    sst_runner_unlock(shared);
-    *out = d;
+        sst_runner_report_failure(&d->user, phrase, err, sst_runner_why(runner));
+    sst_runner_unlock(runner);
+    *out = &d->user;
     return 0;
 }
 
-void sst_network_device_close(struct sst_network_device *d)
+void sst_network_device_close(struct sst_runner_user *user)
 {
+    struct device *d = (struct device *)user;
+
     if (!d)
         return;
-    sst_runner_leave(d->shared, &d->user);
-    if (d->owns_shared)
-        sst_runner_destroy(d->shared);
+    sst_runner_leave(user->runner, user);
+    if (d->owns_runner)
+        sst_runner_destroy(user->runner);
     free(d);
 }
 
 /* --- report ------------------------------------------------------------------------------------------------------- */
 
-void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
+void sst_network_device_get_report(struct sst_runner_user *user, struct sst_network_device_report *out)
 {
+    const struct device *d = (struct device *)user;
     size_t weights = 0, activations = 0;
 
-    sst_runner_lock(d->shared);
+    sst_runner_lock(user->runner);
     *out = d->report;
-    out->step = d->user.report;
+    out->step = user->report;
+    out->runs = user->report.items[0].device;
+    out->on_cpu = user->report.items[0].on_cpu;
     for (int i = 0; i < d->entries; i++) {
         out->plans += d->entry[i].plan != NULL;
         weights += d->entry[i].weights;
@@ -292,16 +285,16 @@ void sst_network_device_get_report(struct sst_network_device *d, struct sst_netw
             activations = d->entry[i].activations;
     }
     out->memory_bytes = (int64_t)(weights + activations);
-    sst_runner_unlock(d->shared);
+    sst_runner_unlock(user->runner);
 }
 
-void sst_network_device_clear_report(struct sst_network_device *d)
+void sst_network_device_clear_report(struct sst_runner_user *user)
 {
-    struct sst_network_device_report *r = &d->report;
-    struct sst_step_report *of = &d->user.report;
+    struct sst_step_report *of = &user->report;
 
-    sst_runner_lock(d->shared);
-    r->runs = r->kept = r->on_cpu = 0;
+    sst_runner_lock(user->runner);
+    ((struct device *)user)->report.kept = 0;
+    of->items[0] = (struct sst_step_items){ 0 };
     of->failures = of->dispatches = of->total_ns = of->upload_ns = of->download_ns = 0;
-    sst_runner_unlock(d->shared);
+    sst_runner_unlock(user->runner);
 }

@@ -10,7 +10,7 @@
 #include "base/log.h"
 #include "pipeline/step/runner.h"
 
-struct sst_network_device; /* any number of threads and networks; one network runs at a time */
+/* Users of a runner for networks: any number of threads and networks; one network runs at a time. */
 
 /**
  * Open a device for networks.
@@ -20,10 +20,10 @@ struct sst_network_device; /* any number of threads and networks; one network ru
  *                      the CPU
  * @return 0, as sst_gpu_open(), or -ENOTSUP (a shader of convolutions is refused, or built without oneDNN); logged
  */
-SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes);
+SST_MUST_CHECK int sst_network_device_open(struct sst_runner_user **out, const char *name, uint64_t memory_bytes);
 
 /** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
-SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_runner *shared);
+SST_MUST_CHECK int sst_network_device_open_on(struct sst_runner_user **out, struct sst_runner *shared);
 
 /**
  * The same for labels of live pictures: a wait for the device is shorter (struct sst_gpu_config, `prompt`), and a
@@ -34,11 +34,11 @@ SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, s
  * @return 0, also where there is no such device (*out is NULL for "cpu", for "auto" without a GPU, and in a build
  * without oneDNN, which a warning says); -ENOMEM (logged)
  */
-SST_MUST_CHECK int sst_network_device_open_live(struct sst_network_device **out, const char *name,
+SST_MUST_CHECK int sst_network_device_open_live(struct sst_runner_user **out, const char *name,
                                                 uint64_t memory_bytes);
 
 /** After all networks that use it. NULL is fine. */
-void sst_network_device_close(struct sst_network_device *d);
+void sst_network_device_close(struct sst_runner_user *user);
 
 /** Work of networks on a device. */
 struct sst_network_device_report {
@@ -50,9 +50,9 @@ struct sst_network_device_report {
     char conv8[32];              /* shader of convolutions on 8 bits in the last plan; "": none yet */
     int64_t memory_bytes;        /* of the plans */
 };
-void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out);
+void sst_network_device_get_report(struct sst_runner_user *user, struct sst_network_device_report *out);
 
 /** Count from 0 from now on. */
-void sst_network_device_clear_report(struct sst_network_device *d);
+void sst_network_device_clear_report(struct sst_runner_user *user);
 
 #endif

@@ -28,13 +28,13 @@ struct sst_network {
     char last_op[24];               /* that makes them probabilities */
     struct sst_graph graph;         /* of the runner oneDNN */
     struct cv_net *cv;              /* of the runner OpenCV, else NULL */
-    /* fixed after sst_network_use_device() */
-    struct sst_network_device *device; /* NULL: none */
+    /* fixed after sst_network_use_runner() */
+    struct sst_runner_user *user; /* NULL: none */
     uint64_t id;                       /* there */
     /* for the size used last */
     int width, height;
     struct sst_shape out;
-    struct net_plan *plan; /* NULL: not needed yet, on a device */
+    struct net_plan *plan; /* NULL: not needed yet, with a runner */
 };
 
 static char *copy_str(struct sst_onnx_str s)
@@ -304,11 +304,11 @@ static uint64_t find_id(const struct sst_network *net)
 }
 #endif
 
-void sst_network_use_device(struct sst_network *net, struct sst_network_device *d)
+void sst_network_use_runner(struct sst_network *net, struct sst_runner_user *user)
 {
-    net->device = d;
+    net->user = user;
 #if WITH_DNNL
-    if (d && !net->cv)
+    if (user && !net->cv)
         net->id = find_id(net);
 #endif
 }
@@ -361,11 +361,11 @@ static struct net_job job_of(struct sst_network *net, int width, int height)
 {
     return (struct net_job){ .cfg = { &net->graph, net->path, width, height, net->threads, net->precision },
                              .plan = &net->plan,
-                             .device = net->device,
+                             .user = net->user,
                              .id = net->id };
 }
 
-/* The plan of a network with a device is made when the CPU runs it. */
+/* With a runner, the plan is made when the CPU runs the network. */
 static int plan_dnnl(struct sst_network *net, int width, int height)
 {
     const struct net_job job = job_of(net, width, height);
@@ -374,7 +374,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err)
         net->out = shapes[net->graph.output];
-    if (!err && !net->device)
+    if (!err && !net->user)
         err = net_plan_create(&net->plan, &job.cfg);
     free(shapes);
     return err;
@@ -408,8 +408,7 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
     char why[256] = "";
     int shape[3], err;
 
-    if (net->device)
-        net_device_note_cpu(net->device, "OpenCV runs the network");
+    sst_run_note(net->user, 0, "OpenCV runs the network");
     err = cv_net_run(net->cv, &input, result, shape, why);
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,

@@ -36,7 +36,7 @@ enum sst_precision {
  *
  * With SST_PRECISION_INT8 convolutions after the first one, and the layers between them, are computed on 8 bits in the
  * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI,
- * and devices beside them, use 7 bits for values that are never negative and for the weights of others.
+ * and shaders beside them, use 7 bits for values that are never negative and for the weights of others.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the
@@ -92,13 +92,12 @@ SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int
  */
 SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
 
-struct sst_gpu;
-struct sst_gpu_buffer;
+struct sst_run_result;
 
-/** How the result of a network that runs on a device stays there for other work. */
+/** How the result of a network stays where the runner runs it, for other steps. */
 struct sst_network_keeper {
-    /** Dispatch what reads the result, with the device locked. @param at  in words @return false: `out` gets a copy */
-    bool (*keep)(void *arg, struct sst_gpu *g, struct sst_gpu_buffer *result, size_t at);
+    /** Dispatch work that reads the result, with the runner locked. @return false: `out` gets a copy */
+    bool (*keep)(void *arg, const struct sst_run_result *result);
     void *arg;
 };
 
@@ -117,14 +116,13 @@ struct sst_network_bytes {
  */
 SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const struct sst_network_bytes *run);
 
-struct sst_network_device; /* device.h */
+struct sst_runner_user; /* pipeline/step/runner.h */
 
 /**
- * Run on a device from now on, where it has shaders for all layers; else, and where it fails, on the CPU, which is
- * counted in the device's report and, for failures, logged.
+ * Let a runner place the runs from now on; those on the CPU are counted in its report and, for failures, logged.
  *
- * @param d  borrowed until the network is closed; NULL: on the CPU
+ * @param user  opened for networks, borrowed until the network is closed; NULL: on the CPU
  */
-void sst_network_use_device(struct sst_network *net, struct sst_network_device *d);
+void sst_network_use_runner(struct sst_network *net, struct sst_runner_user *user);
 
 #endif

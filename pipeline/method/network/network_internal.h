@@ -4,8 +4,6 @@
 
 #include <math.h>
 
-#include "pipeline/gpu/gpu.h"
-#include "pipeline/method/network/device.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/step/run.h"
@@ -182,64 +180,30 @@ SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *o
  * @param out [h][w][c] of the output */
 SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
-/* --- device.c --- */
+/* --- device.c: the step --- */
 
 /** A network, its input and its result. */
 struct net_job {
     struct net_plan_config cfg;
     struct net_plan **plan;            /* of the CPU; NULL in it: made when the CPU runs the network */
-    struct sst_network_device *device; /* NULL: the CPU */
-    uint64_t id;                       /* there: a hash of the file's path and of its weights */
+    struct sst_runner_user *user;      /* NULL: the CPU */
+    uint64_t id;                       /* with it: a hash of the file's path and of its weights */
     const float *in;
     float *out; /* or NULL, and in bytes: */
     int8_t *out_s8;
     float factor;
     const struct sst_network_keeper *keeper; /* or NULL */
-    /* out */
-    bool done; /* on the device */
-    bool kept; /* its result stays there */
+    bool kept; /* out: the keeper alone has the result */
 };
 
-/** Run a network, on its device or, which is counted, on the CPU. @return 0 or an error of the CPU, logged */
+/** Run a network. @return 0 or an error of the CPU, logged */
 SST_MUST_CHECK int net_job_run(struct net_job *job);
-
-/** Count a run that is no work for a device. */
-void net_device_note_cpu(struct sst_network_device *d, const char *why);
-
-/* --- plan_device.c: a plan on a device; under its lock --- */
-
-struct net_device_plan;
-
-#define NET_DEVICE_WHY 128 /* bytes of a reason */
-
-/**
- * Upload the weights and reserve memory for the activations.
- *
- * @param cfg  borrowed during the call
- * @param why  out, without a plan: a layer has no shader, or memory lacks
- * @return NULL: there is none; errors of the device are noted in r
- */
-struct net_device_plan *net_device_plan_create(struct sst_run *r, const struct net_plan_config *cfg,
-                                               char why[NET_DEVICE_WHY]);
-void net_device_plan_destroy(struct net_device_plan *p);
-
-/** Memory on the device: of the weights; of the activations, which plans share. */
-void net_device_plan_bytes(const struct net_device_plan *p, size_t *weights, size_t *activations);
-
-/** Shader of convolutions on 8 bits. NULL: there are none */
-const char *net_device_plan_conv8(const struct net_device_plan *p);
-
-/** True where the result is in bytes, as of net_plan_run_s8(); else it is in floats. */
-bool net_device_plan_has_s8(const struct net_device_plan *p);
-
-/** Run once, without job->keeper on a dummy device, which computes nothing. */
-void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct net_job *job);
 
 /* --- sample.c: of struct sst_step --- */
 
 #define NET_SAMPLE_SEEDS 3
 void *net_sample(uint32_t seed);
 void net_sample_free(void *job);
-bool net_sample_same(const void *device, const void *host, int item);
+bool net_sample_same(const void *got, const void *want, int item);
 
 #endif

@@ -9,8 +9,7 @@
 
 /* Without VNNI oneDNN multiplies pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127 does not:
  * values that are never negative use 7 bits there. Others it makes u8 by adding 128, and halves the weights, rounded:
- * these are even there, so that nothing is lost. Both hold for devices beside such a processor too (plan_device.c): CPU
- * and device compute the same. */
+ * these are even there, so that nothing is lost. Shaders beside such a processor do the same. */
 bool net_plan_fast_int8(void)
 {
     static const unsigned vnni[] = { dnnl_cpu_isa_avx512_core_vnni, dnnl_cpu_isa_avx2_vnni };

@@ -1,4 +1,4 @@
-/* Small random networks, on which devices are compared with the CPU: sizes of layers that failed on a device stay.
+/* Small random networks, on which shaders are compared with the CPU: sizes of layers at which some failed stay.
  *
  * The first seed is on floats, the others on 8 bits, where results must be equal: the sums of the first layer, which is
  * on floats, are exact in any order. */
@@ -265,9 +265,9 @@ void net_sample_free(void *job)
     free(s);
 }
 
-bool net_sample_same(const void *device, const void *host, int item)
+bool net_sample_same(const void *got_job, const void *want_job, int item)
 {
-    const struct sample *a = device, *b = host;
+    const struct sample *a = got_job, *b = want_job;
     const struct net_job *got = &a->job[item], *want = &b->job[item];
     const bool exact = want->cfg.precision == SST_PRECISION_INT8;
     double most = 0, apart = 0;

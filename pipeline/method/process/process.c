@@ -359,7 +359,7 @@ static int open_segmenter(void *arg, int index, int worker SST_UNUSED)
     if (!run->segmenters[index])
         err = sst_segmenter_open(&run->segmenters[index], cfg->model, cfg->precision, 1);
     if (!err)
-        sst_segmenter_use_device(run->segmenters[index], cfg->networks);
+        sst_segmenter_use_runner(run->segmenters[index], cfg->networks);
     return err;
 }
 
@@ -562,7 +562,7 @@ static int match_views(struct run *run)
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         const struct sst_disparity_search search = {
-            .scale = 1, .threads = run->cfg->threads, .device = cfg.device, .share = cfg.share
+            .scale = 1, .threads = run->cfg->threads, .runner = cfg.runner, .share = cfg.share
         };
 
         err = sst_disparity_range(lf, &search, &cfg.disp_min_px, &cfg.disp_max_px);

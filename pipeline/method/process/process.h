@@ -15,7 +15,7 @@ struct sst_segmenter;
 struct sst_process_config {
     const char *model;                   /* segmentation network; NULL: the labels stay as they are */
     enum sst_precision precision;        /* of that network */
-    struct sst_network_device *networks; /* that it runs on (pipeline/method/network/device.h); NULL: on the CPU */
+    struct sst_runner_user *networks; /* that places its runs; NULL: on the CPU */
     double eps_h;                        /* entropy threshold; negative: the model's own */
     const struct sst_map_u8 *hand_label; /* labels of the reference view to find eps_h on, or NULL */
     double accuracy_weight;              /* m of the score Acc^m Cvg */

@@ -10,7 +10,7 @@ static bool is_there(const void *job, int item)
     return ((const struct render_picture *)job + item)->plan;
 }
 
-static void picture_on_device(struct sst_run *r, void *job, int item)
+static void picture_dispatch(struct sst_run *r, void *job, int item)
 {
     struct render_picture *p = (struct render_picture *)job + item;
 
@@ -29,7 +29,7 @@ static void picture_maps(void *job, int item, struct sst_share_maps *out)
 }
 
 #define PICTURES                                                                                                       \
-    .wants = is_there, .cpu = render_picture_on_cpu, .device = picture_on_device, .writes = picture_maps,              \
+    .wants = is_there, .cpu = render_picture_on_cpu, .dispatch = picture_dispatch, .writes = picture_maps,              \
     .sample_free = render_sample_free
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
@@ -67,18 +67,18 @@ static const struct sst_step steps[SST_RENDER_STEPS] = {
     [RENDER_STEP_CLEAR] = { .name = "clear picture",
                             CLEAR,
                             .cpu = clear_colour,
-                            .device = clear_on_device,
+                            .dispatch = clear_on_device,
                             .levels = SST_GPU_CLEAR_LEVELS,
                             .sample = clear_sample },
     [RENDER_STEP_HOLES] = { .name = "holes",
                             CLEAR,
                             .cpu = clear_fill_picture,
-                            .device = clear_holes_on_device,
+                            .dispatch = clear_holes_on_device,
                             .sample = clear_sample_holes },
     [RENDER_STEP_CLEAR_SAMPLED] = { .name = "clear picture of frames",
                                     CLEAR,
                                     .cpu = clear_colour,
-                                    .device = clear_on_device,
+                                    .dispatch = clear_on_device,
                                     .levels = SST_GPU_CLEAR_LEVELS,
                                     .sample = clear_sample_frames },
     [RENDER_STEP_FRAMES] = { .name = "rectification", PICTURES, .sample = render_frames_sample, .seeds = 3 },

@@ -1,6 +1,6 @@
 /* A graph as dispatches of the shaders of pipeline/gpu/net.h: the same choices of 8 bits, scales and conversions as the
  * plan for the CPU (plan_dnnl.c, plan_conv.c), those of processors without VNNI included. */
-#include "pipeline/method/network/network_internal.h"
+#include "pipeline/method/network/device_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -737,10 +737,10 @@ void net_device_plan_run(struct net_device_plan *p, struct sst_run *r, struct ne
         SST_RUN_GROUPS(r, s->shader, &s->conv, s->groups[0], s->groups[1], s->groups[2], weights, arena, arena);
     }
     job->kept = k && k->keep && !sst_run_failed(r) && !sst_gpu_is_dummy(p->gpu) &&
-                k->keep(k->arg, p->gpu, arena.buffer, to->at.at);
+                k->keep(k->arg, &(struct sst_run_result){ p->gpu, arena.buffer, to->at.at });
     if (job->kept)
         sst_run_fail(r, sst_gpu_wait(p->gpu));
     else
         sst_run_read(r, job->out ? (void *)job->out : job->out_s8, out, p->ends_in_bytes ? values : 4 * values);
-    job->done = !sst_run_failed(r);
+    job->kept = job->kept && !sst_run_failed(r);
 }
