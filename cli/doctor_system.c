@@ -21,7 +21,7 @@
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/device.h"
 #include "pipeline/method/network/device.h"
-#include "pipeline/method/render/render.h"
+#include "pipeline/method/render/device.h"
 #include "pipeline/step/run.h"
 #include "pipeline/step/runner.h"
 

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/method/render/device.h"
 #include "pipeline/method/render/focus.h"
 
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a)

@@ -5,7 +5,8 @@
 # - sst_ means public: a folder's private headers are FOLDER_internal.h and, where that would be too long, PART_internal.h, in which no
 #   function or tag has sst_, and only files of the folder, of its subfolders and tests include them; functions in other headers have sst_;
 # - a struct, union or enum tag that a header defines stands for one type.
-# - a class of the page defines a method once.
+# - a class of the page defines a method once;
+# - in pipeline/method/ only device*.c and device*.h name devices: the others describe steps, which the runner (pipeline/step/) places.
 # Exceptions: headers that bring a library's types (*_dnnl.h, rtsp_*.h) or C++ (opencv_*.h) into a few files of a folder,
 # the templates and parts of kernels, and programs' own tables (cli, daemon/main).
 set -u
@@ -70,6 +71,11 @@ done)
     }
     exit bad
   }' >&2 || bad=1
+
+# --- devices --------------------------------------------------------------------------------------------------------
+named=$(grep -rniE 'device|gpu|vulkan' pipeline/method --include='*.[ch]' | grep -vE '^pipeline/method/[a-z/]+/device[^/:]*:')
+[ -z "$named" ] || fail "only pipeline/method/*/device*.[ch] name devices; move this to them or to the runner:
+$named"
 
 # --- headers --------------------------------------------------------------------------------------------------------
 headers=$(find $roots -name '*.h' | sort)

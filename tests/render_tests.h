@@ -2,7 +2,7 @@
 #ifndef SST_TESTS_RENDER_TESTS_H
 #define SST_TESTS_RENDER_TESTS_H
 
-#include "pipeline/method/render/render.h"
+#include "pipeline/method/render/device.h"
 #include "tests/self_tests.h"
 
 static inline bool render_opens(const char *name)

@@ -24,7 +24,7 @@
 #include "daemon/visits/visits.h"
 #include "pipeline/live/live.h"
 #include "pipeline/method/process/notice.h"
-#include "pipeline/method/render/render.h"
+#include "pipeline/method/render/device.h"
 
 /* --- array: captures for months: opens and runs the array, and reopens it after every failure. --- */
 

@@ -9,7 +9,7 @@
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/method/network/device.h"
 #include "pipeline/method/network/network.h"
-#include "pipeline/method/render/render.h"
+#include "pipeline/method/render/device.h"
 
 #define SST_LIVE_TILE  32 /* px: side of the tiles in which changes are reported */
 #define SST_LIVE_ZONES 16

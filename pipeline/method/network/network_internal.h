@@ -180,7 +180,7 @@ SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *o
  * @param out [h][w][c] of the output */
 SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
-/* --- device.c: the step --- */
+/* --- runs ------------------------------------------------------------------------------------- */
 
 /** A network, its input and its result. */
 struct net_job {

@@ -291,7 +291,7 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
         sst_log_error("the cut %g px removes everything; choose one in %.2f..%.2f", cfg->cut_px, lo, hi);
         return -ERANGE;
     }
-    return r->device ? render_plan_init_pending(p, r, &plain) : sst_render_plan_init(p, r, &plain);
+    return render_plan_init_pending(p, r, &plain);
 }
 
 /* Stored disparities are below: live counts are samples, so that some may exceed them. */
@@ -441,21 +441,14 @@ int clear_fill_picture(void *job, int item, int worker SST_UNUSED)
     return err;
 }
 
-/* On the device, if there is one that can, else on the CPU. */
 static int make_picture(struct clear *c)
 {
     const struct sst_render_merge *merge = c->cfg->merge;
-    struct render_device *d = c->renderer->device;
-    const bool there = d && render_device_clear(d, c);
-    int err = 0;
+    int err = clear_run(c);
 
-    if (!there)
-        err = clear_colour(c, 0, 0);
     if (!err && merge)
         err = merge->merge(merge->arg, c->to.image, c->to.weight);
-    if (!err && !c->filled && !(there && render_device_fill(d, c)))
-        err = clear_fill_picture(c, 0, 0);
-    return err;
+    return err || c->filled ? err : clear_run_fill(c);
 }
 
 int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,

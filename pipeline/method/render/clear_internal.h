@@ -1,5 +1,5 @@
 /* pipeline/method/render/clear_internal.h - the clear picture, all in focus, without the foreground (design.md, 5.6):
- * its definition on the CPU, and its steps on a device.
+ * its definition.
  *
  * Surface: every view's kept rays go to the viewpoint by their own disparity; of the rays that arrive at a pixel, the
  * nearest group within 3/4 px wins that has at least 2 views and a quarter of all that arrive.
@@ -84,8 +84,9 @@ struct clear {
     const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
     const struct sst_kernels *kernels;
     void *rows; /* owned: scratch */
-    /* on a device */
-    struct render_device *device;
+    bool placed; /* dispatches of the runner have coloured it */
+    /* of these */
+    struct render_runner *runner;
     struct render_bands bands; /* that it begins with, and had memory for */
     bool fills;                /* holes are filled with the picture */
 };
@@ -131,20 +132,13 @@ bool landed_colours(const struct clear *c, int x, int y);
 /** Is this picture continued by the next one? */
 bool landed_kept(const struct clear *c);
 
-/* --- clear_sample.c: random pictures for sst_step_check() --------------------------------------------------------- */
+/* --- pictures that a runner places -------------------------------------------------------------------------------- */
 
-void *clear_sample(uint32_t seed);
-void *clear_sample_frames(uint32_t seed);
-void *clear_sample_holes(uint32_t seed);
-void clear_sample_free(void *job);
+/** Colour a picture where the renderer's runner places it, else on the CPU: c->to and c->filled are set. @return as
+ * clear_colour() */
+SST_MUST_CHECK int clear_run(struct clear *c);
 
-/* --- device.c: pictures ------------------------------------------------------------------------------------------- */
-
-/** Colour a clear picture on the device: c->to and c->filled are set. @return false: not done, which is counted, and
- * logged where the device failed */
-bool render_device_clear(struct render_device *d, struct clear *c);
-
-/** Fill the holes of a picture that the device has coloured. @return false: not done, which is counted */
-bool render_device_fill(struct render_device *d, struct clear *c);
+/** Fill the holes of the picture, likewise. */
+SST_MUST_CHECK int clear_run_fill(struct clear *c);
 
 #endif

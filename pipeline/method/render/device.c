@@ -18,7 +18,7 @@
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
-void device_drop(struct render_device *d)
+void device_drop(struct render_runner *d)
 {
     device_drop_views(d);
     device_drop_frames(d);
@@ -27,7 +27,7 @@ void device_drop(struct render_device *d)
 /* Free all buffers: the device is closed, or other work needs the memory. */
 static void drop(void *arg)
 {
-    struct render_device *d = arg;
+    struct render_runner *d = arg;
 
     d->gpu = sst_runner_device(d->runner);
     if (!d->held)
@@ -35,7 +35,7 @@ static void drop(void *arg)
 }
 
 /* Of a device that was just opened. */
-static void note_opening(struct render_device *d)
+static void note_opening(struct render_runner *d)
 {
     d->opening = d->user.opening;
     d->limit_bytes = sst_gpu_free_bytes(d->gpu);
@@ -44,7 +44,7 @@ static void note_opening(struct render_device *d)
     d->small = d->cramped = false;
 }
 
-void device_begin(struct render_device *d, struct sst_run *r)
+void device_begin(struct render_runner *d, struct sst_run *r)
 {
     d->run = r;
     d->gpu = sst_run_gpu(r);
@@ -53,21 +53,21 @@ void device_begin(struct render_device *d, struct sst_run *r)
 }
 
 /* Note that a picture is rendered on the CPU, and why. */
-static void note_cpu(struct render_device *d, const char *why)
+static void note_cpu(struct render_runner *d, const char *why)
 {
     d->report.on_cpu++;
     snprintf(d->report.why, sizeof(d->report.why), "%s", why);
 }
 
 /* After an error of the device: close it, and leave it alone for some pictures. @param why  "": the error's own */
-static void fail(struct render_device *d, int err, const char *why)
+static void fail(struct render_runner *d, int err, const char *why)
 {
     sst_runner_report_failure(&d->user, d->changes ? "live pictures are rendered" : "the picture is rendered", err,
                               why);
     d->gpu = NULL;
 }
 
-static void note_success(struct render_device *d)
+static void note_success(struct render_runner *d)
 {
     if (d->user.report.failing && d->changes)
         sst_log_info("%s: live pictures are rendered on the device again", d->user.report.name);
@@ -77,7 +77,7 @@ static void note_success(struct render_device *d)
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
-static int join(struct render_device *d, const struct sst_step *const *steps)
+static int join(struct render_runner *d, const struct sst_step *const *steps)
 {
     int err;
 
@@ -95,7 +95,7 @@ static int join(struct render_device *d, const struct sst_step *const *steps)
     return 0;
 }
 
-int device_init(struct render_device *d, const struct sst_lightfield *lf, const struct sst_render_live *live)
+int device_init(struct render_runner *d, const struct sst_lightfield *lf, const struct sst_render_live *live)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
 
@@ -109,7 +109,7 @@ int device_init(struct render_device *d, const struct sst_lightfield *lf, const 
     return d->chunk && d->slot && d->frames.kept ? 0 : -ENOMEM;
 }
 
-void device_fini(struct render_device *d)
+void device_fini(struct render_runner *d)
 {
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->weights);
@@ -121,38 +121,83 @@ void device_fini(struct render_device *d)
     free(d->slot);
 }
 
-int render_device_create(struct render_device **out, const struct sst_lightfield *lf, struct sst_runner *runner,
-                         const struct sst_step *const *steps, const struct sst_render_live *live)
-{
-    struct render_device *d = calloc(1, sizeof(*d));
-    int err = d ? device_init(d, lf, live) : -ENOMEM;
-
-    if (d)
-        d->runner = runner;
-    if (err)
-        sst_log_error("not enough memory for a device");
-    else
-        err = join(d, steps);
-    if (!err)
-        *out = d;
-    else
-        render_device_destroy(d);
-    return err;
-}
-
-void render_device_destroy(struct render_device *d)
+void render_runner_destroy(struct render_runner *d)
 {
     if (!d)
         return;
     sst_runner_leave(d->runner, &d->user);
+    if (d->owns_runner)
+        sst_runner_destroy(d->runner);
     device_fini(d);
     free(d);
+}
+
+/* @param runner  NULL: none @param owned  it is closed with the renderer, and after a failure */
+static int use(struct sst_renderer *r, struct sst_runner *runner, bool owned, const struct sst_render_live *live)
+{
+    struct render_runner *d = runner ? calloc(1, sizeof(*d)) : NULL;
+    int err = d ? device_init(d, r->lf, live) : -ENOMEM;
+
+    if (!runner)
+        return 0;
+    if (err) {
+        sst_log_error("not enough memory for a device");
+        goto fail;
+    }
+    d->runner = runner;
+    err = join(d, sst_render_steps);
+    if (err)
+        goto fail;
+    d->owns_runner = owned;
+    r->runner = d;
+    return 0;
+
+fail:
+    if (d)
+        device_fini(d);
+    free(d);
+    if (owned)
+        sst_runner_destroy(runner);
+    return err;
+}
+
+static void leave(struct sst_renderer *r)
+{
+    render_runner_destroy(r->runner);
+    r->runner = NULL;
+}
+
+int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner)
+{
+    leave(r);
+    return use(r, runner, false, NULL);
+}
+
+int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
+{
+    struct sst_runner *runner;
+    int err;
+
+    leave(r);
+    err = sst_runner_create(&runner, name, memory_bytes);
+    return err ? err : use(r, runner, true, NULL);
+}
+
+int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
+                                 const struct sst_render_live *live)
+{
+    struct sst_runner *runner;
+    int err;
+
+    leave(r);
+    err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
+    return err ? err : use(r, runner, true, live);
 }
 
 /* --- begin and end ------------------------------------------------------------------------------------------------ */
 
 /* True if the device may be tried; else the picture is noted as one for the CPU. */
-static bool may_try(struct render_device *d)
+static bool may_try(struct render_runner *d)
 {
     int err;
 
@@ -171,7 +216,7 @@ static bool may_try(struct render_device *d)
 }
 
 /* Note that a picture is the CPU's after an error, which the device need not be to blame for. @param err  1: noted */
-static void note_error(struct render_device *d, int err)
+static void note_error(struct render_runner *d, int err)
 {
     if (err == -EBADMSG || err == -ENOTSUP) {
         note_cpu(d, err == -EBADMSG ? "a frame cannot be decoded" : "the shader that rectifies is refused");
@@ -182,7 +227,7 @@ static void note_error(struct render_device *d, int err)
 }
 
 /* Note that rays of a picture are verified on the CPU, and why; live each reason is logged once. */
-static void note_unverified(struct render_device *d)
+static void note_unverified(struct render_runner *d)
 {
     static const char *const whys[] = {
         [DEVICE_UNVERIFIED_NOT] = "",
@@ -211,7 +256,7 @@ static void note_unverified(struct render_device *d)
 
 /* Test a step at its first picture since the device was opened, after dropping views that leave too little memory.
  * @return 0, -ENOTSUP (refused), or an error of the device */
-static int prepare(struct render_device *d, enum render_step step)
+static int prepare(struct render_runner *d, enum render_step step)
 {
     const unsigned bit = 1U << step;
     int err;
@@ -230,7 +275,7 @@ static int prepare(struct render_device *d, enum render_step step)
 }
 
 /* The steps of views that are made from frames, if any is. */
-static int prepare_frames(struct render_device *d, const struct sst_render_plan *p)
+static int prepare_frames(struct render_runner *d, const struct sst_render_plan *p)
 {
     bool any = false, encoded = false;
     int err;
@@ -251,7 +296,7 @@ static int prepare_frames(struct render_device *d, const struct sst_render_plan 
 
 /* Render an item in bands as pictures of no more views had memory for. @param bands  of the item, which the step sets
  * @return as sst_run_item() */
-static int run(struct render_device *d, enum render_step step, void *job, const struct sst_render_plan *p,
+static int run(struct render_runner *d, enum render_step step, void *job, const struct sst_render_plan *p,
                struct render_bands *bands)
 {
     const int unit = step == RENDER_STEP_CLEAR || step == RENDER_STEP_CLEAR_SAMPLED ? 1 : SST_RENDER_CELL_HEIGHT;
@@ -270,7 +315,7 @@ static int run(struct render_device *d, enum render_step step, void *job, const 
 /* --- pictures of rays --------------------------------------------------------------------------------------------- */
 
 /* Note why rays are not verified on the device. @return false: it failed for another reason */
-static bool note_reason(struct render_device *d, const struct sst_render_plan *p, int err)
+static bool note_reason(struct render_runner *d, const struct sst_render_plan *p, int err)
 {
     d->small = d->small || (err == -ENOMEM && !p->explainer);
     d->cramped = d->cramped || (err == -ENOMEM && p->explainer);
@@ -281,7 +326,7 @@ static bool note_reason(struct render_device *d, const struct sst_render_plan *p
     return err == -EAGAIN || err == -ENOTSUP || err == -ENOMEM;
 }
 
-static int try_picture(struct render_device *d, struct render_picture *p)
+static int try_picture(struct render_runner *d, struct render_picture *p)
 {
     int err = prepare_frames(d, p->plan);
 
@@ -296,7 +341,7 @@ static int try_picture(struct render_device *d, struct render_picture *p)
     return p->verify ? 0 : run(d, RENDER_STEP_PICTURE, p, p->plan, &p->bands);
 }
 
-bool render_device_picture(struct render_device *d, struct render_picture *p)
+static bool place_picture(struct render_runner *d, struct render_picture *p)
 {
     int err;
 
@@ -312,10 +357,35 @@ bool render_device_picture(struct render_device *d, struct render_picture *p)
     return !err;
 }
 
+/* The first and the last row of cells that are wanted, as rows of the picture. */
+static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int *top, int *end)
+{
+    const size_t cols = (size_t)(p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+
+    *top = p->lf->height;
+    *end = 0;
+    for (int y = 0; y < p->lf->height; y += SST_RENDER_CELL_HEIGHT) {
+        if (!memchr(cells + (size_t)(y / SST_RENDER_CELL_HEIGHT) * cols, 1, cols))
+            continue;
+        *top = sst_min_int(*top, y);
+        *end = sst_min_int(y + SST_RENDER_CELL_HEIGHT, p->lf->height);
+    }
+}
+
+int render_picture_run(struct render_picture *p)
+{
+    struct render_runner *d = p->runner = p->renderer->runner;
+
+    p->end = p->plan->lf->height;
+    if (d && p->cells)
+        find_rows(p->plan, p->cells, &p->top, &p->end);
+    return d && p->top < p->end && place_picture(d, p) ? p->err : render_picture_on_cpu(p, 0, 0);
+}
+
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
 /* Note a clear picture that is rendered on the CPU; live that is logged once. */
-static void note_clear(struct render_device *d, int err)
+static void note_clear(struct render_runner *d, int err)
 {
     note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
                 : err == -ENOMEM  ? "not enough memory on the device for a part of a clear picture"
@@ -326,14 +396,14 @@ static void note_clear(struct render_device *d, int err)
 }
 
 /* A device that cannot hold the picture, or computes it otherwise, is not to blame. */
-static int try_clear(struct render_device *d, struct clear *c)
+static int try_clear(struct render_runner *d, struct clear *c)
 {
     const enum render_step step = c->sampled ? RENDER_STEP_CLEAR_SAMPLED : RENDER_STEP_CLEAR;
     int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : prepare(d, step), holes = 0;
 
     if (!err && !c->cfg->merge)
         holes = prepare(d, RENDER_STEP_HOLES);
-    c->device = d;
+    c->runner = d;
     c->fills = !holes && !c->cfg->merge;
     err = err || holes == -ENOTSUP || holes == -ENOMEM ? err : holes;
     err = err ? err : prepare_frames(d, &c->plan);
@@ -349,7 +419,7 @@ static int try_clear(struct render_device *d, struct clear *c)
     return err;
 }
 
-bool render_device_clear(struct render_device *d, struct clear *c)
+static bool place_clear(struct render_runner *d, struct clear *c)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = 1;
@@ -366,7 +436,7 @@ bool render_device_clear(struct render_device *d, struct clear *c)
 }
 
 /* Note holes that are filled on the CPU; live each reason is logged once. */
-static void note_unfilled(struct render_device *d, int err)
+static void note_unfilled(struct render_runner *d, int err)
 {
     const char *why = err == -ENOMEM ? "not enough memory on the device to fill holes" : sst_gpu_error(err);
 
@@ -376,7 +446,7 @@ static void note_unfilled(struct render_device *d, int err)
     snprintf(d->report.why_filled, sizeof(d->report.why_filled), "%s", why);
 }
 
-bool render_device_fill(struct render_device *d, struct clear *c)
+static bool place_fill(struct render_runner *d, struct clear *c)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = -ENODEV; /* it has failed since */
@@ -396,8 +466,25 @@ bool render_device_fill(struct render_device *d, struct clear *c)
     return !err;
 }
 
-void render_device_report(struct render_device *d, struct sst_render_device_report *out)
+int clear_run(struct clear *c)
 {
+    c->placed = c->renderer->runner && place_clear(c->renderer->runner, c);
+    return c->placed ? 0 : clear_colour(c, 0, 0);
+}
+
+int clear_run_fill(struct clear *c)
+{
+    return c->placed && place_fill(c->renderer->runner, c) ? 0 : clear_fill_picture(c, 0, 0);
+}
+
+/* --- report ------------------------------------------------------------------------------------------------------- */
+
+bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
+{
+    struct render_runner *d = r->runner;
+
+    if (!d)
+        return false;
     sst_runner_lock(d->runner);
     *out = d->report;
     snprintf(out->name, sizeof(out->name), "%s", d->user.report.name);
@@ -411,4 +498,5 @@ void render_device_report(struct render_device *d, struct sst_render_device_repo
     out->download_ns += d->user.report.download_ns;
     out->chunks = d->chunks;
     sst_runner_unlock(d->runner);
+    return true;
 }

@@ -36,7 +36,7 @@ static size_t place(struct device_batch *b, int from, int end)
     for (int k = 0; k < p->count; k++) {
         const struct sst_render_tap *t = &p->tap[k];
         const int y0 = sst_max_int(from - beside, t->y0), y1 = sst_min_int(end + beside, t->y1);
-        struct sst_gpu_verify_near near[SST_GPU_VERIFY_AROUND];
+        struct explainer_near near[EXPLAINER_AROUND];
         const int around = any ? explainer_around(p->explainer, k, near) : 0;
 
         if (t->x0 >= t->x1 || y0 >= y1)
@@ -45,7 +45,7 @@ static size_t place(struct device_batch *b, int from, int end)
         for (int i = 0; i < around; i++) {
             const double moves[2] = { least_px * (double)near[i].by, most_px * (double)near[i].by };
 
-            widen(&place[near[i].view], y0 + t->ny + fmin(moves[0], moves[1]) - 1,
+            widen(&place[near[i].tap], y0 + t->ny + fmin(moves[0], moves[1]) - 1,
                   y1 + t->ny + fmax(moves[0], moves[1]) + 2, height);
         }
     }

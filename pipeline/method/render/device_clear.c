@@ -47,7 +47,7 @@ static void describe(struct clear_band *b, struct clear *c)
     const double disp_min_px = c->lf->disp_min_px;
 
     b->c = c;
-    b->d = c->device;
+    b->d = c->runner;
     b->taps.count = c->count;
     b->taps.threads = c->threads;
     b->taps.sampled = false;
@@ -228,7 +228,7 @@ void clear_on_device(struct sst_run *r, void *job, int item)
     const bool whole = rows == c->height && !c->sampled;
     struct clear_band b = { 0 };
 
-    device_begin(c->device, r);
+    device_begin(c->runner, r);
     describe(&b, c);
     reserve(r, &b, rows, whole);
     if (whole && !sst_run_failed(r)) {

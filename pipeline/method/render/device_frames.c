@@ -24,7 +24,7 @@ static size_t most(size_t a, size_t b)
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
 
-void device_drop_kept(struct render_device *d)
+void device_drop_kept(struct render_runner *d)
 {
     for (int k = 0; k < d->lf->rows * d->lf->cols; k++) {
         sst_gpu_buffer_destroy(d->gpu, d->frames.kept[k]);
@@ -32,7 +32,7 @@ void device_drop_kept(struct render_device *d)
     }
 }
 
-static void drop_spans(struct render_device *d)
+static void drop_spans(struct render_runner *d)
 {
     struct device_frames *f = &d->frames;
 
@@ -40,7 +40,7 @@ static void drop_spans(struct render_device *d)
         sst_gpu_span_destroy(d->gpu, f->ready[--f->spans].span);
 }
 
-void device_drop_frames(struct render_device *d)
+void device_drop_frames(struct render_runner *d)
 {
     device_drop_kept(d);
     drop_spans(d);
@@ -68,7 +68,7 @@ static size_t light_nodes(const struct sst_rectify_tables *t)
 }
 
 /* Tables that all views share: weights of the filter, and light. @param nodes  of a view's fall-off at most */
-static void upload_constants(struct render_device *d, const struct sst_rectify_tables *t, size_t nodes)
+static void upload_constants(struct render_runner *d, const struct sst_rectify_tables *t, size_t nodes)
 {
     const size_t n = (size_t)SST_RESAMPLE_PHASES * (size_t)t->taps,
                  light = SST_GPU_RECTIFY_LIGHT_FLOATS * sizeof(float);
@@ -90,7 +90,7 @@ static void upload_constants(struct render_device *d, const struct sst_rectify_t
     sst_run_write(d->run, f->light, f->lit, light);
 }
 
-void device_reserve_frames(struct render_device *d, const struct device_taps *taps)
+void device_reserve_frames(struct render_runner *d, const struct device_taps *taps)
 {
     struct device_frames *f = &d->frames;
     struct sst_rectify_tables t = { 0 };
@@ -127,12 +127,12 @@ void device_reserve_frames(struct render_device *d, const struct device_taps *ta
 /* --- frames in mapped memory -------------------------------------------------------------------------------------- */
 
 /* True if a frame has to be there for the view of a tap. */
-static bool needs_frame(const struct render_device *d, const struct device_taps *taps, int k)
+static bool needs_frame(const struct render_runner *d, const struct device_taps *taps, int k)
 {
     return taps->tap[k]->frame && taps->wanted[k] && !device_holds(d, taps, k);
 }
 
-struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t)
+struct device_frame *device_find_frame(struct render_runner *d, const struct sst_render_tap *t)
 {
     for (int i = 0; i < d->frames.spans; i++) {
         if (d->frames.ready[i].tap == t)
@@ -142,7 +142,7 @@ struct device_frame *device_find_frame(struct render_device *d, const struct sst
 }
 
 /* At least one, and as many as fit up to n. */
-static void make_spans(struct render_device *d, int n)
+static void make_spans(struct render_runner *d, int n)
 {
     struct device_frames *f = &d->frames;
     int err = 0;
@@ -153,7 +153,7 @@ static void make_spans(struct render_device *d, int n)
 }
 
 /* Write a frame to its span: the samples of a JPEG, if the device makes colours of such, else colours. */
-static int load_frame(const struct render_device *d, struct device_frame *f, const struct sst_rectify_tables *t)
+static int load_frame(const struct render_runner *d, struct device_frame *f, const struct sst_rectify_tables *t)
 {
     const struct sst_view *v = &d->lf->views[f->tap->view];
     uint8_t *span = sst_gpu_span_data(f->span);
@@ -168,7 +168,7 @@ static int load_frame(const struct render_device *d, struct device_frame *f, con
 
 static int ready_frame(void *arg, int index, int worker SST_UNUSED)
 {
-    struct render_device *d = arg;
+    struct render_runner *d = arg;
     struct device_frame *f = &d->frames.ready[index];
     const struct sst_rectify_map *map = f->tap->frame->map;
     uint8_t *span = sst_gpu_span_data(f->span);
@@ -187,7 +187,7 @@ static int ready_frame(void *arg, int index, int worker SST_UNUSED)
     return err;
 }
 
-void device_ready_frames(struct render_device *d, const struct device_taps *taps, int k)
+void device_ready_frames(struct render_runner *d, const struct device_taps *taps, int k)
 {
     struct device_frames *f = &d->frames;
     const int64_t start_ns = sst_clock_now_ns();
@@ -225,7 +225,7 @@ void device_ready_frames(struct render_device *d, const struct device_taps *taps
 /* --- a view ------------------------------------------------------------------------------------------------------- */
 
 /* Copy from a span. */
-static void upload_span(struct render_device *d, struct sst_gpu_range to, const struct device_frame *f, size_t from,
+static void upload_span(struct render_runner *d, struct sst_gpu_range to, const struct device_frame *f, size_t from,
                         size_t bytes)
 {
     if (!sst_run_failed(d->run))
@@ -254,7 +254,7 @@ struct jpeg_rgb {
 #define JPEG_GROUP_HEIGHT 8
 
 /* The pixels of a frame from the samples of a JPEG. */
-static void make_colours(struct render_device *d, const struct sst_jpeg_planes *p, struct sst_gpu_range frame)
+static void make_colours(struct render_runner *d, const struct sst_jpeg_planes *p, struct sst_gpu_range frame)
 {
     struct jpeg_rgb push = { .width = p->width,
                                  .height = p->height,
@@ -274,7 +274,7 @@ static void make_colours(struct render_device *d, const struct sst_jpeg_planes *
 
 /* Copy a frame to the device: to stay there, if other pictures may need it and there is room, else to where the next
  * one goes too. @param keep  views have the room that they need @return where it is */
-static struct sst_gpu_range upload_frame(struct render_device *d, const struct device_frame *f,
+static struct sst_gpu_range upload_frame(struct render_runner *d, const struct device_frame *f,
                                          const struct sst_rectify_tables *t, bool keep)
 {
     struct sst_gpu_buffer **kept = &d->frames.kept[f->tap->view];
@@ -298,7 +298,7 @@ static struct sst_gpu_range upload_frame(struct render_device *d, const struct d
 }
 
 /* Places of the pixels, and factors of light. */
-static void upload_tables(struct render_device *d, const struct device_frame *f, const struct sst_rectify_tables *t)
+static void upload_tables(struct render_runner *d, const struct device_frame *f, const struct sst_rectify_tables *t)
 {
     const size_t listed = f->list.count * 2 * sizeof(*f->list.xy), nodes = light_nodes(t) * sizeof(*t->falloff);
     struct sst_gpu_range light = d->frames.light;
@@ -314,7 +314,7 @@ static void upload_tables(struct render_device *d, const struct device_frame *f,
     sst_run_write(d->run, light, t->falloff_root, nodes);
 }
 
-struct sst_gpu_range device_upload_rays(struct render_device *d, const struct device_frame *f,
+struct sst_gpu_range device_upload_rays(struct render_runner *d, const struct device_frame *f,
                                         const struct sst_rectify_tables *t)
 {
     const struct sst_gpu_range source = upload_frame(d, f, t, !d->slots || d->slots == d->lf->rows * d->lf->cols);
@@ -323,7 +323,7 @@ struct sst_gpu_range device_upload_rays(struct render_device *d, const struct de
     return source;
 }
 
-struct sst_gpu_rectify device_describe_frame(const struct render_device *d, const struct sst_rectify_tables *t)
+struct sst_gpu_rectify device_describe_frame(const struct render_runner *d, const struct sst_rectify_tables *t)
 {
     struct sst_gpu_rectify push = { .width = t->width,
                                     .height = t->height,
@@ -343,7 +343,7 @@ struct sst_gpu_rectify device_describe_frame(const struct render_device *d, cons
     return push;
 }
 
-void device_make_rows(struct render_device *d, const struct device_taps *taps, int k, const struct device_place *to,
+void device_make_rows(struct render_runner *d, const struct device_taps *taps, int k, const struct device_place *to,
                       bool mapped)
 {
     const struct sst_render_tap *tap = taps->tap[k];

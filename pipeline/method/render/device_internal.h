@@ -5,8 +5,10 @@
 
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
+#include "pipeline/gpu/verify.h"
 #include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/clear_internal.h"
+#include "pipeline/method/render/device.h"
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -74,6 +76,19 @@ struct device_frames {
     float *lit; /* sst_gpu_rectify_light(); owned, NULL until needed */
 };
 
+/** Steps of pictures, in the order in which pictures need them: a device that is opened again is tested up to the last
+ * step that was needed. */
+enum render_step {
+    RENDER_STEP_PICTURE = 0,       /* rays are blended */
+    RENDER_STEP_VERIFY = 1,        /* and verified */
+    RENDER_STEP_CLEAR = 2,         /* clear pictures of rectified views */
+    RENDER_STEP_HOLES = 3,         /* holes of a clear picture with colours and weights */
+    RENDER_STEP_CLEAR_SAMPLED = 4, /* clear pictures: rays are sampled from frames */
+    RENDER_STEP_FRAMES = 5,        /* views are made from frames */
+    RENDER_STEP_SAMPLED = 6,       /* rays are sampled from frames */
+    RENDER_STEP_JPEG = 7,          /* frames are made from the samples of JPEG files */
+};
+
 /** Why rays of a picture are verified on the CPU. */
 enum device_unverified {
     DEVICE_UNVERIFIED_NOT = 0,     /* they are verified on the device */
@@ -91,8 +106,9 @@ struct device_bands {
     struct render_bands bands;
 };
 
-struct render_device {
-    struct sst_runner *runner; /* borrowed */
+struct render_runner {
+    struct sst_runner *runner;
+    bool owns_runner; /* opened for the renderer, and closed with it */
     struct sst_runner_user user;
     const struct sst_lightfield *lf;
     int pitch;    /* pixels of a row of a view on the device */
@@ -162,83 +178,83 @@ enum device_scratch {
 /* --- device.c ----------------------------------------------------------------------------------------------------- */
 
 /** A device of a light field, without buffers. @return 0, -ENOMEM */
-SST_MUST_CHECK int device_init(struct render_device *d, const struct sst_lightfield *lf,
+SST_MUST_CHECK int device_init(struct render_runner *d, const struct sst_lightfield *lf,
                                const struct sst_render_live *live);
 /** The memory of the host. */
-void device_fini(struct render_device *d);
+void device_fini(struct render_runner *d);
 
 /** Free all buffers. */
-void device_drop(struct render_device *d);
+void device_drop(struct render_runner *d);
 
 /** Begin an item of a step; the functions of the files below note their errors with sst_run_fail(). */
-void device_begin(struct render_device *d, struct sst_run *r);
+void device_begin(struct render_runner *d, struct sst_run *r);
 
 /* --- device_views.c ----------------------------------------------------------------------------------------------- */
 
-void device_drop_views(struct render_device *d);
+void device_drop_views(struct render_runner *d);
 
 /** Pixels of a view's slot. */
-size_t device_view_pixels(const struct render_device *d);
+size_t device_view_pixels(const struct render_runner *d);
 
 /** Have the views that are wanted in slots as they are now, after all other memory was reserved: they may use all the
  * rest. Sets taps->place. @param one  into one chunk @return false: they do not fit together */
-bool device_gather(struct render_device *d, struct device_taps *taps, bool one);
+bool device_gather(struct render_runner *d, struct device_taps *taps, bool one);
 
 /** True if a slot has the pixels of a tap's view, as they are sampled from its frame. */
-bool device_holds(const struct render_device *d, const struct device_taps *taps, int k);
+bool device_holds(const struct render_runner *d, const struct device_taps *taps, int k);
 
 /** Parts of the pixels of a view. */
 enum device_part { DEVICE_COLOURS = 1, DEVICE_LABELS = 2 };
 
 /** Upload rows of a view, with its disparities, valid pixels and confidences. @param parts  enum device_part */
-void device_upload_rows(struct render_device *d, const struct device_place *to, const struct sst_view *v,
+void device_upload_rows(struct render_runner *d, const struct device_place *to, const struct sst_view *v,
                         unsigned parts, int threads);
 
 /* Where the views do not fit together: rows of each, one view behind the other. */
 
 /** Place rows taps->place[k].top .. end - 1; of views that are made from frames these become whole groups. @return
  * their pixels */
-size_t device_place_rows(const struct render_device *d, struct device_taps *taps, const struct device_chunk *c);
+size_t device_place_rows(const struct render_runner *d, struct device_taps *taps, const struct device_chunk *c);
 
 /** Memory for rows, by their pixels. */
-void device_reserve_rows(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident);
+void device_reserve_rows(struct render_runner *d, struct device_chunk *c, size_t pixels, bool confident);
 
 /** Upload the rows that were placed. @param parts  enum device_part */
-void device_upload_placed(struct render_device *d, const struct device_taps *taps, unsigned parts);
+void device_upload_placed(struct render_runner *d, const struct device_taps *taps, unsigned parts);
 
 /* --- device_frames.c ---------------------------------------------------------------------------------------------- */
 
-void device_drop_frames(struct render_device *d);
+void device_drop_frames(struct render_runner *d);
 /** Free frames that stay, before views are uploaded. */
-void device_drop_kept(struct render_device *d);
+void device_drop_kept(struct render_runner *d);
 
 /** Memory for views that are made from frames, if any is. */
-void device_reserve_frames(struct render_device *d, const struct device_taps *taps);
+void device_reserve_frames(struct render_runner *d, const struct device_taps *taps);
 
 /** Have the frame of the tap k in mapped memory, if it is needed, and frames of the next taps with it, on all
  * threads. -EBADMSG: a frame cannot be decoded (not logged). */
-void device_ready_frames(struct render_device *d, const struct device_taps *taps, int k);
+void device_ready_frames(struct render_runner *d, const struct device_taps *taps, int k);
 
 /** The frame of a tap in mapped memory, or NULL. */
-struct device_frame *device_find_frame(struct render_device *d, const struct sst_render_tap *t);
+struct device_frame *device_find_frame(struct render_runner *d, const struct sst_render_tap *t);
 
 /** Constants for a frame. */
-struct sst_gpu_rectify device_describe_frame(const struct render_device *d, const struct sst_rectify_tables *t);
+struct sst_gpu_rectify device_describe_frame(const struct render_runner *d, const struct sst_rectify_tables *t);
 
 /** Copy a frame and its tables to the device, to sample rays from it. @return where the frame is */
-struct sst_gpu_range device_upload_rays(struct render_device *d, const struct device_frame *f,
+struct sst_gpu_range device_upload_rays(struct render_runner *d, const struct device_frame *f,
                                         const struct sst_rectify_tables *t);
 
 /** Make rows of a view from its frame, which is in mapped memory. Rows are a multiple of SST_GPU_RECTIFY_GROUP_HEIGHT,
  * or end with the view. @param mapped  disparities and labels are there */
-void device_make_rows(struct render_device *d, const struct device_taps *taps, int k, const struct device_place *to,
+void device_make_rows(struct render_runner *d, const struct device_taps *taps, int k, const struct device_place *to,
                       bool mapped);
 
 /* --- device_picture.c --------------------------------------------------------------------------------------------- */
 
 /** A picture in work. */
 struct device_batch {
-    struct render_device *d;
+    struct render_runner *d;
     const struct sst_render_plan *p;
     const uint8_t *cells;       /* that are wanted; NULL: all */
     bool verify;                /* rays are verified, on the device */
@@ -252,6 +268,9 @@ struct device_batch {
 
 /** Blend a picture, and verify as p->verify says: p->words and p->weights are set. */
 void device_picture(struct sst_run *r, struct render_picture *p);
+
+/** Make the picture of its words: weak pixels, and rays to be verified, are the CPU's. @return 0, -ENOMEM, -EBADMSG */
+SST_MUST_CHECK int device_picture_finish(struct render_picture *pic);
 
 /** The k-th view of a picture as shaders have it. */
 struct sst_gpu_blend_view device_describe_tap(const struct device_batch *b, int k);
@@ -278,7 +297,7 @@ void device_place_band(struct device_batch *b, int top, int end);
 /* --- device_verify.c --- */
 
 /** True if the rays of the picture can be verified; else d->why is set. */
-bool device_can_verify(struct render_device *d, const struct sst_render_plan *p);
+bool device_can_verify(struct render_runner *d, const struct sst_render_plan *p);
 
 /** Memory to verify a picture in bands of `rows` rows. */
 void device_reserve_verify(struct device_batch *b, int rows);
@@ -289,13 +308,13 @@ void device_upload_cells(struct device_batch *b);
 /** Verify the rays of a band that was blended. -EAGAIN: a pixel left to votes has no colour. */
 void device_verify_band(struct device_batch *b);
 
-/* --- sample.c: random pictures of a small light field, for sst_step_check() --- */
+/* --- device_sample.c, device_clear_sample.c: random pictures of a small light field, for sst_step_check() --- */
 
 /** A random light field, and a device for it. */
 struct sample_field {
     struct sst_lightfield lf;
     struct sst_renderer *renderer; /* NULL at first: it is created for the whole light field */
-    struct render_device device;
+    struct render_runner device;
 };
 
 /** 3x3 views without pictures. @return 0 or an error; sample_field_fini() follows in either case */
@@ -318,13 +337,17 @@ void *render_frames_sample(uint32_t seed);
 void *render_sampled_sample(uint32_t seed);
 void *render_jpeg_sample(uint32_t seed);
 void render_sample_free(void *job);
+void *clear_sample(uint32_t seed);
+void *clear_sample_frames(uint32_t seed);
+void *clear_sample_holes(uint32_t seed);
+void clear_sample_free(void *job);
 
 /* --- device_clear.c, device_rays.c, device_holes.c: steps on a device --------------------------------------------- */
 
 /** A picture, or a band of its rows, on a device. */
 struct clear_band {
     struct clear *c;
-    struct render_device *d;
+    struct render_runner *d;
     struct sst_gpu_clear push;
     struct sst_gpu_clear_view view[SST_GPU_CLEAR_VIEWS];
     int least[SST_GPU_CLEAR_VIEWS], most[SST_GPU_CLEAR_VIEWS]; /* rows that rays of a view move */

@@ -22,7 +22,7 @@ static uint32_t flags_of(const struct sst_render_plan *p)
            (p->table ? SST_GPU_BLEND_BY_LABEL : 0U) | (p->verifier ? SST_GPU_BLEND_WEIGHTS : 0U);
 }
 
-static void describe(struct device_batch *b, struct render_device *d, const struct render_picture *pic)
+static void describe(struct device_batch *b, struct render_runner *d, const struct render_picture *pic)
 {
     const struct sst_render_plan *p = pic->plan;
 
@@ -171,7 +171,7 @@ static void blend(struct device_batch *b)
 
 static void render_band(struct device_batch *b, int top, int rows)
 {
-    struct render_device *d = b->d;
+    struct render_runner *d = b->d;
     const size_t n = (size_t)rows * (size_t)d->lf->width, at = (size_t)top * (size_t)d->lf->width;
     struct sst_gpu_range weights = b->sums;
 
@@ -202,7 +202,7 @@ static void note_doubts(struct device_batch *b)
 
 void device_picture(struct sst_run *r, struct render_picture *p)
 {
-    struct render_device *d = p->device;
+    struct render_runner *d = p->runner;
     const int height = d->lf->height, rows = sst_run_rows(r, p->bands.rows, SST_RENDER_CELL_HEIGHT);
     const size_t n = (size_t)d->lf->width * (size_t)height;
     const int64_t start_ns = sst_clock_now_ns();
@@ -229,4 +229,53 @@ void device_picture(struct sst_run *r, struct render_picture *p)
     p->words = d->words.data;
     p->weights = b.p->verifier && !b.verify ? d->weights.data : NULL;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
+}
+
+/* --- the CPU's part ----------------------------------------------------------------------------------------------- */
+
+/* Pixels of a row. Without a verifier, weights matter only where they are too small. */
+static void unpack_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+{
+    const size_t at = (size_t)y * (size_t)pic->out->width + (size_t)x;
+    const uint32_t *word = pic->words + at;
+    uint8_t *const to[3] = { sst_image_row(pic->out, 0, y) + x, sst_image_row(pic->out, 1, y) + x,
+                             sst_image_row(pic->out, 2, y) + x };
+
+    for (int i = 0; i < n; i++) {
+        for (int c = 0; c < 3; c++)
+            to[c][i] = (uint8_t)(word[i] >> (8 * c));
+        weight[i] = word[i] >> 24 & SST_GPU_PIXEL_BELOW ? 0 : pic->weights ? pic->weights[at + (size_t)i] : 1;
+    }
+    for (int i = 0; support && i < n; i++)
+        support[i] = word[i] >> 24 & SST_GPU_PIXEL_SUPPORTED ? 255 : 0;
+    render_mend_row(pic->plan, pic->out, weight, x, n, y);
+}
+
+static void unpack_rows(const struct render_picture *pic, float (*weight)[SST_BLEND_MAX],
+                        uint8_t (*support)[SST_BLEND_MAX], int x, int n, int y, int rows)
+{
+    for (int i = 0; i < rows; i++)
+        unpack_run(pic, weight[i], support ? support[i] : NULL, x, n, y + i);
+}
+
+/* True if the CPU has to recompute pixels that a device has blended. */
+static bool has_weak_pixels(const struct render_picture *pic)
+{
+    const size_t n = (size_t)pic->out->width * (size_t)pic->out->height;
+    bool weak = false;
+
+    for (size_t i = 0; i < n && !weak; i++)
+        weak = pic->words[i] >> 24 & SST_GPU_PIXEL_BELOW;
+    return weak;
+}
+
+int device_picture_finish(struct render_picture *pic)
+{
+    int err = 0;
+
+    pic->pixels = unpack_rows;
+    pic->voted = !pic->weights;
+    if (pic->own && pic->own->pending && (pic->weights || has_weak_pixels(pic)))
+        err = render_need_frames(pic->own, pic->renderer);
+    return err ? err : render_picture_bands(pic);
 }

@@ -37,7 +37,7 @@ static size_t disp_values(const struct device_batch *b)
 
 /* --- before a picture --------------------------------------------------------------------------------------------- */
 
-bool device_can_verify(struct render_device *d, const struct sst_render_plan *p)
+bool device_can_verify(struct render_runner *d, const struct sst_render_plan *p)
 {
     enum device_unverified why = DEVICE_UNVERIFIED_NOT;
 
@@ -142,8 +142,12 @@ static void upload_explained(struct device_batch *b)
     sst_run_fail(b->d->run, explainer_prepare(b->p->explainer));
     view = (void *)sst_run_words(b->d->run, (size_t)b->p->count * sizeof(*view) / sizeof(uint32_t));
     for (int k = 0; view && k < b->p->count; k++) {
-        view[k] = (struct sst_gpu_verify_view){ .at = device_describe_tap(b, k) };
-        view[k].around = (uint32_t)explainer_around(b->p->explainer, k, view[k].near);
+        struct explainer_near near[EXPLAINER_AROUND];
+        const int around = explainer_around(b->p->explainer, k, near);
+
+        view[k] = (struct sst_gpu_verify_view){ .at = device_describe_tap(b, k), .around = (uint32_t)around };
+        for (int i = 0; i < around; i++)
+            view[k].near[i] = (struct sst_gpu_verify_near){ near[i].bx, near[i].by, (uint32_t)near[i].tap, 0 };
     }
     sst_run_write(b->d->run, b->around, view, (size_t)b->p->count * sizeof(*view));
     px = (void *)sst_run_words(b->d->run, disp_values(b));

@@ -14,7 +14,7 @@
 
 #define PACK_ROWS 64 /* that a thread packs at once */
 
-size_t device_view_pixels(const struct render_device *d)
+size_t device_view_pixels(const struct render_runner *d)
 {
     return (size_t)d->pitch * (size_t)d->lf->height;
 }
@@ -23,13 +23,13 @@ size_t device_view_pixels(const struct render_device *d)
 
 static const size_t plane_bytes[DEVICE_PLANES] = { 4, 2, 1, 1 }; /* of a pixel */
 
-static void destroy_chunk(struct render_device *d, struct device_chunk *c)
+static void destroy_chunk(struct render_runner *d, struct device_chunk *c)
 {
     for (int i = 0; i < DEVICE_PLANES; i++)
         sst_gpu_buffer_destroy(d->gpu, c->plane[i].buffer);
 }
 
-void device_drop_views(struct render_device *d)
+void device_drop_views(struct render_runner *d)
 {
     for (int i = 0; i < d->chunks; i++)
         destroy_chunk(d, &d->chunk[i]);
@@ -38,7 +38,7 @@ void device_drop_views(struct render_device *d)
 }
 
 /* A chunk of n views, with their slots. */
-static int add_chunk(struct render_device *d, int n)
+static int add_chunk(struct render_runner *d, int n)
 {
     const size_t pixels = (size_t)n * device_view_pixels(d);
     struct device_chunk *c = &d->chunk[d->chunks];
@@ -58,13 +58,13 @@ static int add_chunk(struct render_device *d, int n)
 }
 
 /* Views that there is memory for. */
-static int count_room(const struct render_device *d)
+static int count_room(const struct render_runner *d)
 {
     return (int)(sst_gpu_free_bytes(d->gpu) / ((DEVICE_PIXEL_BYTES + d->doubts) * device_view_pixels(d)));
 }
 
 /* More room: a chunk of as many views as fit, or half of them, and so on. */
-static void grow(struct render_device *d)
+static void grow(struct render_runner *d)
 {
     const size_t bytes = 4 * device_view_pixels(d);
     int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
@@ -127,7 +127,7 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-void device_upload_rows(struct render_device *d, const struct device_place *to, const struct sst_view *v,
+void device_upload_rows(struct render_runner *d, const struct device_place *to, const struct sst_view *v,
                         unsigned parts, int threads)
 {
     const size_t n = (size_t)(to->end - to->top) * (size_t)d->pitch;
@@ -154,7 +154,7 @@ void device_upload_rows(struct render_device *d, const struct device_place *to, 
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
-size_t device_place_rows(const struct render_device *d, struct device_taps *taps, const struct device_chunk *c)
+size_t device_place_rows(const struct render_runner *d, struct device_taps *taps, const struct device_chunk *c)
 {
     const int unit = SST_GPU_RECTIFY_GROUP_HEIGHT;
     size_t at = 0;
@@ -172,13 +172,13 @@ size_t device_place_rows(const struct render_device *d, struct device_taps *taps
     return at;
 }
 
-void device_reserve_rows(struct render_device *d, struct device_chunk *c, size_t pixels, bool confident)
+void device_reserve_rows(struct render_runner *d, struct device_chunk *c, size_t pixels, bool confident)
 {
     for (int i = 0; i < DEVICE_PLANES - !confident; i++)
         c->plane[i] = sst_run_scratch(d->run, DEVICE_SCRATCH_BAND + i, plane_bytes[i] * (pixels + 4));
 }
 
-void device_upload_placed(struct render_device *d, const struct device_taps *taps, unsigned parts)
+void device_upload_placed(struct render_runner *d, const struct device_taps *taps, unsigned parts)
 {
     for (int k = 0; k < taps->count && !sst_run_failed(d->run); k++) {
         const struct sst_render_tap *t = taps->tap[k];
@@ -198,7 +198,7 @@ void device_upload_placed(struct render_device *d, const struct device_taps *tap
 /* --- slots -------------------------------------------------------------------------------------------------------- */
 
 /* Rows of the view in a slot. */
-static struct device_place place_of(const struct render_device *d, const struct device_slot *s, int top, int end)
+static struct device_place place_of(const struct render_runner *d, const struct device_slot *s, int top, int end)
 {
     return (struct device_place){ &d->chunk[s->chunk], (uint32_t)((size_t)s->index * device_view_pixels(d)), top, end };
 }
@@ -224,7 +224,7 @@ static uint64_t row_serial(const struct sst_render_live *live, int view, int row
 }
 
 /* Note what the view in a slot is as of. */
-static void note_version(const struct render_device *d, struct device_slot *s)
+static void note_version(const struct render_runner *d, struct device_slot *s)
 {
     s->since = *d->live.since;
     s->disp_min_px = d->lf->disp_min_px;
@@ -238,7 +238,7 @@ static void note_version(const struct render_device *d, struct device_slot *s)
 }
 
 /* True if rows of a view in a slot, as it was there, need not be uploaded. @param row  of tiles */
-static bool is_current(const struct render_device *d, const struct device_slot *s, int view, int row)
+static bool is_current(const struct render_runner *d, const struct device_slot *s, int view, int row)
 {
     if (s->view != view)
         return false;
@@ -248,7 +248,7 @@ static bool is_current(const struct render_device *d, const struct device_slot *
 }
 
 /* Upload the rows of tiles of a view that the slot lacks. */
-static void upload_view(struct render_device *d, struct device_slot *s, int view, int threads)
+static void upload_view(struct render_runner *d, struct device_slot *s, int view, int threads)
 {
     const struct device_slot was = *s;
     const int rows = d->changes ? d->live.tile_rows : 1, height = d->changes ? d->live.tile : d->lf->height;
@@ -274,7 +274,7 @@ static void upload_view(struct render_device *d, struct device_slot *s, int view
         note_version(d, s);
 }
 
-static struct device_slot *find_slot(const struct render_device *d, int view, int slots)
+static struct device_slot *find_slot(const struct render_runner *d, int view, int slots)
 {
     for (int i = 0; i < slots; i++) {
         if (d->slot[i].view == view)
@@ -283,7 +283,7 @@ static struct device_slot *find_slot(const struct render_device *d, int view, in
     return NULL;
 }
 
-bool device_holds(const struct render_device *d, const struct device_taps *taps, int k)
+bool device_holds(const struct render_runner *d, const struct device_taps *taps, int k)
 {
     const struct sst_render_tap *t = taps->tap[k];
     const struct device_slot *s = find_slot(d, t->view, taps->slots);
@@ -293,7 +293,7 @@ bool device_holds(const struct render_device *d, const struct device_taps *taps,
 }
 
 /* A free slot, else the one that was used least recently. There is one that this item does not use. */
-static struct device_slot *free_slot(struct render_device *d, int slots)
+static struct device_slot *free_slot(struct render_runner *d, int slots)
 {
     struct device_slot *oldest = NULL;
 
@@ -308,7 +308,7 @@ static struct device_slot *free_slot(struct render_device *d, int slots)
     return oldest;
 }
 
-static void place_view(struct render_device *d, struct device_slot *s, const struct device_taps *taps, int k)
+static void place_view(struct render_runner *d, struct device_slot *s, const struct device_taps *taps, int k)
 {
     const struct sst_render_tap *t = taps->tap[k];
     const bool mapped = s->view == t->view;
@@ -327,7 +327,7 @@ static void place_view(struct render_device *d, struct device_slot *s, const str
     }
 }
 
-bool device_gather(struct render_device *d, struct device_taps *taps, bool one)
+bool device_gather(struct render_runner *d, struct device_taps *taps, bool one)
 {
     int n = 0, slots = 0;
 

@@ -10,7 +10,6 @@
 #define LEVELS   24  /* difference of colours that agree, at least ... */
 #define NOISE    2.5 /* ... and this many lower quartiles */
 #define SPACINGS 1.5 /* distance of the views around */
-#define AROUND   SST_GPU_VERIFY_AROUND /* at most */
 #define SAMPLES  256 /* rows and columns from which noise is measured, over all views */
 #define PART     64  /* positions between pixels */
 
@@ -29,7 +28,7 @@ struct explainer {
         const struct sst_image *image;
         const struct sst_map_u16 *disp;
         int count;
-        struct neighbour around[AROUND];
+        struct neighbour around[EXPLAINER_AROUND];
     } * tap; /* [plan->count] */
     bool keep;
     atomic_bool prepared;
@@ -57,7 +56,7 @@ static void find_around(struct explainer *e, int k)
 
     t->image = neighbour(e, k, v).image;
     t->disp = &v->disp;
-    for (int i = 0; i < p->count && t->count < AROUND; i++) {
+    for (int i = 0; i < p->count && t->count < EXPLAINER_AROUND; i++) {
         const struct sst_view *other = p->tap[i].v;
 
         if (i != k && hypot(v->bx - other->bx, v->by - other->by) <= SPACINGS)
@@ -186,11 +185,10 @@ int explainer_levels(const struct explainer *e)
     return e->levels;
 }
 
-int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_near *out)
+int explainer_around(const struct explainer *e, int k, struct explainer_near *out)
 {
     for (int i = 0; i < e->tap[k].count; i++)
-        out[i] = (struct sst_gpu_verify_near){ e->tap[k].around[i].bx, e->tap[k].around[i].by,
-                                               (uint32_t)e->tap[k].around[i].tap, 0 };
+        out[i] = (struct explainer_near){ e->tap[k].around[i].bx, e->tap[k].around[i].by, e->tap[k].around[i].tap };
     return e->tap[k].count;
 }
 
@@ -224,7 +222,7 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
 /* Lower median of the differences of a ray from the views around; -1: there are none. */
 static int middle_difference(const struct tap *t, const struct ray *ray)
 {
-    int sorted[AROUND], n = 0;
+    int sorted[EXPLAINER_AROUND], n = 0;
 
     for (int i = 0; i < t->count; i++) {
         const int by = differs_from(ray, &t->around[i], ray->disp_px);

@@ -1,5 +1,5 @@
 /* Raw frames of a light field, or what corrected pictures were resampled from: samplers for rays, and views that are
- * rectified when the CPU needs them. A device makes its own from the frames (device_frames.c). */
+ * rectified when the CPU needs them. Shaders make their own from the frames. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

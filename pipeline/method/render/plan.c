@@ -363,19 +363,7 @@ static void check_border(const struct sst_render_plan *p)
         sst_border_floats("label weights", p->table, p->table_rows * SST_BLEND_COLUMNS);
 }
 
-int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
-{
-    int err = render_plan_init_pending(p, r, cfg);
-
-    if (err)
-        return err;
-    err = render_need_frames(p, r);
-    if (err)
-        sst_render_plan_fini(p);
-    return err;
-}
-
-int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+static int init_pending(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
 {
     int err = check_config(cfg);
 
@@ -398,6 +386,23 @@ int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r, 
     else
         check_border(p);
     return err;
+}
+
+int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+{
+    int err = init_pending(p, r, cfg);
+
+    if (err)
+        return err;
+    err = render_need_frames(p, r);
+    if (err)
+        sst_render_plan_fini(p);
+    return err;
+}
+
+int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+{
+    return r->runner ? init_pending(p, r, cfg) : sst_render_plan_init(p, r, cfg);
 }
 
 void sst_render_plan_fini(struct sst_render_plan *p)

@@ -83,7 +83,7 @@ bool sst_render_label_weights_differ(const struct sst_blend_range *range, const 
 
 struct sst_verifier; /* verify.h */
 struct explainer;    /* render_internal.h */
-struct render_device;
+struct render_runner;
 struct landed; /* landed.c */
 
 /** Sums over pictures, see struct sst_render_skip_report. */
@@ -96,8 +96,7 @@ struct sst_renderer {
     /* fixed after create */
     const struct sst_lightfield *lf;
     int threads;
-    struct render_device *device; /* NULL: none; owned. Fixed after sst_renderer_use_device() */
-    struct sst_runner *runner;    /* of it; NULL: the device is shared */
+    struct render_runner *runner; /* that places pictures; NULL: threads render them. Owned; fixed while they do */
     /* under lock until computed, then fixed except for sst_renderer_recount() */
     pthread_mutex_t lock;
     bool counted;
@@ -130,7 +129,7 @@ struct sst_raw_view {
 struct sst_render_tap {
     int view;
     const struct sst_view *v;
-    const struct sst_raw_view *frame;  /* what a device makes its pixels from; NULL: from v's image */
+    const struct sst_raw_view *frame;  /* what shaders make its pixels from; NULL: from v's image */
     const struct sst_sampler *sampler; /* of frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
     int ix, iy, nx, ny;
     double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */
@@ -216,7 +215,7 @@ SST_MUST_CHECK int sst_render_plan_render(const struct sst_render_plan *p, const
                                           struct sst_map_u8 *valid);
 
 /**
- * The same on the renderer's device, if it has one; without a device a whole picture has the skips of the plan's
+ * The same where the renderer's runner places it; without one a whole picture has the skips of the plan's
  * configuration. The maps may have changed since the last one.
  * @param cells  1: render this cell; NULL: all
  * @return 0, -ENOMEM

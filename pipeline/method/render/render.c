@@ -7,7 +7,6 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/gpu/blend.h"
 #include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/clear_internal.h"
 #include "pipeline/method/render/render_internal.h"
@@ -59,14 +58,6 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     return 0;
 }
 
-static void leave_device(struct sst_renderer *r)
-{
-    render_device_destroy(r->device);
-    sst_runner_destroy(r->runner);
-    r->device = NULL;
-    r->runner = NULL;
-}
-
 void sst_renderer_destroy(struct sst_renderer *r)
 {
     if (!r)
@@ -79,44 +70,12 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     free(r->rectified);
-    leave_device(r);
+    render_runner_destroy(r->runner);
     landed_destroy(r->landed);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
     free(r);
-}
-
-int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner)
-{
-    leave_device(r);
-    return runner ? render_device_create(&r->device, r->lf, runner, sst_render_steps, NULL) : 0;
-}
-
-int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
-{
-    int err;
-
-    leave_device(r);
-    err = sst_runner_create(&r->runner, name, memory_bytes);
-    return err || !r->runner ? err : render_device_create(&r->device, r->lf, r->runner, sst_render_steps, NULL);
-}
-
-int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
-                                 const struct sst_render_live *live)
-{
-    int err;
-
-    leave_device(r);
-    err = sst_runner_create_live(&r->runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
-    return err || !r->runner ? err : render_device_create(&r->device, r->lf, r->runner, sst_render_steps, live);
-}
-
-bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
-{
-    if (r->device)
-        render_device_report(r->device, out);
-    return r->device;
 }
 
 bool sst_renderer_skips(struct sst_renderer *r, struct sst_render_skip_report *out)
@@ -402,24 +361,6 @@ static void render_rows(const struct render_picture *pic, float (*weight)[SST_BL
     }
 }
 
-/* The same from what a device has blended. Without a verifier, weights matter only where they are too small. */
-static void unpack_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
-{
-    const size_t at = (size_t)y * (size_t)pic->out->width + (size_t)x;
-    const uint32_t *word = pic->words + at;
-    uint8_t *const to[3] = { sst_image_row(pic->out, 0, y) + x, sst_image_row(pic->out, 1, y) + x,
-                             sst_image_row(pic->out, 2, y) + x };
-
-    for (int i = 0; i < n; i++) {
-        for (int c = 0; c < 3; c++)
-            to[c][i] = (uint8_t)(word[i] >> (8 * c));
-        weight[i] = word[i] >> 24 & SST_GPU_PIXEL_BELOW ? 0 : pic->weights ? pic->weights[at + (size_t)i] : 1;
-    }
-    for (int i = 0; support && i < n; i++)
-        support[i] = word[i] >> 24 & SST_GPU_PIXEL_SUPPORTED ? 255 : 0;
-    render_mend_row(pic->plan, pic->out, weight, x, n, y);
-}
-
 /* First pixel from x on of a cell that is to be rendered (wanted), or is not. */
 static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
 {
@@ -432,8 +373,7 @@ static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
 static int render_band(void *arg, int index, int worker)
 {
     const struct render_picture *pic = arg;
-    const bool verify = pic->plan->verifier && !(pic->words && !pic->weights); /* else a device has done it */
-    struct sst_verifier *verifier = verify ? pic->plan->verifier[worker] : NULL;
+    struct sst_verifier *verifier = pic->plan->verifier && !pic->voted ? pic->plan->verifier[worker] : NULL;
     float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
     uint8_t support[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
     const bool count = pic->valid || pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID;
@@ -444,10 +384,8 @@ static int render_band(void *arg, int index, int worker)
     for (int x = 0, to; x < width; x = to) {
         x = cells ? next_cell(cells, x, width, true) : x;
         to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
-        if (!pic->words && x < to)
-            render_rows(pic, weight, count ? support : NULL, x, to - x, top, end - top);
-        for (int y = top; y < end && pic->words && x < to; y++)
-            unpack_run(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
+        if (x < to)
+            pic->pixels(pic, weight, count ? support : NULL, x, to - x, top, end - top);
         if (verifier && x < to)
             sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
         for (int y = top; y < end && count && x < to; y++)
@@ -456,7 +394,7 @@ static int render_band(void *arg, int index, int worker)
     return 0;
 }
 
-static int render_bands(struct render_picture *pic)
+int render_picture_bands(struct render_picture *pic)
 {
     const struct sst_render_plan *p = pic->plan;
 
@@ -468,9 +406,9 @@ static int render_bands(struct render_picture *pic)
 int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
                            struct sst_map_u8 *valid)
 {
-    struct render_picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
+    struct render_picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid, .pixels = render_rows };
 
-    return render_bands(&pic);
+    return render_picture_bands(&pic);
 }
 
 /* With the skips of the plan, if they pay. */
@@ -479,42 +417,7 @@ static int render_skipping(struct sst_renderer *r, struct render_picture *pic)
     bool done = false;
     const int err = pic->plan->cfg.skip_rays ? skip_render(r, pic->plan, pic->out, pic->valid, &done) : 0;
 
-    return err || done ? err : render_bands(pic);
-}
-
-/* The first and the last row of cells that are wanted, as rows of the picture. */
-static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int *top, int *end)
-{
-    const size_t cols = (size_t)(p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
-
-    *top = p->lf->height;
-    *end = 0;
-    for (int y = 0; y < p->lf->height; y += SST_RENDER_CELL_HEIGHT) {
-        if (!memchr(cells + (size_t)(y / SST_RENDER_CELL_HEIGHT) * cols, 1, cols))
-            continue;
-        *top = sst_min_int(*top, y);
-        *end = sst_min_int(y + SST_RENDER_CELL_HEIGHT, p->lf->height);
-    }
-}
-
-/* True if the CPU has to recompute pixels that a device has blended. */
-static bool has_weak_pixels(const struct render_picture *pic)
-{
-    const size_t n = (size_t)pic->out->width * (size_t)pic->out->height;
-    bool weak = false;
-
-    for (size_t i = 0; i < n && !weak; i++)
-        weak = pic->words[i] >> 24 & SST_GPU_PIXEL_BELOW;
-    return weak;
-}
-
-int render_picture_finish(struct render_picture *pic)
-{
-    int err = 0;
-
-    if (pic->own && pic->own->pending && (pic->weights || has_weak_pixels(pic)))
-        err = render_need_frames(pic->own, pic->renderer);
-    return err ? err : render_bands(pic);
+    return err || done ? err : render_picture_bands(pic);
 }
 
 int render_picture_on_cpu(void *arg, int item, int worker SST_UNUSED)
@@ -522,31 +425,19 @@ int render_picture_on_cpu(void *arg, int item, int worker SST_UNUSED)
     struct render_picture *pic = (struct render_picture *)arg + item;
     int err = 0;
 
-    pic->words = NULL;
-    pic->weights = NULL;
+    pic->pixels = render_rows;
+    pic->voted = false;
     if (pic->own && pic->own->pending)
         err = render_need_frames(pic->own, pic->renderer);
     if (err)
         return err;
-    return pic->renderer->device || pic->cells ? render_bands(pic) : render_skipping(pic->renderer, pic);
-}
-
-/* On the device, if there is one that can. */
-static int render_anywhere(struct render_picture *pic)
-{
-    pic->device = pic->renderer->device;
-    pic->end = pic->plan->lf->height;
-    if (pic->device && pic->cells)
-        find_rows(pic->plan, pic->cells, &pic->top, &pic->end);
-    if (pic->device && pic->top < pic->end && render_device_picture(pic->device, pic))
-        return pic->err;
-    return render_picture_on_cpu(pic, 0, 0);
+    return pic->renderer->runner || pic->cells ? render_picture_bands(pic) : render_skipping(pic->renderer, pic);
 }
 
 int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_plan *p, const uint8_t *cells,
                                 struct sst_image *out)
 {
-    return render_anywhere(&(struct render_picture){ .renderer = r, .plan = p, .cells = cells, .out = out });
+    return render_picture_run(&(struct render_picture){ .renderer = r, .plan = p, .cells = cells, .out = out });
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -564,12 +455,12 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
     }
     if (cfg->method == SST_RENDER_CLEAR)
         return clear_render(r, cfg, out, valid);
-    err = r->device ? render_plan_init_pending(&plan, r, cfg) : sst_render_plan_init(&plan, r, cfg);
+    err = render_plan_init_pending(&plan, r, cfg);
     if (err)
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = render_anywhere(
+    err = render_picture_run(
         &(struct render_picture){ .renderer = r, .plan = &plan, .own = &plan, .out = out, .valid = valid });
     sst_render_plan_fini(&plan);
     return err;

@@ -3,7 +3,6 @@
 #define SST_PIPELINE_METHOD_RENDER_RENDER_H
 
 #include "base/log.h"
-#include "pipeline/gpu/gpu.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
@@ -93,7 +92,7 @@ struct sst_render_config {
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
     int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
     const struct sst_render_merge *merge; /* borrowed; NULL: none */
-    /* Skips (design.md, 5.5), not on a device, not where rays are verified, and not of clear pictures, which stop at
+    /* Skips (design.md, 5.5), not with a runner, not where rays are verified, and not of clear pictures, which stop at
      * `rays` anyway. */
     bool skip_rays;       /* S2: a tile has fewer views, or no weights, if that changes its sampled rows little */
     double skip_error_db; /* least PSNR against the exact picture, 20..100; estimated from sampled rows */
@@ -128,86 +127,13 @@ SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct s
 void sst_renderer_destroy(struct sst_renderer *r);
 
 /**
- * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
- *
- * Pixels whose weights underflow are the CPU's; so are the verification of rays and the holes of clear pictures where a
- * device cannot hold what they need (docs/design/gpu.md). Rays from raw frames are resampled on the device for each
- * picture. Pictures differ from those of the CPU by at
- * most SST_GPU_BLEND_LEVELS levels (pipeline/gpu/blend.h, clear.h), except where rays are verified and the sum of
- * weights lies at a threshold. A device that fails is logged as a warning and counted; the picture is then rendered on
- * the CPU, and the device is tried again later.
- *
- * @param name          as of sst_gpu_open(), or "cpu": on no device; "auto" without a GPU as well
- * @param memory_bytes  that it may use of the device's memory; 0: three quarters. Views that do not fit are uploaded
- * again for each picture
- * @return 0, or as sst_gpu_open() and -ENOTSUP (its shader is refused); logged
- */
-SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes);
-
-struct sst_runner;
-
-/** The same on a device that is open for other work. @param runner  lives longer; NULL: on no device */
-SST_MUST_CHECK int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner);
-
-/**
  * Of a light field of raw frames (images_raw): rays are of rectified views from now on, with the pictures of the same
- * light field loaded without SST_LOAD_RAW. A device rectifies on its own; the CPU does where it needs colours of views,
- * once. Encoded frames (SST_LOAD_ENCODED) are decoded straight to memory that the device copies from. Not for rays that
- * are verified: colours are counted in the frames.
+ * light field loaded without SST_LOAD_RAW. Shaders rectify on their own, encoded frames (SST_LOAD_ENCODED) without a copy
+ * between; the CPU does where it needs colours of views, once. Not for rays that are verified: colours are counted in the frames.
  *
  * @return 0, -EINVAL (no raw frames), -ENOMEM; logged
  */
 SST_MUST_CHECK int sst_renderer_use_rectified(struct sst_renderer *r);
-
-struct sst_step;
-
-#define SST_RENDER_STEPS 8
-
-/** Steps of pictures on a device. One that differs from the CPU is not used: without the first one a device does not
- * render. */
-extern const struct sst_step *const sst_render_steps[SST_RENDER_STEPS];
-
-/** A light field that changes in tiles while a device renders it. All is borrowed, and must outlive the renderer. */
-struct sst_render_live {
-    uint64_t *const *stamp;         /* [views] of [tile_rows][tile_cols]: serial number of a tile's last change */
-    int tile, tile_cols, tile_rows; /* px of a tile's side; tiles */
-    const uint64_t *since;          /* another value: everything changed (views came or left) */
-};
-
-/**
- * The same for a light field that changes: rows of tiles that changed are uploaded again. A wait for the device is
- * shorter (struct sst_gpu_config, `prompt`), and a device that cannot be opened now is tried again later, as one that
- * fails. Of failures in a row only the first is logged, and that the device works again. Networks share the device:
- * memory_bytes of 0 is SST_GPU_PICTURES_PERCENT of it.
- *
- * @return 0, also where there is no such device; -ENOMEM (logged)
- */
-SST_MUST_CHECK int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
-                                                const struct sst_render_live *live);
-
-/** What a device has done. */
-struct sst_render_device_report {
-    char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
-    bool failing;              /* it failed at its last picture, or could not be opened, and is tried again later */
-    char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
-    int64_t pictures;        /* made there */
-    int64_t in_parts;        /* of them: clear pictures in bands of rows */
-    int64_t verified_on_cpu; /* of them: their rays were verified on the CPU */
-    char why_verified[192];  /* the last one of these */
-    int64_t filled_on_cpu;   /* likewise: the holes of clear pictures were filled there */
-    char why_filled[128];
-    int64_t on_cpu;          /* others */
-    int64_t failures;        /* times that the device failed */
-    char why[128];           /* the last of on_cpu */
-    int chunks;              /* that the views lie in, now */
-    int64_t dispatches, uploads, upload_bytes;
-    int64_t total_ns, upload_ns, download_ns; /* of pictures */
-    int64_t rectified;                        /* views made there from raw frames */
-    int64_t frames_ns;                        /* of upload_ns: frames decoded, and tables made, for them */
-};
-
-/** @return false: there is no device */
-bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out);
 
 /** Counters of skip_rays since the renderer was created. Shares are of all rays, 0..1. */
 struct sst_render_skip_report {

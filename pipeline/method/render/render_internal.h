@@ -10,7 +10,6 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
-#include "pipeline/gpu/verify.h"
 #include "pipeline/method/render/plan.h"
 #include "pipeline/step/run.h"
 
@@ -41,9 +40,16 @@ int explainer_bins(const struct explainer *e);
 /** Disparities, in pixels, of rays whose stored disparity is above `nearest`. @return false: there are none */
 bool explainer_reach(const struct explainer *e, int nearest, double *least_px, double *most_px);
 
-/** The views around that of tap k. @param out  [SST_GPU_VERIFY_AROUND], `view` the number of a tap @return their number
- */
-int explainer_around(const struct explainer *e, int k, struct sst_gpu_verify_near *out);
+#define EXPLAINER_AROUND 8 /* views around another at most */
+
+/** A view around another: a point moves by bx, by pixels to it per pixel of disparity. */
+struct explainer_near {
+    float bx, by;
+    int tap;
+};
+
+/** The views around that of tap k. @param out  [EXPLAINER_AROUND] @return their number */
+int explainer_around(const struct explainer *e, int k, struct explainer_near *out);
 
 /* --- frames.c: raw frames --- */
 
@@ -62,41 +68,29 @@ SST_MUST_CHECK int render_need_view(struct sst_renderer *r, int view);
 /** Set `rectified` and `seen` of a frame with a sampler, under the renderer's lock. @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int render_rectify_frame(struct sst_renderer *r, int view);
 
-/** As sst_render_plan_init() for pictures that a device may render: render_need_frames() has to be called before the
- * CPU has anything to do with colours of views. */
+/** As sst_render_plan_init(); with a runner render_need_frames() has to be called before the CPU has anything to do with
+ * colours of views. */
 SST_MUST_CHECK int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r,
                                             const struct sst_render_config *cfg);
 
-/* --- device.c: pictures on a GPU ---------------------------------------------------------------------------------- */
+/* --- pictures that a runner places ------------------------------------------------------------------------------------- */
 
-struct render_device; /* one device with one light field; any number of threads, one picture at a time */
+struct render_runner; /* user of a runner for one light field; any number of threads, one picture at a time */
 
-/** Use a device for pictures of lf. @param runner  lives longer @param steps  by enum render_step
- * @param live  NULL: lf does not
- *  change while it lives; else as sst_renderer_use_live_device() @return as that or as sst_renderer_use_device() */
-SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf,
-                                        struct sst_runner *runner, const struct sst_step *const *steps,
-                                        const struct sst_render_live *live);
-void render_device_destroy(struct render_device *d);
+/** NULL is fine. */
+void render_runner_destroy(struct render_runner *d);
 
-/** Steps of pictures, in the order in which pictures need them: a device that is opened again is tested up to the last
- * step that was needed. */
-enum render_step {
-    RENDER_STEP_PICTURE = 0,       /* rays are blended */
-    RENDER_STEP_VERIFY = 1,        /* and verified */
-    RENDER_STEP_CLEAR = 2,         /* clear pictures of rectified views */
-    RENDER_STEP_HOLES = 3,         /* holes of a clear picture with colours and weights */
-    RENDER_STEP_CLEAR_SAMPLED = 4, /* clear pictures: rays are sampled from frames */
-    RENDER_STEP_FRAMES = 5,        /* views are made from frames */
-    RENDER_STEP_SAMPLED = 6,       /* rays are sampled from frames */
-    RENDER_STEP_JPEG = 7,          /* frames are made from the samples of JPEG files */
-};
-
-/** How a device makes a picture. */
+/** How the dispatches of a picture are cut. */
 struct render_bands {
     int rows;   /* of a band: the whole picture, or fewer where memory lacks */
     bool split; /* of the views only rows are there */
 };
+
+/** Pixels x .. x + n of the rows from y on, n at most SST_BLEND_MAX, but for those left to votes.
+ * @param weight  out, sums of weights @param support  out, or NULL */
+struct render_picture;
+typedef void render_rows_fn(const struct render_picture *pic, float (*weight)[SST_BLEND_MAX],
+                            uint8_t (*support)[SST_BLEND_MAX], int x, int n, int y, int rows);
 
 /** A picture: item of the steps that are no clear pictures. */
 struct render_picture {
@@ -107,28 +101,26 @@ struct render_picture {
     int cols;
     struct sst_image *out;
     struct sst_map_u8 *valid;
-    /* on a device */
-    struct render_device *device;
+    render_rows_fn *pixels; /* sums of rays, or what dispatches have made */
+    bool voted;             /* these have verified rays, too */
+    /* of the dispatches */
+    struct render_runner *runner;
     int top, end;              /* rows that have cells, top a multiple of SST_RENDER_CELL_HEIGHT */
-    bool verify;               /* rays are verified there, too */
+    bool verify;               /* they verify rays, too */
     struct render_bands bands; /* that it begins with, and had memory for */
-    const uint32_t *words;     /* its pixels: [height * width] R, G, B, enum sst_gpu_blend_pixel; NULL: the CPU's */
-    const float *weights;      /* [height * width] sums of weights, if rays are verified on the CPU; else NULL */
-    int err;                   /* of the CPU, after the device */
+    const uint32_t *words;     /* their pixels: [height * width] */
+    const float *weights;      /* [height * width] sums of weights, if rays are to be verified; else NULL */
+    int err;                   /* of the CPU, after them */
 };
 
 /** Job of a step: a picture on the CPU. @param arg  struct render_picture [] @return 0, -ENOMEM, -EBADMSG */
 int render_picture_on_cpu(void *arg, int item, int worker);
 
-/** Make the picture from the words of a device: weak pixels, and rays to be verified, are the CPU's. @return 0,
- * -ENOMEM, -EBADMSG */
-SST_MUST_CHECK int render_picture_finish(struct render_picture *pic);
+/** A picture of pic->pixels, with votes and support. @return 0, -ENOMEM */
+SST_MUST_CHECK int render_picture_bands(struct render_picture *pic);
 
-/** Render a picture on the device, with p->err. @return false: not done, which is counted, and logged where the device
- * failed */
-bool render_device_picture(struct render_device *d, struct render_picture *p);
-
-void render_device_report(struct render_device *d, struct sst_render_device_report *out);
+/** Render a picture where the renderer's runner places it, else on the CPU. @return 0, -ENOMEM, -EBADMSG */
+SST_MUST_CHECK int render_picture_run(struct render_picture *pic);
 
 /* --- skip.c ------------------------------------------------------------------------------------------------------- */
 

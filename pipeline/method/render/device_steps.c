@@ -16,7 +16,7 @@ static void picture_dispatch(struct sst_run *r, void *job, int item)
 
     device_picture(r, p);
     if (!sst_run_failed(r))
-        p->err = render_picture_finish(p);
+        p->err = device_picture_finish(p);
 }
 
 static void picture_maps(void *job, int item, struct sst_share_maps *out)

@@ -136,7 +136,7 @@ static int make_picture(struct sample *s, int i)
     err = err ? err : clear_init(c, s->field.renderer, cfg);
     c->as_others = i == 0;
     c->bins = i == 3 ? first_q6(&s->field.lf) + 720 : c->bins;
-    c->device = &s->field.device;
+    c->runner = &s->field.device;
     c->bands.rows = i == 1 ? 17 : i == 3 ? 6 : HEIGHT;
     c->to = (struct clear_target){ &s->image[i], &s->weight[i], i > 1 ? &s->surface[i] : NULL, &s->support[i] };
     return err;

@@ -252,7 +252,7 @@ static int add_picture(struct sample *s, int i, const struct sst_render_config *
                                              .plan = &s->plan[i],
                                              .out = &s->image[i],
                                              .valid = &s->valid[i],
-                                             .device = &s->field.device,
+                                             .runner = &s->field.device,
                                              .end = s->field.lf.height,
                                              .verify = cfg->verify != SST_VERIFY_OFF,
                                              .bands = { s->split ? 8 : s->field.lf.height, s->split } };
