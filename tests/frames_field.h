@@ -2,6 +2,7 @@
 #ifndef SST_TESTS_FRAMES_FIELD_H
 #define SST_TESTS_FRAMES_FIELD_H
 
+#include "pipeline/method/render/device.h"
 #include "tests/raw_field.h"
 #include "tests/test.h"
 
