@@ -3,6 +3,7 @@
 #include <stdatomic.h>
 
 #include "tests/link_session.h"
+#include "tests/small.h"
 
 static const char *refusal(const struct node *n)
 {
@@ -374,7 +375,7 @@ int main(void)
         cmocka_unit_test(datagrams_of_others_do_no_harm),
 #endif
         cmocka_unit_test(who_is_not_of_the_array_is_refused),
-        cmocka_unit_test(strangers_keep_nobody_out),
+        serial_test(strangers_keep_nobody_out),
 #if WITH_ISAL
         cmocka_unit_test(handshakes_of_strangers_keep_nobody_out),
 #endif
