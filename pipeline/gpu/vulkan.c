@@ -5,7 +5,6 @@
 #include "pipeline/gpu/gpu_internal.h"
 
 #if !WITH_VULKAN
-#include <errno.h>
 
 #include "base/log.h"
 

@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/disparity_internal.h"

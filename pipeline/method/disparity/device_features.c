@@ -1,6 +1,5 @@
 /* Features of a run's views, which stay on the device if the network runs there: its result, gathered as the matching
  * reads it. */
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -8,7 +8,6 @@
 #include "base/border.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "pipeline/method/disparity/pair_internal.h"
 

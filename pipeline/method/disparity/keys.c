@@ -1,7 +1,5 @@
 #include "pipeline/method/disparity/disparity.h"
 
-#include <stdlib.h>
-
 /* Is a view present within `reach` rows and columns of another one for which `carried` (NULL: all of them) is false? */
 static bool near_one(const struct sst_lightfield *lf, int view, int reach, const bool *carried)
 {

@@ -1,5 +1,4 @@
 /* Steps of a run after its passes: check, filling, background. */
-#include <math.h>
 #include <string.h>
 
 #include "pipeline/lightfield/share.h"

@@ -4,8 +4,6 @@
  * them (hypotheses.c) and the choice.
  */
 #include <errno.h>
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"

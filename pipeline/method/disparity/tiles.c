@@ -2,7 +2,6 @@
  * optimisation go from tile to tile: where the window of disparities changes, what the last one did not have is far. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"

@@ -1,7 +1,6 @@
 /* Views of one run: described for matching, with their neighbours, checked against others, and filled. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/thread.h"

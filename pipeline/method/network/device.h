@@ -7,7 +7,6 @@
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 
-#include "base/log.h"
 #include "pipeline/step/runner.h"
 
 /* Users of a runner for networks: any number of threads and networks; one network runs at a time. */

@@ -2,7 +2,6 @@
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_INTERNAL_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_INTERNAL_H
 
-#include "pipeline/gpu/gpu.h"
 #include "pipeline/method/network/network_internal.h"
 
 /* --- device_plan.c: a plan on a device; under its lock --- */

@@ -1,6 +1,5 @@
 /* What the values of a network's result are, by the nodes at its end: those that only move or enlarge values are followed
  * to the one that makes them. */
-#include <string.h>
 
 #include "pipeline/method/network/onnx.h"
 

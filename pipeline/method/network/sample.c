@@ -4,7 +4,6 @@
  * on floats, are exact in any order. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/mem.h"
 #include "pipeline/method/network/network_internal.h"

@@ -7,7 +7,6 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/labels/labels.h"

@@ -1,7 +1,6 @@
 #include <errno.h>
 #include <stdlib.h>
 
-#include "base/thread.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/process/process_internal.h"
 

@@ -1,7 +1,6 @@
 #include "pipeline/method/refine/refine.h"
 
 #include <errno.h>
-#include <math.h>
 #include <string.h>
 
 #include "base/log.h"

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdatomic.h>
 
-#include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/method/render/clear_internal.h"
 

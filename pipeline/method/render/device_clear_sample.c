@@ -3,7 +3,6 @@
  * bands; rays from originals of corrected views. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/device_internal.h"

@@ -1,4 +1,3 @@
-#include <string.h>
 
 #include "base/thread.h"
 #include "pipeline/kernels/pyramid_ref.h"

@@ -2,7 +2,6 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_H
 
-#include "base/log.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
