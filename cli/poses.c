@@ -5,11 +5,14 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "base/text.h"
 #include "pipeline/posed/solve/solve.h"
 
 #define METRE_MM 1000.0
 #define MOST_LF  256 /* on one command line */
+#define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
 
 struct poses_run {
     int count;
@@ -17,6 +20,8 @@ struct poses_run {
     struct sst_posed *posed;         /* [count] */
     struct sst_posed_solved *solved; /* [count] */
     bool *saved;                     /* [count] the result is in the folder */
+    int *given;                      /* [count] poses that the views had */
+    char (*origin)[1024];            /* [count] of those */
 };
 
 static json_t *names_json(const struct sst_posed *posed, const bool *doubtful)
@@ -45,11 +50,16 @@ static json_t *centres_json(const struct sst_posed *posed)
     return centres;
 }
 
-static json_t *result_json(const char *dir, const struct sst_posed *posed, const struct sst_posed_solved *r)
+static json_t *result_json(const struct poses_run *run, int i)
 {
-    return json_pack("{s:s, s:i, s:i, s:o, s:o, s:f, s:b, s:f, s:o, s:o, s:o, s:s}", "lightfield", dir, "placed",
+    const struct sst_posed *posed = &run->posed[i];
+    const struct sst_posed_solved *r = &run->solved[i];
+    json_t *free_focal = r->free_focal_px > 0 ? json_real(r->free_focal_px) : json_null();
+
+    return json_pack("{s:s, s:i, s:i, s:o, s:o, s:f, s:o, s:i, s:b, s:f, s:o, s:o, s:o, s:s}", "lightfield", run->dir[i], "placed",
                      r->placed, "views", posed->count, "median_px", cli_real_json(r->median_px), "p90_px",
-                     cli_real_json(r->p90_px), "focal_px", r->focal_px, "metric", (int)posed->metric, "spacing",
+                     cli_real_json(r->p90_px), "focal_px", r->focal_px, "free_focal_px", free_focal,
+                     "given", run->given[i], "metric", (int)posed->metric, "spacing",
                      r->spacing_mm / METRE_MM, "unplaced", names_json(posed, NULL), "doubtful",
                      names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
 }
@@ -60,11 +70,11 @@ static int print_json(const struct poses_run *run)
     json_t *list;
 
     if (run->count == 1)
-        return cli_print_json(result_json(run->dir[0], run->posed, run->solved));
+        return cli_print_json(result_json(run, 0));
     list = json_array();
     for (int i = 0; i < run->count; i++) {
         if (run->saved[i])
-            json_array_append_new(list, result_json(run->dir[i], &run->posed[i], &run->solved[i]));
+            json_array_append_new(list, result_json(run, i));
     }
     return cli_print_json(json_pack("{s:o}", "lightfields", list));
 }
@@ -83,9 +93,12 @@ static void print_names(const char *title, const struct sst_posed *posed, const 
         printf("\n");
 }
 
-static void print_text(const char *dir, const struct sst_posed *posed, const struct sst_posed_solved *r)
+static void print_text(const struct poses_run *run, int i, bool refine)
 {
-    printf("%s: %d of %d views placed", dir, r->placed, posed->count);
+    const struct sst_posed *posed = &run->posed[i];
+    const struct sst_posed_solved *r = &run->solved[i];
+
+    printf("%s: %d of %d views placed", run->dir[i], r->placed, posed->count);
     if (isfinite(r->median_px))
         printf(", residuals %.2f px (median)", r->median_px);
     if (isfinite(r->p90_px))
@@ -93,6 +106,15 @@ static void print_text(const char *dir, const struct sst_posed *posed, const str
     printf(", focal length %.1f px\n", r->focal_px);
     printf("  mean distance of neighbours %.3f %s, %d points\n", r->spacing_mm / METRE_MM,
            posed->metric ? "m" : "(unit unknown)", posed->point_count);
+    if (run->given[i] && !refine)
+        printf("  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
+               run->given[i], (int)strcspn(run->origin[i], ";"),
+               run->origin[i][0] ? run->origin[i] : "of unknown origin");
+    if (r->free_focal_px > 0 && fabs(r->free_focal_px / r->focal_px - 1) > FOCAL_MISS)
+        printf("  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try without --focal, or with "
+               "--lens\n",
+               r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
+               r->free_focal_px > r->focal_px ? "more" : "less");
     print_names("  not placed, too few matches: ", posed, NULL);
     print_names("  doubtful, away from where its neighbours suggest: ", posed, r->doubtful);
 }
@@ -102,13 +124,17 @@ static int load(struct poses_run *run)
     run->posed = calloc((size_t)run->count, sizeof(*run->posed));
     run->solved = calloc((size_t)run->count, sizeof(*run->solved));
     run->saved = calloc((size_t)run->count, sizeof(*run->saved));
-    if (!run->posed || !run->solved || !run->saved)
+    run->given = calloc((size_t)run->count, sizeof(*run->given));
+    run->origin = calloc((size_t)run->count, sizeof(*run->origin));
+    if (!run->posed || !run->solved || !run->saved || !run->given || !run->origin)
         return -ENOMEM;
     for (int i = 0; i < run->count; i++) {
         const int err = sst_posed_load(&run->posed[i], run->dir[i]);
 
         if (err)
             return err;
+        run->given[i] = sst_posed_placed(&run->posed[i]);
+        memcpy(run->origin[i], run->posed[i].history, sizeof(run->origin[i]));
     }
     return 0;
 }
@@ -124,12 +150,20 @@ static void run_fini(struct poses_run *run)
     free(run->posed);
     free(run->solved);
     free(run->saved);
+    free(run->given);
+    free(run->origin);
 }
 
 static int save(struct poses_run *run, int i)
 {
-    const int err = sst_posed_save(&run->posed[i], run->dir[i]);
+    char *history = run->posed[i].history;
+    int err;
 
+    if (run->given[i] && run->origin[i][0]) { /* the older the origin, the sooner it is cut */
+        sst_text_add(history, sizeof(run->posed[i].history), "; before: %s", run->origin[i]);
+        sst_text_make_utf8(history);
+    }
+    err = sst_posed_save(&run->posed[i], run->dir[i]);
     run->saved[i] = !err;
     return err;
 }
@@ -195,7 +229,7 @@ static int run_poses(const struct cli_command *cmd, struct poses_run *run, const
     for (int i = 0; run->saved && i < run->count; i++) {
         saved += run->saved[i];
         if (run->saved[i] && !json)
-            print_text(run->dir[i], &run->posed[i], &run->solved[i]);
+            print_text(run, i, cfg->refine);
     }
     r = saved && json ? print_json(run) : CLI_OK;
     return err ? cli_exit_code(err) : r;

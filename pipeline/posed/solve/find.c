@@ -17,6 +17,7 @@
 #define KNOWN_FOCAL     0.03 /* sigma of the logarithm of a focal length that is given */
 #define LINE_PREFERENCE 1.2  /* cost that a line may have, of the cost without it */
 #define INLIER_PX       3.0
+#define FREE_ROUNDS     20 /* of the adjustment whose focal length is compared with the given one */
 #define STILL_FACTOR    2.0 /* cost of rotations alone, of that with motion, below which nothing moved */
 
 #define RAD        (3.14159265358979 / 180)
@@ -347,6 +348,26 @@ static int enough_views(const struct poses_scene *scene)
     return -EDOM;
 }
 
+/* The focal length that the matches ask for, where a given one is kept: to say that it is wrong. */
+static int find_free_focal(struct poses_scene *scene, const struct poses_adjust *how)
+{
+    struct poses_adjust now = *how;
+    struct poses_model free_model;
+    double cost;
+    int err = poses_model_copy(&free_model, &scene->model);
+
+    if (err)
+        return err;
+    now.focal_sigma = log(FOCAL_FACTOR);
+    now.free_focal = true;
+    now.rounds = FREE_ROUNDS;
+    now.sigma_px = 1;
+    err = poses_adjust(&free_model, &scene->few, &now, &cost);
+    scene->free_focal = free_model.focal;
+    poses_model_fini(&free_model);
+    return err;
+}
+
 int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *cfg)
 {
     struct search s = { .scene = scene, .cfg = cfg };
@@ -369,6 +390,8 @@ int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *c
         how.free_k1 = cfg->free_lens;
         err = poses_finish(scene, &how, 8);
     }
+    if (!err && !how.free_focal)
+        err = find_free_focal(scene, &how);
     for (int i = 0; i < s.attempts; i++)
         poses_model_fini(&s.attempt[i].model);
     poses_tracks_fini(&s.tracks);

@@ -384,6 +384,7 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     }
     posed->median_px = solved->median_px;
     solved->focal_px = posed->view[first_placed(scene)].camera.fx;
+    solved->free_focal_px = scene->free_focal * solved->focal_px / scene->focal;
     solved->spacing_mm = poses_spacing(&scene->model, scene->placed) * w.unit;
     write_history(scene, cfg, solved);
 done:

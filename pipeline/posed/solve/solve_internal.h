@@ -60,6 +60,7 @@ struct poses_scene {
     bool *placed;             /* [views] by sights, or by the rig alone */
     double focal;             /* of ideal px */
     bool focal_known;
+    double free_focal; /* by matches alone, where the focal length is known; 0: not found */
     bool lenses; /* ideal px are of the views' own lenses, else of pinholes */
 };
 
