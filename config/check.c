@@ -1,6 +1,7 @@
 /* Checks between values, after all files are read. */
 #include <arpa/inet.h>
 #include <errno.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -361,6 +362,29 @@ static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
     return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : 1);
 }
 
+/* Cameras that stand anywhere: no lattice, no labels, no visits. */
+static void check_poses(const struct config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+    const struct sst_live_settings *l = &c->live;
+
+    if (l->near_m > 0 && l->far_m > 0 && l->near_m >= l->far_m)
+        fault(source(load, "live.near_m", "live.far_m"), NULL, "must be below far_m");
+    if (!l->poses[0])
+        return;
+    if (l->calibration[0])
+        fault(source(load, "live.poses", NULL), NULL,
+              "is for cameras that stand anywhere, calibration for a lattice; give either");
+    for (int i = 0; i < c->storage.triggers; i++)
+        if (c->storage.trigger[i].label[0] || c->storage.trigger[i].visit)
+            fault(source(load, "storage.record_on", NULL), NULL,
+                  "has a label or visit, which cameras with live: poses do not notice; changes and zones remain");
+    for (int i = 0; i < c->zones; i++)
+        if (c->zone[i].line || isfinite(c->zone[i].near_px) || isfinite(c->zone[i].far_px))
+            fault(source(load, "zones", NULL), NULL,
+                  "has a line or a depth, which cameras with live: poses do not notice; give a zone of all depths");
+}
+
 void config_check_service(struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
@@ -370,6 +394,7 @@ void config_check_service(struct config_load *load)
     check_triggers(load);
     check_hooks(load);
     check_sockets(load);
+    check_poses(load);
     if (c->live.range_min_px > c->live.range_max_px)
         fault(source(load, "live.range_min_px", "live.range_max_px"), NULL, "must not exceed range_max_px");
     if (c->live.sigma_px > 0 && c->live.sigma_px < 1e-6)

@@ -76,6 +76,12 @@ struct sst_live_settings { /* live: */
     bool enabled;
     char calibration[SST_CONFIG_TEXT_MAX]; /* "": views are not rectified */
     double plane_mm;                       /* of rectification; negative: as in the calibration */
+    char poses[SST_CONFIG_TEXT_MAX];       /* of cameras that stand anywhere: a calibration or a posed light field; "":
+                                              the array is a lattice */
+    double surface_m;                      /* of them: distance of the plane; 0: the ground, found between ... */
+    double near_m, far_m;                  /* ... these distances; 0: the points of the light field's scene decide */
+    double fit_every_min;                  /* the ground is found again; 0: at the start and on demand */
+    int compare_px;                        /* width of the pictures by which views are compared, about */
     char model[SST_CONFIG_TEXT_MAX];       /* segmentation network; "": the installed one */
     double range_min_px, range_max_px;     /* disparities searched; equal: estimated */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */

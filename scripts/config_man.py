@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 UNITS = {"_hz": "Hz", "_ms": "ms", "_us": "us", "_mm_s": "mm/s", "_mm_s2": "mm/s2", "_mm": "mm", "_um": "um", "_s": "seconds",
-         "_gb": "GB", "_mb": "MB", "_px": "px", "_days": "days"}
+         "_gb": "GB", "_mb": "MB", "_px": "px", "_days": "days", "_m": "m", "_min": "minutes"}
 # By the values of enum sst_text_kind, enum sst_key_type and enum sst_reload_class.
 TEXT_KINDS = ["text", "text of a-z, 0-9, - and _", "path", "path of a file", "numeric address", "topic",
               "type of an event or \"*\"", "points of a polygon"]

@@ -68,6 +68,7 @@ static void close_live(struct live_engine *v)
     engine_tracks_follow(v);
     sst_live_close(live);
     sst_use_calibration_fini(&v->use);
+    sst_posed_fini(&v->poses);
     /* Of the sets before nothing is rendered any more. */
     v->set_index = 0;
     v->set_t_ns = v->set_wall_ns = v->tried_t_ns = 0;
@@ -121,10 +122,11 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         v->use.plan.plane_mm = c->live.plane_mm;
         l->calibration = &v->use;
     }
-    if (!err)
+    err = err ? err : engine_posed_describe(v, &c->live);
+    if (!err && !l->posed.poses)
         err = c->live.model[0] ? sst_model_resolve(v->model, c->live.model)
                                : sst_model_path(v->model, "pspnet-small.onnx");
-    l->model = v->model;
+    l->model = l->posed.poses ? NULL : v->model;
     return err;
 }
 
@@ -168,8 +170,10 @@ static void open_live(struct live_engine *v)
     if (live)
         engine_follow_device(v);
     log_unknown_labels(unknown);
-    if (err)
+    if (err) {
         sst_use_calibration_fini(&v->use);
+        sst_posed_fini(&v->poses);
+    }
     v->retry_ns = err ? sst_clock_now_ns() + RETRY_NS : 0;
     v->last = v->layout.first - 1;
     free(c);
@@ -441,6 +445,7 @@ static int64_t step(struct live_engine *v)
         v->update++;
         pthread_mutex_unlock(&v->lock);
     }
+    engine_posed_follow(v);
     return took_ns;
 }
 

@@ -120,11 +120,13 @@ void engine_check_by_time(struct live_engine *v)
 int engine_calibration_check(void *engine, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
-    bool ready;
+    bool ready, posed;
 
     pthread_mutex_lock(&v->lock);
-    ready = v->state.ready;
-    if (ready)
+    posed = v->state.posed;
+    ready = v->state.ready || posed;
+    v->refit |= posed;
+    if (ready && !posed)
         v->check_due_ns = 1;
     pthread_mutex_unlock(&v->lock);
     if (!ready)

@@ -148,6 +148,7 @@ struct live_engine {
     /* live thread */
     struct sst_live *live; /* set and cleared under lock, so that stop can cancel it */
     struct sst_use_calibration use;
+    struct sst_posed poses; /* of cameras that stand anywhere; empty: a lattice */
     struct sst_live_config live_config;
     struct sst_live_input input;   /* of the last set */
     struct sst_live_report report; /* about it */
@@ -173,6 +174,7 @@ struct live_engine {
     /* under lock */
     struct sst_config config;
     unsigned config_count, config_seen;
+    bool refit;         /* the ground is to be fitted again */
     bool zones_changed; /* zones of `config` are not in `live` yet */
     bool stop, ended, camera_ended, check_runs, check_ended, notice_runs, notice_ended;
     unsigned notice_count; /* light fields */
@@ -254,6 +256,12 @@ bool engine_wanted(struct sst_slot *slot, int64_t used_ns);
 bool engine_seen_locked(const struct live_engine *v);
 /** May an event start a recording of the main view, which begins some time before? */
 bool engine_armed_locked(const struct live_engine *v);
+
+/* engine_posed.c: arrays whose cameras stand anywhere; all on the live thread */
+/** Poses of the configuration, if it has some, for v->live_config. @return as sst_posed_array_read() */
+SST_MUST_CHECK int engine_posed_describe(struct live_engine *v, const struct sst_live_settings *settings);
+/** Pass on a demand to fit the ground, and note the surface for the status. */
+void engine_posed_follow(struct live_engine *v);
 
 /* engine_check.c; both on the live thread, join also after it has ended */
 void engine_check_by_time(struct live_engine *v);

@@ -113,6 +113,16 @@ const struct sst_field engine_live_fields[] = {
         "Camera spacing. Disparity d lies focal_px * spacing_mm / 1000 / d metres away; null: not calibrated",
         .nullable = true),
     ROW("calibration", TEXT, engine.check, "Last verdict on the calibration, or \"\""),
+    GROUP_IF("surface", engine.posed, "Surface of the pictures of cameras with live: poses; null: a lattice",
+             ROW("known", BOOL, engine.surface.known, "Pictures can be rendered on it"),
+             ROW("fitted", BOOL, engine.surface.fitted, "It was found; false: given, or not found yet"),
+             ROW("fitting", BOOL, engine.surface.fitting, "It is being sought"),
+             ROW("distance_m", REAL, surface_m, "Along the middle camera's axis", .nullable = true),
+             ROW("tilt_deg", REAL, engine.surface.tilt_deg, "Tilt of a plane that was found", .nullable = true),
+             ROW("views", INTEGER, engine.surface.views, "Views that were compared"),
+             ROW("age_s", REAL, surface_age_s, "Time since it was found; null: given, or not found yet",
+                 .nullable = true),
+             ROW("compare_px", INTEGER, compare_px, "Width of the pictures by which views are compared, about")),
     GROUP("quality", "Figures of the pictures, of as many views as were measured; null: not measured",
           ROW("views", INTEGER, engine.noticed_views, "Views that were measured"),
           ROW("noise_levels", REAL, engine.noticed.noise_levels, "Noise, of 0..255", .nullable = true),
@@ -175,6 +185,9 @@ void engine_live(struct live_now *now, struct live_engine *engine, const struct 
     engine_state(engine, v);
     now->settling = engine_settling(v);
     now->verify_rays = s->verify_rays;
+    now->surface_m = v->surface.distance_mm / 1000;
+    now->surface_age_s = v->surface.fitted_ns ? (double)(sst_clock_now_ns() - v->surface.fitted_ns) * 1e-9 : (double)NAN;
+    now->compare_px = s->compare_px;
     now->not_finite = sst_border_count();
     now->latency_ms = window_spread(&v->latency_ms);
     for (int i = 0; i < ENGINE_STAGES; i++) {

@@ -618,6 +618,8 @@ static int explain_locked(struct live_engine *v, struct sst_api_answer *out)
         return sst_api_refuse(out->error, -EINVAL,
                               "what is there fills most of the picture, as a wall or the ground does; choose a thing "
                               "that stands out from it, or set cut_px");
+    case -ENOTSUP:
+        return sst_api_refuse(out->error, -EINVAL, "cameras with live: poses see no things that could be removed");
     case -ENODATA:
         return v->state.ready && v->request.kind == REQUEST_TOGGLE
                    ? sst_api_refuse(out->error, -EINVAL,

@@ -205,6 +205,8 @@ struct engine_state {
     double focal_px, spacing_mm;     /* 0: not known */
     int64_t beat_ns;                 /* when the thread was last seen alive */
     char check[512];                 /* last verdict on the calibration */
+    bool posed;                      /* the cameras stand anywhere: */
+    struct sst_live_surface surface; /* on which pictures are rendered */
     bool misaligned;                 /* which was that cameras have moved, or worse */
     struct sst_notices noticed;      /* of the pictures, without views that are late */
     int noticed_views;               /* that it is of; 0: not measured yet */
@@ -342,6 +344,8 @@ struct live_now {
     const char *device_reason, *labels_reason, *on_cpu[16];
     int on_cpu_count;
     uint64_t not_finite;
+    double surface_m, surface_age_s; /* of cameras with poses */
+    int compare_px;
 };
 
 extern const struct sst_field engine_live_fields[];

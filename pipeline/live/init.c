@@ -98,6 +98,8 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     err = err ? err : set_geometry(&live->lf, cfg);
     err = err ? err : make_stamps(live);
     err = err ? err : live_zones_set(live, cfg->zone, cfg->zones);
+    if (!err && cfg->posed.poses) /* rendered by posed/ */
+        return 0;
     err = err ? err : sst_renderer_create(&live->renderer, &live->lf, cfg->threads);
     err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* no views yet */
     if (!err && cfg->device)

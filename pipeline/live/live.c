@@ -25,9 +25,13 @@ int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
         return -ENOMEM;
     }
     err = live_init(live, cfg);
+    if (!err && cfg->posed.poses)
+        err = sst_liveposed_open(&live->posed, &live->cfg, &live->lf);
     err = err ? err : sst_liveframes_open(&live->frames, &live->cfg, &live->lf);
-    err = err ? err : sst_livescene_open(&live->scene, &live->cfg, &live->lf);
-    err = err ? err : live_watch_open(live);
+    if (!err && !live->posed)
+        err = sst_livescene_open(&live->scene, &live->cfg, &live->lf);
+    if (!err && !live->posed)
+        err = live_watch_open(live);
     if (err) {
         sst_live_close(live);
         return err;
@@ -42,6 +46,7 @@ void sst_live_close(struct sst_live *live)
         return;
     sst_live_cancel(live);
     live_watch_close(live);
+    sst_liveposed_close(live->posed);
     sst_livescene_close(live->scene);
     sst_liveframes_close(live->frames);
     live_fini(live);
@@ -89,6 +94,30 @@ static void set_zones(const struct sst_live *live, const double changed[SST_LIVE
     }
 }
 
+static int update_scene(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
+{
+    int err = sst_livescene_update(live->scene, &live->changes, in, done);
+
+    live->ready = err ? live->ready : done->ready;
+    if (!err && !isnan(done->confirmed))
+        live->confirmed = done->confirmed;
+    if (!err && !isnan(done->confirmed))
+        live->low_confidence = done->confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
+    err = err ? err : live_ingest(live, &live->changes);
+    err = err ? err : live_summarize(live, in->t_ns);
+    return err ? err : live_watch_update(live, in->t_ns);
+}
+
+static int update_posed(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
+{
+    struct sst_live_surface surface;
+    const int err = sst_liveposed_update(live->posed, &live->changes, !in->unseen);
+
+    sst_liveposed_surface(live->posed, &surface);
+    live->ready = done->ready = surface.known;
+    return err;
+}
+
 int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
     struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN };
@@ -102,15 +131,8 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
     live->lost = true;
     if (!err)
         live_zones_changed(live, &live->changes, changed);
-    err = err ? err : sst_livescene_update(live->scene, &live->changes, in, &done);
-    live->ready = err ? live->ready : done.ready;
-    if (!err && !isnan(done.confirmed))
-        live->confirmed = done.confirmed;
-    if (!err && !isnan(done.confirmed))
-        live->low_confidence = done.confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
-    err = err ? err : live_ingest(live, &live->changes);
-    err = err ? err : live_summarize(live, in->t_ns);
-    err = err ? err : live_watch_update(live, in->t_ns);
+    if (!err)
+        err = live->posed ? update_posed(live, in, &done) : update_scene(live, in, &done);
     if (err)
         return err;
     live->lost = false;
@@ -140,23 +162,48 @@ int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struc
 
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS])
 {
+    if (live->posed)
+        return 0;
     return live->watch ? live_watch_tracks(live, out) : sst_livescene_tracks(live->scene, out);
 }
 
 int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4])
 {
-    return sst_livescene_recognise(live->scene, image, box);
+    return live->posed ? 0 : sst_livescene_recognise(live->scene, image, box);
 }
 
 bool sst_live_unsettled(struct sst_live *live)
 {
-    return sst_livescene_unsettled(live->scene);
+    return live->posed ? sst_liveposed_unsettled(live->posed) : sst_livescene_unsettled(live->scene);
 }
 
 bool sst_live_settle(struct sst_live *live)
 {
+    if (live->posed) {
+        const bool settled = sst_liveposed_settle(live->posed);
+
+        live->ready |= settled;
+        return settled;
+    }
     if (!sst_livescene_settle(live->scene, &live->changes))
         return false;
     live->lost = live_ingest(live, &live->changes) || live_summarize(live, live->focus.t_ns);
     return !live->lost;
+}
+
+/* --- cameras that stand anywhere ---------------------------------------------------------------------------------- */
+
+bool sst_live_surface(const struct sst_live *live, struct sst_live_surface *out)
+{
+    if (live->posed)
+        sst_liveposed_surface(live->posed, out);
+    return live->posed != NULL;
+}
+
+int sst_live_refit(struct sst_live *live)
+{
+    if (!live->posed || live->cfg.posed.plane_mm > 0)
+        return -ENOTSUP;
+    sst_liveposed_refit(live->posed);
+    return 0;
 }

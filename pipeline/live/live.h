@@ -6,10 +6,12 @@
 #ifndef SST_PIPELINE_LIVE_LIVE_H
 #define SST_PIPELINE_LIVE_LIVE_H
 
+#include "base/log.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/method/network/device.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/render/device.h"
+#include "pipeline/posed/posed.h"
 
 #define SST_LIVE_TILE  32 /* px: side of the tiles in which changes are reported */
 #define SST_LIVE_ZONES 16
@@ -23,12 +25,23 @@ struct sst_live_zone {
     bool mask;              /* its content counts in no zone; only where it has no limit of depth */
 };
 
+/** Cameras that stand anywhere: nothing is rectified, there are neither disparities nor labels nor tracks, and pictures
+ *  are rendered on a surface (posed/posed.h). */
+struct sst_live_posed {
+    const struct sst_posed *poses; /* [rows * cols] views of the frames' size, by position; copied. NULL: a lattice */
+    double plane_mm;               /* surface: a plane at this distance along the middle view's axis; 0: the ground */
+    double near_mm, far_mm;        /* between which the ground is sought; 0: by the poses' points of the scene */
+    double every_s;                /* the ground is fitted again after this; 0: at the start, and by sst_live_refit() */
+    int compare_px;                /* struct sst_posed_render_config */
+};
+
 struct sst_live_config {
     int rows, cols;
     bool present[SST_MAX_VIEWS]; /* positions of the grid that have a camera */
     uint32_t fourcc;
     int width, height;                             /* of raw frames */
     const struct sst_use_calibration *calibration; /* NULL: frames are already views; must outlive the object */
+    struct sst_live_posed posed;                   /* without a calibration */
     const char *model;                             /* segmentation network; NULL: no labels */
     enum sst_precision precision;
     double range_min_px, range_max_px; /* disparities; equal: estimated from the first set, refined in the background */
@@ -163,6 +176,23 @@ bool sst_live_unsettled(struct sst_live *live);
 /** Apply the maps of the background thread, between framesets. @return true: pictures may have changed */
 bool sst_live_settle(struct sst_live *live);
 
+/** The surface of an array whose cameras stand anywhere. */
+struct sst_live_surface {
+    bool known, fitting;
+    bool fitted;          /* by the program; false: the plane is given */
+    double distance_mm;   /* along the middle view's axis; NaN: not known */
+    double tilt_deg;      /* of a fitted plane against the direction in which it was sought */
+    int views;            /* that were compared */
+    int64_t fitted_ns;    /* time of the last fit; 0: none */
+    char why[SST_LOG_MAX]; /* it is not known, or the last fit failed; "" */
+};
+
+/** @return false: the array is a lattice */
+bool sst_live_surface(const struct sst_live *live, struct sst_live_surface *out);
+
+/** Fit the ground with the next update. @return 0, -ENOTSUP (a lattice, or the plane is given) */
+SST_MUST_CHECK int sst_live_refit(struct sst_live *live);
+
 /** The current light field: sizes, classes, maps. Valid until the next update. */
 const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 
@@ -241,7 +271,7 @@ void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepictu
  * Remove the thing at a pixel of the reference view from clear pictures, or bring it back: a pixel of something removed
  * so brings that back. It is followed while it moves slowly, and forgotten when it is lost for two seconds.
  *
- * @return 0, -ERANGE (outside), -ENODATA (no disparity there, or not ready), -EOVERFLOW (SST_LIVEPICTURE_OBJECTS are
+ * @return 0, -ERANGE (outside), -ENOTSUP (no lattice), -ENODATA (no disparity there, or not ready), -EOVERFLOW (SST_LIVEPICTURE_OBJECTS are
  * removed), -EINVAL (most of the picture), -ENOMEM; not logged.
  */
 SST_MUST_CHECK int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed);

@@ -4,6 +4,7 @@
 #define SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 
 #include "pipeline/live/hidden/hidden.h"
+#include "pipeline/live/posed/posed.h"
 #include "pipeline/live/scene/scene.h"
 #include "pipeline/method/render/focus.h"
 #include "pipeline/method/render/plan.h"
@@ -19,6 +20,7 @@ struct sst_live {
     struct sst_live_config cfg;
     char *model; /* copy of cfg.model */
     struct sst_liveframes *frames;
+    struct sst_liveposed *posed; /* NULL: a lattice; else there are neither scene nor renderer */
     struct sst_livescene *scene;
     struct sst_renderer *renderer;
     struct live_watch *watch;  /* NULL: not wanted */

@@ -172,18 +172,18 @@ const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live)
 
 double sst_live_default_focus(const struct sst_live *live)
 {
-    return live->focus.focus_px;
+    return live->posed ? sst_liveposed_focus(live->posed) : live->focus.focus_px;
 }
 
 
 bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out)
 {
-    return sst_renderer_device(live->renderer, out);
+    return live->renderer && sst_renderer_device(live->renderer, out);
 }
 
 bool sst_live_label_device(const struct sst_live *live, struct sst_network_device_report *out)
 {
-    return sst_livescene_device(live->scene, out);
+    return live->scene && sst_livescene_device(live->scene, out);
 }
 
 const char *const sst_live_device_steps[] = { "labels", "render", NULL };
@@ -192,6 +192,8 @@ const char *const sst_live_cpu_steps[] = { "change", "decode", "rectify",    "di
 
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 {
+    if (live->posed)
+        return sst_liveposed_range(live->posed, min_px, max_px);
     if (isnan(live->min_px))
         return false;
     *min_px = live->min_px;

@@ -130,6 +130,8 @@ static double highest(const struct job *j)
     }
     sst_stats_sort_double(height, n);
     most = n >= 10 ? HIGHEST * height[n - 1 - n / 50] : HIGHEST_SURE * j->layers.distance_mm;
+    if (j->cfg->near_mm > 0)
+        most = fmax(j->layers.distance_mm - j->cfg->near_mm, 0);
     free(height);
     return fmin(most, 0.9 * j->layers.distance_mm);
 }
@@ -160,11 +162,13 @@ static int prepare_layers(struct job *j)
 }
 
 /* Pixels of a view that one of its compared picture is wide: fewer pixels of many views. */
-static int choose_step(const struct sst_posed *posed)
+static int choose_step(const struct sst_posed *posed, int compare_px)
 {
     const double all = (double)sst_posed_placed(posed) * posed->width * posed->height;
     const int usual = (int)lround((double)posed->width / WIDTH_PX), fewer = (int)ceil(sqrt(all / PIXELS));
 
+    if (compare_px > 0)
+        return greys_step(posed, (int)lround((double)posed->width / compare_px));
     return greys_step(posed, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
 }
 
@@ -281,7 +285,8 @@ static int add_views(struct sst_integral *sum[3], struct job *j, int threads)
             for (int i = 0; i < 3 && !err; i++) {
                 const struct sst_deep *deep = &j->deep[i][k];
 
-                err = sst_integral_add(sum[i], &cam, &deep, 1);
+                err = j->cfg->places ? sst_integral_add_at(sum[i], j->cfg->places, &j->view[first + k], &deep, 1)
+                                     : sst_integral_add(sum[i], &cam, &deep, 1);
                 if (err)
                     sst_log_error("%s: views have other channels or levels than the light field, or no memory", j->dir);
             }
@@ -377,7 +382,7 @@ int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *pose
                      .dir = dir,
                      .cfg = cfg,
                      .least = cfg->method == SST_POSED_CLEAR ? 0 : SEE_THROUGH,
-                     .greys = { .step = choose_step(posed) } };
+                     .greys = { .step = choose_step(posed, cfg->compare_px) } };
     const size_t views = (size_t)posed->count;
     int err = 0;
 

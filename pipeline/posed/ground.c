@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -31,7 +32,13 @@ struct search {
     struct agree agree;
     double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
     double along;                   /* of the camera's axis against the normal: negative */
+    const SST_ATOMIC(bool) *canceled;
 };
+
+static int agree_at(struct agree_tally *tally, struct search *s, const struct sst_surface *plane)
+{
+    return s->canceled && atomic_load(s->canceled) ? -ECANCELED : agree_on(tally, &s->agree, plane);
+}
 
 /* Plane at a distance along the camera's axis, tilted by tangents along the two level axes. */
 static struct sst_surface plane_at(const struct search *s, double distance_mm, const double tilt[2])
@@ -136,7 +143,7 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
         const struct sst_surface plane = plane_at(s, distance, none);
         struct agree_tally tally;
 
-        err = agree_on(&tally, &s->agree, &plane);
+        err = agree_at(&tally, s, &plane);
         if (err)
             break;
         out->at_mm[i] = distance;
@@ -181,7 +188,7 @@ static int try_plane(double at[3], double *best, struct search *s, const double 
 {
     const struct sst_surface plane = plane_at(s, trial[0], trial + 1);
     struct agree_tally tally;
-    const int err = agree_on(&tally, &s->agree, &plane);
+    const int err = agree_at(&tally, s, &plane);
     const double score = err ? 0 : tally.spread * likely(trial + 1);
 
     if (!err && score > *best) {
@@ -236,7 +243,7 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
     const int step = greys_step(posed, (int)lround((double)posed->width / WIDTH_PX));
     const struct sst_virtual small = sst_virtual_scaled(camera, step);
     struct sst_posed_ground g = { .chosen = -1 };
-    struct search s = { .camera = camera };
+    struct search s = { .camera = camera, .canceled = cfg->canceled };
     struct greys greys = { .step = step };
     double range[2];
     int view[VIEWS], err = limits(range, posed, camera, cfg);

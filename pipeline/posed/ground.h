@@ -8,6 +8,7 @@ struct sst_ground_config {
     double near_mm, far_mm; /* along the virtual camera's axis; 0: from the sparse points, else from the views' distances */
     bool level;             /* planes stay perpendicular to `up`, or to the axis where it is unknown */
     int threads;
+    const SST_ATOMIC(bool) *canceled; /* NULL: it runs to its end */
 };
 
 #define SST_GROUND_PLANES 400
@@ -32,8 +33,9 @@ struct sst_posed_ground {
  *
  * At most 10 views around the middle are compared, at about 512 px.
  *
- * @return 0, -EINVAL (near and far are not given, no points exist and views are at one place), -ENODATA (fewer than three views see a plane, or
- *         no plane stands out), -ENOMEM, or as sst_posed_picture(); logged
+ * @return 0, -EINVAL (near and far are not given, no points exist and views are at one place), -ENODATA (fewer than
+ *         three views see a plane, or no plane stands out), -ECANCELED (not logged), -ENOMEM, or as
+ *         sst_posed_picture(); logged
  */
 SST_MUST_CHECK int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
                                     const struct sst_virtual *camera, const struct sst_ground_config *cfg);

@@ -77,40 +77,84 @@ void sst_integral_restart(struct sst_integral *integral, const struct sst_surfac
         memset(integral->sum[c], 0, pixels * sizeof(*integral->sum[c]));
     memset(integral->count, 0, pixels * sizeof(*integral->count));
     integral->views = 0;
-    warp_restart(&integral->warp, surface);
+    integral->white = 0;
+    if (surface)
+        warp_restart(&integral->warp, surface);
 }
 
 /* --- views ----------------------------------------------------------------------------------------------------------
  */
 
+/* Segments of a view's bands. */
+struct kept_band {
+    struct sst_warped_segment *segment; /* of all rows, one after another */
+    int segments[WARP_CELL];
+};
+
+struct sst_integral_places {
+    struct warp warp;
+    struct warp_rows *rows; /* [threads] */
+    const struct sst_posed *posed;
+    int views;
+    struct kept_band *band; /* [views][warp.bands] */
+};
+
 struct add_job {
     struct sst_integral *integral;
-    const struct warp_view *view; /* [n] */
+    const struct warp_view *view; /* [n], or NULL: */
+    const struct sst_integral_places *places;
+    const int *of; /* [n] views of the places */
     const struct sst_deep *const *picture;
     int n;
 };
+
+static void add_row(struct sst_integral *s, const struct sst_warped_source *from, int y,
+                    const struct sst_warped_segment *segment, int segments)
+{
+    const size_t at = (size_t)y * (size_t)s->warp.camera.width;
+    uint32_t *sum[3] = { NULL };
+
+    if (!segments)
+        return;
+    for (int c = 0; c < s->channels; c++)
+        sum[c] = s->sum[c] + at;
+    sst_kernels_get()->warped_row(sum, s->count + at, from, segment, (size_t)segments);
+}
 
 static int add_band(void *arg, int band, int worker)
 {
     const struct add_job *job = arg;
     struct sst_integral *s = job->integral;
     struct warp_rows *rows = &s->rows[worker];
-    const struct sst_kernels *kernels = sst_kernels_get();
-    const int width = s->warp.camera.width;
 
     for (int k = 0; k < job->n; k++) {
         const struct sst_warped_source from = warp_source(job->picture[k]);
 
-        warp_band(rows, &s->warp, &job->view[k], band);
-        for (int r = 0; r < WARP_CELL; r++) {
-            const size_t at = ((size_t)band * WARP_CELL + (size_t)r) * (size_t)width;
-            uint32_t *sum[3] = { NULL };
+        if (job->view) {
+            warp_band(rows, &s->warp, &job->view[k], band);
+            for (int r = 0; r < WARP_CELL; r++)
+                add_row(s, &from, band * WARP_CELL + r, rows->segment[r], rows->segments[r]);
+        } else {
+            const struct kept_band *kept = &job->places->band[job->of[k] * s->warp.bands + band];
+            const struct sst_warped_segment *segment = kept->segment;
 
-            for (int c = 0; c < s->channels && rows->segments[r]; c++)
-                sum[c] = s->sum[c] + at;
-            if (rows->segments[r])
-                kernels->warped_row(sum, s->count + at, &from, rows->segment[r], (size_t)rows->segments[r]);
+            for (int r = 0; r < WARP_CELL; segment += kept->segments[r], r++)
+                add_row(s, &from, band * WARP_CELL + r, segment, kept->segments[r]);
         }
+    }
+    return 0;
+}
+
+/* @return -EINVAL: pictures that these sums may not have */
+static int accept(struct sst_integral *integral, const struct sst_deep *const picture[], int n)
+{
+    if (integral->views + n > SST_POSED_MAX_VIEWS)
+        return -EINVAL;
+    for (int k = 0; k < n; k++) {
+        if (!warp_source_fits(picture[k]->width, picture[k]->height) || picture[k]->channels != integral->channels ||
+            (integral->white && picture[k]->white != integral->white))
+            return -EINVAL;
+        integral->white = picture[k]->white;
     }
     return 0;
 }
@@ -120,16 +164,10 @@ int sst_integral_add(struct sst_integral *integral, const struct sst_calib_camer
 {
     struct add_job job = { .integral = integral, .picture = picture, .n = n };
     struct warp_view *view;
-    int err;
+    int err = accept(integral, picture, n);
 
-    if (integral->views + n > SST_POSED_MAX_VIEWS)
-        return -EINVAL;
-    for (int k = 0; k < n; k++) {
-        if (!warp_source_fits(picture[k]->width, picture[k]->height) || picture[k]->channels != integral->channels ||
-            (integral->white && picture[k]->white != integral->white))
-            return -EINVAL;
-        integral->white = picture[k]->white;
-    }
+    if (err)
+        return err;
     view = malloc((size_t)sst_max_int(n, 1) * sizeof(*view));
     if (!view)
         return -ENOMEM;
@@ -142,28 +180,126 @@ int sst_integral_add(struct sst_integral *integral, const struct sst_calib_camer
     return err;
 }
 
+/* --- places that are kept -------------------------------------------------------------------------------------------
+ */
+
+static int keep_band(void *arg, int index, int worker)
+{
+    struct sst_integral_places *p = arg;
+    struct warp_rows *rows = &p->rows[worker];
+    const int band = index % p->warp.bands;
+
+    for (int k = 0; k < p->views; k++) {
+        struct kept_band *kept = &p->band[k * p->warp.bands + band];
+        struct sst_warped_segment *to;
+        struct warp_view view;
+        size_t n = 0;
+
+        if (!p->posed->view[k].camera.known)
+            continue;
+        view = warp_view_of(&p->warp.camera, &p->posed->view[k].camera, p->posed->width, p->posed->height);
+        warp_band(rows, &p->warp, &view, band);
+        for (int r = 0; r < WARP_CELL; r++)
+            n += (size_t)rows->segments[r];
+        to = kept->segment = malloc(n * sizeof(*to) + 1);
+        if (!to)
+            return -ENOMEM;
+        for (int r = 0; r < WARP_CELL; to += rows->segments[r], r++) {
+            kept->segments[r] = rows->segments[r];
+            memcpy(to, rows->segment[r], (size_t)rows->segments[r] * sizeof(*to));
+        }
+    }
+    return 0;
+}
+
+int sst_integral_places_create(struct sst_integral_places **out, const struct sst_virtual *camera,
+                               const struct sst_surface *surface, const struct sst_posed *posed, int threads)
+{
+    struct sst_integral_places *p = calloc(1, sizeof(*p));
+    const int workers = sst_thread_count(threads);
+    int err = p ? 0 : -ENOMEM;
+
+    if (err)
+        return err;
+    p->posed = posed;
+    p->views = posed->count;
+    err = warp_source_fits(posed->width, posed->height) ? warp_init(&p->warp, camera, surface) : -EINVAL;
+    if (!err) {
+        p->rows = calloc((size_t)workers, sizeof(*p->rows));
+        p->band = calloc((size_t)p->views * (size_t)p->warp.bands, sizeof(*p->band));
+        err = p->rows && p->band ? 0 : -ENOMEM;
+    }
+    for (int i = 0; i < workers && !err; i++)
+        err = warp_rows_init(&p->rows[i], &p->warp);
+    err = err ? err : sst_parallel_for(p->warp.bands, workers, keep_band, p);
+    for (int i = 0; p->rows && i < workers; i++)
+        warp_rows_fini(&p->rows[i]);
+    free(p->rows);
+    p->rows = NULL;
+    warp_fini(&p->warp);
+    if (err)
+        sst_integral_places_destroy(p);
+    else
+        *out = p;
+    return err;
+}
+
+void sst_integral_places_destroy(struct sst_integral_places *places)
+{
+    if (!places)
+        return;
+    for (int i = 0; places->band && i < places->views * places->warp.bands; i++)
+        free(places->band[i].segment);
+    free(places->band);
+    free(places);
+}
+
+int sst_integral_add_at(struct sst_integral *integral, const struct sst_integral_places *places, const int view[],
+                        const struct sst_deep *const picture[], int n)
+{
+    struct add_job job = { .integral = integral, .places = places, .of = view, .picture = picture, .n = n };
+    int err = accept(integral, picture, n);
+
+    err = err ? err : sst_parallel_for(integral->warp.bands, integral->threads, add_band, &job);
+    integral->views += err ? 0 : n;
+    return err;
+}
+
 /* --- results --------------------------------------------------------------------------------------------------------
  */
+
+struct levels_job {
+    const struct sst_integral *integral;
+    struct sst_deep *out;
+};
+
+static int level_row(void *arg, int y, int worker SST_UNUSED)
+{
+    const struct levels_job *job = arg;
+    const struct sst_integral *s = job->integral;
+    const size_t width = (size_t)s->warp.camera.width, at = (size_t)y * width;
+
+    for (int c = 0; c < s->channels; c++) {
+        uint16_t *row = sst_map_u16_row(&job->out->plane[c], y);
+
+        for (size_t x = 0; x < width; x++) {
+            const uint32_t n = s->count[at + x] << SST_WARPED_SHIFT;
+
+            if (n)
+                row[x] = (uint16_t)(((uint64_t)s->sum[c][at + x] + n / 2) / n);
+        }
+    }
+    return 0;
+}
 
 int sst_integral_levels(struct sst_deep *out, const struct sst_integral *integral)
 {
     const struct sst_virtual *camera = &integral->warp.camera;
+    struct levels_job job = { integral, out };
     int err = sst_deep_init(out, camera->width, camera->height, integral->channels,
                             integral->white ? integral->white : UINT16_MAX);
 
-    for (int i = 0; i < integral->channels * camera->height && !err; i++) {
-        const int c = i / camera->height, y = i % camera->height;
-        const size_t at = (size_t)y * (size_t)camera->width;
-        uint16_t *row = sst_map_u16_row(&out->plane[c], y);
-
-        for (int x = 0; x < camera->width; x++) {
-            const uint32_t n = integral->count[at + (size_t)x] << SST_WARPED_SHIFT;
-
-            if (n)
-                row[x] = (uint16_t)(((uint64_t)integral->sum[c][at + (size_t)x] + n / 2) / n);
-        }
-    }
-    return err;
+    return err ? err : sst_parallel_for(camera->height, integral->threads, level_row, &job);
 }
 
 int sst_integral_means(struct sst_map_f32 *out, const struct sst_integral *integral, int channel)

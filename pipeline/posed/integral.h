@@ -21,7 +21,7 @@ SST_MUST_CHECK int sst_integral_create(struct sst_integral **out, const struct s
                                        const struct sst_surface *surface, int channels, int threads);
 void sst_integral_destroy(struct sst_integral *integral);
 
-/** Forget the views and change the surface. */
+/** Forget the views and change the surface. @param surface  NULL: the same one */
 void sst_integral_restart(struct sst_integral *integral, const struct sst_surface *surface);
 
 /**
@@ -35,6 +35,20 @@ void sst_integral_restart(struct sst_integral *integral, const struct sst_surfac
 #define SST_INTEGRAL_ERROR_PX 0.05
 SST_MUST_CHECK int sst_integral_add(struct sst_integral *integral, const struct sst_calib_camera *const camera[],
                                     const struct sst_deep *const picture[], int n);
+
+/** Places of a virtual camera's pixels on a surface in the views of an array that stays as it is, for pictures that it
+ *  takes again and again. Memory: 1.5 bytes a pixel and view. Read by any number of threads. */
+struct sst_integral_places;
+
+/** @param posed  views that are not placed have no places @return 0, -EINVAL (sides as above), -ENOMEM; not logged */
+SST_MUST_CHECK int sst_integral_places_create(struct sst_integral_places **out, const struct sst_virtual *camera,
+                                              const struct sst_surface *surface, const struct sst_posed *posed,
+                                              int threads);
+void sst_integral_places_destroy(struct sst_integral_places *places);
+
+/** sst_integral_add() of the same bytes with known places. @param view  [n] of the places' views */
+SST_MUST_CHECK int sst_integral_add_at(struct sst_integral *integral, const struct sst_integral_places *places,
+                                       const int view[], const struct sst_deep *const picture[], int n);
 
 /** Means, rounded to levels; 0 where no view sees the surface. @param out  out, initialised here with the pictures'
  * white

@@ -22,6 +22,17 @@ static int check(const struct sst_posed *posed, const struct sst_deep *deep, con
     return -EBADMSG;
 }
 
+static int copy(struct sst_deep *out, const struct sst_deep *in)
+{
+    const int err = sst_deep_init(out, in->width, in->height, in->channels, in->white);
+
+    for (int c = 0; c < in->channels && !err; c++)
+        memcpy(out->plane[c].data, in->plane[c].data, in->plane[c].stride * (size_t)in->height);
+    if (err)
+        sst_log_error("no memory for a picture of %d x %d", in->width, in->height);
+    return err;
+}
+
 int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const char *dir, int view)
 {
     const struct sst_posed_view *v = &posed->view[view];
@@ -29,8 +40,11 @@ int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const
     struct sst_deep made;
     uint8_t *data;
     size_t size;
-    int err = posed_read_view(path, &data, &size, v, dir);
+    int err;
 
+    if (posed->picture)
+        return copy(out, &posed->picture[view]);
+    err = posed_read_view(path, &data, &size, v, dir);
     if (err)
         return err;
     /* A file that cannot be decoded is reported as such, not as one that has changed. */

@@ -5,7 +5,7 @@
 #include "pipeline/image/deep.h"
 #include "pipeline/posed/posed.h"
 
-/** Read a view's picture, levels as they are in its file. @param dir  of the light field. Thread: any
+/** Read a view's picture, levels as they are in its file, or copy it. @param dir  of the light field. Thread: any
  *  @return 0, -ENOENT, -EBADMSG (damaged, of another size, or other bytes than its hash), -ENOMEM, -EIO; logged */
 SST_MUST_CHECK int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const char *dir, int view);
 

@@ -6,6 +6,8 @@
 
 #define SST_POSED_MAX_VIEWS 1024
 
+struct sst_deep; /* pipeline/image/deep.h */
+
 /**
  * One view. `camera.known` says whether it is placed: its lens, rotation and position are then in the axes of the light
  * field's world, P = rotation (X - position_mm); in a view that is not placed, the lens may be known alone (fx above 0).
@@ -44,6 +46,7 @@ struct sst_posed {
     struct sst_posed_view *view; /* [count]. Owned. */
     struct sst_posed_point *points; /* [point_count], or NULL. Owned. */
     int point_count;
+    const struct sst_deep *picture; /* [count], of a light field without a folder; NULL: pictures are files. Borrowed. */
 };
 
 /** True if the folder's lightfield.json describes a posed light field. @return false also where there is none */

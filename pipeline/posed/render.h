@@ -2,8 +2,7 @@
 #ifndef SST_PIPELINE_POSED_RENDER_H
 #define SST_PIPELINE_POSED_RENDER_H
 
-#include "pipeline/image/deep.h"
-#include "pipeline/posed/virtual.h"
+#include "pipeline/posed/integral.h"
 
 enum sst_posed_method {
     SST_POSED_REFOCUS = 0, /* the mean of all views on the surface (integral.h) */
@@ -16,6 +15,9 @@ struct sst_posed_render_config {
     struct sst_virtual camera;
     struct sst_surface surface;
     int threads;
+    int compare_px; /* see-through, clear: width of the pictures that are compared, about; 0: 512, fewer of many views */
+    double near_mm; /* nothing is nearer to the views; 0: by the points of the scene, without them half the distance */
+    const struct sst_integral_places *places; /* of this camera and surface; NULL: they are computed */
 };
 
 /** Zeroed: empty. */

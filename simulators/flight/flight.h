@@ -33,4 +33,33 @@ const char *const *sst_flight_names(void);
  */
 SST_MUST_CHECK int sst_flight_write(const char *name, const struct sst_flight_config *cfg, const char *out, bool force);
 
+/* --- the forest of simulated worlds (simulators/scene/world/) --- */
+
+#define SST_FOREST_FOCAL   2129   /* px of 1000 of the picture's width */
+#define SST_FOREST_SPACING 1000.0 /* mm between cameras */
+
+struct sst_flight_forest; /* opaque; read-only after open */
+
+struct sst_flight_forest_config {
+    uint64_t seed;
+    double high_m; /* of the cameras above the ground */
+    double trees;  /* per 100 m^2; 0: the ground and its walkers alone, the same ones */
+    double half_m[2]; /* half extent of the cameras along x and y */
+    double aspect;    /* height of a picture over its width */
+};
+
+/** @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_flight_forest_open(struct sst_flight_forest **out, const struct sst_flight_forest_config *cfg);
+void sst_flight_forest_close(struct sst_flight_forest *forest);
+
+/**
+ * Draw the forest as a camera sees it, whose axes are the array's: x east, y south, z down, mm, the origin high_m above
+ * the ground. Its lens has no distortion.
+ *
+ * @param image  out, initialised by the caller @return 0, -ENOMEM.   Thread: any.
+ */
+SST_MUST_CHECK int sst_flight_forest_draw(const struct sst_flight_forest *forest,
+                                          const struct sst_calib_camera *camera, double time_s,
+                                          struct sst_image *image);
+
 #endif

@@ -52,6 +52,9 @@ double flight_ground(const struct flight_world *w, double x, double y);
 SST_MUST_CHECK int flight_world_init(struct flight_world *w);
 void flight_world_fini(struct flight_world *w);
 
+/** Walkers by the seed, their starts within half_x and half_y of the origin, m. */
+void flight_place_walkers(struct flight_world *w, double half_x, double half_y);
+
 /** Place of a walker at a time. */
 struct sst_vec3 flight_walker_at(const struct flight_world *w, int walker, double time_s);
 

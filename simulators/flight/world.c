@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "simulators/flight/flight_internal.h"
 
@@ -223,6 +224,24 @@ struct sst_vec3 flight_walker_at(const struct flight_world *w, int walker, doubl
                  y = p->start.y + time_s * p->speed * sin(p->heading);
 
     return (struct sst_vec3){ x, y, flight_ground(w, x, y) };
+}
+
+void flight_place_walkers(struct flight_world *w, double half_x, double half_y)
+{
+    static const uint8_t clothes[2][3] = { { 236, 236, 232 }, { 44, 66, 168 } };
+    uint64_t random = w->seed ^ 0x77616C6Bu;
+
+    w->walkers = FLIGHT_WALKERS;
+    for (int k = 0; k < w->walkers; k++) {
+        struct flight_walker *p = &w->walker[k];
+
+        p->start.x = sst_random_in(&random, -half_x, half_x);
+        p->start.y = sst_random_in(&random, -half_y, half_y);
+        p->heading = sst_random_in(&random, -M_PI, M_PI);
+        p->lies = w->thermal && k % 2;
+        p->speed = p->lies || w->thermal ? 0 : sst_random_in(&random, 0.8, 1.4);
+        memcpy(p->rgb, clothes[k % 2], sizeof(p->rgb));
+    }
 }
 
 /* Body of a walker with feet at the origin that looks along x; axes of an ellipsoid, m. */

@@ -180,24 +180,6 @@ static void disturb(struct sst_posed *posed, const struct sst_flight_config *cfg
 
 /* --- world -------------------------------------------------------------------------------------------------------- */
 
-static void place_walkers(struct flight_world *w, double half_x, double half_y)
-{
-    static const uint8_t clothes[2][3] = { { 236, 236, 232 }, { 44, 66, 168 } };
-    uint64_t random = w->seed ^ 0x77616C6Bu;
-
-    w->walkers = FLIGHT_WALKERS;
-    for (int k = 0; k < w->walkers; k++) {
-        struct flight_walker *p = &w->walker[k];
-
-        p->start.x = sst_random_in(&random, -half_x, half_x);
-        p->start.y = sst_random_in(&random, -half_y, half_y);
-        p->heading = sst_random_in(&random, -M_PI, M_PI);
-        p->lies = w->thermal && k % 2;
-        p->speed = p->lies || w->thermal ? 0 : sst_random_in(&random, 0.8, 1.4);
-        memcpy(p->rgb, clothes[k % 2], sizeof(p->rgb));
-    }
-}
-
 static int make_world(struct job *j)
 {
     const struct kind *kind = j->kind;
@@ -217,7 +199,7 @@ static int make_world(struct job *j)
                                 .slope = { kind->slope[0], kind->slope[1] },
                                 .extent = { -half_x - reach, -half_y - reach, half_x + reach, half_y + reach + flown },
                                 .trees = cfg->cover >= 0 ? cfg->cover : kind->trees };
-    place_walkers(w, half_x * 0.45, half_y * 0.6);
+    flight_place_walkers(w, half_x * 0.45, half_y * 0.6);
     err = flight_world_init(w);
     j->walkers = calloc((size_t)moments, sizeof(*j->walkers));
     if (!err && !j->walkers)

@@ -396,6 +396,47 @@ static void refuses_other_pictures(void **state SST_UNUSED)
     free_scene(&s);
 }
 
+/* Places that are kept give the bytes of computed ones, set after set. */
+static void kept_places_give_the_same_bytes(void **state SST_UNUSED)
+{
+    static const int view[VIEWS] = { 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 };
+    const struct sst_surface surface = flat(0.2, -0.1);
+    struct sst_posed posed = { .count = VIEWS, .width = WIDTH, .height = HEIGHT };
+    struct sst_posed_view views[VIEWS] = { 0 };
+    struct sst_integral_places *places;
+    struct sst_integral *integral[2];
+    struct scene s;
+
+    make_scene(&s, TILTED, 3);
+    for (int k = 0; k < VIEWS; k++)
+        views[k].camera = s.camera[k];
+    posed.view = views;
+    assert_int_equal(sst_integral_places_create(&places, &s.from, &surface, &posed, 2), 0);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(sst_integral_create(&integral[i], &s.from, &surface, 3, 1 + i), 0);
+    for (int set = 0; set < 2; set++) {
+        struct sst_deep got, want;
+
+        for (int i = 0; i < 2; i++)
+            sst_integral_restart(integral[i], NULL);
+        assert_int_equal(sst_integral_add(integral[0], s.cameras + set, s.pictures + set, VIEWS - set), 0);
+        assert_int_equal(sst_integral_add_at(integral[1], places, view + set, s.pictures + set, VIEWS - set), 0);
+        assert_int_equal(sst_integral_levels(&want, integral[0]), 0);
+        assert_int_equal(sst_integral_levels(&got, integral[1]), 0);
+        for (int c = 0; c < 3; c++) {
+            for (int y = 0; y < HEIGHT; y++)
+                assert_memory_equal(sst_map_u16_row(&got.plane[c], y), sst_map_u16_row(&want.plane[c], y), WIDTH * 2);
+        }
+        sst_deep_fini(&got);
+        sst_deep_fini(&want);
+    }
+    sst_integral_places_destroy(places);
+    sst_integral_places_destroy(NULL);
+    for (int i = 0; i < 2; i++)
+        sst_integral_destroy(integral[i]);
+    free_scene(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -403,6 +444,7 @@ int main(void)
         cmocka_unit_test(rays_meet_surfaces),          cmocka_unit_test(views_that_see_nothing),
         cmocka_unit_test(one_view_is_itself),          cmocka_unit_test(threads_give_the_same_bytes),
         cmocka_unit_test(lattice_equals_its_renderer), cmocka_unit_test(refuses_other_pictures),
+        cmocka_unit_test(kept_places_give_the_same_bytes),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

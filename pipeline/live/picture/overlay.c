@@ -115,7 +115,7 @@ int sst_livepicture_overlay(struct sst_live *live, enum sst_livepicture_overlay 
     const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
     double min_px, max_px;
 
-    if (!live->ready || !v || !v->image.plane[0] || !sst_live_range(live, &min_px, &max_px))
+    if (!live->ready || live->posed || !v || !v->image.plane[0] || !sst_live_range(live, &min_px, &max_px))
         return -ENODATA;
     if (kind == SST_LIVE_LABELS_PICTURE && !v->label.data)
         return -ENODATA;

@@ -23,6 +23,7 @@ struct sst_livepicture {
     struct picture_clear *clear; /* NULL until the first clear picture */
     bool is_clear;               /* the image */
     bool outline, tint;
+    struct sst_liveposed_picture posed; /* in place of all above */
 };
 
 int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live)
@@ -35,6 +36,10 @@ int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live)
         return -ENOMEM;
     }
     p->live = live;
+    if (live->posed) {
+        *out = p;
+        return 0;
+    }
     p->cols = (live->lf.width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
     p->rows = (live->lf.height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
     p->cells = malloc((size_t)p->cols * (size_t)p->rows);
@@ -55,6 +60,7 @@ void sst_livepicture_destroy(struct sst_livepicture *p)
     if (p->planned)
         sst_render_plan_fini(&p->plan);
     picture_clear_destroy(p->clear);
+    sst_liveposed_picture_fini(&p->posed);
     sst_image_fini(&p->image);
     free(p->cells);
     free(p);
@@ -251,6 +257,11 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
 
     if (atomic_load(&live->canceled))
         return -ECANCELED;
+    if (live->posed) {
+        err = sst_liveposed_render(live->posed, &p->posed, cfg, rendered_px);
+        *image = &p->posed.image;
+        return err;
+    }
     if (!has_views(live) || (cfg->method != SST_RENDER_REFOCUS && !live->ready))
         return -ENODATA;
     if (cfg->method == SST_RENDER_CLEAR)
@@ -291,17 +302,20 @@ void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint
 
 void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out)
 {
-    if (p->is_clear)
+    if (p->is_clear) {
         picture_clear_state(p->clear, out);
-    else
-        *out = (struct sst_livepicture_clear){
-            .cut_px = NAN, .seen = NAN, .remembered = NAN, .filled = NAN, .oldest_s = NAN
-        };
+        return;
+    }
+    *out = (struct sst_livepicture_clear){
+        .cut_px = NAN, .seen = NAN, .remembered = NAN, .filled = NAN, .oldest_s = NAN
+    };
+    if (p->live->posed && p->posed.method == SST_RENDER_CLEAR && p->posed.serial)
+        out->seen = p->posed.seen;
 }
 
 int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed)
 {
-    const int err = p->live->ready ? reserve_clear(p) : -ENODATA;
+    const int err = p->live->posed ? -ENOTSUP : p->live->ready ? reserve_clear(p) : -ENODATA;
 
     return err ? err : picture_clear_toggle(p->clear, x, y, removed);
 }
@@ -314,8 +328,25 @@ void sst_livepicture_restore(struct sst_livepicture *p)
 
 /* --- picking ------------------------------------------------------------------------------------------------------ */
 
+/* The surface that the picture is focused on. */
+static int pick_posed(const struct sst_livepicture *p, int x, int y, struct sst_livepicture_pick *out)
+{
+    const struct sst_image *image = &p->posed.image;
+
+    if (!p->posed.serial)
+        return -ENODATA;
+    if (x < 0 || y < 0 || x >= image->width || y >= image->height)
+        return -ERANGE;
+    *out = (struct sst_livepicture_pick){
+        .disp_px = sst_liveposed_disparity(p->live->posed, p->posed.focus_px, x, y), .front_px = NAN
+    };
+    return isnan(out->disp_px) ? -ENODATA : 0;
+}
+
 int sst_livepicture_pick(struct sst_livepicture *p, int x, int y, struct sst_livepicture_pick *out)
 {
+    if (p->live->posed)
+        return pick_posed(p, x, y, out);
     if (x < 0 || y < 0 || x >= p->image.width || y >= p->image.height)
         return -ERANGE;
     if (p->is_clear)

@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "simulators/flight/flight.h"
 
 #define TURN      6.283185307179586
 #define BAND_ROWS 16 /* rows with the same exposure time of a rolling shutter */
@@ -20,7 +21,7 @@ struct sim_stage {
     struct sst_scene_world first;             /* at the start of the loop */
     bool *moving;                             /* [surfaces] */
     int frames, steps;
-    bool hedge;
+    bool hedge, forest;
     bool empty;                 /* the scene is "board": boards are drawn over it */
     int fine;                   /* rendered pixels per pixel along each side: board edges need more than four samples */
     struct sst_scene_warp warp; /* of the rig's camera */
@@ -59,6 +60,10 @@ static int build(const struct sim_stage *s, int frame, double late_s, struct sst
 
     if (s->hedge) {
         *w = (struct sst_scene_world){ .focal = SST_HEDGE_FOCAL, .spacing_mm = SST_HEDGE_SPACING };
+        return 0;
+    }
+    if (s->forest) {
+        *w = (struct sst_scene_world){ .focal = SST_FOREST_FOCAL, .spacing_mm = SST_FOREST_SPACING };
         return 0;
     }
     sst_scene_config_defaults(&cfg);
@@ -106,6 +111,10 @@ static int find_motion(struct sim_stage *s)
         return -ENOMEM;
     if (s->hedge) {
         s->frames = pass_frames(s) + wind_frames(s);
+        return 0;
+    }
+    if (s->forest) { /* walkers go there and back */
+        s->frames = s->steps / 2 + 1;
         return 0;
     }
     for (int i = 0; i < 2 * s->frames; i++) {
@@ -257,6 +266,7 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->empty = !strcmp(settings->scene, "board");
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->hedge = !strcmp(settings->scene, SIM_HEDGE);
+    s->forest = !strcmp(settings->scene, SIM_FOREST);
     s->frames = s->steps = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
     err = build(s, 0, 0, &s->first); /* without the board: its poses may depend on the scene's size */
     if (err)
@@ -340,6 +350,8 @@ int sim_stage_frame_at(const struct sim_stage *s, int step)
 {
     const int pass = s->hedge ? pass_frames(s) : 0;
 
+    if (s->forest)
+        return sst_min_int(step, s->steps - step);
     return !s->hedge || step < pass ? step : pass + (step - pass) % wind_frames(s);
 }
 
@@ -475,6 +487,43 @@ static int shoot_hedge(const struct sim_stage *s, const struct shooting *t)
     return err;
 }
 
+static void forest_camera(struct sst_calib_camera *out, const struct sim_camera *c)
+{
+    *out = (struct sst_calib_camera){ .known = true, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy };
+    memcpy(out->rotation, c->rotation, sizeof(out->rotation));
+    memcpy(out->position_mm, c->position_mm, sizeof(out->position_mm));
+}
+
+/* A forest whose trees stand still, and walkers. */
+static int shoot_forest(const struct sim_stage *s, struct shooting *t)
+{
+    const struct sst_sim_settings *c = s->settings;
+    const struct sst_flight_forest_config cfg = {
+        .seed = c->seed,
+        .high_m = c->forest_high_m,
+        .trees = c->forest_trees,
+        .half_m = { c->cols * s->optics.spacing_mm / 2000, c->rows * s->optics.spacing_mm / 2000 },
+        .aspect = (double)c->height / c->width,
+    };
+    struct sst_flight_forest *forest = NULL;
+    struct sst_calib_camera camera;
+    struct sst_image native = { 0 };
+    int err = sst_image_init(&native, c->width, c->height);
+
+    t->camera = &s->camera[t->cam];
+    forest_camera(&camera, t->camera);
+    err = err ? err : sst_flight_forest_open(&forest, &cfg);
+    for (int i = 0; i < s->frames && !err; i++) {
+        err = sst_flight_forest_draw(forest, &camera, i / c->rate_hz, &native);
+        if (!err)
+            expose(s, t, i, &native, &native);
+        err = err ? err : t->fn(t->arg, i, &native);
+    }
+    sst_flight_forest_close(forest);
+    sst_image_fini(&native);
+    return err;
+}
+
 /* Render a picture with the camera's own lens and position. */
 static int shoot_from(const struct sim_stage *s, struct shooting *t, const struct sim_camera *camera)
 {
@@ -500,6 +549,8 @@ int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void 
         t.camera = &s->camera[cam];
         return shoot_hedge(s, &t);
     }
+    if (s->forest)
+        return shoot_forest(s, &t);
     err = shoot_from(s, &t, &s->camera[cam]);
     t.first = change;
     t.last = s->frames;
@@ -542,7 +593,7 @@ int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3],
         .disp = depth,
         .label = label,
     };
-    int err = s->hedge ? -EINVAL : build(s, frame, 0, &w);
+    int err = s->hedge || s->forest ? -EINVAL : build(s, frame, 0, &w);
 
     if (err)
         return err;

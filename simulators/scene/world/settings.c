@@ -15,7 +15,7 @@
 #define SIDE_MAX   8192
 #define FRAMES_MAX 1000
 #define US_MAX     1e7
-#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, terrace, hedge or board"
+#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, terrace, hedge, forest or board"
 #define OPTICS     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, bust, terrace or board"
 
 /* Scenes of surfaces, with which boards and any optics go together. */
@@ -30,7 +30,7 @@ static bool has_surfaces(const char *name)
 
 static bool is_scene(const char *name)
 {
-    return has_surfaces(name) || !strcmp(name, SIM_HEDGE);
+    return has_surfaces(name) || !strcmp(name, SIM_HEDGE) || !strcmp(name, SIM_FOREST);
 }
 
 static void default_board(struct sst_sim_board *b)
@@ -47,12 +47,26 @@ static void default_board(struct sst_sim_board *b)
 /* Whole periods of the scene's motion, so that the loop is seamless. */
 static void default_loop(struct sst_sim_settings *s)
 {
-    const bool leaves = !strcmp(s->scene, "bush"), hedge = !strcmp(s->scene, SIM_HEDGE);
+    const bool leaves = !strcmp(s->scene, "bush"), hedge = !strcmp(s->scene, SIM_HEDGE),
+               forest = !strcmp(s->scene, SIM_FOREST);
 
-    s->rate_hz = leaves || hedge ? 5 : s->board.kind ? 1 : 10;
-    s->loop_s = hedge ? 60 : !strcmp(s->scene, "pedestrian") ? 4 : leaves ? 2 : 0.1;
+    s->rate_hz = forest ? 2 : leaves || hedge ? 5 : s->board.kind ? 1 : 10;
+    s->loop_s = hedge ? 60 : forest ? 8 : !strcmp(s->scene, "pedestrian") ? 4 : leaves ? 2 : 0.1;
     if (s->board.kind)
         s->loop_s = fmax(s->loop_s, s->board.poses / s->rate_hz);
+}
+
+/* Ten cameras on a rod, tilted and at unequal heights. */
+static void default_forest(struct sst_sim_settings *s)
+{
+    s->rows = 1;
+    s->cols = 10;
+    s->height = 640;
+    s->quality = 90;
+    s->rotation_spread_deg = 1.5;
+    s->position_spread_mm = 120;
+    s->forest_high_m = 40;
+    s->forest_trees = 9;
 }
 
 void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
@@ -70,6 +84,8 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     s->latency_us = 8000;
     if (!strcmp(scene, "board"))
         default_board(&s->board);
+    if (!strcmp(scene, SIM_FOREST))
+        default_forest(s);
     default_loop(s);
 }
 
@@ -379,6 +395,27 @@ static void check_hedge(struct sst_yaml *doc, struct sst_yaml_node *root, const 
             "in 4 s");
 }
 
+static void read_forest(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    if (map && strcmp(s->scene, SIM_FOREST))
+        sst_yaml_fault(doc, map, "applies only to worlds of the scene forest");
+    sst_yaml_double(doc, sst_yaml_get(map, "high_m"), 5, 500, &s->forest_high_m);
+    sst_yaml_double(doc, sst_yaml_get(map, "trees_per_100m2"), 0, 30, &s->forest_trees);
+}
+
+/* The forest is drawn by lenses without distortion. */
+static void check_forest(struct sst_yaml *doc, struct sst_yaml_node *root, const struct sst_sim_settings *s)
+{
+    bool bent = any(s->distortion, 5) || any(s->distortion_spread, 5);
+
+    for (int cam = 0; cam < SST_CAMERAS_MAX; cam++)
+        bent |= (s->camera[cam].given & (SST_SIM_DISTORTION | SST_SIM_MOVES)) != 0;
+    if (s->rig || s->board.kind || s->rolling || bent)
+        sst_yaml_fault(doc, root,
+                       "has the scene forest, which an array of lenses without distortion sees that does not move: "
+                       "without rig, board, rolling shutter and moves");
+}
+
 /* A mapping below the root, if present. */
 static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *key)
 {
@@ -420,6 +457,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_shutter(doc, section(doc, root, "shutter"), s);
     read_optics(doc, section(doc, root, "optics"), s);
     read_mounting(doc, section(doc, root, "mounting"), s);
+    read_forest(doc, section(doc, root, "forest"), s);
     read_sensor(doc, section(doc, root, "sensor"), s);
     read_timing(doc, section(doc, root, "timing"), s);
     read_host(doc, section(doc, root, "host"), s);
@@ -427,6 +465,8 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_still(doc, section(doc, root, "still"), s);
     if (!strcmp(name, SIM_HEDGE))
         check_hedge(doc, root, s);
+    if (!strcmp(name, SIM_FOREST))
+        check_forest(doc, root, s);
 }
 
 int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)

@@ -108,6 +108,7 @@ struct sst_sim_settings {
     double clock_offset_spread_us, clock_drift_spread_ppm;
     struct sst_sim_board board;
     struct sst_sim_override camera[SST_CAMERAS_MAX];
+    double forest_high_m, forest_trees; /* scene forest: cameras above the ground; trees per 100 m^2 */
     /* At last, because pictures do not depend on them: no part of the cache's key. */
     struct sst_sim_host host;
     struct sst_sim_still still;

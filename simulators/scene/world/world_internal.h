@@ -261,6 +261,9 @@ void sim_photo_expose(const struct sim_photo *photo, const struct sim_exposing *
 /** The scene without surfaces (simulators/scene/hedge.h): ideal cameras of an array, no rig, no board. */
 #define SIM_HEDGE "hedge"
 
+/** The forest (simulators/flight/flight.h): an array of tilted cameras without distortion that looks down. */
+#define SIM_FOREST "forest"
+
 struct sim_stage; /* opaque; read-only after open */
 
 /**
@@ -294,11 +297,11 @@ SST_MUST_CHECK int sim_stage_pose(const struct sim_stage *stage, const int32_t p
                                   sim_picture_fn *fn, void *arg);
 
 /**
- * Exact depth and labels along many rays from a viewpoint; boards are surfaces here. Not of a hedge.
+ * Exact depth and labels along many rays from a viewpoint; boards are surfaces here. Not of a hedge or forest.
  *
  * @param rays   their positions in the ideal picture of that viewpoint, as set with sst_scene_warp_init(); indexed here
  * @param depth  out, mm from the viewpoint along z, 0: nothing; of the rays' size, like label; either may be NULL
- * @return 0, -EINVAL (a hedge), -ENOMEM.   Thread: any.
+ * @return 0, -EINVAL (a hedge or forest), -ENOMEM.   Thread: any.
  */
 SST_MUST_CHECK int sim_stage_look(const struct sim_stage *stage, int frame, const double eye_mm[3],
                                   struct sst_scene_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
