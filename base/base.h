@@ -12,6 +12,16 @@
 
 #define ARRAY_LEN(a) (sizeof(a) / sizeof((a)[0]))
 
+/** Unlink an element from the list, linked by `next`, that it is in. */
+#define SST_LIST_REMOVE(first, element)                                                                                \
+    do {                                                                                                               \
+        __typeof__(element) *link_ = &(first);                                                                         \
+                                                                                                                       \
+        while (*link_ != (element))                                                                                    \
+            link_ = &(*link_)->next;                                                                                   \
+        *link_ = (element)->next;                                                                                      \
+    } while (0)
+
 #ifdef __cplusplus
 #define SST_ATOMIC(type)   type /* C++ only reads the headers */
 #define SST_EXTERN_C_BEGIN extern "C" {

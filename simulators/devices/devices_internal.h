@@ -13,6 +13,7 @@
 #include "base/file.h"
 #include "simulators/devices/proto.h"
 #include "simulators/devices/usb/usb_model.h"
+#include "simulators/rig/drive.h"
 #include "simulators/scene/world/sim_world.h"
 
 /* --- faults: faults that can be set by name while programs run. --- */
@@ -265,7 +266,6 @@ void sim_array_close(struct sim_array *a);
 void sim_array_set_bus(struct sim_array *a, const struct sim_bus *bus);
 
 int sim_array_cameras(const struct sim_array *a);
-const struct sst_sim_usb *sim_array_usb(const struct sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sim_array_node(const struct sim_array *a, int cam);
 
@@ -325,8 +325,6 @@ void sim_gpio_front_close(struct sim_gpio_front *front);
 
 /* --- rig: the motor rig of a session: simulated drives that move the world's camera. --- */
 
-struct sim_rig; /* opaque; simulator's thread */
-
 #define SST_SIM_RIG_LINK "/dev/serial/by-id/usb-sim_rig"
 
 /**
@@ -336,21 +334,15 @@ struct sim_rig; /* opaque; simulator's thread */
  * @param port   0: any free one
  * @return 0, -EADDRINUSE, -ENAMETOOLONG, -ENOMEM or -errno; logged.
  */
-SST_MUST_CHECK int sim_rig_open(struct sim_rig **out, const char *dir, int port, uint64_t seed);
-/** NULL is fine. */
-void sim_rig_close(struct sim_rig *rig);
-
-/** As sst_sim_drive_pose(). */
-void sim_rig_pose(struct sim_rig *rig, int64_t t_ns, int32_t pose_um[3]);
-
+SST_MUST_CHECK int sim_rig_open(struct sst_sim_drive **out, const char *dir, int port, uint64_t seed);
 /** "rig.NAME=VALUE". @param message  out, [size], on failure @return 0 or -EINVAL */
-SST_MUST_CHECK int sim_rig_fault(struct sim_rig *rig, const char *text, char *message, size_t size);
+SST_MUST_CHECK int sim_rig_fault(struct sst_sim_drive *rig, const char *text, char *message, size_t size);
 
 /** All faults of the rig with help, for the list. */
 extern const char sim_rig_faults[];
 
 /** Member "rig" of the status; NULL: no memory. */
-json_t *sim_rig_status(struct sim_rig *rig);
+json_t *sim_rig_status(struct sst_sim_drive *rig);
 
 /* --- session: the folder through which programs find their devices, and the command that runs in it. --- */
 
@@ -418,9 +410,9 @@ struct sim_wires {
     struct sim_sysfs *sysfs;
     struct sim_usb_front *usb;
     struct sim_gpio_front *gpio;
-    struct sim_rig *rig;     /* NULL: none */
-    struct sim_still *still; /* NULL: none */
-    struct sim_array *array; /* NULL until attached */
+    struct sst_sim_drive *rig; /* NULL: none */
+    struct sim_still *still;   /* NULL: none */
+    struct sim_array *array;   /* NULL until attached */
     int rows, cols;
     uint64_t edges[SIM_TRIGGERS_MAX];
     struct sim_timer generator;

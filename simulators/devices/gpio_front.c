@@ -67,11 +67,10 @@ static int read_now(struct open_file *f, struct sim_request *r)
 }
 
 /** Events arrived: waiting readers dequeue them; the rest is signalled to poll(). */
-static void wake(void *arg, struct sst_sim_gpio_file *file)
+static void wake(void *arg SST_UNUSED, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = sst_sim_gpio_user(file);
 
-    (void)arg;
     while (f && f->readers > 0 && sst_sim_gpio_readable(file)) {
         struct sim_request *r = f->waiting[0];
 
@@ -140,25 +139,22 @@ static int attach(struct sim_gpio_front *front, struct sim_handle *h, struct sst
     return 0;
 }
 
-static int chip_open(struct sim_handle *h, struct sim_request *r)
+static int chip_open(struct sim_handle *h, struct sim_request *r SST_UNUSED)
 {
     struct chip *chip = h->device;
     struct sst_sim_gpio_file *file;
     const int err = sst_sim_gpio_open(chip->front->gpio, chip->number, &file);
 
-    (void)r;
     return err ? err : attach(chip->front, h, file);
 }
 
 static void file_close(struct sim_handle *h)
 {
-    struct open_file *f = h->state, **link;
+    struct open_file *f = h->state;
 
     if (!f)
         return; /* its lines were never requested */
-    for (link = &f->front->files; *link != f; link = &(*link)->next)
-        ;
-    *link = f->next;
+    SST_LIST_REMOVE(f->front->files, f);
     sst_sim_gpio_set_user(f->file, NULL);
     sst_sim_gpio_close(f->file, sst_clock_now_ns());
     after_call(f->front);
@@ -237,9 +233,7 @@ static void show_in_sysfs(struct chip *chip, bool present)
     snprintf(name, sizeof(name), "gpiochip%d", chip->number);
     snprintf(number, sizeof(number), "%d:%d", CHARDEV_MAJOR, chip->number);
     snprintf(id, sizeof(id), "c%d:%d", CHARDEV_MAJOR, chip->number);
-    sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
-    sim_props_add(&props, "MINOR=%d", chip->number);
-    sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
+    sim_props_add(&props, "MAJOR=%d\nMINOR=%d\nDEVNAME=%s", CHARDEV_MAJOR, chip->number, name);
     if (present) {
         sim_sysfs_attr(fs, dir, "dev", "%s", number);
         sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
@@ -271,17 +265,14 @@ static int appear(struct chip *chip)
 /** The chip is gone: hang up the programs' files. */
 static void hang_up(struct chip *chip)
 {
-    struct open_file *f = chip->front->files;
-
     sim_node_remove(chip->front->cfg.sysfs->server, chip->node);
     chip->node = NULL;
     show_in_sysfs(chip, false);
-    for (f = chip->front->files; f;) {
-        struct open_file *next = f->next;
+    for (struct open_file *f = chip->front->files, *next; f; f = next) {
+        next = f->next;
 
         if (sst_sim_gpio_gone(f->file))
             sim_handle_drop(f->handle);
-        f = next;
     }
 }
 
@@ -301,13 +292,12 @@ static const struct sim_fault faults[SST_SIM_GPIO_FAULTS] = {
 
 const struct sim_fault_scope sim_gpio_faults = { .name = "gpio", .faults = faults, .count = SST_SIM_GPIO_FAULTS };
 
-static int fault_changed(void *arg, int instance, int fault, double value)
+static int fault_changed(void *arg, int instance SST_UNUSED, int fault, double value)
 {
     struct sim_gpio_front *front = arg;
     struct chip *chip = &front->chip[TRIGGER_CHIP];
     int err = sst_sim_gpio_fault(front->gpio, TRIGGER_CHIP, (enum sst_sim_gpio_fault)fault, value, sst_clock_now_ns());
 
-    (void)instance;
     if (!err && fault == SST_SIM_GPIO_VANISH) {
         if (value != 0 && chip->node)
             hang_up(chip);
@@ -376,8 +366,7 @@ int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front
 
         scope.changed = fault_changed;
         scope.arg = front;
-        err = sim_faults_add(cfg->faults, &scope);
-        err = err < 0 ? err : 0;
+        err = sst_min_int(sim_faults_add(cfg->faults, &scope), 0);
     }
     if (err) {
         sst_log_error("GPIO: cannot create the simulated chips: %s", strerror(-err));

@@ -76,7 +76,7 @@ static int answer_status(const struct sim_simulator *sim, struct sim_request *r)
 
 static int set_fault(struct sim_simulator *sim, const char *text, char *message, size_t size)
 {
-    struct sim_rig *rig = sim->wires->rig;
+    struct sst_sim_drive *rig = sim->wires->rig;
 
     if (rig && !strncmp(text, "rig.", 4))
         return sim_rig_fault(rig, text, message, size);
@@ -131,9 +131,9 @@ static const struct sim_fault world_faults[] = {
     { "board_pose", 0, SST_SIM_POSES_MAX, "the board stays in this pose, from 1; 0: by time, on a rig the first" },
 };
 
-const struct sim_fault_scope sim_world_faults = {
-    .name = "world", .faults = world_faults, .count = ARRAY_LEN(world_faults)
-};
+const struct sim_fault_scope sim_world_faults = { .name = "world",
+                                                  .faults = world_faults,
+                                                  .count = ARRAY_LEN(world_faults) };
 
 static int hold_board(void *arg, int instance SST_UNUSED, int fault SST_UNUSED, double value)
 {

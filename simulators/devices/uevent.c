@@ -176,12 +176,11 @@ void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, c
 
 /* --- listeners ---------------------------------------------------------------------------------------------------- */
 
-static int listener_open(struct sim_handle *h, struct sim_request *r)
+static int listener_open(struct sim_handle *h, struct sim_request *r SST_UNUSED)
 {
     struct sim_sysfs *fs = h->device;
     struct sim_listener *l = calloc(1, sizeof(*l));
 
-    (void)r;
     if (!l)
         return -ENOMEM;
     l->handle = h;
@@ -204,11 +203,9 @@ static int listener_bind(struct sim_handle *h, struct sim_request *r)
 static void listener_close(struct sim_handle *h)
 {
     struct sim_sysfs *fs = h->device;
-    struct sim_listener *l = h->state, **link = &fs->listeners;
+    struct sim_listener *l = h->state;
 
-    while (*link != l)
-        link = &(*link)->next;
-    *link = l->next;
+    SST_LIST_REMOVE(fs->listeners, l);
     while (l->first) {
         struct message *m = l->first;
 

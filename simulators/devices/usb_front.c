@@ -144,11 +144,10 @@ const struct sim_fault_scope sim_hub_faults = {
     .name = "hub", .faults = hub_faults, .count = (int)ARRAY_LEN(hub_faults), .instances = 1
 };
 
-static int bus_changed(void *arg, int instance, int fault, double value)
+static int bus_changed(void *arg, int instance SST_UNUSED, int fault, double value)
 {
     struct sim_usb_front *front = arg;
 
-    (void)instance;
     sst_sim_usb_fault(front->usb, (enum sst_sim_usb_fault)fault, value != 0);
     return 0;
 }
@@ -165,11 +164,10 @@ static int hub_device(const struct sst_sim_usb *usb, int n)
     return -1;
 }
 
-static int hub_changed(void *arg, int instance, int fault, double value)
+static int hub_changed(void *arg, int instance, int fault SST_UNUSED, double value)
 {
     struct sim_usb_front *front = arg;
 
-    (void)fault;
     sst_sim_usb_plug(front->usb, hub_device(front->usb, instance), value == 0);
     return 0;
 }
@@ -191,7 +189,7 @@ static int add_faults(struct sim_usb_front *front)
         scope.arg = front;
         err = sim_faults_add(front->cfg.faults, &scope);
     }
-    return err < 0 ? err : 0;
+    return sst_min_int(err, 0);
 }
 
 /* --- open and close ----------------------------------------------------------------------------------------------- */

@@ -85,11 +85,8 @@ static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device
     snprintf(product, sizeof(product), "%s", sst_sim_usb_product(d));
     underscores(maker, " ");
     underscores(product, " ");
-    sim_props_add(udev, "ID_BUS=usb");
-    sim_props_add(udev, "ID_VENDOR=%s", maker);
-    sim_props_add(udev, "ID_VENDOR_ID=%02x%02x", descriptor[9], descriptor[8]);
-    sim_props_add(udev, "ID_MODEL=%s", product);
-    sim_props_add(udev, "ID_MODEL_ID=%02x%02x", descriptor[11], descriptor[10]);
+    sim_props_add(udev, "ID_BUS=usb\nID_VENDOR=%s\nID_VENDOR_ID=%02x%02x", maker, descriptor[9], descriptor[8]);
+    sim_props_add(udev, "ID_MODEL=%s\nID_MODEL_ID=%02x%02x", product, descriptor[11], descriptor[10]);
     sim_props_add(udev, "ID_REVISION=%02x%02x", descriptor[13], descriptor[12]);
     sim_props_add(udev, "ID_SERIAL=%s_%s%s%s", maker, product, d->serial[0] ? "_" : "", d->serial);
     if (d->serial[0])
@@ -98,10 +95,8 @@ static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device
                   d->kind == SST_SIM_USB_CAMERA  ? ":0e0100:0e0200:"
                   : d->kind == SST_SIM_USB_STILL ? ":060101:"
                                                  : ":090000:");
-    if (d->kind == SST_SIM_USB_STILL) { /* by libgphoto2's rules */
-        sim_props_add(udev, "ID_GPHOTO2=1");
-        sim_props_add(udev, "GPHOTO2_DRIVER=PTP");
-    }
+    if (d->kind == SST_SIM_USB_STILL)
+        sim_props_add(udev, "ID_GPHOTO2=1\nGPHOTO2_DRIVER=PTP"); /* by libgphoto2's rules */
 }
 
 static void add_path_id(struct sim_props *udev, const char *path)
@@ -110,8 +105,7 @@ static void add_path_id(struct sim_props *udev, const char *path)
 
     snprintf(tag, sizeof(tag), "%s", path);
     underscores(tag, ":.");
-    sim_props_add(udev, "ID_PATH=%s", path);
-    sim_props_add(udev, "ID_PATH_TAG=%s", tag);
+    sim_props_add(udev, "ID_PATH=%s\nID_PATH_TAG=%s", path, tag);
 }
 
 /* --- properties in "uevent" --------------------------------------------------------------------------------------- */
@@ -125,14 +119,11 @@ static void add_product(struct sim_props *props, const uint8_t *descriptor)
 
 static void device_props(struct sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
-    sim_props_add(props, "MAJOR=%d", SST_SIM_USB_MAJOR);
-    sim_props_add(props, "MINOR=%d", minor_of(d));
-    sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
-    sim_props_add(props, "DEVTYPE=usb_device");
-    sim_props_add(props, "DRIVER=usb");
+    sim_props_add(props, "MAJOR=%d\nMINOR=%d\nDEVNAME=bus/usb/%03d/%03d", SST_SIM_USB_MAJOR, minor_of(d), d->bus,
+                  d->address);
+    sim_props_add(props, "DEVTYPE=usb_device\nDRIVER=usb");
     add_product(props, descriptor);
-    sim_props_add(props, "BUSNUM=%03d", d->bus);
-    sim_props_add(props, "DEVNUM=%03d", d->address);
+    sim_props_add(props, "BUSNUM=%03d\nDEVNUM=%03d", d->bus, d->address);
 }
 
 static void interface_props(const struct sim_usb_front *front, struct sim_props *props, int device, int interface,
@@ -448,12 +439,8 @@ static void video_udev(struct sim_usb_front *front, int device, struct sim_props
     underscores(id, " ");
     sim_props_add(udev, "S:v4l/by-id/usb-%s-video-index0", id);
     sim_props_add(udev, "S:v4l/by-path/%s-video-index0", path);
-    sim_props_add(udev, "ID_V4L_VERSION=2");
-    sim_props_add(udev, "ID_V4L_PRODUCT=%s", sst_sim_usb_product(d));
-    sim_props_add(udev, "ID_V4L_CAPABILITIES=:capture:");
-    sim_props_add(udev, "ID_TYPE=video");
-    sim_props_add(udev, "ID_USB_INTERFACE_NUM=00");
-    sim_props_add(udev, "ID_USB_DRIVER=uvcvideo");
+    sim_props_add(udev, "ID_V4L_VERSION=2\nID_V4L_PRODUCT=%s\nID_V4L_CAPABILITIES=:capture:", sst_sim_usb_product(d));
+    sim_props_add(udev, "ID_TYPE=video\nID_USB_INTERFACE_NUM=00\nID_USB_DRIVER=uvcvideo");
     add_identity(udev, d, descriptor);
     add_path_id(udev, path);
 }
@@ -481,9 +468,7 @@ void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int 
     snprintf(number, sizeof(number), "81:%d", node);
     snprintf(id, sizeof(id), "c81:%d", node);
     snprintf(dir, sizeof(dir), "%.1800s/video4linux/%s", interface, name);
-    sim_props_add(&props, "MAJOR=81");
-    sim_props_add(&props, "MINOR=%d", node);
-    sim_props_add(&props, "DEVNAME=%s", name);
+    sim_props_add(&props, "MAJOR=81\nMINOR=%d\nDEVNAME=%s", node, name);
     video_udev(front, device, &udev);
     if (present) {
         sim_sysfs_attr(fs, dir, "name", "%s", sst_sim_usb_product(sst_sim_usb_device(front->usb, device)));

@@ -548,11 +548,7 @@ static void file_close(struct sim_handle *h)
     for (unsigned i = 0; i < ARRAY_LEN(f->shown->claims); i++)
         if (f->shown->claims[i] == f)
             let_go(f, i);
-    for (struct usb_file **link = &f->shown->files; *link; link = &(*link)->next)
-        if (*link == f) {
-            *link = f->next;
-            break;
-        }
+    SST_LIST_REMOVE(f->shown->files, f);
     while (f->transfers) {
         struct transfer *t = f->transfers;
 

@@ -127,7 +127,7 @@ static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
 {
     const struct sim_wires *w = arg;
 
-    sim_rig_pose(w->rig, t_ns, pose_um);
+    sst_sim_drive_pose(w->rig, t_ns, pose_um);
 }
 
 /* --- open and close ----------------------------------------------------------------------------------------------- */
@@ -212,7 +212,7 @@ void sim_wires_close(struct sim_wires *w)
     w->array = NULL;
     sim_timer_stop(w->cfg.server, &w->generator);
     sim_still_close(w->still);
-    sim_rig_close(w->rig);
+    sst_sim_drive_stop(w->rig);
     sim_gpio_front_close(w->gpio);
     sim_usb_front_close(w->usb);
     sim_sysfs_close(w->sysfs);

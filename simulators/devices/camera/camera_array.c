@@ -22,15 +22,6 @@ const struct sim_fault_scope sim_camera_faults = {
     .name = "camera", .faults = faults, .count = SST_SIM_FAULTS_OF_CAMERA, .instances = 1
 };
 
-struct sim_array {
-    struct sim_array_config cfg; /* fixed after open, but for `truth` */
-    int cameras, scope;
-    int64_t opened_ns;
-    struct sim_bus bus;
-    FILE *truth;
-    struct sim_cam *cam; /* [cameras] */
-};
-
 /* --- identity ----------------------------------------------------------------------------------------------------- */
 
 void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *out)
@@ -69,16 +60,6 @@ double sim_cam_gauss(struct sim_cam *cam)
     const double radius = sqrt(-2 * log(uniform(cam)));
 
     return radius * cos(2 * 3.14159265358979323846 * uniform(cam));
-}
-
-int64_t sim_array_opened_ns(const struct sim_array *a)
-{
-    return a->opened_ns;
-}
-
-const struct sim_bus *sim_array_bus(const struct sim_array *a)
-{
-    return &a->bus;
 }
 
 /* The camera that is plugged in at the position of camera `cam`: another one with fault "swap". */
@@ -253,11 +234,6 @@ void sim_array_set_bus(struct sim_array *a, const struct sim_bus *bus)
 int sim_array_cameras(const struct sim_array *a)
 {
     return a->cameras;
-}
-
-const struct sst_sim_usb *sim_array_usb(const struct sim_array *a)
-{
-    return a->cfg.usb;
 }
 
 int sim_array_node(const struct sim_array *a, int cam)

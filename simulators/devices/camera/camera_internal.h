@@ -150,7 +150,7 @@ enum sim_cam_fault {
 #define X(fault, ...) SST_SIM_FAULT_##fault,
     SIM_CAM_FAULTS(X)
 #undef X
-    SST_SIM_FAULTS_OF_CAMERA,
+        SST_SIM_FAULTS_OF_CAMERA,
 };
 struct sim_shot {
     struct sim_timer timer;
@@ -193,6 +193,15 @@ struct sim_cam {
     struct sim_cam_counters counters;
 };
 
+struct sim_array {
+    struct sim_array_config cfg; /* fixed after open, but for `truth` */
+    int cameras, scope;
+    int64_t opened_ns;
+    struct sim_bus bus;
+    FILE *truth;
+    struct sim_cam *cam; /* [cameras] */
+};
+
 /** Initialise the sensor. */
 void sim_cam_exposure_init(struct sim_cam *cam);
 int sim_cam_start(struct sim_cam *cam); /* at STREAMON; 0 or -ENOSPC */
@@ -208,8 +217,6 @@ void sim_cam_fault_set(struct sim_cam *cam, int fault, double value);
 double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault);
 bool sim_cam_chance(struct sim_cam *cam, double probability);
 double sim_cam_gauss(struct sim_cam *cam);
-int64_t sim_array_opened_ns(const struct sim_array *a);
-const struct sim_bus *sim_array_bus(const struct sim_array *a);
 /** The camera at the end of this one's cable: another one with fault "swap". */
 int sim_cam_body(const struct sim_cam *cam);
 /** Write the outcome of an exposure to the truth log. why: NULL for delivered. */

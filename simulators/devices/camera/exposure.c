@@ -57,7 +57,7 @@ static void expose(struct sim_cam *cam, uint64_t trigger, int64_t start_ns)
     struct sim_shot lost = { .cam = cam }, *shot = free_shot(cam);
     const double late_ms = sim_cam_fault(cam, SST_SIM_FAULT_LATE_MS);
     const double late_p = sim_cam_fault(cam, SST_SIM_FAULT_LATE_P);
-    const struct sim_bus *bus = sim_array_bus(cam->array);
+    const struct sim_bus *bus = &cam->array->bus;
     struct sim_shot *s = shot ? shot : &lost;
     int64_t due;
 
@@ -131,7 +131,7 @@ static void free_run(void *arg)
 
 int sim_cam_start(struct sim_cam *cam)
 {
-    const struct sim_bus *bus = sim_array_bus(cam->array);
+    const struct sim_bus *bus = &cam->array->bus;
     int err = 0;
 
     if (sim_cam_fault(cam, SST_SIM_FAULT_NOSPACE) > 0)
@@ -158,14 +158,14 @@ void sim_cam_retime(struct sim_cam *cam)
     if (!cam->queue.streaming || cam->control[SST_SIM_CONTROL_TRIGGER])
         return;
     /* Frames start at phase + n * period since the world began: cameras of the same rate keep their relative phase. */
-    phase = sim_array_opened_ns(cam->array) + timing_of(cam)->phase_ns;
+    phase = cam->array->opened_ns + timing_of(cam)->phase_ns;
     cam->free_run_start_ns = phase + ((now - phase) / period + 1) * period - (int64_t)cam->free_run * period;
     beat_at(cam, cam->free_run_start_ns + (int64_t)cam->free_run * period);
 }
 
 void sim_cam_stop(struct sim_cam *cam)
 {
-    const struct sim_bus *bus = sim_array_bus(cam->array);
+    const struct sim_bus *bus = &cam->array->bus;
 
     sim_timer_stop(cam->server, &cam->free_run_timer);
     for (int i = 0; i < SST_SIM_CAM_SHOTS; i++)
@@ -185,7 +185,7 @@ void sim_cam_stop(struct sim_cam *cam)
 static int64_t stamp_of(struct sim_cam *cam, int64_t t_ns)
 {
     const struct sst_sim_timing *t = timing_of(cam);
-    const double age = (double)(t_ns - sim_array_opened_ns(cam->array));
+    const double age = (double)(t_ns - cam->array->opened_ns);
     int64_t stamp = t_ns + t->clock_offset_ns + (int64_t)(age * t->clock_drift_ppm * 1e-6) +
                     (int64_t)(sim_cam_fault(cam, SST_SIM_FAULT_CLOCK_STEP_US) * 1000);
 

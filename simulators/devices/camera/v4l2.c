@@ -30,11 +30,8 @@ static void cam_close(struct sim_handle *h)
 {
     struct sim_open *o = h->state;
     struct sim_cam *cam = h->device;
-    struct sim_open **link = &cam->opens;
 
-    while (*link != o)
-        link = &(*link)->next;
-    *link = o->next;
+    SST_LIST_REMOVE(cam->opens, o);
     if (cam->queue.owner == o)
         sim_cam_queue_free(cam);
     /* It may have released its buffers before. */
@@ -47,7 +44,7 @@ static int query_capabilities(const struct sim_cam *cam, struct v4l2_capability 
 {
     struct sim_identity identity;
 
-    sim_identity(sim_array_usb(cam->array), cam->index, &identity);
+    sim_identity(cam->array->cfg.usb, cam->index, &identity);
     *c = (struct v4l2_capability){ .driver = "uvcvideo",
                                    .version = KERNEL_VERSION_SHOWN,
                                    .device_caps = V4L2_CAP_STREAMING | V4L2_CAP_EXT_PIX_FORMAT };

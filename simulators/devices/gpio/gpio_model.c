@@ -379,15 +379,11 @@ int sst_sim_gpio_open(struct sst_sim_gpio *gpio, int chip, struct sst_sim_gpio_f
 
 void sst_sim_gpio_close(struct sst_sim_gpio_file *file, int64_t now_ns)
 {
-    struct sst_sim_gpio_file **link;
-
     if (!file)
         return;
     if (file->kind != GPIO_FILE_CHIP && !file->gone)
         release_lines(file, file->lines, now_ns);
-    for (link = &file->gpio->files; *link != file; link = &(*link)->next)
-        ;
-    *link = file->next;
+    SST_LIST_REMOVE(file->gpio->files, file);
     free(file->watched);
     free(file->ring);
     free(file);

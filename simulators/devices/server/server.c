@@ -198,15 +198,11 @@ static void serve(struct sim_server *s, struct sim_conn *c)
 
 static void conn_close(struct sim_server *s, struct sim_conn *c)
 {
-    struct sim_conn **link = &s->conns;
-
     if (c->pending) {
         request_cancel(s, c);
         request_end(c);
     }
-    while (*link != c)
-        link = &(*link)->next;
-    *link = c->next;
+    SST_LIST_REMOVE(s->conns, c);
     close(c->fd);
     free(c);
 }
@@ -268,13 +264,11 @@ static void conn_ready(struct sim_server *s, struct sim_source *source, uint32_t
         conn_close(s, c);
 }
 
-static void accept_one(struct sim_server *s, struct sim_source *source, uint32_t events)
+static void accept_one(struct sim_server *s, struct sim_source *source SST_UNUSED, uint32_t events SST_UNUSED)
 {
     const int fd = accept4(s->listener, NULL, NULL, SOCK_CLOEXEC);
     struct sim_conn *c;
 
-    (void)source;
-    (void)events;
     if (fd < 0)
         return;
     c = calloc(1, sizeof(*c));
@@ -298,29 +292,23 @@ static void accept_one(struct sim_server *s, struct sim_source *source, uint32_t
 
 /* --- the loop ----------------------------------------------------------------------------------------------------- */
 
-static void timers_due(struct sim_server *s, struct sim_source *source, uint32_t events)
+static void timers_due(struct sim_server *s, struct sim_source *source SST_UNUSED, uint32_t events SST_UNUSED)
 {
     uint64_t expirations;
 
-    (void)source;
-    (void)events;
     (void)!read(s->timerfd, &expirations, sizeof(expirations));
     sim_timers_fire(s);
 }
 
-static void hangups_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
+static void hangups_ready(struct sim_server *s, struct sim_source *source SST_UNUSED, uint32_t events SST_UNUSED)
 {
-    (void)source;
-    (void)events;
     handle_hangups(s);
 }
 
-static void watched_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
+static void watched_ready(struct sim_server *s SST_UNUSED, struct sim_source *source, uint32_t events SST_UNUSED)
 {
     struct sim_watched *w = (struct sim_watched *)source;
 
-    (void)s;
-    (void)events;
     w->fn(w->arg);
 }
 

@@ -130,14 +130,11 @@ int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path,
 
 void sim_node_remove(struct sim_server *s, struct sim_node *node)
 {
-    struct sim_node **link = &s->nodes;
     char path[SST_PATH_MAX];
 
     if (!node)
         return;
-    while (*link != node)
-        link = &(*link)->next;
-    *link = node->next;
+    SST_LIST_REMOVE(s->nodes, node);
     if (strncmp(node->path, "/dev/", 5) == 0 && place(s, node->path, path) == 0)
         (void)unlink(path);
     sim_files_drop(s, node);

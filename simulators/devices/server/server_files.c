@@ -23,12 +23,10 @@ struct sim_open_file *sim_file_find(struct sim_server *s, uint32_t id)
     return f && f->handle.id == id ? f : NULL;
 }
 
-static void hung_up(struct sim_server *s, struct sim_source *source, uint32_t events)
+static void hung_up(struct sim_server *s SST_UNUSED, struct sim_source *source, uint32_t events SST_UNUSED)
 {
     struct sim_open_file *f = (struct sim_open_file *)source;
 
-    (void)s;
-    (void)events;
     if (!f->dead)
         sim_handle_drop(&f->handle);
 }
