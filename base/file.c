@@ -404,6 +404,14 @@ int sst_outfile_open(struct sst_outfile *out, const char *path)
     return 0;
 }
 
+int sst_outfile_open_in(struct sst_outfile *out, const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+    const int err = sst_path_join(path, dir, name);
+
+    return err ? err : sst_outfile_open(out, path);
+}
+
 static int sync_parent(const char *path)
 {
     char dir[SST_PATH_MAX];

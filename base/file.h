@@ -57,6 +57,9 @@ struct sst_outfile {
 /** @return 0, or -EIO/-ENOSPC/-EROFS/-EACCES, logged. */
 SST_MUST_CHECK int sst_outfile_open(struct sst_outfile *out, const char *path);
 
+/** The file of a name in a folder. @return as sst_outfile_open(), -ENAMETOOLONG, logged */
+SST_MUST_CHECK int sst_outfile_open_in(struct sst_outfile *out, const char *dir, const char *name);
+
 /** Flush, sync and rename; the folder is synced as well, unless it is one of an sst_outdir. On failure the old file
  * stays and the temporary one is removed. Always closes. Logged. */
 SST_MUST_CHECK int sst_outfile_commit(struct sst_outfile *out);

@@ -124,10 +124,8 @@ static void print_piece(FILE *f, const char *dir, const char *name)
 int cli_batch_write_table(const char *out, char *const *name, int count)
 {
     struct sst_outfile file;
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, out, CLI_BATCH_TABLE);
+    const int err = sst_outfile_open_in(&file, out, CLI_BATCH_TABLE);
 
-    err = err ? err : sst_outfile_open(&file, path);
     if (err)
         return err;
     fputs("name", file.stream);

@@ -362,11 +362,8 @@ json_t *cli_real_json(double v)
 int cli_write_json(const json_t *root, const char *dir, const char *name)
 {
     struct sst_outfile out;
-    char path[SST_PATH_MAX];
-    int err = root ? sst_path_join(path, dir, name) : -ENOMEM;
+    const int err = root ? sst_outfile_open_in(&out, dir, name) : -ENOMEM;
 
-    if (!err)
-        err = sst_outfile_open(&out, path);
     if (err)
         return err;
     json_dumpf(root, out.stream, JSON_INDENT(2));

@@ -467,7 +467,6 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
     } file[] = { { "intrinsics.yml", put_intrinsics }, { "extrinsics.yml", put_extrinsics } };
     const int a = sst_calib_next(calib, 0), b = sst_calib_next(calib, a + 1);
     const char *const inputs[] = { NULL };
-    char name[SST_PATH_MAX];
     struct sst_outdir folder;
     struct sst_outfile out;
     int err;
@@ -483,9 +482,7 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
     if (err)
         return err;
     for (int i = 0; i < 2 && !err; i++) {
-        err = sst_path_join(name, folder.temporary, file[i].name);
-        if (!err)
-            err = sst_outfile_open(&out, name);
+        err = sst_outfile_open_in(&out, folder.temporary, file[i].name);
         if (!err) {
             file[i].put(out.stream, calib, &calib->camera[a], &calib->camera[b]);
             err = sst_outfile_commit(&out);

@@ -527,7 +527,7 @@ int sst_calib_read_file(struct sst_calib *out, const char *path, const struct ss
 static int write_folder(const struct sst_calib *calib, const char *path, const char *ending, bool force,
                         void (*put)(FILE *f, const struct sst_calib *calib, int view))
 {
-    char name[64], file[SST_PATH_MAX];
+    char name[64];
     const char *const inputs[] = { NULL };
     const int first = sst_calib_next(calib, 0);
     struct sst_outdir folder;
@@ -542,9 +542,7 @@ static int write_folder(const struct sst_calib *calib, const char *path, const c
         return err;
     for (int k = sst_calib_next(calib, 0); k >= 0 && !err; k = sst_calib_next(calib, k + 1)) {
         snprintf(name, sizeof(name), "%02d_%02d%s", k / calib->cols, k % calib->cols, ending);
-        err = sst_path_join(file, folder.temporary, name);
-        if (!err)
-            err = sst_outfile_open(&out, file);
+        err = sst_outfile_open_in(&out, folder.temporary, name);
         if (err)
             break;
         put(out.stream, calib, k);

@@ -23,15 +23,6 @@ struct format {
     int (*rest)(const struct export_job *job);
 };
 
-/* Open a text file in the output's folder. */
-static int open_text(struct sst_outfile *out, const struct export_job *job, const char *name)
-{
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, job->out, name);
-
-    return err ? err : sst_outfile_open(out, path);
-}
-
 /* --- stanford ----------------------------------------------------------------------------------------------------- */
 
 /* For our own import; the formats have no place for it. */
@@ -78,7 +69,7 @@ static int stanford_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     struct sst_outfile out;
-    int err = open_text(&out, job, "positions.cfg");
+    int err = sst_outfile_open_in(&out, job->out, "positions.cfg");
 
     if (err)
         return err;
@@ -227,7 +218,7 @@ static int hci_rest(const struct export_job *job)
     const struct sst_lightfield *lf = &job->lf;
     const int centre = lf->rows / 2 * lf->cols + lf->cols / 2;
     struct sst_outfile out;
-    int err = open_text(&out, job, "parameters.cfg");
+    int err = sst_outfile_open_in(&out, job->out, "parameters.cfg");
 
     if (err)
         return err;

@@ -372,7 +372,6 @@ int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
                   { "sparse/0/frames.txt", put_frames, false },
                   { "rig_config.json", put_rig_config, true },
                   { "README.txt", put_readme, false } };
-    char path[SST_PATH_MAX];
     struct colmap_model m;
     struct sst_outfile out;
     int err = make_folder(dir, "sparse");
@@ -383,9 +382,7 @@ int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
         if (files[i].one_rig && !m.one_rig)
             continue;
-        err = sst_path_join(path, dir, files[i].name);
-        if (!err)
-            err = sst_outfile_open(&out, path);
+        err = sst_outfile_open_in(&out, dir, files[i].name);
         if (err)
             break;
         files[i].put(out.stream, &m);

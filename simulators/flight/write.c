@@ -284,11 +284,9 @@ static int write_behind(struct job *j)
 static int write_ground(const struct job *j)
 {
     const struct flight_mesh *m = &j->world.mesh;
-    char path[SST_PATH_MAX];
     struct sst_outfile file = { 0 };
-    int err = sst_path_join(path, j->dir, "truth/ground.obj");
+    const int err = sst_outfile_open_in(&file, j->dir, "truth/ground.obj");
 
-    err = err ? err : sst_outfile_open(&file, path);
     if (err)
         return err;
     fputs("# ground of a simulated flight: metres, z up\n", file.stream);
