@@ -49,6 +49,9 @@ struct png_map {
  */
 bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
 
+/** A map becomes a file, by libpng where it cannot be packed faster. Faults are logged. */
+SST_MUST_CHECK int png_write_map(const struct png_map *map, const char *path);
+
 #define JPEG_MARK_DHT 0xC4
 #define JPEG_MARK_SOS 0xDA
 

@@ -1,6 +1,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/stats.h"
 #include "pipeline/image/image.h"
 
 #define BLOCK    8
@@ -27,11 +28,6 @@ static int response(const struct sst_image *img, int x0, int y0)
     return level < DARK * BLOCK * BLOCK || level > BRIGHT * BLOCK * BLOCK ? -1 : sum;
 }
 
-static int ascending(const void *a, const void *b)
-{
-    return *(const int *)a - *(const int *)b;
-}
-
 double sst_image_noise(const struct sst_image *img)
 {
     const int cols = (img->width - 2) / BLOCK, rows = (img->height - 2) / BLOCK;
@@ -49,7 +45,7 @@ double sst_image_noise(const struct sst_image *img)
     }
     if (!n)
         return 0;
-    qsort(found, (size_t)n, sizeof(*found), ascending);
+    sst_stats_sort_int(found, n);
     return sqrt(M_PI / 2) / 6 * found[n / QUANTILE] / (BLOCK * BLOCK);
 }
 

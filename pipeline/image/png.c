@@ -445,8 +445,7 @@ int sst_image_write_samples(const struct sst_image *img, struct sst_samples samp
                      path);
 }
 
-/* A map, by libpng where it cannot be packed faster. */
-static int write_map(const struct png_map *map, const char *path)
+int png_write_map(const struct png_map *map, const char *path)
 {
     uint8_t *data;
     size_t size;
@@ -461,12 +460,12 @@ static int write_map(const struct png_map *map, const char *path)
 
 int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])
 {
-    return write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, false, palette }, path);
+    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, false, palette }, path);
 }
 
 int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
 {
-    return write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, true, NULL }, path);
+    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, true, NULL }, path);
 }
 
 int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path)

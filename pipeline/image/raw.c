@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
+#include "pipeline/image/image_internal.h"
 
 static size_t row_bytes(const struct sst_raw *raw)
 {
@@ -237,20 +238,6 @@ int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw)
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
 
-static int write_grey(const struct sst_raw *raw, const char *path)
-{
-    struct sst_map_u8 map;
-    int err = sst_map_u8_init(&map, raw->width, raw->height);
-
-    if (err)
-        return err;
-    for (int y = 0; y < raw->height; y++)
-        memcpy(sst_map_u8_row(&map, y), raw->data + (size_t)y * stride_of(raw), (size_t)raw->width);
-    err = sst_map_u8_write_png(&map, path, NULL);
-    sst_map_u8_fini(&map);
-    return err;
-}
-
 static int write_y16(const struct sst_raw *raw, const char *path)
 {
     struct sst_map_u16 map;
@@ -280,7 +267,7 @@ int sst_raw_write_png(const struct sst_raw *raw, const char *path)
         return err;
     }
     if (raw->fourcc == V4L2_PIX_FMT_GREY)
-        return write_grey(raw, path);
+        return png_write_map(&(struct png_map){ raw->data, stride_of(raw), raw->width, raw->height, false, NULL }, path);
     if (raw->fourcc == V4L2_PIX_FMT_Y16)
         return write_y16(raw, path);
     err = sst_raw_to_image(&img, raw);
