@@ -385,17 +385,6 @@ static int read_correction(struct sst_lightfield *lf, struct sst_json_reader *r)
     return r->err;
 }
 
-static void read_samples(struct sst_lightfield *lf, struct sst_json_reader *r)
-{
-    double v[2] = { 0, 0 };
-
-    sst_json_doubles(r, "samples", v, 2);
-    if (!r->err && !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535 && v[0] == floor(v[0]) && v[1] == floor(v[1])))
-        sst_json_fault(r, "samples", "are not two ascending whole numbers in 0..65535");
-    if (!r->err)
-        lf->samples = (struct sst_samples){ (int)v[0], (int)v[1] };
-}
-
 /* Parse the arguments of sst_lightfield_init(). */
 static int read_head(struct sst_json_reader *r, int *rows, int *cols, int *version_out)
 {
@@ -459,7 +448,7 @@ static int read_root(struct sst_lightfield *lf, struct sst_json_reader *r)
         sst_json_doubles(r, "off_centre_px", lf->off_centre_px, 2);
     lf->skew_us = json_object_get(r->object, "skew_us") ? sst_json_double(r, "skew_us") : 0;
     if (json_object_get(r->object, "samples"))
-        read_samples(lf, r);
+        sst_json_samples(r, "samples", &lf->samples);
     lf->files->external_labels = sst_json_bool(r, "labels_given");
     sst_json_string(r, "source", lf->files->source, sizeof(lf->files->source));
     sst_json_string(r, "history", lf->files->history, sizeof(lf->files->history));

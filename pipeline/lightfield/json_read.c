@@ -3,6 +3,7 @@
 
 #include <assert.h>
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -174,4 +175,15 @@ void sst_json_doubles(struct sst_json_reader *r, const char *field, double *out,
             sst_json_fault(r, field, "has an element that is not a number");
         out[i] = json_number_value(json_array_get(list, i));
     }
+}
+
+void sst_json_samples(struct sst_json_reader *r, const char *field, struct sst_samples *out)
+{
+    double v[2] = { 0, 0 };
+
+    sst_json_doubles(r, field, v, 2);
+    if (!r->err && !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535 && v[0] == floor(v[0]) && v[1] == floor(v[1])))
+        sst_json_fault(r, field, "are not two ascending whole numbers in 0..65535");
+    if (!r->err)
+        *out = (struct sst_samples){ (int)v[0], (int)v[1] };
 }

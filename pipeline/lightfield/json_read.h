@@ -5,7 +5,7 @@
 #include <jansson.h>
 #include <stdbool.h>
 
-#include "base/base.h"
+#include "pipeline/image/image.h"
 
 #define SST_JSON_MAX_FIELDS 32 /* of the largest object */
 
@@ -37,6 +37,9 @@ bool sst_json_bool(struct sst_json_reader *r, const char *field);
 void sst_json_string(struct sst_json_reader *r, const char *field, char *out, size_t size);
 json_t *sst_json_array(struct sst_json_reader *r, const char *field, size_t max);
 void sst_json_doubles(struct sst_json_reader *r, const char *field, double *out, size_t n);
+
+/** Two ascending whole numbers of 16 bits. */
+void sst_json_samples(struct sst_json_reader *r, const char *field, struct sst_samples *out);
 
 /** 64 lower-case hexadecimal digits. */
 void sst_json_hash(struct sst_json_reader *r, const char *field, char out[65]);

@@ -1,11 +1,15 @@
 #include "pipeline/lightfield/lightfield.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/camera/calib.h"
-#include "pipeline/lightfield/folder.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
 {
@@ -126,4 +130,90 @@ int sst_view_copy(struct sst_view *to, const struct sst_view *from)
     if (!err && from->valid.data)
         memcpy(to->valid.data, from->valid.data, from->valid.stride * (size_t)from->valid.height);
     return err;
+}
+
+/* --- raw frames, some of them files that are decoded when they are needed ----------------------------------------- */
+
+bool sst_view_has_frame(const struct sst_view *v)
+{
+    return v->image.plane[0] || v->encoded;
+}
+
+/* Name of a view in messages. */
+static const char *name_of(const struct sst_lightfield *lf, int view)
+{
+    return lf->files ? lf->files->view[view].name : "frame";
+}
+
+int sst_lightfield_decode_frame(struct sst_image *out, const struct sst_lightfield *lf, int view)
+{
+    const struct sst_view *v = &lf->views[view];
+
+    return sst_image_decode(out, v->encoded, v->encoded_bytes, name_of(lf, view));
+}
+
+int sst_lightfield_put_frame(uint8_t *rgbx, size_t stride, const struct sst_lightfield *lf, int view)
+{
+    const struct sst_view *v = &lf->views[view];
+    const struct sst_calib *calib = lf->calibration;
+    struct sst_image decoded = { 0 };
+    int err = v->encoded ? sst_lightfield_decode_frame(&decoded, lf, view) : 0;
+
+    if (!err && v->encoded && (decoded.width != calib->width || decoded.height != calib->height)) {
+        sst_log_error("%s has %dx%d pixels instead of %dx%d; write it again", name_of(lf, view), decoded.width,
+                      decoded.height, calib->width, calib->height);
+        err = -EBADMSG;
+    }
+    if (!err)
+        sst_image_put_rgbx(rgbx, stride, v->encoded ? &decoded : v->original.plane[0] ? &v->original : &v->image);
+    sst_image_fini(&decoded);
+    return err;
+}
+
+/* --- confirmed disparities ---------------------------------------------------------------------------------------- */
+
+struct job {
+    const struct sst_lightfield *lf;
+    struct sst_confirmed count[SST_MAX_VIEWS];
+};
+
+struct sst_confirmed sst_view_confirmed(const struct sst_view *v)
+{
+    struct sst_confirmed n = { 0, 0 };
+
+    for (int y = 0; y < v->confidence.height; y++) {
+        const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
+        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+
+        for (int x = 0; x < v->confidence.width; x++) {
+            const int seen = !valid || valid[x];
+
+            n.pixels += seen;
+            n.confirmed += seen && confidence[x];
+        }
+    }
+    return n;
+}
+
+static int count_view(void *arg, int view, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+
+    job->count[view] = sst_view_confirmed(&job->lf->views[view]);
+    return 0;
+}
+
+double sst_lightfield_confirmed(const struct sst_lightfield *lf, int threads)
+{
+    const int views = lf->rows * lf->cols;
+    struct job job = { .lf = lf };
+    struct sst_confirmed all = { 0, 0 };
+
+    if (sst_parallel_for(views, sst_thread_count(threads), count_view, &job))
+        return NAN;
+    for (int k = 0; k < views; k++) {
+        all.pixels += job.count[k].pixels;
+        all.confirmed += job.count[k].confirmed;
+    }
+    return all.pixels ? (double)all.confirmed / (double)all.pixels : NAN;
 }

@@ -184,17 +184,6 @@ static void read_place(struct sst_json_reader *r, struct sst_posed *posed)
     r->err = inner.err;
 }
 
-static void read_samples(struct sst_json_reader *r, struct sst_posed *posed)
-{
-    double v[2] = { 0, 0 };
-
-    sst_json_doubles(r, "samples", v, 2);
-    if (!r->err && !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535 && v[0] == floor(v[0]) && v[1] == floor(v[1])))
-        sst_json_fault(r, "samples", "are not two ascending whole numbers in 0..65535");
-    if (!r->err)
-        posed->samples = (struct sst_samples){ (int)v[0], (int)v[1] };
-}
-
 static void read_world(struct sst_json_reader *r, struct sst_posed *posed, struct points_file *points)
 {
     double kelvin[2] = { 0, 0 };
@@ -207,7 +196,7 @@ static void read_world(struct sst_json_reader *r, struct sst_posed *posed, struc
     sst_json_string(r, "source", posed->source, sizeof(posed->source));
     sst_json_string(r, "history", posed->history, sizeof(posed->history));
     if (sst_json_has(r, "samples"))
-        read_samples(r, posed);
+        sst_json_samples(r, "samples", &posed->samples);
     if (sst_json_has(r, "up"))
         sst_json_doubles(r, "up", posed->up, 3);
     if (sst_json_has(r, "geographic"))
