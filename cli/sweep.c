@@ -61,24 +61,19 @@ static int render_frame(const struct sweep *s, int frame, struct sst_image *img)
     return sst_render(s->in->renderer, &cfg, img, NULL);
 }
 
-static json_t *describe(const struct sweep *s)
+static int write_description(const struct sweep *s, const char *dir)
 {
-    json_t *frames = json_array();
+    json_t *frames = json_array(), *root;
     char name[32];
+    int err;
 
     for (int i = 0; i < frame_count(s); i++) {
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, over_keys[s->over], value_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in->path, "method", cli_render_method(&s->args), "fps",
+    root = json_pack("{s:s, s:s, s:f, s:o}", "source", s->in->path, "method", cli_render_method(&s->args), "fps",
                      s->fps, "frames", frames);
-}
-
-static int write_description(const struct sweep *s, const char *dir)
-{
-    json_t *root = describe(s);
-    const int err = cli_write_json(root, dir, "sweep.json");
-
+    err = cli_write_json(root, dir, "sweep.json");
     json_decref(root);
     return err;
 }

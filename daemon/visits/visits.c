@@ -16,6 +16,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 
 #define NAME_LENGTH  63
@@ -136,33 +137,21 @@ static int write_job(struct sst_visits *v, const struct job *job)
     return err;
 }
 
-static int by_name_backwards(const void *a, const void *b)
+static int is_folder_of_day(const struct dirent *e)
 {
-    return strcmp(*(const char *const *)b, *(const char *const *)a);
+    return is_day(e->d_name) && !e->d_name[DAY];
 }
 
-/* Names of the days, the newest first. @param out  to free, with its elements @return number */
-static int list_days(const struct sst_visits *v, char ***out)
+static int newest_first(const struct dirent **a, const struct dirent **b)
 {
-    DIR *dir = opendir(v->dir);
-    char **list = NULL;
-    int n = 0;
+    return strcmp((*b)->d_name, (*a)->d_name);
+}
 
-    for (const struct dirent *e; dir && (e = readdir(dir));) {
-        char **more = is_day(e->d_name) && !e->d_name[DAY] ? realloc(list, (size_t)(n + 1) * sizeof(*list)) : NULL;
-
-        if (!more)
-            continue;
-        list = more;
-        list[n] = strdup(e->d_name);
-        n += list[n] != NULL;
-    }
-    if (dir)
-        closedir(dir);
-    if (n)
-        qsort(list, (size_t)n, sizeof(*list), by_name_backwards);
-    *out = list;
-    return n;
+/* The days, by their names. @param out  to free, with its elements @return number */
+static int list_days(const struct sst_visits *v, struct dirent ***out)
+{
+    *out = NULL;
+    return sst_max_int(scandir(v->dir, out, is_folder_of_day, newest_first), 0);
 }
 
 /* --- removing ----------------------------------------------------------------------------------------------------- */
@@ -278,7 +267,8 @@ static void remove_day(struct sst_visits *v, const char *day)
 /* Once for each day that something is stored in. */
 static void remove_old(struct sst_visits *v, const char *name, int days)
 {
-    char oldest[SST_CLOCK_TEXT], path[SST_PATH_MAX], **day;
+    char oldest[SST_CLOCK_TEXT], path[SST_PATH_MAX];
+    struct dirent **day;
     int n;
 
     if (!strncmp(v->swept, name, DAY))
@@ -290,8 +280,8 @@ static void remove_old(struct sst_visits *v, const char *name, int days)
         int kept = 0;
 
         /* A day that cannot be read has nothing that can be shown. */
-        if (strncmp(day[i], oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]) &&
-            (!count_kept(path) || (!thin(v, day[i], NULL, INT64_MAX, &kept) && !kept)))
+        if (strncmp(day[i]->d_name, oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]->d_name) &&
+            (!count_kept(path) || (!thin(v, day[i]->d_name, NULL, INT64_MAX, &kept) && !kept)))
             remove_day(v, path);
         free(day[i]);
     }
@@ -318,7 +308,8 @@ static int64_t share_of(struct sst_visits *v)
 static void apply_share(struct sst_visits *v)
 {
     const int64_t share = share_of(v), goal = share - share / SLACK;
-    char **day = NULL, path[SST_PATH_MAX];
+    char path[SST_PATH_MAX];
+    struct dirent **day;
     int n, marked = 0, kept;
     bool full;
 
@@ -327,9 +318,9 @@ static void apply_share(struct sst_visits *v)
     n = list_days(v, &day);
     for (int i = n; i-- > 0;) { /* the oldest first */
         kept = 0;
-        if (sst_path_join(path, v->dir, day[i]))
+        if (sst_path_join(path, v->dir, day[i]->d_name))
             path[0] = 0;
-        if (v->bytes > goal && !(v->full && i) && !thin(v, day[i], NULL, v->bytes - goal, &kept) && !kept)
+        if (v->bytes > goal && !(v->full && i) && !thin(v, day[i]->d_name, NULL, v->bytes - goal, &kept) && !kept)
             remove_day(v, path);
         marked += count_kept(path);
         free(day[i]);
@@ -346,12 +337,13 @@ static void apply_share(struct sst_visits *v)
 /* Under files. */
 static void count_all(struct sst_visits *v)
 {
-    char **day = NULL, path[SST_PATH_MAX];
+    char path[SST_PATH_MAX];
+    struct dirent **day;
     const int n = list_days(v, &day);
 
     v->bytes = 0;
     for (int i = 0; i < n; i++) {
-        if (!sst_path_join(path, v->dir, day[i]))
+        if (!sst_path_join(path, v->dir, day[i]->d_name))
             v->bytes += bytes_in(path);
         free(day[i]);
     }
@@ -576,18 +568,18 @@ static void add_day(const struct sst_visits *v, const char *day, const struct ss
 {
     json_t *all = read_day(v, day), *data;
     const size_t n = json_object_size(all);
-    const char **name = n ? malloc(n * sizeof(*name)) : NULL, *key;
-    size_t count = 0;
+    char **name = n ? malloc(n * sizeof(*name)) : NULL;
+    const char *key;
+    int count = 0;
 
     json_object_foreach(all, key, data)
     {
         if (name && fits(data, q))
-            name[count++] = key;
+            name[count++] = (char *)(uintptr_t)key;
     }
-    if (count)
-        qsort(name, count, sizeof(*name), by_name_backwards);
-    for (size_t i = 0; i < count && (int)json_array_size(out) < q->limit; i++) {
-        data = json_object_get(all, name[i]);
+    sst_stats_sort_strings(name, count);
+    while (count > 0 && (int)json_array_size(out) < q->limit) {
+        data = json_object_get(all, name[--count]);
         add_pictures(v, data);
         json_array_append(out, data);
     }
@@ -598,16 +590,16 @@ static void add_day(const struct sst_visits *v, const char *day, const struct ss
 json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *q)
 {
     json_t *out = json_array();
-    char **day = NULL;
+    struct dirent **day = NULL;
     const int n = v->dir[0] ? list_days(v, &day) : 0;
 
     for (int i = 0; i < n; i++) {
         /* A visit that began the day before may still have been there. */
-        const bool later = q->to && strncmp(day[i], q->to, DAY) > 0;
-        const bool earlier = q->from && i > 0 && strncmp(day[i - 1], q->from, DAY) < 0;
+        const bool later = q->to && strncmp(day[i]->d_name, q->to, DAY) > 0;
+        const bool earlier = q->from && i > 0 && strncmp(day[i - 1]->d_name, q->from, DAY) < 0;
 
         if (out && !later && !earlier && (int)json_array_size(out) < q->limit)
-            add_day(v, day[i], q, out);
+            add_day(v, day[i]->d_name, q, out);
     }
     for (int i = 0; i < n; i++)
         free(day[i]);
