@@ -294,8 +294,8 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
     if (!*refuses)
         snprintf(refuses, sizeof(refuses), "%s", refused_steps(runner));
     for (int i = 0; i < SST_RENDER_STEPS; i++) {
-        if (sst_step_check(NULL, g, sst_render_steps[i]))
-            sst_text_add(refuses, sizeof(refuses), "%s%s", *refuses ? ", " : "", sst_render_steps[i]->name);
+        if (sst_step_check(NULL, g, &sst_render_steps[i]))
+            sst_text_add(refuses, sizeof(refuses), "%s%s", *refuses ? ", " : "", sst_render_steps[i].step->name);
     }
     if (*refuses)
         doctor_add(d, DOCTOR_WARNING, AREA_GPU,

@@ -60,16 +60,24 @@ static int check_seed(struct sst_run *r, uint32_t seed)
 }
 
 /* @param variant  the only one in use; SST_GPU_SHADERS: none @param asked  as of struct sst_run */
-static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step,
+static int compare(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step_shaders *shaders,
                    enum sst_gpu_shader variant, bool *asked)
 {
+    const struct sst_step *step = shaders->step;
     const size_t n =
         step->sample_pixels ? (size_t)step->sample_pixels : (size_t)SST_STEP_SAMPLE_WIDTH * SST_STEP_SAMPLE_HEIGHT;
     const size_t pixels[SST_PLANE_MAP + 1] = { n, n, n };
     struct runner_memory *memory = calloc(1, sizeof(*memory));
     struct sst_step_report uncounted = { 0 };
     struct sst_run r = {
-        .user = user, .memory = memory, .report = &uncounted, .gpu = g, .step = step, .asked = asked, .variant = variant
+        .user = user,
+        .memory = memory,
+        .report = &uncounted,
+        .gpu = g,
+        .step = step,
+        .shaders = shaders,
+        .asked = asked,
+        .variant = variant,
     };
     const uint32_t seeds = step->seeds ? (uint32_t)step->seeds : SEEDS;
     int err = memory ? 0 : -ENOMEM;
@@ -94,7 +102,8 @@ static bool is_due(const struct sst_gpu *g, const bool *asked, enum sst_gpu_shad
 }
 
 /* Compare the step once more for each variant that it would use. @return how many are refused, or an error */
-static int compare_variants(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step, bool *asked)
+static int compare_variants(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step_shaders *shaders,
+                            bool *asked)
 {
     int refused = 0;
 
@@ -103,7 +112,7 @@ static int compare_variants(struct sst_runner_user *user, struct sst_gpu *g, con
         int err = is_due(g, asked, variant) ? sst_gpu_prepare(g, variant) : 0;
 
         if (!err && is_due(g, asked, variant)) {
-            err = compare(user, g, step, variant, asked);
+            err = compare(user, g, shaders, variant, asked);
             if (err)
                 sst_gpu_refuse(g, variant, err);
         }
@@ -114,26 +123,26 @@ static int compare_variants(struct sst_runner_user *user, struct sst_gpu *g, con
     return refused;
 }
 
-int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step)
+int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step_shaders *s)
 {
     bool asked[SST_GPU_SHADERS] = { false };
     char test[SST_GPU_NAME];
     int err, refused = 0;
 
-    snprintf(test, sizeof(test), "step %s", step->name);
+    snprintf(test, sizeof(test), "step %s", s->step->name);
     if (sst_gpu_has_passed(g, test))
         return 0;
-    err = compare(user, g, step, SST_GPU_SHADERS, asked);
+    err = compare(user, g, s, SST_GPU_SHADERS, asked);
     if (!err)
-        refused = compare_variants(user, g, step, asked);
+        refused = compare_variants(user, g, s, asked);
     err = sst_min_int(refused, err);
     if ((!err && !refused) || err == -ENOTSUP) /* refusals are found again */
         sst_gpu_note_verdict(g, test, !err);
     if (err == -ENOTSUP)
         sst_log_warning("%s: the step `%s` is refused: its results differ from those of the CPU",
-                        sst_gpu_get_info(g)->name, step->name);
+                        sst_gpu_get_info(g)->name, s->step->name);
     else if (err)
-        sst_log_warning("%s: the step `%s` cannot be tested: %s", sst_gpu_get_info(g)->name, step->name,
+        sst_log_warning("%s: the step `%s` cannot be tested: %s", sst_gpu_get_info(g)->name, s->step->name,
                         sst_gpu_error(err));
     return err;
 }

@@ -36,7 +36,7 @@ static void *run(void *arg)
     const bool opened = !err;
 
     for (size_t i = 0; i < w->step_count && !err; i++) {
-        err = sst_step_check(NULL, o->gpu, w->steps[i]);
+        err = sst_step_check(NULL, o->gpu, &w->steps[i]);
         err = err == -ENOTSUP && i >= w->steps_needed ? 0 : err;
         if (err)
             sst_log_error("the device `%s` cannot %s: %s; choose another device", w->name, w->work, sst_gpu_error(err));

@@ -221,7 +221,7 @@ static void upload_view(struct sst_run *r, enum sst_step_plane plane, int view, 
 /* Words that this step derives of others. These give way for the next view. */
 static void derive_plane(struct sst_run *r, int view, struct sst_gpu_range to)
 {
-    r->step->derive(r, r->job, view, to);
+    r->shaders->derive(r, r->job, view, to);
     for (int i = 0; i < SST_PLANE_DERIVED; i++)
         sst_step_plane_release(&r->memory->planes, (enum sst_step_plane)i, view);
 }
@@ -348,6 +348,16 @@ const uint32_t *sst_run_fetch(struct sst_run *r, struct sst_gpu_range from, size
 
 /* --- a step ------------------------------------------------------------------------------------------------------- */
 
+/* The shaders of a step. NULL: none */
+static const struct sst_step_shaders *find_shaders(const struct sst_runner_user *user, const struct sst_step *step)
+{
+    const struct sst_step_shaders *s = user ? user->steps : NULL;
+
+    while (s && s->step && s->step != step)
+        s++;
+    return s && s->step ? s : NULL;
+}
+
 void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes)
 {
     if (!user)
@@ -370,6 +380,13 @@ void sst_run_note(struct sst_runner_user *user, unsigned stages, const char *why
     if (why)
         snprintf(user->report.why, sizeof(user->report.why), "%s", why);
     sst_runner_unlock(user->runner);
+}
+
+bool sst_run_places(const struct sst_runner_user *user, const struct sst_step *step, const void *job)
+{
+    const struct sst_step_shaders *shaders = find_shaders(user, step);
+
+    return shaders && !(shaders->refuses && shaders->refuses(job));
 }
 
 int64_t sst_run_on_cpu(const struct sst_runner_user *user, int counter)
@@ -481,7 +498,7 @@ void runner_run_view(struct sst_run *r, int view)
     do {
         r->memory->planes.turn++;
         r->divisible = r->in_bands = false;
-        r->step->dispatch(r, r->job, view);
+        r->shaders->dispatch(r, r->job, view);
     } while (halve(r));
     for (int i = 0; i < SST_PLANES && r->err; i++) {
         if (r->step->changes >> i & 1)
@@ -496,6 +513,7 @@ int sst_run_item(struct sst_runner_user *user, const struct sst_step *step, void
                          .report = &user->report,
                          .gpu = sst_runner_device(user->runner),
                          .step = step,
+                         .shaders = find_shaders(user, step),
                          .job = job };
 
     runner_run_view(&r, item);
@@ -604,7 +622,7 @@ static void rest_writes(void *arg, int view, struct sst_share_maps *out)
 /* Leave all items of a job that no shader does to the CPU. */
 static void refuse(struct sst_run *r)
 {
-    const char *why = r->user && r->step->refuses ? r->step->refuses(r->job) : NULL;
+    const char *why = r->user && r->shaders->refuses ? r->shaders->refuses(r->job) : NULL;
 
     if (!why)
         return;
@@ -630,13 +648,15 @@ static void end(const struct sst_run *r, int items)
 int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
             const struct sst_run_options *o)
 {
-    bool *done = user ? calloc((size_t)items + 1, sizeof(*done)) : NULL;
-    struct sst_run r = { .user = user, .step = step, .job = job, .report = user ? &user->report : NULL, .done = done };
-    struct rest rest = { &r, user && o->share ? o : NULL };
-    int err = user && !done ? -ENOMEM : 0;
+    const struct sst_step_shaders *shaders = find_shaders(user, step);
+    bool *done = shaders ? calloc((size_t)items + 1, sizeof(*done)) : NULL;
+    struct sst_run r = { .user = shaders ? user : NULL, .step = step, .shaders = shaders, .job = job, .done = done };
+    struct rest rest = { &r, shaders && o->share ? o : NULL };
+    int err = shaders && !done ? -ENOMEM : 0;
 
+    r.report = shaders ? &user->report : NULL;
     refuse(&r);
-    if (!err && user && !o->share)
+    if (!err && shaders && !o->share)
         err = run_on_device(&r, 0, items, o);
     err = err ? err : make_host(&r, items);
     if (!err)

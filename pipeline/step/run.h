@@ -28,13 +28,9 @@ struct sst_step {
     void (*source)(const void *job, int view, struct sst_plane_source *out);
     /** Before the first item on the CPU: make what only the CPU reads. NULL: nothing. @return 0 or an error of `cpu` */
     int (*host)(void *job);
-    /** Why no shader does this job, for the report; NULL, also as the function: they do. */
-    const char *(*refuses)(const void *job);
-    sst_step_derive_fn *derive; /* NULL: the step has no derived plane */
     /** The definition: a view on the CPU. @return 0, -ENOMEM, -ECANCELED */
     sst_work_fn *cpu;
-    sst_step_dispatch_fn *dispatch; /* the same by shaders; it writes the same maps */
-    int counter;                    /* of struct sst_step_report that counts the items */
+    int counter; /* of struct sst_step_report that counts the items */
     /** Results of the work on a view, for other processes, and to be compared by sst_step_check(). */
     sst_share_maps_fn *writes;
     /** True if results of two jobs are as near as they must be; NULL: their bytes are equal. */
@@ -49,6 +45,15 @@ struct sst_step {
     void (*sample_free)(void *job);
 };
 
+/** A step on a device: a user of a runner has a list of these, the last one empty. */
+struct sst_step_shaders {
+    const struct sst_step *step;
+    sst_step_dispatch_fn *dispatch; /* the same as `cpu`; it writes the same maps */
+    sst_step_derive_fn *derive;     /* NULL: no derived plane */
+    /** Why no shader does this job, for the report; NULL, also as the function: they do. */
+    const char *(*refuses)(const void *job);
+};
+
 #define SST_STEP_SAMPLES       9
 #define SST_STEP_SAMPLE_WIDTH  53
 #define SST_STEP_SAMPLE_HEIGHT 29
@@ -59,7 +64,7 @@ struct sst_step {
  * @param user  whose buffers make room; or NULL
  * @return 0, -ENOTSUP (they differ; logged with the name of the step), or an error of the device
  */
-SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step *step);
+SST_MUST_CHECK int sst_step_check(struct sst_runner_user *user, struct sst_gpu *g, const struct sst_step_shaders *s);
 
 /** Result of a run on a device, that stays there. */
 struct sst_run_result {
@@ -78,7 +83,7 @@ struct sst_run_options {
  * Run a step over `items` views: on the device while it has memory and does not fail, the rest on threads.
  *
  * Every fallback to the CPU is noted in the report and logged with its reason. The results are the same bytes anywhere.
- * @param user  of a device; NULL: on the CPU
+ * @param user  of a device; NULL, or without shaders of the step: on the CPU
  * @return 0, -ENOMEM, -ECANCELED, or an error of `cpu` or of sst_share_blocks()
  */
 SST_MUST_CHECK int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job, int items,
@@ -99,6 +104,9 @@ void sst_run_changed(struct sst_runner_user *user, int view, unsigned planes);
 
 /** Note work without a step that the CPU has done. @param stages  as of struct sst_step @param why  or NULL */
 void sst_run_note(struct sst_runner_user *user, unsigned stages, const char *why);
+
+/** True if the runner may place a job of a step elsewhere than on threads. */
+bool sst_run_places(const struct sst_runner_user *user, const struct sst_step *step, const void *job);
 
 /** Items on the CPU, as the report counts them. */
 int64_t sst_run_on_cpu(const struct sst_runner_user *user, int counter);

@@ -97,7 +97,7 @@ static int check_steps_locked(struct sst_runner *s, struct sst_runner_user *user
     int err = 0;
 
     for (size_t i = 0; i < user->step_count && !err; i++)
-        err = sst_step_check(user, s->gpu, user->steps[i]);
+        err = sst_step_check(user, s->gpu, &user->steps[i]);
     if (sst_gpu_deadly() == deadly || s->live)
         return err;
     close_locked(s);

@@ -7,8 +7,8 @@
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/step/planes.h"
 
-struct sst_runner; /* any thread, under its lock */
-struct sst_step;   /* run.h */
+struct sst_runner;       /* any thread, under its lock */
+struct sst_step_shaders; /* run.h */
 
 #define SST_STEP_COUNTERS 3
 
@@ -19,10 +19,10 @@ struct sst_step_report {
     unsigned stages_on_cpu;                        /* bits by struct sst_step, `stages` */
     struct sst_step_items {
         int64_t device, in_bands, on_cpu; /* in_bands: of `device`, for lack of memory */
-    } items[SST_STEP_COUNTERS];                    /* by struct sst_step, `counter` */
-    int64_t failures;                              /* of the device */
-    bool failing;                                  /* it failed at the last piece of work, or could not be opened */
-    char failure[SST_LOG_MAX];                     /* the last one's reason; "": none */
+    } items[SST_STEP_COUNTERS];           /* by struct sst_step, `counter` */
+    int64_t failures;                     /* of the device */
+    bool failing;                         /* it failed at the last piece of work, or could not be opened */
+    char failure[SST_LOG_MAX];            /* the last one's reason; "": none */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* wait_ns: until the device has computed */
 };
@@ -30,10 +30,9 @@ struct sst_step_report {
 /** A kind of work. Lives from sst_runner_join() to sst_runner_leave(). */
 struct sst_runner_user {
     /* set before it joins */
-    const struct sst_step *const
-        *steps; /* that it runs: a device that computes one otherwise than the CPU is refused */
-    size_t step_count;
-    size_t steps_tested; /* that follow them, may be refused, and are tested by an opening beside the work */
+    const struct sst_step_shaders *steps; /* that it runs, the last one empty */
+    size_t step_count;       /* of these: a device that computes one of the first otherwise than the CPU is refused */
+    size_t steps_tested;     /* that follow them, may be refused, and are tested by an opening beside the work */
     const char *work;        /* verb of the work, for messages: "match" */
     const char *phrase;      /* work on the CPU, for messages: "live labels are computed"; NULL: the step "is done" */
     void (*drop)(void *arg); /* free all buffers of its own, under the lock: the device is closed, or others need the
@@ -43,9 +42,9 @@ struct sst_runner_user {
     struct sst_runner *runner;
     struct sst_step_report report; /* of sst_run(), under the lock */
     struct sst_runner_user *next;
-    int64_t opening; /* in which its steps were compared */
+    int64_t opening;     /* in which its steps were compared */
     const void *claimed; /* light field that sst_run_claim() was called for; NULL: none */
-    bool given_up;   /* a live device, or `auto`, computes something else: the work is left to the CPU */
+    bool given_up;       /* a live device, or `auto`, computes something else: the work is left to the CPU */
 };
 
 /**

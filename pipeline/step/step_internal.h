@@ -28,6 +28,7 @@ struct sst_run {
     struct sst_step_report *report;
     struct sst_gpu *gpu;
     const struct sst_step *step;
+    const struct sst_step_shaders *shaders; /* of it; NULL: none */
     void *job;
     bool *done; /* [items] on the device */
     bool begun; /* the device was asked for */
@@ -99,7 +100,7 @@ struct runner_opener; /* opaque; one thread at a time */
 struct runner_opening {
     const char *name; /* as of sst_gpu_open() */
     struct sst_gpu_config cfg;
-    const struct sst_step *const *steps; /* to check; static */
+    const struct sst_step_shaders *steps; /* to check; static */
     size_t steps_needed, step_count;     /* likewise */
     const char *work;                    /* static; verb, for messages */
 };

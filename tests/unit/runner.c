@@ -62,19 +62,15 @@ static int work_join(struct work *w, struct sst_runner *shared)
     static const struct sst_step step = { .name = "counting",
                                           .wants = counts,
                                           .cpu = count_on_cpu,
-                                          .dispatch = count_on_device,
                                           .writes = counted,
                                           .sample = count_sample,
                                           .seeds = 1,
                                           .sample_free = free };
-    static const struct sst_step *const steps[] = { &step };
+    static const struct sst_step_shaders steps[] = { { &step, count_on_device, NULL, NULL },
+                                                     { NULL, NULL, NULL, NULL } };
 
     *w = (struct work){ .shared = shared,
-                        .user = { .steps = steps,
-                                  .step_count = 1,
-                                  .work = "count",
-                                  .drop = drop,
-                                  .arg = w } };
+                        .user = { .steps = steps, .step_count = 1, .work = "count", .drop = drop, .arg = w } };
     return sst_runner_join(shared, &w->user);
 }
 

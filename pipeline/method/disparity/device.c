@@ -5,16 +5,24 @@
 
 #include "base/log.h"
 #include "pipeline/method/disparity/device.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/device_internal.h"
 
 _Static_assert(SST_MAX_VIEWS <= SST_PLANE_VIEWS, "a place each");
 
-#define X(STAGE, name)
-#define S(STAGE, step, name) &disparity_##step##_step,
-static const struct sst_step *const steps[] = { &disparity_features_step, &disparity_match_step, &disparity_sweep_step,
-                                                SST_DISPARITY_STAGE_LIST(X, S) };
-#undef X
-#undef S
+static const struct sst_step_shaders steps[] = {
+    { &disparity_features_step, dispatch_features, NULL, NULL },
+    { &disparity_match_step, dispatch_match, NULL, match_refuses },
+    { &disparity_sweep_step, dispatch_sweep, visible_derive, NULL },
+    { &disparity_surfaces_step, dispatch_surfaces, visible_derive, NULL },
+    { &disparity_subpixel_step, dispatch_subpixel, subpixel_derive, NULL },
+    { &disparity_carry_step, dispatch_carry, NULL, NULL },
+    { &disparity_check_step, dispatch_check, NULL, NULL },
+    { &disparity_fill_step, dispatch_fill, NULL, NULL },
+    { &disparity_background_step, dispatch_background, NULL, NULL },
+    /* of the shaders of disparity_match_step, which are compared there */
+    { &disparity_compare_step, dispatch_compare, NULL, compare_refuses },
+    { NULL, NULL, NULL, NULL },
+};
 
 #define X(STAGE, name)       name,
 #define S(STAGE, step, name) name,
@@ -39,7 +47,7 @@ int sst_disparity_device_create(struct sst_runner_user **out, struct sst_runner 
         sst_log_error("not enough memory for a device");
         return -ENOMEM;
     }
-    *user = (struct sst_runner_user){ .steps = steps, .step_count = ARRAY_LEN(steps), .work = "match" };
+    *user = (struct sst_runner_user){ .steps = steps, .step_count = ARRAY_LEN(steps) - 2, .work = "match" };
     err = sst_runner_join(shared, user);
     if (err)
         free(user);

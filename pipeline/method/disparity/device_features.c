@@ -5,7 +5,7 @@
 
 #include "base/mem.h"
 #include "pipeline/gpu/convert.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/device_internal.h"
 
 #define PLENTY 4 /* times the features of a view that are left to other memory */
 
@@ -33,7 +33,7 @@ static int gather_job(void *job, int view SST_UNUSED, int worker SST_UNUSED)
     return 0;
 }
 
-static void gather_dispatch(struct sst_run *r, void *job, int view)
+void dispatch_features(struct sst_run *r, void *job, int view)
 {
     const struct gathered *b = job;
     const int words = b->width * SST_PLANE_FEATURE_WORDS, first = b->band.first, rows = b->band.end - first;
@@ -102,7 +102,6 @@ static void *gather_sample(uint32_t seed)
 const struct sst_step disparity_features_step = { .name = "features",
                                                   .wants = is_gathered,
                                                   .cpu = gather_job,
-                                                  .dispatch = gather_dispatch,
                                                   .writes = gathered_bytes,
                                                   .changes = 1U << SST_PLANE_FEATURES,
                                                   .sample = gather_sample,
@@ -128,7 +127,9 @@ static bool keep(void *keeper, const struct sst_run_result *result)
     struct disparity_run *run = k->arg;
     struct sst_runner_user *user = run->cfg->runner;
     struct sst_step_planes *p = sst_runner_planes(user->runner);
-    struct gathered b = { .view = k->view, .width = k->width, .band = k->band, .result = { result->buffer, 0 }, .at = result->at };
+    struct gathered b = {
+        .view = k->view, .width = k->width, .band = k->band, .result = { result->buffer, 0 }, .at = result->at
+    };
 
     if (result->gpu != sst_runner_device(user->runner) || p->of != run->lf || !make_places(run, result->gpu, p))
         return false;
@@ -154,7 +155,8 @@ int run_add_features(struct disparity_run *run, int view, struct sst_network *ne
 {
     struct sst_descriptor *desc = &run->desc[view];
     struct sst_feature_keeper keeper = { .keep = keep, .arg = run, .view = view };
-    const bool placed = run->cfg->runner && !run->costs && !match_refuses(&(struct match_batch){ .run = run });
+    const bool placed =
+        !run->costs && sst_run_places(run->cfg->runner, &disparity_match_step, &(struct match_batch){ .run = run });
 
     if (desc->features || (placed && has_features(run, view)))
         return 0;

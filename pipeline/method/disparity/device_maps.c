@@ -1,6 +1,6 @@
 /* Maps of views on a device: carried to other views, checked, filled. */
 #include "pipeline/gpu/check.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/device_internal.h"
 
 /* Views that a view is checked against or filled from. */
 struct neighbours {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "pipeline/gpu/match.h"
-#include "pipeline/method/disparity/disparity_internal.h"
+#include "pipeline/method/disparity/device_internal.h"
 
 #define LEAST_ROWS  16    /* of a band */
 #define MOST_GROUPS 65535 /* of a dispatch, in each direction, on every device */
@@ -484,13 +484,13 @@ void dispatch_match(struct sst_run *r, void *job, int view)
     const struct sst_coarse coarse = run->coarse ? run_coarse_view(run, view) : (struct sst_coarse){ 0 };
     struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
     struct rows in = { .run = run,
-                             .view = view,
-                             .neighbours = neighbours,
-                             .height = run->height,
-                             .whole = true,
-                             .band = b->sample ? b->sample->band : 0,
-                             .disp = &run->disp[view],
-                             .confidence = &run->confidence[view] };
+                       .view = view,
+                       .neighbours = neighbours,
+                       .height = run->height,
+                       .whole = true,
+                       .band = b->sample ? b->sample->band : 0,
+                       .disp = &run->disp[view],
+                       .confidence = &run->confidence[view] };
 
     in.count = run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
     sst_run_fail(r, sst_min_int(in.count, 0));
@@ -512,13 +512,13 @@ void dispatch_compare(struct sst_run *r, void *job, int item)
     struct windows_compared *c = job;
     struct sst_tiles *tiles = &c->run->tiles[0];
     const struct rows in = { .run = c->run,
-                                   .view = c->run->lf->ref_view,
-                                   .neighbours = c->neighbours,
-                                   .count = c->count,
-                                   .tiles = tiles,
-                                   .top = c->top[item / 2],
-                                   .height = SST_TILE_HEIGHT,
-                                   .disp = &c->disp[item] };
+                             .view = c->run->lf->ref_view,
+                             .neighbours = c->neighbours,
+                             .count = c->count,
+                             .tiles = tiles,
+                             .top = c->top[item / 2],
+                             .height = SST_TILE_HEIGHT,
+                             .disp = &c->disp[item] };
 
     sst_run_fail(r, windows_lay_out(c, item, tiles));
     if (!sst_run_failed(r))

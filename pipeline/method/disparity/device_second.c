@@ -6,6 +6,7 @@
 #include "base/mem.h"
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/sweep.h"
+#include "pipeline/method/disparity/device_internal.h"
 #include "pipeline/method/disparity/visible_internal.h"
 
 _Static_assert(SST_SWEEP_LEVELS == SST_GPU_SWEEP_LEVELS && SST_SWEEP_PEAKS == SST_GPU_CELL_PEAKS &&
@@ -13,7 +14,23 @@ _Static_assert(SST_SWEEP_LEVELS == SST_GPU_SWEEP_LEVELS && SST_SWEEP_PEAKS == SS
                "the layout of the shaders");
 
 /* Scratch memory. */
-enum { VIEWS, OTHERS, ROWS, PROJECTED, POINTS, SHIFTS, WEIGHTS, PEAKS, LIST, COUNTS, TABLE, COSTS, SUMS, CHOSEN, FOUND };
+enum {
+    VIEWS,
+    OTHERS,
+    ROWS,
+    PROJECTED,
+    POINTS,
+    SHIFTS,
+    WEIGHTS,
+    PEAKS,
+    LIST,
+    COUNTS,
+    TABLE,
+    COSTS,
+    SUMS,
+    CHOSEN,
+    FOUND
+};
 
 /* Tests of view k. */
 struct tests {
@@ -60,7 +77,8 @@ static void load_tests(struct tests *l, struct sst_run *r, const struct visible_
                                                 .cheap = VISIBLE_CHEAP };
 }
 
-/* --- the sweep ----------------------------------------------------------------------------------------------------- */
+/* --- the sweep -----------------------------------------------------------------------------------------------------
+ */
 
 /* Points of the words that `sweep_points` leaves. */
 static int take_points(struct sst_sweep *out, const uint32_t *words, int columns, int rows, int stride)
@@ -130,7 +148,8 @@ static struct sst_gpu_range project(struct work *w)
     for (int i = 0; i < in->count; i++) {
         const struct sst_visible_view *v = &in->view[i];
 
-        if (i != w->k && v->image && !v->carried && fabs(v->bx - own->bx) + fabs(v->by - own->by) < sst_visible_reach(in))
+        if (i != w->k && v->image && !v->carried &&
+            fabs(v->bx - own->bx) + fabs(v->by - own->by) < sst_visible_reach(in))
             index[++count] = i;
     }
     maps = sst_run_planes(w->r, SST_PLANE_BEFORE, index, 1 + count);
@@ -165,9 +184,8 @@ static struct sst_gpu_range upload_points(const struct work *w, size_t *count)
         for (size_t k = 0; k < sweeps->sweep[i].count; k++) {
             const struct sst_sweep_point *from = &sweeps->sweep[i].point[k];
 
-            point[at++] =
-                (struct sst_gpu_sweep_point){ from->x | (uint32_t)from->y << 16,
-                                              from->level | (uint32_t)from->weight << 8 | (uint32_t)i << 16 };
+            point[at++] = (struct sst_gpu_sweep_point){ from->x | (uint32_t)from->y << 16,
+                                                        from->level | (uint32_t)from->weight << 8 | (uint32_t)i << 16 };
         }
     }
     return *count ? sst_run_upload(w->r, POINTS, point, *count * sizeof(*point)) : (struct sst_gpu_range){ 0 };

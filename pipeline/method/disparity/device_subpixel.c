@@ -1,6 +1,7 @@
 /* Refinement between pixels on a device. */
 #include "pipeline/gpu/convert.h"
 #include "pipeline/gpu/subpixel.h"
+#include "pipeline/method/disparity/device_internal.h"
 #include "pipeline/method/disparity/subpixel_internal.h"
 
 /* Lumas, packed as the CPU does. */
@@ -16,8 +17,8 @@ void subpixel_derive(struct sst_run *r, void *job, int k, struct sst_gpu_range t
 }
 
 /* Lumas of a view and of its neighbours. @param views  out, places and offsets of the neighbours */
-static struct sst_gpu_range load_lumas(struct sst_run *r, const struct subpixel_pass *p, int k, struct sst_subpixel_fit *f,
-                                       struct sst_gpu_range *views)
+static struct sst_gpu_range load_lumas(struct sst_run *r, const struct subpixel_pass *p, int k,
+                                       struct sst_subpixel_fit *f, struct sst_gpu_range *views)
 {
     struct sst_gpu_subpixel_view view[SST_SUBPIXEL_VIEWS] = { { 0 } };
     int index[1 + SST_SUBPIXEL_VIEWS] = { k };
@@ -43,8 +44,12 @@ void dispatch_subpixel(struct sst_run *r, void *job, int k)
     struct subpixel_pass *p = job;
     const int width = p->in->view[k].disp->width, height = p->in->view[k].disp->height, last = p->in->range * 64;
     const size_t n = (size_t)width * (size_t)height, pairs = n * sizeof(struct sst_gpu_subpixel_weight);
-    const struct sst_gpu_subpixel_window window = { width, height, SUBPIXEL_SIMILAR, SUBPIXEL_APART / 64.0f, SUBPIXEL_FEW, SUBPIXEL_ENOUGH };
-    struct sst_gpu_subpixel_planes planes = { width, height, SUBPIXEL_SIMILAR, 1, SUBPIXEL_MOST, last, SUBPIXEL_WIDE_APART / 64.0f, SUBPIXEL_ENOUGH };
+    const struct sst_gpu_subpixel_window window = {
+        width, height, SUBPIXEL_SIMILAR, SUBPIXEL_APART / 64.0f, SUBPIXEL_FEW, SUBPIXEL_ENOUGH
+    };
+    struct sst_gpu_subpixel_planes planes = {
+        width, height, SUBPIXEL_SIMILAR, 1, SUBPIXEL_MOST, last, SUBPIXEL_WIDE_APART / 64.0f, SUBPIXEL_ENOUGH
+    };
     const struct sst_gpu_convert start = { .width = width, .height = height, .conversion = SST_GPU_TO_STEPS };
     const struct sst_gpu_convert end = { .width = width, .height = height, .conversion = SST_GPU_FROM_PLAIN };
     struct sst_subpixel_fit f;

@@ -233,7 +233,8 @@ void disparity_match_sample_free(struct match_sample *s); /* NULL is fine */
 SST_DISPARITY_STAGE_LIST(X, S)
 #undef X
 #undef S
-extern const struct sst_step disparity_features_step, disparity_match_step, disparity_sweep_step;
+extern const struct sst_step disparity_features_step, disparity_match_step, disparity_compare_step,
+    disparity_sweep_step;
 
 /* --- visible_pass.c, visible.c: planes of the views of a pass --- */
 
@@ -245,13 +246,6 @@ enum sst_step_plane visible_colours(const struct sst_visible_views *in);
 
 /** Places for planes that no run has claimed, none current. */
 void visible_adopt(const struct sst_visible_views *in);
-
-/* --- dispatches of the steps, and why they cannot do a job --- */
-
-sst_step_dispatch_fn dispatch_match, dispatch_compare, dispatch_check, dispatch_fill, dispatch_background,
-    dispatch_carry, dispatch_sweep, dispatch_surfaces, dispatch_subpixel;
-const char *match_refuses(const void *batch);
-const char *compare_refuses(const void *compared);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

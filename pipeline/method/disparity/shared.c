@@ -58,7 +58,6 @@ const struct sst_step disparity_check_step = { .name = "check",
                                                .stages = 1U << SST_DISPARITY_STAGE_CHECK,
                                                RUN_STEP,
                                                .cpu = run_check,
-                                               .dispatch = dispatch_check,
                                                .writes = checked_maps,
                                                .sample = check_sample };
 
@@ -81,7 +80,6 @@ const struct sst_step disparity_fill_step = { .name = "filling",
                                                   1U << SST_DISPARITY_STAGE_FILL | 1U << SST_DISPARITY_STAGE_BACKGROUND,
                                               RUN_STEP,
                                               .cpu = run_fill,
-                                              .dispatch = dispatch_fill,
                                               .writes = filled_maps,
                                               .sample = fill_sample };
 
@@ -107,7 +105,6 @@ const struct sst_step disparity_background_step = { .name = "background",
                                                     .stages = 1U << SST_DISPARITY_STAGE_BACKGROUND,
                                                     RUN_STEP,
                                                     .cpu = fill_rest,
-                                                    .dispatch = dispatch_background,
                                                     .writes = rest_maps,
                                                     .sample = check_sample };
 

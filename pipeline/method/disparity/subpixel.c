@@ -14,8 +14,8 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/subpixel_internal.h"
 
-#define LIMIT      10   /* levels: from this difference on, a view does not count */
-#define TOLERANCE  20   /* 1/64 px: a surface that is nearer by more than this hides a point */
+#define LIMIT      10 /* levels: from this difference on, a view does not count */
+#define TOLERANCE  20 /* 1/64 px: a surface that is nearer by more than this hides a point */
 #define MARGIN     SST_SUBPIXEL_REACH
 #define GAIN_STEP  8
 #define GAIN_LIMIT 32   /* levels: pixels that differ by more are not the same surface */
@@ -254,7 +254,9 @@ static void share_row(struct subpixel_planes *p, int y, float *weight, float *pr
     sst_kernels_get()->subpixel_window_row(weight, product, &w, (size_t)p->width);
     for (int x = 0; x < p->width; x++) {
         shared[x] = (product[x] + SUBPIXEL_FEW * ((float)disp[x] * (1 / 64.0f))) / (weight[x] + SUBPIXEL_FEW);
-        kept[x] = disp[x] < SST_SUBPIXEL_NONE ? (weight[x] < SUBPIXEL_ENOUGH ? weight[x] : SUBPIXEL_ENOUGH) + SUBPIXEL_FEW : 0;
+        kept[x] = disp[x] < SST_SUBPIXEL_NONE
+                      ? (weight[x] < SUBPIXEL_ENOUGH ? weight[x] : SUBPIXEL_ENOUGH) + SUBPIXEL_FEW
+                      : 0;
     }
 }
 
@@ -401,8 +403,9 @@ static void *refine_sample(uint32_t seed)
         disparity_sample_free(s);
         return NULL;
     }
-    *p =
-        (struct subpixel_pass){ .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s };
+    *p = (struct subpixel_pass){
+        .in = &s->in, .steps = 2, .views = seed % 2 ? 8 : 3, .gain_step = 2, .threads = 1, .sample = s
+    };
     if (!pass_init(p))
         return p;
     refine_sample_free(p);
@@ -413,9 +416,7 @@ const struct sst_step disparity_subpixel_step = { .name = "subpixel",
                                                   .stages = 1U << SST_DISPARITY_STAGE_SUBPIXEL,
                                                   .wants = refines,
                                                   .source = refined_source,
-                                                  .derive = subpixel_derive,
                                                   .cpu = refine_job,
-                                                  .dispatch = dispatch_subpixel,
                                                   .writes = refined_maps,
                                                   .changes = 1U << SST_PLANE_MAP,
                                                   .sample = refine_sample,

@@ -21,17 +21,15 @@ struct subpixel_planes;
 struct subpixel_pass {
     const struct sst_visible_views *in;
     int steps, views;
-    int gain_step;           /* pixels between the places at which gains are measured */
-    struct subpixel_packed *view;     /* [in->count] */
-    struct sst_map_u16 *out; /* [in->count]; without memory: not refined */
-    struct subpixel_planes *planes;   /* [threads] made by the first view of a thread */
+    int gain_step;                  /* pixels between the places at which gains are measured */
+    struct subpixel_packed *view;   /* [in->count] */
+    struct sst_map_u16 *out;        /* [in->count]; without memory: not refined */
+    struct subpixel_planes *planes; /* [threads] made by the first view of a thread */
     int threads;
     struct disparity_sample *sample; /* that these are of; or NULL */
 };
 
 /** Views that view k is compared with. @param nearest  out [SST_SUBPIXEL_VIEWS]: their numbers */
 void subpixel_set_fit(struct sst_subpixel_fit *f, const struct subpixel_pass *p, int k, int *nearest);
-
-sst_step_derive_fn subpixel_derive;
 
 #endif

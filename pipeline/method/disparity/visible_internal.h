@@ -5,8 +5,8 @@
 
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define VISIBLE_CHANGE 40 /* penalty of a disparity other than the first pass's */
-#define VISIBLE_CHEAP  96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
+#define VISIBLE_CHANGE       40 /* penalty of a disparity other than the first pass's */
+#define VISIBLE_CHEAP        96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
 #define VISIBLE_SAMPLED_ROWS 64 /* one in this many is tested whole, to measure what skipped hypotheses change */
 
 /** Pixels of a view with depth codes, and a margin. */
@@ -46,9 +46,9 @@ struct visible_pass {
     struct sst_hypothesis_penalty penalty;
     struct visible_scratch *scratch; /* [threads + 1]: the last one for work that the runner places */
     struct sst_sweeps sweeps;
-    int *swept;                      /* [sweeps.count] these views */
+    int *swept;                           /* [sweeps.count] these views */
     struct visible_counted *counted, all; /* [in->count] of a round; of all rounds and views */
-    struct disparity_sample *sample; /* that these are of; or NULL */
+    struct disparity_sample *sample;      /* that these are of; or NULL */
 };
 
 /** Prepare a pass: pictures, depth codes, views that are swept. @param p  in and threads are set, the rest is 0
@@ -68,7 +68,6 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
 
 /** Functions of steps over the pass. */
 void visible_pass_source(const void *pass, int k, struct sst_plane_source *out);
-sst_step_derive_fn visible_derive;
 
 /** The largest disparity with a depth code of its own. */
 unsigned visible_most(const struct sst_visible_views *in);

@@ -151,14 +151,9 @@ static int compare_job(void *job, int item, int worker)
                                   c->count, &c->support, &c->disp[item], NULL);
 }
 
-/* Of the shaders of disparity_match_step, which are compared there. */
-static const struct sst_step compare_step = { .name = "matching",
-                                              .wants = is_compared,
-                                              .source = compared_source,
-                                              .host = make_costs,
-                                              .cpu = compare_job,
-                                              .refuses = compare_refuses,
-                                              .dispatch = dispatch_compare };
+const struct sst_step disparity_compare_step = {
+    .name = "matching", .wants = is_compared, .source = compared_source, .host = make_costs, .cpu = compare_job
+};
 
 /* Pixels of a row of tiles that differ by more than 1 px. */
 static int count_off(const struct windows_compared *c, int i)
@@ -208,7 +203,7 @@ static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED
         c.top[i / 2] = last * (i / 2 * 2 + 1) / (2 * WINDOWS_COMPARED);
         err = sst_map_u16_init(&c.disp[i], run->width, c.top[i / 2] + SST_TILE_HEIGHT);
     }
-    err = err ? err : sst_run(run->cfg->runner, &compare_step, &c, 2 * WINDOWS_COMPARED, &how);
+    err = err ? err : sst_run(run->cfg->runner, &disparity_compare_step, &c, 2 * WINDOWS_COMPARED, &how);
     for (int i = 0; i < WINDOWS_COMPARED && !err; i++)
         off += count_off(&c, i);
     for (int i = 0; i < 2 * WINDOWS_COMPARED; i++)

@@ -24,7 +24,7 @@ struct entry {
 
 struct device {
     struct sst_runner_user user; /* first */
-    bool owns_runner; /* opened by this one, and closed with it */
+    bool owns_runner;            /* opened by this one, and closed with it */
     /* under the lock of the runner */
     struct entry entry[MOST_PLANS];
     int entries;
@@ -141,7 +141,6 @@ static void dispatch(struct sst_run *r, void *arg, int item)
 static const struct sst_step step = { .name = "networks",
                                       .wants = wants,
                                       .cpu = run_on_cpu,
-                                      .dispatch = dispatch,
                                       .same = net_sample_same,
                                       .sample = net_sample,
                                       .seeds = NET_SAMPLE_SEEDS,
@@ -161,6 +160,7 @@ int net_job_run(struct net_job *job)
 }
 #else
 static const struct sst_step step;
+static sst_step_dispatch_fn *const dispatch;
 
 static void drop(void *arg SST_UNUSED)
 {
@@ -171,19 +171,16 @@ static void drop(void *arg SST_UNUSED)
 
 static struct device *create(const char *phrase)
 {
-    static const struct sst_step *const steps[] = { &step };
+    static const struct sst_step_shaders steps[] = { { &step, dispatch, NULL, NULL }, { NULL, NULL, NULL, NULL } };
     struct device *d = calloc(1, sizeof(*d));
 
     if (!d) {
         sst_log_error("not enough memory for a device");
         return NULL;
     }
-    d->user = (struct sst_runner_user){ .steps = steps,
-                                        .step_count = ARRAY_LEN(steps),
-                                        .work = "run networks",
-                                        .phrase = phrase,
-                                        .drop = drop,
-                                        .arg = d };
+    d->user = (struct sst_runner_user){
+        .steps = steps, .step_count = 1, .work = "run networks", .phrase = phrase, .drop = drop, .arg = d
+    };
     return d;
 }
 

@@ -185,15 +185,15 @@ SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float
 /** A network, its input and its result. */
 struct net_job {
     struct net_plan_config cfg;
-    struct net_plan **plan;            /* of the CPU; NULL in it: made when the CPU runs the network */
-    struct sst_runner_user *user;      /* NULL: the CPU */
-    uint64_t id;                       /* with it: a hash of the file's path and of its weights */
+    struct net_plan **plan;       /* of the CPU; NULL in it: made when the CPU runs the network */
+    struct sst_runner_user *user; /* NULL: the CPU */
+    uint64_t id;                  /* with it: a hash of the file's path and of its weights */
     const float *in;
     float *out; /* or NULL, and in bytes: */
     int8_t *out_s8;
     float factor;
     const struct sst_network_keeper *keeper; /* or NULL */
-    bool kept; /* out: the keeper alone has the result */
+    bool kept;                               /* out: the keeper alone has the result */
 };
 
 /** Run a network. @return 0 or an error of the CPU, logged */

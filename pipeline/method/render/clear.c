@@ -444,11 +444,11 @@ int clear_fill_picture(void *job, int item, int worker SST_UNUSED)
 static int make_picture(struct clear *c)
 {
     const struct sst_render_merge *merge = c->cfg->merge;
-    int err = clear_run(c);
+    int err = clear_place(c) ? 0 : clear_colour(c, 0, 0);
 
     if (!err && merge)
         err = merge->merge(merge->arg, c->to.image, c->to.weight);
-    return err || c->filled ? err : clear_run_fill(c);
+    return err || c->filled || clear_place_fill(c) ? err : clear_fill_picture(c, 0, 0);
 }
 
 int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,

@@ -68,7 +68,7 @@ struct clear {
     struct sst_renderer *renderer;
     const struct sst_lightfield *lf; /* NULL: no picture */
     const struct sst_render_config *cfg;
-    struct sst_render_plan plan;     /* views and frames */
+    struct sst_render_plan plan; /* views and frames */
     int threads;
     int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: disparities above are removed */
     int coarse;                      /* of struct sst_clear_view */
@@ -83,7 +83,7 @@ struct clear {
     struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
     const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
     const struct sst_kernels *kernels;
-    void *rows; /* owned: scratch */
+    void *rows;  /* owned: scratch */
     bool placed; /* dispatches of the runner have coloured it */
     /* of these */
     struct render_runner *runner;
@@ -134,11 +134,11 @@ bool landed_kept(const struct clear *c);
 
 /* --- pictures that a runner places -------------------------------------------------------------------------------- */
 
-/** Colour a picture where the renderer's runner places it, else on the CPU: c->to and c->filled are set. @return as
- * clear_colour() */
-SST_MUST_CHECK int clear_run(struct clear *c);
+/** Let the renderer's runner colour a picture: c->to and c->filled are set. @return false: it is left to the CPU, which
+ * is counted, and logged after a failure */
+bool clear_place(struct clear *c);
 
-/** Fill the holes of the picture, likewise. */
-SST_MUST_CHECK int clear_run_fill(struct clear *c);
+/** Let it fill the holes of a picture that it has coloured. @return false: not done, which is counted */
+bool clear_place_fill(struct clear *c);
 
 #endif

@@ -77,7 +77,7 @@ static void note_success(struct render_runner *d)
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
-static int join(struct render_runner *d, const struct sst_step *const *steps)
+static int join(struct render_runner *d, const struct sst_step_shaders *steps)
 {
     int err;
 
@@ -132,66 +132,26 @@ void render_runner_destroy(struct render_runner *d)
     free(d);
 }
 
-/* @param runner  NULL: none @param owned  it is closed with the renderer, and after a failure */
-static int use(struct sst_renderer *r, struct sst_runner *runner, bool owned, const struct sst_render_live *live)
+int device_create(struct render_runner **out, const struct sst_lightfield *lf, struct sst_runner *runner,
+                  const struct sst_step_shaders *steps, const struct sst_render_live *live)
 {
-    struct render_runner *d = runner ? calloc(1, sizeof(*d)) : NULL;
-    int err = d ? device_init(d, r->lf, live) : -ENOMEM;
+    struct render_runner *d = calloc(1, sizeof(*d));
+    int err = d ? device_init(d, lf, live) : -ENOMEM;
 
-    if (!runner)
-        return 0;
-    if (err) {
-        sst_log_error("not enough memory for a device");
-        goto fail;
-    }
-    d->runner = runner;
-    err = join(d, sst_render_steps);
     if (err)
-        goto fail;
-    d->owns_runner = owned;
-    r->runner = d;
-    return 0;
-
-fail:
+        sst_log_error("not enough memory for a device");
+    if (!err) {
+        d->runner = runner;
+        err = join(d, steps);
+    }
+    if (!err) {
+        *out = d;
+        return 0;
+    }
     if (d)
         device_fini(d);
     free(d);
-    if (owned)
-        sst_runner_destroy(runner);
     return err;
-}
-
-static void leave(struct sst_renderer *r)
-{
-    render_runner_destroy(r->runner);
-    r->runner = NULL;
-}
-
-int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner)
-{
-    leave(r);
-    return use(r, runner, false, NULL);
-}
-
-int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
-{
-    struct sst_runner *runner;
-    int err;
-
-    leave(r);
-    err = sst_runner_create(&runner, name, memory_bytes);
-    return err ? err : use(r, runner, true, NULL);
-}
-
-int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
-                                 const struct sst_render_live *live)
-{
-    struct sst_runner *runner;
-    int err;
-
-    leave(r);
-    err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
-    return err ? err : use(r, runner, true, live);
 }
 
 /* --- begin and end ------------------------------------------------------------------------------------------------ */
@@ -268,7 +228,7 @@ static int prepare(struct render_runner *d, enum render_step step)
         return d->refused & bit ? -ENOTSUP : 0;
     if (sst_gpu_free_bytes(d->gpu) < TEST_BYTES)
         device_drop(d);
-    err = sst_step_check(&d->user, d->gpu, d->user.steps[step]);
+    err = sst_step_check(&d->user, d->gpu, &d->user.steps[step]);
     d->tested |= !err || err == -ENOTSUP ? bit : 0;
     d->refused |= err == -ENOTSUP ? bit : 0;
     return err;
@@ -304,7 +264,7 @@ static int run(struct render_runner *d, enum render_step step, void *job, const 
     int err;
 
     *bands = known->views && p->count >= known->views ? known->bands : (struct render_bands){ d->lf->height, false };
-    err = sst_run_item(&d->user, d->user.steps[step], job, 0);
+    err = sst_run_item(&d->user, d->user.steps[step].step, job, 0);
     if (err || (bands->rows == d->lf->height && !bands->split))
         return err;
     *known = (struct device_bands){ p->count, *bands };
@@ -372,14 +332,14 @@ static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int
     }
 }
 
-int render_picture_run(struct render_picture *p)
+bool render_place(struct render_picture *p)
 {
     struct render_runner *d = p->runner = p->renderer->runner;
 
     p->end = p->plan->lf->height;
     if (d && p->cells)
         find_rows(p->plan, p->cells, &p->top, &p->end);
-    return d && p->top < p->end && place_picture(d, p) ? p->err : render_picture_on_cpu(p, 0, 0);
+    return d && p->top < p->end && place_picture(d, p);
 }
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
@@ -455,7 +415,7 @@ static bool place_fill(struct render_runner *d, struct clear *c)
     d->gpu = sst_runner_device(d->runner);
     if (d->gpu) {
         err = prepare(d, RENDER_STEP_HOLES);
-        err = err ? err : sst_run_item(&d->user, d->user.steps[RENDER_STEP_HOLES], c, 0);
+        err = err ? err : sst_run_item(&d->user, d->user.steps[RENDER_STEP_HOLES].step, c, 0);
         if (err && err != -ENOMEM && err != -ENOTSUP)
             fail(d, err, "");
     }
@@ -466,15 +426,15 @@ static bool place_fill(struct render_runner *d, struct clear *c)
     return !err;
 }
 
-int clear_run(struct clear *c)
+bool clear_place(struct clear *c)
 {
     c->placed = c->renderer->runner && place_clear(c->renderer->runner, c);
-    return c->placed ? 0 : clear_colour(c, 0, 0);
+    return c->placed;
 }
 
-int clear_run_fill(struct clear *c)
+bool clear_place_fill(struct clear *c)
 {
-    return c->placed && place_fill(c->renderer->runner, c) ? 0 : clear_fill_picture(c, 0, 0);
+    return c->placed && place_fill(c->renderer->runner, c);
 }
 
 /* --- report ------------------------------------------------------------------------------------------------------- */

@@ -3,11 +3,8 @@
 #define SST_PIPELINE_METHOD_RENDER_DEVICE_H
 
 #include "base/log.h"
-#include "pipeline/gpu/gpu.h"
 #include "pipeline/method/render/render.h"
-
-struct sst_runner;
-struct sst_step;
+#include "pipeline/step/run.h"
 
 /**
  * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
@@ -33,7 +30,7 @@ SST_MUST_CHECK int sst_renderer_share_device(struct sst_renderer *r, struct sst_
 
 /** Steps of pictures on a device. One that differs from the CPU is not used: without the first one a device does not
  * render. */
-extern const struct sst_step *const sst_render_steps[SST_RENDER_STEPS];
+extern const struct sst_step_shaders sst_render_steps[SST_RENDER_STEPS + 1];
 
 /** A light field that changes in tiles while a device renders it. All is borrowed, and must outlive the renderer. */
 struct sst_render_live {

@@ -177,6 +177,12 @@ enum device_scratch {
 
 /* --- device.c ----------------------------------------------------------------------------------------------------- */
 
+/** Use a runner for pictures of lf. @param runner  lives longer @param steps  by enum render_step @param live  NULL: lf
+ * does not change while it lives @return as sst_renderer_use_device(), or with `live` as sst_renderer_use_live_device()
+ */
+SST_MUST_CHECK int device_create(struct render_runner **out, const struct sst_lightfield *lf, struct sst_runner *runner,
+                                 const struct sst_step_shaders *steps, const struct sst_render_live *live);
+
 /** A device of a light field, without buffers. @return 0, -ENOMEM */
 SST_MUST_CHECK int device_init(struct render_runner *d, const struct sst_lightfield *lf,
                                const struct sst_render_live *live);
@@ -268,9 +274,6 @@ struct device_batch {
 
 /** Blend a picture, and verify as p->verify says: p->words and p->weights are set. */
 void device_picture(struct sst_run *r, struct render_picture *p);
-
-/** Make the picture of its words: weak pixels, and rays to be verified, are the CPU's. @return 0, -ENOMEM, -EBADMSG */
-SST_MUST_CHECK int device_picture_finish(struct render_picture *pic);
 
 /** The k-th view of a picture as shaders have it. */
 struct sst_gpu_blend_view device_describe_tap(const struct device_batch *b, int k);

@@ -10,13 +10,61 @@ static bool is_there(const void *job, int item)
     return ((const struct render_picture *)job + item)->plan;
 }
 
+/* Pixels of a row. Without a verifier, weights matter only where they are too small. */
+static void unpack_run(const struct render_picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+{
+    const size_t at = (size_t)y * (size_t)pic->out->width + (size_t)x;
+    const uint32_t *word = pic->words + at;
+    uint8_t *const to[3] = { sst_image_row(pic->out, 0, y) + x, sst_image_row(pic->out, 1, y) + x,
+                             sst_image_row(pic->out, 2, y) + x };
+
+    for (int i = 0; i < n; i++) {
+        for (int c = 0; c < 3; c++)
+            to[c][i] = (uint8_t)(word[i] >> (8 * c));
+        weight[i] = word[i] >> 24 & SST_GPU_PIXEL_BELOW ? 0 : pic->weights ? pic->weights[at + (size_t)i] : 1;
+    }
+    for (int i = 0; support && i < n; i++)
+        support[i] = word[i] >> 24 & SST_GPU_PIXEL_SUPPORTED ? 255 : 0;
+    render_mend_row(pic->plan, pic->out, weight, x, n, y);
+}
+
+static void unpack_rows(const struct render_picture *pic, float (*weight)[SST_BLEND_MAX],
+                        uint8_t (*support)[SST_BLEND_MAX], int x, int n, int y, int rows)
+{
+    for (int i = 0; i < rows; i++)
+        unpack_run(pic, weight[i], support ? support[i] : NULL, x, n, y + i);
+}
+
+/* True if the CPU has to recompute pixels that a device has blended. */
+static bool has_weak_pixels(const struct render_picture *pic)
+{
+    const size_t n = (size_t)pic->out->width * (size_t)pic->out->height;
+    bool weak = false;
+
+    for (size_t i = 0; i < n && !weak; i++)
+        weak = pic->words[i] >> 24 & SST_GPU_PIXEL_BELOW;
+    return weak;
+}
+
+/* Make the picture of its words: weak pixels, and rays to be verified, are the CPU's. */
+static int finish(struct render_picture *pic)
+{
+    int err = 0;
+
+    pic->pixels = unpack_rows;
+    pic->voted = !pic->weights;
+    if (pic->own && pic->own->pending && (pic->weights || has_weak_pixels(pic)))
+        err = render_need_frames(pic->own, pic->renderer);
+    return err ? err : render_picture_bands(pic);
+}
+
 static void picture_dispatch(struct sst_run *r, void *job, int item)
 {
     struct render_picture *p = (struct render_picture *)job + item;
 
     device_picture(r, p);
     if (!sst_run_failed(r))
-        p->err = device_picture_finish(p);
+        p->err = finish(p);
 }
 
 static void picture_maps(void *job, int item, struct sst_share_maps *out)
@@ -29,8 +77,7 @@ static void picture_maps(void *job, int item, struct sst_share_maps *out)
 }
 
 #define PICTURES                                                                                                       \
-    .wants = is_there, .cpu = render_picture_on_cpu, .dispatch = picture_dispatch, .writes = picture_maps,              \
-    .sample_free = render_sample_free
+    .wants = is_there, .cpu = render_picture_on_cpu, .writes = picture_maps, .sample_free = render_sample_free
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
@@ -67,18 +114,12 @@ static const struct sst_step steps[SST_RENDER_STEPS] = {
     [RENDER_STEP_CLEAR] = { .name = "clear picture",
                             CLEAR,
                             .cpu = clear_colour,
-                            .dispatch = clear_on_device,
                             .levels = SST_GPU_CLEAR_LEVELS,
                             .sample = clear_sample },
-    [RENDER_STEP_HOLES] = { .name = "holes",
-                            CLEAR,
-                            .cpu = clear_fill_picture,
-                            .dispatch = clear_holes_on_device,
-                            .sample = clear_sample_holes },
+    [RENDER_STEP_HOLES] = { .name = "holes", CLEAR, .cpu = clear_fill_picture, .sample = clear_sample_holes },
     [RENDER_STEP_CLEAR_SAMPLED] = { .name = "clear picture of frames",
                                     CLEAR,
                                     .cpu = clear_colour,
-                                    .dispatch = clear_on_device,
                                     .levels = SST_GPU_CLEAR_LEVELS,
                                     .sample = clear_sample_frames },
     [RENDER_STEP_FRAMES] = { .name = "rectification", PICTURES, .sample = render_frames_sample, .seeds = 3 },
@@ -90,5 +131,60 @@ static const struct sst_step steps[SST_RENDER_STEPS] = {
     [RENDER_STEP_JPEG] = { .name = "colours of JPEG frames", PICTURES, .sample = render_jpeg_sample },
 };
 
-const struct sst_step *const sst_render_steps[SST_RENDER_STEPS] = { &steps[0], &steps[1], &steps[2], &steps[3],
-                                                                    &steps[4], &steps[5], &steps[6], &steps[7] };
+const struct sst_step_shaders sst_render_steps[SST_RENDER_STEPS + 1] = {
+    [RENDER_STEP_PICTURE] = { &steps[RENDER_STEP_PICTURE], picture_dispatch, NULL, NULL },
+    [RENDER_STEP_VERIFY] = { &steps[RENDER_STEP_VERIFY], picture_dispatch, NULL, NULL },
+    [RENDER_STEP_CLEAR] = { &steps[RENDER_STEP_CLEAR], clear_on_device, NULL, NULL },
+    [RENDER_STEP_HOLES] = { &steps[RENDER_STEP_HOLES], clear_holes_on_device, NULL, NULL },
+    [RENDER_STEP_CLEAR_SAMPLED] = { &steps[RENDER_STEP_CLEAR_SAMPLED], clear_on_device, NULL, NULL },
+    [RENDER_STEP_FRAMES] = { &steps[RENDER_STEP_FRAMES], picture_dispatch, NULL, NULL },
+    [RENDER_STEP_SAMPLED] = { &steps[RENDER_STEP_SAMPLED], picture_dispatch, NULL, NULL },
+    [RENDER_STEP_JPEG] = { &steps[RENDER_STEP_JPEG], picture_dispatch, NULL, NULL },
+};
+
+/* --- opening ------------------------------------------------------------------------------------------------------ */
+
+/* @param runner  NULL: none @param owned  it is closed with the renderer, and after a failure */
+static int use(struct sst_renderer *r, struct sst_runner *runner, bool owned, const struct sst_render_live *live)
+{
+    const int err = runner ? device_create(&r->runner, r->lf, runner, sst_render_steps, live) : 0;
+
+    if (runner && !err)
+        r->runner->owns_runner = owned;
+    if (err && owned)
+        sst_runner_destroy(runner);
+    return err;
+}
+
+static void leave(struct sst_renderer *r)
+{
+    render_runner_destroy(r->runner);
+    r->runner = NULL;
+}
+
+int sst_renderer_share_device(struct sst_renderer *r, struct sst_runner *runner)
+{
+    leave(r);
+    return use(r, runner, false, NULL);
+}
+
+int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
+{
+    struct sst_runner *runner;
+    int err;
+
+    leave(r);
+    err = sst_runner_create(&runner, name, memory_bytes);
+    return err ? err : use(r, runner, true, NULL);
+}
+
+int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
+                                 const struct sst_render_live *live)
+{
+    struct sst_runner *runner;
+    int err;
+
+    leave(r);
+    err = sst_runner_create_live(&runner, name, memory_bytes, SST_GPU_PICTURES_PERCENT);
+    return err ? err : use(r, runner, true, live);
+}

@@ -434,10 +434,15 @@ int render_picture_on_cpu(void *arg, int item, int worker SST_UNUSED)
     return pic->renderer->runner || pic->cells ? render_picture_bands(pic) : render_skipping(pic->renderer, pic);
 }
 
+static int render_anywhere(struct render_picture *pic)
+{
+    return render_place(pic) ? pic->err : render_picture_on_cpu(pic, 0, 0);
+}
+
 int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_plan *p, const uint8_t *cells,
                                 struct sst_image *out)
 {
-    return render_picture_run(&(struct render_picture){ .renderer = r, .plan = p, .cells = cells, .out = out });
+    return render_anywhere(&(struct render_picture){ .renderer = r, .plan = p, .cells = cells, .out = out });
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -460,7 +465,7 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = render_picture_run(
+    err = render_anywhere(
         &(struct render_picture){ .renderer = r, .plan = &plan, .own = &plan, .out = out, .valid = valid });
     sst_render_plan_fini(&plan);
     return err;

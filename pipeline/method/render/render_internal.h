@@ -68,12 +68,13 @@ SST_MUST_CHECK int render_need_view(struct sst_renderer *r, int view);
 /** Set `rectified` and `seen` of a frame with a sampler, under the renderer's lock. @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int render_rectify_frame(struct sst_renderer *r, int view);
 
-/** As sst_render_plan_init(); with a runner render_need_frames() has to be called before the CPU has anything to do with
- * colours of views. */
+/** As sst_render_plan_init(); with a runner render_need_frames() has to be called before the CPU has anything to do
+ * with colours of views. */
 SST_MUST_CHECK int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r,
                                             const struct sst_render_config *cfg);
 
-/* --- pictures that a runner places ------------------------------------------------------------------------------------- */
+/* --- pictures that a runner places
+ * ------------------------------------------------------------------------------------- */
 
 struct render_runner; /* user of a runner for one light field; any number of threads, one picture at a time */
 
@@ -119,8 +120,9 @@ int render_picture_on_cpu(void *arg, int item, int worker);
 /** A picture of pic->pixels, with votes and support. @return 0, -ENOMEM */
 SST_MUST_CHECK int render_picture_bands(struct render_picture *pic);
 
-/** Render a picture where the renderer's runner places it, else on the CPU. @return 0, -ENOMEM, -EBADMSG */
-SST_MUST_CHECK int render_picture_run(struct render_picture *pic);
+/** Let the renderer's runner render a picture, with pic->err. @return false: it is left to the CPU, which is counted,
+ * and logged after a failure */
+bool render_place(struct render_picture *pic);
 
 /* --- skip.c ------------------------------------------------------------------------------------------------------- */
 
