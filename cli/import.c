@@ -14,6 +14,7 @@ struct import_recording {
     const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
     const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
     bool allow_partial;
+    const char *poses; /* of cameras that stand anywhere; NULL: a lattice */
 };
 
 /* --- recordings --------------------------------------------------------------------------------------------------- */
@@ -73,6 +74,22 @@ static int choose(const struct cli_command *cmd, const struct import_recording *
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
+static int read_poses(struct sst_posed *out, const struct import_recording *args,
+                      const struct sst_recording *recording)
+{
+    const struct sst_recording_info *info = sst_recording_info(recording);
+    const struct sst_posed_array array = { info->rows, info->cols, info->width, info->height, 3 };
+
+    return args->poses ? sst_posed_array_read(out, args->poses, &array) : 0;
+}
+
+static int report(const struct import_recording *args)
+{
+    const char *out = args->import->out;
+
+    return args->poses ? cli_report_posed(out, out, false) : cli_exit_code(cli_print_lightfield(out, out));
+}
+
 static int make(const struct cli_command *cmd, const struct import_recording *args,
                 const struct sst_recording *recording)
 {
@@ -88,6 +105,7 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
         .progress = cli_progress,
         .progress_arg = (void *)(uintptr_t) "import",
     };
+    struct sst_posed poses = { 0 };
     int *sets, err, r;
 
     if (!n) {
@@ -106,15 +124,16 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
     }
     cfg.sets = sets;
     cfg.each = cfg.count > 1 || (args->sets && !strcmp(args->sets, "all"));
-    err = sst_recording_to_lightfields(recording, &cfg);
+    cfg.poses = args->poses ? &poses : NULL;
+    err = read_poses(&poses, args, recording);
+    err = err ? err : sst_recording_to_lightfields(recording, &cfg);
     cli_progress_end();
+    sst_posed_fini(&poses);
     if (!err && cfg.each)
         printf("%s: %d light fields, %s/set-%06d to %s/set-%06d\n", args->import->out, cfg.count, args->import->out,
                sets[0], args->import->out, sets[cfg.count - 1]);
     free(sets);
-    if (!err && !cfg.each)
-        err = cli_print_lightfield(args->import->out, args->import->out);
-    return cli_exit_code(err);
+    return err || cfg.each ? cli_exit_code(err) : report(args);
 }
 
 static int run_recording(const struct cli_command *cmd, const struct import_recording *args)
@@ -171,8 +190,11 @@ static int check_lattice(struct sst_import_config *cfg, const struct cli_command
         (a->grid[0] || a->part || cfg->spacing_px > 0 || cfg->disparity_dir || cfg->labels_dir || !isnan(a->infinity_px)))
         return cli_usage_error(cmd, "--grid, --part, --spacing-px, --disparity, --labels and --infinity-px do not apply to a "
                                     "recording, which has its own grid and spacing");
-    if (strcmp(args[0], "recording") && (recording->sets || recording->allow_partial))
-        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
+    if (strcmp(args[0], "recording") && (recording->sets || recording->allow_partial || recording->poses))
+        return cli_usage_error(cmd, "--sets, --allow-partial and --poses belong to the format recording, not to %s",
+                               args[0]);
+    if (a->calib && recording->poses)
+        return cli_usage_error(cmd, "--calib is for a lattice, --poses for cameras that stand anywhere; give either");
     if (a->part && !read_part(a->part, cfg->part))
         return cli_usage_error(cmd, "--part %s is not first row, first column, rows x columns, such as 1,1,6x6", a->part);
     if (!isnan(a->infinity_px))
@@ -190,7 +212,7 @@ static int import_posed(struct cli_import_posed *posed, const struct cli_command
     const struct sst_import_config *cfg = recording->import;
 
     if (a->grid[0] || a->part || a->prefer || a->calib || !isnan(a->infinity_px) || cfg->spacing_px > 0 ||
-        cfg->disparity_dir || cfg->labels_dir || recording->sets || recording->allow_partial || !isnan(cfg->range_min_px) ||
+        cfg->disparity_dir || cfg->labels_dir || recording->sets || recording->allow_partial || recording->poses || !isnan(cfg->range_min_px) ||
         !isnan(cfg->range_max_px) || args[2])
         return cli_usage_error(cmd, "an option or argument does not apply to %s; `sst import --help` names those that do",
                                args[0]);
@@ -236,6 +258,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each" },
         { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
           "recording: sets may lack views; the light field then has holes" },
+        { "poses", 0, CLI_STRING, &recording.poses, "FILE",
+          "recording: poses of cameras that stand anywhere, a calibration or a posed light field; LF is a posed one" },
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },

@@ -16,6 +16,7 @@
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/deep.h"
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
@@ -364,6 +365,60 @@ static int finish_in_memory(struct job *job)
                : sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), finish_view, job);
 }
 
+/* --- posed light fields ------------------------------------------------------------------------------------------- */
+
+/* The views that are there, with their poses. */
+static int fill_posed(struct sst_posed *out, const struct job *job)
+{
+    const struct sst_posed *poses = job->cfg->poses;
+    const struct sst_lightfield *lf = &job->lf;
+    int n = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        struct sst_posed_view *v = &out->view[n];
+
+        if (!lf->views[k].present)
+            continue;
+        *v = poses->view[k];
+        sst_view_name(lf, k, v->name);
+        snprintf(v->file, sizeof(v->file), "%s", lf->files->view[k].name);
+        v->time_s = NAN;
+        n++;
+    }
+    out->width = lf->width;
+    out->height = lf->height;
+    out->metric = poses->metric;
+    memcpy(out->up, poses->up, sizeof(out->up));
+    out->points = poses->points;
+    out->point_count = poses->point_count;
+    out->median_px = poses->median_px;
+    snprintf(out->source, sizeof(out->source), "%s", lf->files->source);
+    snprintf(out->history, sizeof(out->history), "%s", poses->history);
+    return n;
+}
+
+static int write_posed(const struct job *job)
+{
+    struct sst_posed posed;
+    char name[300], path[SST_PATH_MAX];
+    int present = 0, err;
+
+    for (int k = 0; k < job->lf.rows * job->lf.cols; k++)
+        present += job->lf.views[k].present;
+    err = sst_posed_init(&posed, present);
+    if (err)
+        return err;
+    if (fill_posed(&posed, job)) {
+        snprintf(name, sizeof(name), "views/%.280s", posed.view[0].file);
+        err = sst_path_join(path, job->dir, name);
+        err = err ? err : sst_deep_read_size(path, &posed.width, &posed.height, &posed.channels, &posed.bits);
+    }
+    err = err ? err : sst_posed_write(&posed, job->dir);
+    posed.points = NULL; /* borrowed */
+    sst_posed_fini(&posed);
+    return err;
+}
+
 /* --- one light field, on the disk or in memory -------------------------------------------------------------------- */
 
 static int fill(struct job *job)
@@ -386,6 +441,8 @@ static int fill(struct job *job)
     err = write_line(job);
     if (!err && job->cfg->picture)
         err = write_picture(job);
+    if (!err && job->cfg->poses)
+        return write_posed(job);
     if (!err && job->number == job->cfg->sets[0])
         err = sst_lightfield_choose_samples(&job->lf, job->dir, job->cfg->out);
     else if (!err)
@@ -420,7 +477,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
         err = prepare(job);
     if (!err)
         err = fill(job);
-    if (!err && to.dir && number == cfg->sets[0])
+    if (!err && to.dir && !cfg->poses && number == cfg->sets[0])
         sst_lightfield_warn_views(&job->lf, to.dir, cfg->out);
     *to.samples = job->lf.samples;
     for (int k = 0; k < SST_MAX_VIEWS; k++)
@@ -437,7 +494,7 @@ int sst_recording_to_memory(struct sst_lightfield *out, const struct sst_recordi
                             const struct sst_lightfields_config *cfg)
 {
     struct sst_samples samples;
-    const int err = cfg->count == 1 ? make_one(recording, cfg, cfg->sets[0], (struct target){ NULL, &samples, out }) : -EINVAL;
+    const int err = cfg->count == 1 && !cfg->poses ? make_one(recording, cfg, cfg->sets[0], (struct target){ NULL, &samples, out }) : -EINVAL;
 
     if (err == -ENOMEM)
         sst_log_error("no memory for set %d of %s", cfg->sets[0], sst_recording_dir(recording));
@@ -482,7 +539,7 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
     struct sst_outdir out;
     int err;
 
-    if (cfg->count < 1 || (!cfg->each && cfg->count != 1))
+    if (cfg->count < 1 || (!cfg->each && cfg->count != 1) || (cfg->poses && cfg->calibration))
         return -EINVAL;
     err = sst_path_check_output(cfg->out, cfg->force, cfg->each ? "sets.json" : "lightfield.json", inputs);
     if (!err)

@@ -4,6 +4,7 @@
 
 #include "capture/recording/recording.h"
 #include "pipeline/lightfield/calibrated.h"
+#include "pipeline/posed/array.h"
 
 struct sst_lightfields_config {
     const char *out; /* name for messages, of sst_recording_to_memory() */
@@ -14,6 +15,8 @@ struct sst_lightfields_config {
     bool force;                                    /* replace an existing output */
     double range_min_px, range_max_px;             /* disparities in the scene; equal: unknown */
     const struct sst_use_calibration *calibration; /* of this array, or NULL: the views stay as captured */
+    const struct sst_posed *poses;                 /* ... or of cameras that stand anywhere, by position: the light fields
+                                                      are posed ones of the sets' views; not in memory */
     const char *source;                            /* recorded as the origin; NULL: the recording's folder */
     const char *picture;                           /* name of a further file in each light field, or NULL */
     const void *picture_data;
@@ -30,7 +33,7 @@ struct sst_lightfields_config {
  *
  * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
  * size.
- * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views; the calibration
+ * @return 0, -EINVAL (cfg; of poses the number of views and the size are the recording's), -EBADMSG (a set is damaged or, without allow_partial, has missing views; the calibration
  *         does not fit), -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged. All light fields appear or none.
  */
 SST_MUST_CHECK int sst_recording_to_lightfields(const struct sst_recording *recording,

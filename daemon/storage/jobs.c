@@ -39,6 +39,14 @@ static int read_calibration(struct sst_use_calibration *use, const struct store_
     return err;
 }
 
+static int read_poses(struct sst_posed *poses, const struct sst_recording *r, const char *path)
+{
+    const struct sst_recording_info *info = sst_recording_info(r);
+    const struct sst_posed_array array = { info->rows, info->cols, info->width, info->height, 3 };
+
+    return sst_posed_array_read(poses, path, &array);
+}
+
 /* A calibration that cannot be used must not lose the moment: it can be applied to the light field later. */
 static int make_lightfield(const struct store_job *job, const struct sst_recording *r, int set, const char *source,
                            const char *out)
@@ -54,9 +62,16 @@ static int make_lightfield(const struct store_job *job, const struct sst_recordi
                                           .picture_bytes = job->jpeg_bytes,
                                           .threads = 1 };
     char why[SST_LOG_MAX] = "", *before = sst_log_hold_errors(why);
+    struct sst_posed poses = { 0 };
     int err = -ENODATA;
 
-    if (use && job->settings.calibration[0]) {
+    if (job->settings.poses[0]) {
+        err = read_poses(&poses, r, job->settings.poses);
+        cfg.poses = &poses;
+        err = err ? err : sst_recording_to_lightfields(r, &cfg);
+        cfg.poses = NULL;
+        sst_posed_fini(&poses);
+    } else if (use && job->settings.calibration[0]) {
         err = read_calibration(use, &job->settings);
         cfg.calibration = use;
         if (!err) {
@@ -73,7 +88,8 @@ static int make_lightfield(const struct store_job *job, const struct sst_recordi
         return err;
     }
     if (why[0])
-        sst_log_warning("%s; %s is stored without a calibration", why, job->entry.name);
+        sst_log_warning("%s; %s is stored without %s", why, job->entry.name,
+                        job->settings.poses[0] ? "poses" : "a calibration");
     return sst_recording_to_lightfields(r, &cfg);
 }
 

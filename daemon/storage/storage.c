@@ -64,6 +64,7 @@ static void copy_settings(struct store_settings *to, const struct sst_config *c)
         .plane_mm = c->live.plane_mm,
     };
     snprintf(to->calibration, sizeof(to->calibration), "%s", c->live.calibration);
+    snprintf(to->poses, sizeof(to->poses), "%s", c->live.poses);
 }
 
 void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *array,

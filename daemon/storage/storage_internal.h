@@ -168,7 +168,7 @@ struct store_settings {
     double segment_s, sync_s;
     int64_t preroll_ns, postroll_ns;
     struct store_array array;
-    char calibration[SST_CONFIG_TEXT_MAX];
+    char calibration[SST_CONFIG_TEXT_MAX], poses[SST_CONFIG_TEXT_MAX]; /* at most one */
     double plane_mm;
 };
 
