@@ -78,7 +78,7 @@ struct sst_live_settings { /* live: */
     double plane_mm;                       /* of rectification; negative: as in the calibration */
     char poses[SST_CONFIG_TEXT_MAX];       /* of cameras that stand anywhere: a calibration or a posed light field; "":
                                               the array is a lattice */
-    double surface_m;                      /* of them: distance of the plane; 0: the ground, found between ... */
+    double surface_m;                      /* with poses: distance of the plane; 0: the ground, found between ... */
     double near_m, far_m;                  /* ... these distances; 0: the points of the light field's scene decide */
     double fit_every_min;                  /* the ground is found again; 0: at the start and on demand */
     int compare_px;                        /* width of the pictures by which views are compared, about */

@@ -257,7 +257,7 @@ bool engine_seen_locked(const struct live_engine *v);
 /** May an event start a recording of the main view, which begins some time before? */
 bool engine_armed_locked(const struct live_engine *v);
 
-/* engine_posed.c: arrays whose cameras stand anywhere; all on the live thread */
+/* engine_posed.c: arrays without a lattice; all on the live thread */
 /** Poses of the configuration, if it has some, for v->live_config. @return as sst_posed_array_read() */
 SST_MUST_CHECK int engine_posed_describe(struct live_engine *v, const struct sst_live_settings *settings);
 /** Pass on a demand to fit the ground, and note the surface for the status. */

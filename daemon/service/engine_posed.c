@@ -1,4 +1,4 @@
-/* Arrays whose cameras stand anywhere: their poses, and the surface of their pictures. */
+/* Arrays without a lattice: their poses, and the surface of their pictures. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

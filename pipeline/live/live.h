@@ -176,7 +176,7 @@ bool sst_live_unsettled(struct sst_live *live);
 /** Apply the maps of the background thread, between framesets. @return true: pictures may have changed */
 bool sst_live_settle(struct sst_live *live);
 
-/** The surface of an array whose cameras stand anywhere. */
+/** The surface of an array without a lattice. */
 struct sst_live_surface {
     bool known, fitting;
     bool fitted;          /* by the program; false: the plane is given */

@@ -53,7 +53,7 @@ SST_MUST_CHECK int sst_flight_forest_open(struct sst_flight_forest **out, const 
 void sst_flight_forest_close(struct sst_flight_forest *forest);
 
 /**
- * Draw the forest as a camera sees it, whose axes are the array's: x east, y south, z down, mm, the origin high_m above
+ * Draw the forest as a camera in the axes of the array sees it: x east, y south, z down, mm, the origin high_m above
  * the ground. Its lens has no distortion.
  *
  * @param image  out, initialised by the caller @return 0, -ENOMEM.   Thread: any.

@@ -16,7 +16,7 @@ static bool same_surface(const struct sst_surface *a, const struct sst_surface *
     return !memcmp(a->normal, b->normal, sizeof(a->normal)) && !memcmp(&a->offset_mm, &b->offset_mm, sizeof(double));
 }
 
-/* Places on a surface: those of the surface that was longest unused go. */
+/* Places on a surface, in place of the surface that was longest unused. */
 static int find_places(struct sst_integral_places **out, struct sst_liveposed *p, const struct sst_surface *surface)
 {
     struct posed_places *oldest = &p->places[0];

@@ -1,4 +1,4 @@
-/* pipeline/live/posed/posed.h - live pictures of an array whose cameras stand anywhere, on a surface that is fitted by
+/* pipeline/live/posed/posed.h - live pictures of an array without a lattice, on a surface that is fitted by
  * itself (docs/design/posed-live.md). */
 #ifndef SST_PIPELINE_LIVE_POSED_POSED_H
 #define SST_PIPELINE_LIVE_POSED_POSED_H

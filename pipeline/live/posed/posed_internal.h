@@ -34,7 +34,7 @@ void posed_fit_end(struct posed_fit *fit);
 
 /* --- state --- */
 
-#define POSED_PLACES 4 /* surfaces whose places are kept */
+#define POSED_PLACES 4 /* surfaces with kept places */
 
 struct posed_places {
     struct sst_integral_places *places; /* NULL: free */

@@ -494,7 +494,7 @@ static void forest_camera(struct sst_calib_camera *out, const struct sim_camera 
     memcpy(out->position_mm, c->position_mm, sizeof(out->position_mm));
 }
 
-/* A forest whose trees stand still, and walkers. */
+/* A forest without wind, and walkers. */
 static int shoot_forest(const struct sim_stage *s, struct shooting *t)
 {
     const struct sst_sim_settings *c = s->settings;
