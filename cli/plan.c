@@ -1,9 +1,9 @@
-/* sst plan: predicts which cameras can stream together. */
+/* sst plan: predicts which cameras can stream together, and the rates of live pictures. */
 #include <stdio.h>
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/cli_internal.h"
+#include "cli/plan_internal.h"
 
 #define ADVICE_MAX 1024
 
@@ -71,13 +71,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     char advice[ADVICE_MAX];
     int size[2] = { 0 };
     double rate_hz = 0;
-    bool json = false;
+    bool json = false, live = false;
     struct cli_usb usb;
     const struct cli_option options[] = {
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)" },
         { "format", 'f', CLI_STRING, &format, "F", "instead of the configured one: MJPEG YUYV GREY ..." },
         { "size", 0, CLI_SIZE, size, "WxH", "instead of the configured one", 1, 16384 },
         { "rate", 'r', CLI_DOUBLE, &rate_hz, "R", "frames/s, instead of the configured ones", 0.01, 1000 },
+        { "live", 0, CLI_FLAG, &live, NULL, "rates of live pictures on this machine, of cameras with live: poses" },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -85,6 +86,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
+    if (live && (format || rate_hz > 0))
+        return cli_usage_error(cmd, "--format and --rate are of USB, not of --live");
+    if (live)
+        return plan_live(config, size, json);
     err = sst_array_config_read(&cfg, config);
     if (err)
         return cli_exit_code(err);

@@ -32,6 +32,11 @@ YAML
 "$sst" import recording bare.rec --sets first --poses poses.yaml -o bare.lf >out 2>err || fail "import: $(cat err)"
 grep -q "10 views of 256x256, colour of 8 bits, 10 placed" out || fail "import: $(cat out)"
 
+"$sst" plan --live --config sstd.yaml --json >plan.json 2>err || fail "plan: $(cat err)"
+"$python" -c 'import json, sys; p = json.load(open("plan.json")); sys.exit(not (p["cameras"] == 10 and "lear pictures" in p["advice"] and
+  len(p["live"]) == 4 and all(t["rate_hz"] > 0 for t in p["live"]) and p["live"][-1]["width"] == 256))' || fail "plan: $(cat plan.json)"
+"$sst" plan --live --format GREY >out 2>err && fail "--format of --live is not refused"
+
 trap 'kill -9 $daemon 2>/dev/null; rm -rf "$tmp"' EXIT
 "$build/sst-sim" --quiet --world world.yaml --cache "$tmp/cache" -- \
   sh -c 'echo $$ >pid; exec "$0" --config sstd.yaml' "$build/sstd" >sstd.log 2>&1 &
