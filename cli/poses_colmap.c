@@ -137,6 +137,9 @@ static void adopt(struct sst_posed *posed, struct sst_posed *model, double unit)
             model->points[p].at_mm[i] *= factor;
     }
     free(posed->points);
+    free(posed->sights);
+    posed->sights = NULL;
+    posed->sight_count = 0;
     posed->points = model->points;
     posed->point_count = model->point_count;
     model->points = NULL;

@@ -167,6 +167,9 @@ struct colmap_model {
     int number[SST_EXPORT_VIEWS];       /* of a view's image; 0: none */
     bool lenses;                     /* the extractor has one camera model for all */
     bool one_rig;                    /* an array as one rig with one frame */
+    const struct sst_export_cameras *scene; /* points and sights */
+    int sights;
+    int *point_of, *number_of; /* [sights]: its point, and its place among those of its view */
 };
 
 /* Of the part of a file's name that says the camera. */
@@ -180,7 +183,7 @@ static void model_init(struct colmap_model *m, const struct sst_export_cameras *
     const struct sst_calib *calib = cameras->calib;
     const char(*name)[SST_EXPORT_NAME] = cameras->name;
 
-    *m = (struct colmap_model){ .calib = calib, .name = name };
+    *m = (struct colmap_model){ .calib = calib, .name = name, .scene = cameras };
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         int at = m->images;
 
@@ -198,6 +201,28 @@ static void model_init(struct colmap_model *m, const struct sst_export_cameras *
         m->one_rig &= !strcmp(name[m->view[i]] + camera_bytes(name[m->view[i]]),
                               name[m->view[0]] + camera_bytes(name[m->view[0]]));
     }
+}
+
+/* Numbers of the sights among their views'. */
+static int number_sights(struct colmap_model *m)
+{
+    int count[SST_EXPORT_VIEWS] = { 0 };
+
+    for (int i = 0; i < m->scene->points; i++)
+        m->sights += m->scene->point[i].sights;
+    m->point_of = malloc((size_t)m->sights * sizeof(*m->point_of) + 1);
+    m->number_of = malloc((size_t)m->sights * sizeof(*m->number_of) + 1);
+    if (!m->point_of || !m->number_of) {
+        sst_log_error("not enough memory to export the light field");
+        return -ENOMEM;
+    }
+    for (int i = 0, s = 0; i < m->scene->points; i++) {
+        for (const int end = s + m->scene->point[i].sights; s < end; s++) {
+            m->point_of[s] = i;
+            m->number_of[s] = count[m->scene->sight[s].view]++;
+        }
+    }
+    return 0;
 }
 
 static const char *camera_model(const struct colmap_model *m)
@@ -225,6 +250,20 @@ static void put_cameras(FILE *f, const struct colmap_model *m)
     }
 }
 
+/* Points of a view's picture. */
+static void put_sights(FILE *f, const struct colmap_model *m, int view)
+{
+    const struct sst_export_sight *sight = m->scene->sight;
+    bool first = true;
+
+    for (int s = 0; s < m->sights; s++) {
+        if (sight[s].view != view)
+            continue;
+        fprintf(f, "%s%.9g %.9g %d", first ? "" : " ", sight[s].x + HALF_PX, sight[s].y + HALF_PX, m->point_of[s] + 1);
+        first = false;
+    }
+}
+
 static void put_images(FILE *f, const struct colmap_model *m)
 {
     fputs("# Image list with two lines of data per image:\n"
@@ -233,15 +272,29 @@ static void put_images(FILE *f, const struct colmap_model *m)
     for (int i = 0; i < m->images; i++) {
         fprintf(f, "%d", i + 1);
         put_pose(f, NULL, &m->calib->camera[m->view[i]]);
-        fprintf(f, " %d %s\n\n", camera_number(m, m->view[i]), m->name[m->view[i]]);
+        fprintf(f, " %d %s\n", camera_number(m, m->view[i]), m->name[m->view[i]]);
+        put_sights(f, m, m->view[i]);
+        putc('\n', f);
     }
 }
 
-static void put_points(FILE *f, const struct colmap_model *m SST_UNUSED)
+static void put_points(FILE *f, const struct colmap_model *m)
 {
+    const struct sst_export_sight *sight = m->scene->sight;
+
     fputs("# 3D point list with one line of data per point:\n"
           "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n",
           f);
+    for (int i = 0, s = 0; i < m->scene->points; i++) {
+        const struct sst_export_point *p = &m->scene->point[i];
+
+        fprintf(f, "%d", i + 1);
+        put(f, (const double[]){ p->at_mm[0] / METRE_MM, p->at_mm[1] / METRE_MM, p->at_mm[2] / METRE_MM }, 3);
+        fprintf(f, " %d %d %d %.6g", p->rgb[0], p->rgb[1], p->rgb[2], p->error_px);
+        for (const int end = s + p->sights; s < end; s++)
+            fprintf(f, " %d %d", m->number[sight[s].view], m->number_of[s]);
+        putc('\n', f);
+    }
 }
 
 /* An array becomes one rig of many cameras with one frame; a moved camera becomes a rig of one with many frames. */
@@ -347,8 +400,11 @@ static void put_readme(FILE *f, const struct colmap_model *m)
     static const struct colmap_release before = { "3.8 to 3.11", "SiftExtraction", "SiftMatching" };
     static const struct colmap_release since = { "3.12 and later", "FeatureExtraction", "FeatureMatching" };
 
-    fputs("A model without points in sparse/0, lengths in metres. To make points for its poses, run in this folder, "
-          "with an\n"
+    if (m->scene->points)
+        fprintf(f, "A model with %d points in sparse/0, lengths in metres. To make others", m->scene->points);
+    else
+        fputs("A model without points in sparse/0, lengths in metres. To make points", f);
+    fputs(" for its poses, run in this folder, with an\n"
           "empty database: one thread numbers the images in the order of their names, as the model does. Leave out "
           "use_gpu 0\n"
           "where COLMAP has CUDA.\n",
@@ -379,6 +435,8 @@ int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
     model_init(&m, cameras);
     if (!err)
         err = make_folder(dir, "sparse/0");
+    if (!err)
+        err = number_sights(&m);
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
         if (files[i].one_rig && !m.one_rig)
             continue;
@@ -388,6 +446,8 @@ int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
         files[i].put(out.stream, &m);
         err = sst_outfile_commit(&out);
     }
+    free(m.point_of);
+    free(m.number_of);
     return err;
 }
 

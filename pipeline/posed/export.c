@@ -1,11 +1,14 @@
 #include "pipeline/posed/export.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/camera/numbers.h"
+#include "pipeline/image/deep.h"
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/export_poses.h"
@@ -14,6 +17,10 @@
 struct job {
     const struct sst_export_config *cfg;
     struct sst_posed posed;
+    struct sst_export_point *point; /* [points] */
+    struct sst_export_sight *sight;
+    int *first; /* [points]: sight that gives the colour; -1: none */
+    int points;
     char (*name)[SST_EXPORT_NAME]; /* [views] */
     const char *out;               /* temporary folder */
 };
@@ -50,6 +57,67 @@ static void set_name(struct job *job, int k)
         snprintf(name, SST_EXPORT_NAME, "view_%.200s", v->file);
 }
 
+/* --- points ------------------------------------------------------------------------------------------------------- */
+
+/* Points with their sights in placed views; sights in others are left out. */
+static int points_init(struct job *job)
+{
+    const struct sst_posed *posed = &job->posed;
+    int kept = 0;
+
+    job->point = calloc((size_t)posed->point_count + 1, sizeof(*job->point));
+    job->first = malloc((size_t)posed->point_count * sizeof(*job->first) + 1);
+    job->sight = malloc((size_t)posed->sight_count * sizeof(*job->sight) + 1);
+    if (!job->point || !job->first || !job->sight)
+        return -ENOMEM;
+    job->points = posed->point_count;
+    for (int i = 0, s = 0; i < job->points; i++) {
+        struct sst_export_point *p = &job->point[i];
+        double sum = 0;
+
+        *p = (struct sst_export_point){ .error_px = -1, .rgb = { 128, 128, 128 } };
+        memcpy(p->at_mm, posed->points[i].at_mm, sizeof(p->at_mm));
+        job->first[i] = -1;
+        for (int end = s + posed->points[i].views; posed->sights && s < end; s++) {
+            const struct sst_posed_sight *from = &posed->sights[s];
+            const struct sst_calib_camera *cam = &posed->view[from->view].camera;
+            double at[3], x, y;
+
+            if (!cam->known)
+                continue;
+            for (int j = 0; j < 3; j++)
+                at[j] = p->at_mm[j] - cam->position_mm[j];
+            sst_numbers_apply3(cam->rotation, at, at);
+            sst_camera_distort(cam, at[0] / at[2], at[1] / at[2], &x, &y);
+            sum += hypot(x - (double)from->x, y - (double)from->y);
+            job->first[i] = p->sights ? job->first[i] : kept;
+            job->sight[kept++] = (struct sst_export_sight){ from->view, (double)from->x, (double)from->y };
+            p->error_px = sum / ++p->sights;
+        }
+    }
+    return 0;
+}
+
+/* Colours of the points whose first sight is in a view. */
+static int take_colours(const struct job *job, int view, const uint8_t *data, size_t size)
+{
+    struct sst_image image = { 0 };
+    struct sst_deep deep = { 0 };
+    int err = sst_deep_decode(&deep, data, size, job->posed.view[view].file);
+
+    err = err ? err : sst_deep_to_image(&image, &deep, deep.white == 255 ? (struct sst_samples){ 0 } : job->posed.samples);
+    for (int i = 0; !err && i < job->points; i++) {
+        const struct sst_export_sight *s = &job->sight[sst_max_int(job->first[i], 0)];
+
+        for (int c = 0; job->first[i] >= 0 && s->view == view && c < 3; c++)
+            job->point[i].rgb[c] = sst_image_row(&image, c, sst_clamp_int((int)lround(s->y), 0, image.height - 1))
+                [sst_clamp_int((int)lround(s->x), 0, image.width - 1)];
+    }
+    sst_image_fini(&image);
+    sst_deep_fini(&deep);
+    return err;
+}
+
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
@@ -74,6 +142,8 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
         err = -EBADMSG;
     }
     err = err ? err : sst_jpeg_write(to, data, size);
+    if (!err && job->points)
+        err = take_colours(job, k, data, size);
     free(data);
     return err;
 }
@@ -118,6 +188,9 @@ static int write_cameras(const struct job *job, int (*write)(const struct sst_ex
     err = write(&(struct sst_export_cameras){ .calib = &calib,
                                               .name = (const char(*)[SST_EXPORT_NAME])job->name,
                                               .array = one_moment(posed),
+                                              .point = job->point,
+                                              .sight = job->sight,
+                                              .points = job->points,
                                               .lossy = job->cfg->lossy },
                 job->out);
     free(calib.camera);
@@ -137,9 +210,14 @@ static int fill(struct job *job, int (*write)(const struct sst_export_cameras *c
         return -ENOMEM;
     for (int k = 0; k < job->posed.count; k++)
         set_name(job, k);
-    err = sst_parallel_for(job->posed.count, sst_thread_count(job->cfg->threads), copy_view, job);
+    if (write == sst_export_colmap && job->posed.point_count)
+        err = points_init(job);
+    err = err ? err : sst_parallel_for(job->posed.count, sst_thread_count(job->cfg->threads), copy_view, job);
     err = err ? err : write_cameras(job, write);
     free(job->name);
+    free(job->point);
+    free(job->first);
+    free(job->sight);
     return err;
 }
 

@@ -38,6 +38,7 @@ void sst_posed_fini(struct sst_posed *posed)
 {
     free(posed->view);
     free(posed->points);
+    free(posed->sights);
     *posed = (struct sst_posed){ 0 };
 }
 
@@ -142,8 +143,24 @@ static const char *view_fault(const struct sst_posed *posed, int k)
     return lens.fx != 0 ? sst_camera_fault(&lens) : NULL;
 }
 
+/* Of the points that have `seen` sights in all. */
+static const char *sights_fault(const struct sst_posed *posed, int64_t seen)
+{
+    if (posed->sights && posed->sight_count != seen)
+        return "points: the number of sights is not that of the points";
+    for (int i = 0; posed->sights && i < posed->sight_count; i++) {
+        const struct sst_posed_sight *s = &posed->sights[i];
+
+        if (s->view < 0 || s->view >= posed->count || !within((double)s->x, -NUMBER_MAX, NUMBER_MAX) ||
+            !within((double)s->y, -NUMBER_MAX, NUMBER_MAX))
+            return "points: a sight is of no view, or its place is not finite";
+    }
+    return NULL;
+}
+
 static const char *world_fault(const struct sst_posed *posed)
 {
+    int64_t seen = 0;
     const double *up = posed->up, length = sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
 
     if (length != 0 && !(fabs(length - 1) < UNIT_MISS))
@@ -164,8 +181,9 @@ static const char *world_fault(const struct sst_posed *posed)
         }
         if (posed->points[i].views < 0)
             return "points: a number of views is below 0";
+        seen += posed->points[i].views;
     }
-    return NULL;
+    return sights_fault(posed, seen);
 }
 
 const char *posed_fault(const struct sst_posed *posed)

@@ -27,6 +27,12 @@ struct sst_posed_point {
     int views; /* that see it */
 };
 
+/** A point in a view's picture. */
+struct sst_posed_sight {
+    int view;
+    float x, y; /* px */
+};
+
 struct sst_posed {
     int count;                   /* views, 1 to SST_POSED_MAX_VIEWS */
     int width, height;           /* of every view, px */
@@ -46,6 +52,8 @@ struct sst_posed {
     struct sst_posed_view *view; /* [count]. Owned. */
     struct sst_posed_point *points; /* [point_count], or NULL. Owned. */
     int point_count;
+    struct sst_posed_sight *sights; /* points[0].views of the first point, then those of the next; NULL: unknown. Owned. */
+    int sight_count;
     const struct sst_deep *picture; /* [count], of a light field without a folder; NULL: pictures are files. Borrowed. */
 };
 

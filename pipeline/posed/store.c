@@ -12,8 +12,11 @@
 #include "pipeline/posed/posed_internal.h"
 
 #define POINTS_MAGIC  "SSTPTS1\n"
+#define SIGHTS_MAGIC  "SSTPTS2\n" /* of a file with sights behind the points */
 #define POINTS_HEADER 16 /* bytes: magic and the count, 64 bits; all numbers little-endian */
 #define POINT_BYTES   28 /* x, y, z as doubles, views in 32 bits */
+#define SIGHT_BYTES   12 /* view in 32 bits, x, y as floats */
+#define MOST_SIGHTS   4000000
 #define POINTS_PREFIX "points-"
 #define POINTS_END    ".bin"
 #define PREFIX_DIGITS 16 /* of the hash in a name */
@@ -63,9 +66,21 @@ static uint64_t get_bytes(const uint8_t *in, int n)
     return v;
 }
 
+static void put_sight(uint8_t *at, const struct sst_posed_sight *sight)
+{
+    uint32_t bits[2];
+
+    memcpy(bits, &sight->x, sizeof(bits[0]));
+    memcpy(bits + 1, &sight->y, sizeof(bits[1]));
+    put_bytes(at, (uint32_t)sight->view, 4);
+    put_bytes(at + 4, bits[0], 4);
+    put_bytes(at + 8, bits[1], 4);
+}
+
 int points_write(struct points_file *file, const struct sst_posed *posed, const char *dir)
 {
-    const size_t n = (size_t)posed->point_count, size = POINTS_HEADER + n * POINT_BYTES;
+    const size_t n = (size_t)posed->point_count, sights = posed->sights ? (size_t)posed->sight_count : 0;
+    const size_t size = POINTS_HEADER + n * POINT_BYTES + sights * SIGHT_BYTES;
     char path[SST_PATH_MAX];
     uint8_t *data;
     int err;
@@ -78,7 +93,7 @@ int points_write(struct points_file *file, const struct sst_posed *posed, const 
         sst_log_error("no memory for the points of %s", dir);
         return -ENOMEM;
     }
-    memcpy(data, POINTS_MAGIC, 8);
+    memcpy(data, sights ? SIGHTS_MAGIC : POINTS_MAGIC, 8);
     put_bytes(data + 8, n, 8);
     for (size_t i = 0; i < n; i++) {
         uint8_t *at = data + POINTS_HEADER + i * POINT_BYTES;
@@ -89,12 +104,32 @@ int points_write(struct points_file *file, const struct sst_posed *posed, const 
             put_bytes(at + 8 * j, bits[j], 8);
         put_bytes(at + 24, (uint32_t)posed->points[i].views, 4);
     }
+    for (size_t i = 0; i < sights; i++)
+        put_sight(data + POINTS_HEADER + n * POINT_BYTES + i * SIGHT_BYTES, &posed->sights[i]);
     sst_sha256_hex(file->sha256, data, size);
     snprintf(file->name, sizeof(file->name), POINTS_PREFIX "%.*s" POINTS_END, PREFIX_DIGITS, file->sha256);
     err = sst_path_join(path, dir, file->name);
     err = err ? err : sst_file_write(path, data, size);
     free(data);
     return err;
+}
+
+/* @param data  of the first sight */
+static int parse_sights(struct sst_posed *posed, const uint8_t *data, size_t count)
+{
+    posed->sights = calloc(count, sizeof(*posed->sights));
+    if (!posed->sights)
+        return -ENOMEM;
+    posed->sight_count = (int)count;
+    for (size_t i = 0; i < count; i++) {
+        const uint8_t *at = data + i * SIGHT_BYTES;
+        const uint32_t bits[2] = { (uint32_t)get_bytes(at + 4, 4), (uint32_t)get_bytes(at + 8, 4) };
+
+        posed->sights[i].view = (int)(int32_t)get_bytes(at, 4);
+        memcpy(&posed->sights[i].x, &bits[0], sizeof(bits[0]));
+        memcpy(&posed->sights[i].y, &bits[1], sizeof(bits[1]));
+    }
+    return 0;
 }
 
 static int parse_points(struct sst_posed *posed, const uint8_t *data, int count)
@@ -118,22 +153,26 @@ static int parse_points(struct sst_posed *posed, const uint8_t *data, int count)
 int points_read(struct sst_posed *posed, const struct points_file *file, const char *dir)
 {
     const size_t expected = POINTS_HEADER + (size_t)file->count * POINT_BYTES;
+    bool sights;
     char path[SST_PATH_MAX], hash[65];
     const char *what = NULL;
     uint8_t *data;
     size_t size;
     int err = sst_path_join(path, dir, file->name);
 
-    err = err ? err : sst_file_read(path, expected, &data, &size);
+    err = err ? err : sst_file_read(path, expected + (size_t)MOST_SIGHTS * SIGHT_BYTES, &data, &size);
     if (err)
         return err;
     sst_sha256_hex(hash, data, size);
-    if (size != expected || memcmp(data, POINTS_MAGIC, 8) || get_bytes(data + 8, 8) != (uint64_t)file->count)
+    sights = size > expected && (size - expected) % SIGHT_BYTES == 0;
+    if ((size != expected && !sights) || memcmp(data, sights ? SIGHTS_MAGIC : POINTS_MAGIC, 8) || get_bytes(data + 8, 8) != (uint64_t)file->count)
         what = "is not of the number of points that lightfield.json names";
     else if (strcmp(hash, file->sha256))
         what = "has changed since it was stored (its SHA-256 differs)";
     if (!what)
         err = parse_points(posed, data, file->count);
+    if (!what && !err && sights)
+        err = parse_sights(posed, data + expected, (size - expected) / SIGHT_BYTES);
     free(data);
     if (what)
         sst_log_error("%s %s; import the pictures again", path, what);

@@ -41,6 +41,23 @@ grep -q '"history": "found 5 of 5.*; before: found 5 of 5' forest/lightfield.jso
 "$sst" poses forest --refine >out 2>err || fail "refine: $(cat err)"
 grep -q "5 of 5 views placed" out || fail "refine: $(cat out)"
 
+# --- points with their tracks, as COLMAP reads them
+"$sst" export colmap forest -o model >out 2>err || fail "export: $(cat err)"
+"$python" - <<'PY' || fail "tracks of the export"
+lines = lambda name: [l.rstrip("\n") for l in open("model/sparse/0/" + name) if l[0] != "#"]
+two, seen, colours = lines("images.txt"), 0, set()
+images = {int(a.split()[0]): b.split() for a, b in zip(two[::2], two[1::2])}
+for l in lines("points3D.txt"):
+    w = l.split()
+    assert 0 <= float(w[7]) < 3 and len(w) >= 12, l
+    colours.add(tuple(w[4:7]))
+    for image, number in zip(map(int, w[8::2]), map(int, w[9::2])):
+        x, y, point = images[image][3 * number:3 * number + 3]
+        assert point == w[0] and 0 < float(x) < 256 and 0 < float(y) < 256, (l, x, y)
+        seen += 3
+assert seen == sum(map(len, images.values())) > 600 and len(colours) > 20, (seen, len(colours))
+PY
+
 mkdir pictures one
 cp forest/views/* pictures/
 cp "pictures/$(ls pictures | head -n 1)" one/

@@ -126,9 +126,28 @@ static void a_folder_is_read_as_it_was_written(void **state SST_UNUSED)
     assert_int_equal(sst_posed_load(&third, test_path("lf")), 0);
     assert_same(&again, &third);
     assert_false(sst_path_exists(test_path("lf/%s", before.name)));
+    sst_posed_fini(&third);
+
+    /* Points with their sights; as many as the points say. */
+    again.sights = calloc(3, sizeof(*again.sights));
+    assert_non_null(again.sights);
+    again.sight_count = 3;
+    again.points[0].views = 1;
+    again.points[1].views = 2;
+    again.sights[2] = (struct sst_posed_sight){ 1, -0.25f, 7.5f };
+    assert_int_equal(sst_posed_save(&again, test_path("lf")), 0);
+    assert_int_equal(sst_posed_load(&third, test_path("lf")), 0);
+    assert_same(&again, &third);
+    assert_int_equal(third.sight_count, 3);
+    assert_memory_equal(third.sights, again.sights, 3 * sizeof(*again.sights));
+    sst_posed_fini(&third);
+    again.points[1].views = 3;
+    assert_int_equal(sst_posed_save(&again, test_path("lf")), -EINVAL);
+    again.points[1].views = 2;
+    again.sights[0].view = again.count;
+    assert_int_equal(sst_posed_save(&again, test_path("lf")), -EINVAL);
     sst_posed_fini(&posed);
     sst_posed_fini(&again);
-    sst_posed_fini(&third);
 }
 
 static void changed_files_are_refused(void **state SST_UNUSED)

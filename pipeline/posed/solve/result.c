@@ -179,15 +179,29 @@ static bool is_near(const double point[3])
     return fabs(point[0]) < FAR && fabs(point[1]) < FAR && fabs(point[2]) < FAR;
 }
 
+/* Place of a sight in its picture. */
+static struct sst_posed_sight sight_of(const struct poses_scene *scene, const struct poses_sight *s)
+{
+    double x = s->x + scene->middle[s->view][0], y = s->y + scene->middle[s->view][1];
+
+    if (scene->lenses) /* which are not adjusted yet */
+        sst_camera_distort(&scene->posed->view[s->view].camera, s->x / scene->focal, s->y / scene->focal, &x, &y);
+    return (struct sst_posed_sight){ s->view, (float)x, (float)y };
+}
+
 /* Points that two placed views see within a few px. */
 static int write_points(struct poses_scene *scene, const struct world *w, const double *px)
 {
     const struct poses_tracks *few = &scene->few;
     struct sst_posed_point *points = malloc((size_t)few->tracks * sizeof(*points) + 1);
-    int count = 0;
+    struct sst_posed_sight *sights = malloc((size_t)few->sights * sizeof(*sights) + 1);
+    int count = 0, seen = 0;
 
-    if (!points)
+    if (!points || !sights) {
+        free(points);
+        free(sights);
         return -ENOMEM;
+    }
     for (int t = 0; t < few->tracks; t++) {
         int views = 0;
 
@@ -197,12 +211,17 @@ static int write_points(struct poses_scene *scene, const struct world *w, const 
             continue;
         to_world(w, scene->model.point[t], points[count].at_mm);
         points[count++].views = views;
+        for (int s = few->first[t]; s < few->first[t + 1]; s++) {
+            if (scene->placed[few->sight[s].view] && px[s] < INLIER_PX)
+                sights[seen++] = sight_of(scene, &few->sight[s]);
+        }
     }
     free(scene->posed->points);
-    scene->posed->points = count ? points : NULL;
+    free(scene->posed->sights);
+    scene->posed->points = points;
+    scene->posed->sights = sights;
     scene->posed->point_count = count;
-    if (!count)
-        free(points);
+    scene->posed->sight_count = seen;
     return 0;
 }
 
