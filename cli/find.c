@@ -308,6 +308,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "surface", 0, CLI_STRING, &s.args.surface, "S",
           "ground (found, default), plane:Z, plane:NX,NY,NZ,D, three points plane:X,Y,Z,... or a terrain file" },
         { "view", 0, CLI_STRING, &s.args.view, "NAME", "the view to look from (the middle one), or nadir" },
+        { "utm", 0, CLI_STRING, &s.args.utm, "ZONE", "UTM zone of a terrain file that does not name it, as 33N" },
         { "near", 0, CLI_DOUBLE, &s.args.near_m, "M", "the ground is sought from this distance on", 1e-3, 1e6 },
         { "far", 0, CLI_DOUBLE, &s.args.far_m, "M", "... up to this one", 1e-3, 1e6 },
         { "by", 0, CLI_STRING, &s.by, "WAY", "integral (default of one channel) or views (default of colour)", 0, 0,

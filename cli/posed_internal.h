@@ -7,12 +7,14 @@
 #include "cli/render_internal.h"
 #include "pipeline/posed/ground.h"
 #include "pipeline/posed/render.h"
+#include "pipeline/posed/terrain.h"
 
 /** An open light field, the virtual camera and the surface. */
 struct posed_scene {
     const char *path;
     struct sst_posed posed;
     struct sst_heights heights; /* of terrain */
+    bool mapped;                /* the terrain's places were those of a map */
     struct sst_posed_ground ground;   /* views is 0: not sought */
     struct sst_posed_render_config cfg;
     const char *view; /* the camera's: a view's name, or "nadir" */

@@ -72,6 +72,9 @@ static void report_ground(const struct posed_scene *scene, const char *out)
     if (ground->views)
         printf("%s: ground %.2f m in front of %s, tilted by %.1f degrees, found by %d views\n", out,
                ground->distance_mm * 1e-3, scene->view, ground->tilt_deg, ground->views);
+    if (scene->mapped)
+        printf("%s: terrain of a map, taken to the axes of the light field, %.2f to %.2f m about its altitude of %.2f m\n", out,
+               scene->cfg.surface.low_mm * 1e-3, scene->cfg.surface.high_mm * 1e-3, scene->posed.altitude_m);
 }
 
 static void report(const struct posed_scene *scene, const struct sst_posed_rendered *made, const char *out,

@@ -23,7 +23,7 @@ struct known_option {
 static const struct known_option *find_option(const char *arg, size_t length)
 {
     static const struct known_option known[] = {
-        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false },
+        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false }, { "utm", 0, false },
         { "view", 0, false },     { "near", 0, false },     { "far", 0, false },   { "threads", 't', false },
         { "json", 0, true },      { "force", 0, true },     { "over", 0, false },  { "from", 0, false },
         { "to", 0, false },       { "steps", 'n', false },  { "fps", 0, false },   { "bounce", 0, true },
@@ -155,10 +155,11 @@ static int read_plane(struct posed_scene *scene, const struct cli_command *cmd, 
     return CLI_GO_ON;
 }
 
-static int read_terrain(struct posed_scene *scene, const char *path)
+static int read_terrain(struct posed_scene *scene, const char *path, const char *utm)
 {
     int err = sst_heights_read(&scene->heights, path);
 
+    err = err ? err : sst_terrain_place(&scene->heights, &scene->mapped, &scene->posed, utm, path);
     if (err)
         return cli_exit_code(err);
     err = sst_surface_terrain(&scene->cfg.surface, &scene->heights, scene->posed.up);
@@ -204,15 +205,18 @@ static int find_surface(struct posed_scene *scene, const struct cli_command *cmd
 {
     const char *text = a->surface ? a->surface : "ground";
     const bool nadir = a->view && !strcmp(a->view, NADIR);
+    const bool terrain = cli_has_suffix(text, ".tif") || cli_has_suffix(text, ".tiff") || cli_has_suffix(text, ".obj");
 
+    if (a->utm && !terrain)
+        return cli_usage_error(cmd, "--utm is of --surface with a terrain file");
     if (!strcmp(text, "ground"))
         return find_ground(scene, a);
     if (a->near_m > 0 || a->far_m > 0)
         return cli_usage_error(cmd, "--near and --far are limits of --surface ground");
     if (!strncmp(text, "plane:", 6))
         return read_plane(scene, cmd, text + 6, nadir);
-    if (cli_has_suffix(text, ".tif") || cli_has_suffix(text, ".tiff") || cli_has_suffix(text, ".obj"))
-        return read_terrain(scene, text);
+    if (terrain)
+        return read_terrain(scene, text, a->utm);
     return cli_usage_error(cmd, "--surface %s is neither ground nor plane:... nor a terrain file (.tif, .obj)", text);
 }
 

@@ -55,6 +55,7 @@ static int read_world(struct tiff_geo *geo, const char *path)
                               .dy = v[3],
                               .x = v[4],
                               .y = v[5],
+                              .epsg = geo->epsg,
                               .has_nodata = geo->has_nodata,
                               .nodata = geo->nodata };
     return 0;
@@ -111,6 +112,7 @@ static int read_tiff(struct sst_heights *out, const uint8_t *data, size_t size, 
     out->y_mm = geo.y;
     out->step_x_mm = geo.dx;
     out->step_y_mm = geo.dy;
+    out->epsg = geo.epsg;
     return 0;
 }
 

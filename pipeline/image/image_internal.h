@@ -78,6 +78,7 @@ bool jpeg_next_segment(struct jpeg_segment *s, const uint8_t *data, size_t size)
 struct tiff_geo {
     bool placed;
     double x, y, dx, dy; /* as in heights.h */
+    int epsg;            /* of the map; 0: unknown */
     bool has_nodata;
     double nodata;
 };

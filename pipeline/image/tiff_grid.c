@@ -20,6 +20,7 @@
 #define MODEL_PROJECTED 1
 #define KEY_RASTER      1025
 #define RASTER_POINTS   2
+#define KEY_PROJECTED   3072
 #define KEY_UNIT        3076
 #define UNIT_METRE      9001
 
@@ -45,8 +46,8 @@ static bool has_text(const char *text, uint32_t n, const char *word)
     return memchr(text, '\0', n) && strstr(text, word);
 }
 
-/* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet. */
-static int read_keys(bool *points, const struct tiff_file *f)
+/* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet, on which map. */
+static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
 {
     const void *values;
     const uint32_t n = get_numbers(&values, f, TAG_GEO_KEYS, TIFF_SHORT);
@@ -56,6 +57,8 @@ static int read_keys(bool *points, const struct tiff_file *f)
     for (uint32_t i = 4; i + 4 <= n; i += 4) {
         if (key[i] == KEY_RASTER)
             *points = key[i + 3] == RASTER_POINTS;
+        if (key[i] == KEY_PROJECTED)
+            *epsg = key[i + 3];
         if (key[i] == KEY_MODEL && key[i + 3] != MODEL_PROJECTED)
             return tiff_refuse(f, "whose places are no metres on a map, but degrees",
                                "write it in a projection, as gdalwarp -t_srs EPSG:25832 IN OUT does");
@@ -72,7 +75,7 @@ static int read_place(struct tiff_geo *geo, const struct tiff_file *f)
     const void *values;
     const double *scale = NULL, *tie = NULL;
     bool points;
-    int err = read_keys(&points, f);
+    int err = read_keys(&points, &geo->epsg, f);
 
     if (err)
         return err;

@@ -39,6 +39,7 @@ bool sst_surface_plane_of(struct sst_surface *out, const double point_mm[3][3], 
 int sst_surface_terrain(struct sst_surface *out, const struct sst_heights *heights, const double up[3])
 {
     static const double x[3] = { 1, 0, 0 };
+    const double c = cos(heights->turn_rad), n = sin(heights->turn_rad);
     struct sst_surface s = {
         .kind = SST_SURFACE_TERRAIN, .normal = { 0, 0, 1 }, .heights = heights, .low_mm = INFINITY, .high_mm = -INFINITY
     };
@@ -51,6 +52,12 @@ int sst_surface_terrain(struct sst_surface *out, const struct sst_heights *heigh
     vector_cross(s.along[1], s.normal, x);
     vector_unit(s.along[1]);
     vector_cross(s.along[0], s.along[1], s.normal);
+    for (int i = 0; i < 3; i++) {
+        const double a = s.along[0][i], b = s.along[1][i];
+
+        s.along[0][i] = c * a + n * b;
+        s.along[1][i] = c * b - n * a;
+    }
     for (int j = 0; j < heights->mm.height; j++) {
         for (int i = 0; i < heights->mm.width; i++) {
             const double mm = (double)sst_map_f32_row(&heights->mm, j)[i];

@@ -27,7 +27,7 @@ SST_MUST_CHECK bool sst_surface_plane_of(struct sst_surface *out, const double p
 
 /**
  * Terrain. Where `up` is the world's z axis or unknown, the grid's axes are the world's x and y; otherwise the axes
- * level and nearest to them.
+ * level and nearest to them; then turned by the heights' angle.
  *
  * @return 0, -EINVAL (a side below 2, or no height is known); not logged
  */

@@ -11,6 +11,8 @@
 #include "pipeline/posed/ground.h"
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/surface_internal.h"
+#include "pipeline/posed/terrain.h"
+#include "pipeline/posed/utm.h"
 #include "tests/folder.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -129,6 +131,50 @@ static void ground_is_behind_the_leaves(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
+/* Terrain of UTM in the axes of a light field: each sample where its longitude and latitude are. */
+static void terrain_of_utm_is_in_the_axes_of_the_light_field(void **state SST_UNUSED)
+{
+    const struct sst_utm utm = { 33, false };
+    struct sst_posed posed = { .geographic = true, .latitude = 48.3, .longitude = 14.3, .altitude_m = 400, .up = { 0, 0, 1 } };
+    struct sst_heights h = { .x_mm = 447.2e6, .y_mm = 5350.9e6, .step_x_mm = 1e6, .step_y_mm = -1e6, .epsg = 32633 };
+    struct sst_surface surface;
+    bool placed;
+
+    assert_int_equal(sst_map_f32_init(&h.mm, 3, 3), 0);
+    for (int i = 0; i < 9; i++)
+        sst_map_f32_row(&h.mm, i / 3)[i % 3] = (float)(450000 + 1000 * i);
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, NULL, "dem.tif"), 0);
+    assert_true(placed && fabs(h.turn_rad) > 0.005);
+    assert_int_equal(sst_surface_terrain(&surface, &h, posed.up), 0);
+    for (int i = 0; i < 9; i++) {
+        const double xy[2] = { 447200 + 1000 * (i % 3), 5350900 - 1000 * (i / 3) };
+        const double u = h.x_mm + h.step_x_mm * (i % 3), v = h.y_mm + h.step_y_mm * (i / 3);
+        double at[3], longitude, latitude;
+        struct sst_place origin, place;
+
+        sst_utm_to_degrees(&longitude, &latitude, &utm, xy);
+        sst_place_at(&origin, posed.longitude, posed.latitude, posed.altitude_m);
+        sst_place_at(&place, longitude, latitude, 450 + i);
+        sst_place_from(&origin, &place, at);
+        for (int k = 0; k < 2; k++) {
+            if (fabs(surface.along[0][k] * u + surface.along[1][k] * v - at[k] * 1000) > 200)
+                fail_msg("sample %d: axis %d is off by %.0f mm", i, k,
+                         surface.along[0][k] * u + surface.along[1][k] * v - at[k] * 1000);
+        }
+        assert_true(fabs((double)sst_map_f32_row(&h.mm, i / 3)[i % 3] - at[2] * 1000) < 10);
+    }
+    h.x_mm = 447.2e6;
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, "61N", "dem.tif"), -EINVAL);
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, "10S", "dem.tif"), -EBADMSG);
+    h.epsg = 31468;
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, NULL, "dem.tif"), -EBADMSG);
+    h.epsg = 0;
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, NULL, "dem.tif"), -EBADMSG);
+    posed.geographic = false;
+    assert_int_equal(sst_terrain_place(&h, &placed, &posed, "33N", "dem.tif"), -EBADMSG);
+    sst_heights_fini(&h);
+}
+
 /* Mean difference from the floor where the picture has rays; share of such pixels. */
 static double difference(const struct sst_posed_rendered *made, const struct sst_virtual *camera, double *share)
 {
@@ -237,6 +283,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         serial_test(ground_is_behind_the_leaves),
+        cmocka_unit_test(terrain_of_utm_is_in_the_axes_of_the_light_field),
         cmocka_unit_test(clear_pictures_show_the_floor),
         cmocka_unit_test(the_nearest_views_are_chosen),
         cmocka_unit_test(sides_are_checked),

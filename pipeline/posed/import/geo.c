@@ -11,18 +11,9 @@
 
 #include "base/log.h"
 #include "pipeline/posed/import/import_internal.h"
+#include "pipeline/posed/utm.h"
 
-#define PI        3.14159265358979323846
-#define AXIS_M    6378137.0         /* of the ellipsoid WGS 84 */
-#define FLATTEN   (1 / 298.257223563)
-#define UTM_SCALE 0.9996
-#define EAST_M    500000.0
-#define SOUTH_M   10000000.0
-
-struct reference {
-    int zone; /* of UTM; 0: longitude and latitude */
-    bool south;
-};
+#define PI 3.14159265358979323846
 
 static bool find_number(const char *text, const char *key, int *out)
 {
@@ -32,12 +23,12 @@ static bool find_number(const char *text, const char *key, int *out)
 }
 
 /* The first line. @return false: another system */
-static bool read_reference(struct reference *to, const char *line)
+static bool read_reference(struct sst_utm *to, const char *line)
 {
     int code;
     char side = 'N';
 
-    *to = (struct reference){ 0 };
+    *to = (struct sst_utm){ 0 };
     if (find_number(line, "EPSG:", &code)) {
         to->zone = code == 4326 ? 0 : code % 100;
         to->south = code / 100 == 327;
@@ -52,43 +43,6 @@ static bool read_reference(struct reference *to, const char *line)
         return true;
     to->south = strstr(line, "+south") != NULL;
     return !strncmp(line, "+proj=utm", 9) && find_number(line, "+zone=", &to->zone) && to->zone >= 1 && to->zone <= 60;
-}
-
-/* Krueger's series of third order in n: 0.05 mm. Radians. */
-static void from_utm(double *longitude, double *latitude, const struct reference *utm, const double xy[2])
-{
-    const double n = FLATTEN / (2 - FLATTEN), n2 = n * n, n3 = n2 * n;
-    const double mean = AXIS_M / (1 + n) * (1 + n2 / 4 + n2 * n2 / 64) * UTM_SCALE;
-    const double b[3] = { n / 2 - n2 * 2 / 3 + n3 * 37 / 96, n2 / 48 + n3 / 15, n3 * 17 / 480 };
-    const double d[3] = { 2 * n - n2 * 2 / 3 - 2 * n3, n2 * 7 / 3 - n3 * 8 / 5, n3 * 56 / 15 };
-    const double up = (xy[1] - (utm->south ? SOUTH_M : 0)) / mean, right = (xy[0] - EAST_M) / mean;
-    double u = up, r = right, conformal;
-
-    for (int j = 0; j < 3; j++) {
-        u -= b[j] * sin(2 * (j + 1) * up) * cosh(2 * (j + 1) * right);
-        r -= b[j] * cos(2 * (j + 1) * up) * sinh(2 * (j + 1) * right);
-    }
-    conformal = asin(sin(u) / cosh(r));
-    *latitude = conformal;
-    for (int j = 0; j < 3; j++)
-        *latitude += d[j] * sin(2 * (j + 1) * conformal);
-    *longitude = (utm->zone * 6 - 183) * PI / 180 + atan2(sinh(r), cos(u));
-}
-
-/* Place on the ellipsoid: earth-centred metres, and the axes east, north, up there as rows. */
-struct place {
-    double at[3], axes[9];
-};
-
-static void to_earth(struct place *p, double longitude, double latitude, double altitude)
-{
-    const double e2 = FLATTEN * (2 - FLATTEN), s = sin(latitude), c = cos(latitude), sl = sin(longitude), cl = cos(longitude);
-    const double across = AXIS_M / sqrt(1 - e2 * s * s);
-    const double at[3] = { (across + altitude) * c * cl, (across + altitude) * c * sl, (across * (1 - e2) + altitude) * s };
-    const double axes[9] = { -sl, cl, 0, -s * cl, -s * sl, c, c * cl, c * sl, s };
-
-    memcpy(p->at, at, sizeof(at));
-    memcpy(p->axes, axes, sizeof(axes));
 }
 
 /* Rows: the camera's right, down and forward in east, north, up. */
@@ -108,7 +62,7 @@ static void camera_axes(double R[9], const double angle[3])
     }
 }
 
-static const char *place_view(struct model_view *v, const struct place *origin, const struct place *at, const double angle[3])
+static const char *place_view(struct model_view *v, const struct sst_place *origin, const struct sst_place *at, const double angle[3])
 {
     double local[9], R[9], t[3] = { 0, 0, 0 }, centre[3];
 
@@ -156,26 +110,26 @@ static int parse(struct entry *e, const char *line)
     return n;
 }
 
-static int add(struct model *m, const struct reference *of, struct place *origin, const struct entry *e)
+static int add(struct model *m, const struct sst_utm *of, struct sst_place *origin, const struct entry *e)
 {
     struct model_view *v;
-    struct place at;
-    double longitude = e->v[0] * PI / 180, latitude = e->v[1] * PI / 180;
+    struct sst_place at;
+    double longitude = e->v[0], latitude = e->v[1];
     const char *fault;
 
-    if (of->zone ? !(fabs(e->v[0] - EAST_M) < EAST_M * 2 && fabs(e->v[1]) <= SOUTH_M)
+    if (of->zone ? !(fabs(e->v[0] - SST_UTM_EAST_M) < SST_UTM_EAST_M * 2 && fabs(e->v[1]) <= SST_UTM_SOUTH_M)
                  : !(fabs(e->v[0]) <= 360 && fabs(e->v[1]) <= 90))
         return model_fault(m, e->name, of->zone ? "x, y is no place in the zone of UTM"
                                                 : "x, y is no longitude and latitude in degrees, in this order");
     if (!(fabs(e->v[2]) < 1e5))
         return model_fault(m, e->name, "the altitude is beyond 100 km");
     if (of->zone)
-        from_utm(&longitude, &latitude, of, e->v);
-    to_earth(&at, longitude, latitude, e->v[2]);
+        sst_utm_to_degrees(&longitude, &latitude, of, e->v);
+    sst_place_at(&at, longitude, latitude, e->v[2]);
     if (!m->count) {
         *origin = at;
-        m->longitude = longitude * 180 / PI;
-        m->latitude = latitude * 180 / PI;
+        m->longitude = longitude;
+        m->latitude = latitude;
         m->altitude_m = e->v[2];
     }
     v = model_add(m, e->name);
@@ -188,8 +142,8 @@ static int add(struct model *m, const struct reference *of, struct place *origin
 static int read_lines(struct model *m, char *text)
 {
     char *save, *line = strtok_r(text, "\r\n", &save);
-    struct reference of;
-    struct place origin = { { 0 }, { 0 } };
+    struct sst_utm of;
+    struct sst_place origin = { { 0 }, { 0 } };
     int err = 0, level = 0;
 
     if (!line || !read_reference(&of, line)) {
