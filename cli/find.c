@@ -14,6 +14,7 @@
 #define METRE_MM 1000.0
 #define CROP     96 /* px around a find, of the integral and of the view that shows it best */
 #define ENLARGED 3
+#define CENTRED  32768 /* level of a view's median in the integral of one channel */
 #define SHOWN    9999 /* finds with a picture of their own */
 
 struct search {
@@ -23,6 +24,7 @@ struct search {
     const char *by, *out, *path;
     bool json, force, dark;
     struct sst_finds finds;
+    struct sst_samples stretch[2]; /* of the integral's pictures and of the views'; white 0: 8 bits as they are */
 };
 
 /* --- finds as text and JSON ----------------------------------------------------------------------------------------
@@ -54,6 +56,12 @@ static json_t *search_json(const struct search *s)
     json = json_pack("{s:s, s:o, s:f, s:f, s:b, s:o}", "lightfield", s->path, "scene", cli_posed_scene_json(&s->scene),
                      "threshold", s->finds.threshold, "hectares", s->finds.hectares, "metric", s->scene.posed.metric,
                      "finds", finds);
+    if (json && s->stretch[0].white)
+        json_object_set_new(json, "levels",
+                            json_pack("{s:[i, i], s:[i, i]}", "integral",
+                                      s->stretch[0].black - (s->finds.channels == 1 ? CENTRED : 0),
+                                      s->stretch[0].white - (s->finds.channels == 1 ? CENTRED : 0), "views",
+                                      s->stretch[1].black, s->stretch[1].white));
     if (json && !isnan(s->finds.alarms))
         json_object_set_new(json, "expected_false_per_hectare", json_real(s->finds.alarms));
     return json;
@@ -88,6 +96,25 @@ static int write_json(json_t *json, const char *dir, const char *name)
     return err;
 }
 
+/* Levels of one channel are less their view's median in the integral. */
+static void print_stretches(const struct search *s)
+{
+    const struct sst_posed *posed = &s->scene.posed;
+    const int middle = s->finds.channels == 1 ? CENTRED : 0;
+    const double scale = posed->kelvin_scale;
+    char text[100];
+
+    if (!s->stretch[0].white)
+        return;
+    printf("finds.png: black to white are levels %d to %d%s", s->stretch[0].black - middle, s->stretch[0].white - middle,
+           middle ? " about each view's median" : "");
+    if (middle && scale > 0)
+        printf(" (%+.1f to %+.1f degrees)", (s->stretch[0].black - middle) * scale, (s->stretch[0].white - middle) * scale);
+    if (s->stretch[1].white)
+        printf("; of views %s", cli_posed_levels(text, posed, s->stretch[1]));
+    putchar('\n');
+}
+
 static void print_table(const struct search *s)
 {
     const char *unit = s->scene.posed.metric ? "m" : "units";
@@ -102,6 +129,7 @@ static void print_table(const struct search *s)
     if (!isnan(s->finds.alarms) && s->cfg.alarms > 0)
         printf(", the background is expected to make %.2g a hectare", s->finds.alarms);
     putchar('\n');
+    print_stretches(s);
     for (int i = 0; i < s->finds.count; i++) {
         const struct sst_found *f = &s->finds.found[i];
 
@@ -117,14 +145,6 @@ static void print_table(const struct search *s)
 }
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
-
-/* Levels as a picture: colours of 8 bits as they are, others by the stretch that shows them best. */
-static int show_levels(struct sst_image *out, const struct search *s, const struct sst_deep *levels)
-{
-    const bool plain = s->scene.posed.bits == 8 && levels->channels == 3;
-
-    return sst_deep_to_image(out, levels, plain ? (struct sst_samples){ 0 } : sst_deep_stretch(levels));
-}
 
 /* A level of the integral; where no view sees the surface, the one that most of it has. */
 static uint16_t level_at(const struct search *s, int c, int x, int y, double middle)
@@ -150,8 +170,47 @@ static double mean_of(const struct sst_map_f32 *map)
     return n > 0 ? sum / n : 0;
 }
 
+/* Levels of all views that are shown. */
+static int stretch_views(struct search *s)
+{
+    struct sst_samples all = { 65535, 0 };
+    bool done[SST_POSED_MAX_VIEWS] = { false };
+    int err = 0;
+
+    for (int i = 0; i < s->finds.count && i < SHOWN && !err; i++) {
+        const int view = s->finds.found[i].best;
+        struct sst_deep picture = { 0 };
+        struct sst_samples own;
+
+        if (view < 0 || done[view])
+            continue;
+        done[view] = true;
+        err = sst_posed_picture(&picture, &s->scene.posed, s->path, view);
+        if (err)
+            break;
+        own = sst_deep_stretch(&picture);
+        all.black = sst_min_int(all.black, own.black);
+        all.white = sst_max_int(all.white, own.white);
+        sst_deep_fini(&picture);
+    }
+    s->stretch[1] = all.white ? all : (struct sst_samples){ 0, 0 };
+    return err;
+}
+
+/* One stretch of all pictures of the integral, and one of all views: colours of 8 bits are shown as they are. */
+static int choose_stretches(struct search *s, const struct sst_deep *integral)
+{
+    const struct sst_posed *posed = &s->scene.posed;
+
+    if (posed->bits == 8 && posed->channels == 3)
+        return 0;
+    s->stretch[0] = sst_deep_stretch(integral);
+    s->stretch[1] = s->scene.levels.white ? s->scene.levels : posed->samples;
+    return s->stretch[1].white ? 0 : stretch_views(s);
+}
+
 /* The integral, stretched as the pixels that views see ask for; the others are black. */
-static int picture_of_integral(struct sst_image *out, const struct search *s)
+static int picture_of_integral(struct sst_image *out, struct search *s)
 {
     const int w = s->finds.score.width, h = s->finds.score.height;
     struct sst_deep levels = { 0 };
@@ -163,7 +222,8 @@ static int picture_of_integral(struct sst_image *out, const struct search *s)
         for (int i = 0; i < w * h; i++)
             sst_map_u16_row(&levels.plane[c], i / w)[i % w] = level_at(s, c, i % w, i / w, middle);
     }
-    err = err ? err : show_levels(out, s, &levels);
+    err = err ? err : choose_stretches(s, &levels);
+    err = err ? err : sst_deep_to_image(out, &levels, s->stretch[0]);
     sst_deep_fini(&levels);
     for (int i = 0; !err && i < w * h; i++) {
         for (int c = 0; c < 3 && !sst_map_u16_row(&s->finds.views, i / w)[i % w]; c++)
@@ -224,7 +284,7 @@ static int write_find(const struct search *s, const struct sst_image *integral, 
         crop(&pair, 0, integral, f->blob.x, f->blob.y);
     if (!err && f->best >= 0) {
         err = sst_posed_picture(&picture, &s->scene.posed, s->path, f->best);
-        err = err ? err : show_levels(&view, s, &picture);
+        err = err ? err : sst_deep_to_image(&view, &picture, s->stretch[1]);
         if (!err)
             crop(&pair, CROP * ENLARGED, &view, f->best_x, f->best_y);
     }
@@ -236,7 +296,7 @@ static int write_find(const struct search *s, const struct sst_image *integral, 
     return err;
 }
 
-static int write_folder(const struct search *s, const char *dir)
+static int write_folder(struct search *s, const char *dir)
 {
     struct sst_image integral = { 0 };
     char path[SST_PATH_MAX];
@@ -255,7 +315,7 @@ static int write_folder(const struct search *s, const char *dir)
     return err;
 }
 
-static int write_out(const struct search *s)
+static int write_out(struct search *s)
 {
     struct sst_outdir dir = { 0 };
     int err = sst_outdir_open(&dir, s->out, s->force);
@@ -308,6 +368,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "surface", 0, CLI_STRING, &s.args.surface, "S",
           "ground (found, default), plane:Z, plane:NX,NY,NZ,D, three points plane:X,Y,Z,... or a terrain file" },
         { "view", 0, CLI_STRING, &s.args.view, "NAME", "the view to look from (the middle one), or nadir" },
+        { "levels", 0, CLI_STRING, &s.args.levels, "LOW,HIGH",
+          "16 bits: the levels that become black and white in the pictures of views (found)" },
         { "utm", 0, CLI_STRING, &s.args.utm, "ZONE", "UTM zone of a terrain file that does not name it, as 33N" },
         { "near", 0, CLI_DOUBLE, &s.args.near_m, "M", "the ground is sought from this distance on", 1e-3, 1e6 },
         { "far", 0, CLI_DOUBLE, &s.args.far_m, "M", "... up to this one", 1e-3, 1e6 },

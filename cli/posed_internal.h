@@ -14,6 +14,7 @@ struct posed_scene {
     const char *path;
     struct sst_posed posed;
     struct sst_heights heights; /* of terrain */
+    struct sst_samples levels;  /* of --levels; white 0: found */
     bool mapped;                /* the terrain's places were those of a map */
     struct sst_posed_ground ground;   /* views is 0: not sought */
     struct sst_posed_render_config cfg;
@@ -32,6 +33,9 @@ void cli_posed_close(struct posed_scene *scene);
 /** Render one picture. @param sink  .png, .jpg, .tif or .pfm; exit codes as of commands */
 int cli_posed_render(struct posed_scene *scene, const struct render_args *a, const char *out, const char *valid);
 
+/** "levels 7000 to 7400", and the degrees where they are known. @return text */
+const char *cli_posed_levels(char text[100], const struct sst_posed *posed, struct sst_samples stretch);
+
 /** What the picture shows, for --json. */
 json_t *cli_posed_scene_json(const struct posed_scene *scene);
 
@@ -42,6 +46,7 @@ struct posed_sweep {
     bool bounce;
     double fps;
     const char *out;
+    struct sst_samples stretch; /* out: of 16 bits in a video; white 0: none */
 };
 int cli_posed_sweep(struct posed_scene *scene, const struct render_args *a, struct posed_sweep *sweep);
 

@@ -17,9 +17,9 @@
  */
 
 /* Levels that become the 8 bits of pictures; white 0: all. */
-static struct sst_samples stretch_of(const struct sst_posed_rendered *made)
+static struct sst_samples stretch_of(const struct posed_scene *scene, const struct sst_posed_rendered *made)
 {
-    return made->levels.white == 255 ? (struct sst_samples){ 0, 0 } : made->stretch;
+    return made->levels.white == 255 ? (struct sst_samples){ 0, 0 } : scene->levels.white ? scene->levels : made->stretch;
 }
 
 static int write_8bit(const struct sst_deep *levels, struct sst_samples stretch, const char *out)
@@ -80,10 +80,12 @@ static void report_ground(const struct posed_scene *scene, const char *out)
 static void report(const struct posed_scene *scene, const struct sst_posed_rendered *made, const char *out,
                    struct sst_samples stretch)
 {
+    char text[100];
+
     report_ground(scene, out);
     if (stretch.white > 0)
-        printf("%s: 8 bits, levels %d to %d stretched over them; .png and .tif keep 16\n", out, stretch.black,
-               stretch.white);
+        printf("%s: 8 bits, %s stretched over them; .png and .tif keep 16\n", out,
+               cli_posed_levels(text, &scene->posed, stretch));
     if (cli_has_suffix(out, ".pfm"))
         printf("%s: %s\n", out, scene->posed.kelvin_scale > 0 ? "degrees Celsius" : "levels, not rounded");
     sst_log_info("%d of %d views, %.2f %% of the pixels are seen", sst_posed_placed(&scene->posed), scene->posed.count,
@@ -105,7 +107,7 @@ int cli_posed_render(struct posed_scene *scene, const struct render_args *a, con
                  (cli_has_suffix(out, ".png") && made.levels.white > 255))
             err = sst_deep_write(&made.levels, out);
         else
-            err = write_8bit(&made.levels, stretch = stretch_of(&made), out);
+            err = write_8bit(&made.levels, stretch = stretch_of(scene, &made), out);
     }
     if (!err && valid)
         err = write_views(&made.views, valid);
@@ -148,8 +150,7 @@ static int render_height(struct sst_posed_rendered *made, const struct posed_sce
 }
 
 /* Frames have the stretch of the first one, so that they do not flicker. */
-static int write_frames(const struct posed_scene *scene, const struct posed_sweep *s, const char *dir,
-                        struct video *video)
+static int write_frames(const struct posed_scene *scene, struct posed_sweep *s, const char *dir, struct video *video)
 {
     struct sst_samples stretch = { 0, 0 };
     int err = 0;
@@ -164,7 +165,7 @@ static int write_frames(const struct posed_scene *scene, const struct posed_swee
         if (!err && video) {
             struct sst_image image = { 0 };
 
-            stretch = i ? stretch : stretch_of(&made);
+            stretch = i ? stretch : stretch_of(scene, &made);
             err = sst_deep_to_image(&image, &made.levels, stretch);
             err = err ? err : video_add(video, &image);
             sst_image_fini(&image);
@@ -177,8 +178,7 @@ static int write_frames(const struct posed_scene *scene, const struct posed_swee
         sst_posed_rendered_fini(&made);
     }
     cli_progress_end();
-    if (!err && stretch.white > 0)
-        sst_log_info("levels %d to %d are stretched over the 8 bits of the video", stretch.black, stretch.white);
+    s->stretch = stretch;
     return err;
 }
 
@@ -196,7 +196,7 @@ static json_t *describe(const struct posed_scene *scene, const struct posed_swee
     return root;
 }
 
-static int write_folder(const struct posed_scene *scene, const struct posed_sweep *s, bool force)
+static int write_folder(const struct posed_scene *scene, struct posed_sweep *s, bool force)
 {
     struct sst_outdir dir;
     int err = sst_outdir_open(&dir, s->out, force);
@@ -213,7 +213,7 @@ static int write_folder(const struct posed_scene *scene, const struct posed_swee
     return sst_outdir_end(&dir, err);
 }
 
-static int write_video(const struct posed_scene *scene, const struct posed_sweep *s)
+static int write_video(const struct posed_scene *scene, struct posed_sweep *s)
 {
     struct video *v = NULL;
     int err = video_open(&v, s->out, scene->cfg.camera.width, scene->cfg.camera.height, s->fps);
@@ -251,8 +251,12 @@ static void find_ends(const struct posed_scene *scene, struct posed_sweep *s)
 static void report_sweep(const struct posed_scene *scene, const struct posed_sweep *s)
 {
     const double distance = surface_distance(scene);
+    char text[100];
 
     report_ground(scene, s->out);
+    if (s->stretch.white > 0)
+        printf("%s: 8 bits, %s stretched over them in all pictures\n", s->out,
+               cli_posed_levels(text, &scene->posed, s->stretch));
     if (!scene->ground.views && isfinite(distance))
         printf("%s: %s %.2f m in front of %s\n", s->out,
                scene->cfg.surface.kind == SST_SURFACE_TERRAIN ? "terrain" : "plane", distance, scene->view);
@@ -273,6 +277,9 @@ int cli_posed_sweep(struct posed_scene *scene, const struct render_args *a, stru
         json_object_update_new(root, json_pack("{s:s, s:i, s:s, s:f, s:f}", "output", sweep->out, "frames",
                                                frame_count(sweep), "over", "height", "from_m", sweep->from_m, "to_m",
                                                sweep->to_m));
+        json_object_set_new(root, "stretch", sweep->stretch.white > 0
+                                                 ? json_pack("[i, i]", sweep->stretch.black, sweep->stretch.white)
+                                                 : json_null());
         cli_dump_json(root, JSON_INDENT(2));
     }
     return cli_exit_code(err);

@@ -10,6 +10,7 @@
 #include "cli/posed_internal.h"
 
 #define METRE_MM     1000.0
+#define CELSIUS      273.15
 #define NADIR        "nadir"
 #define ZERO_MISS    0.1 /* of the distance: where the ground is not at z = 0 */
 #define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
@@ -23,7 +24,7 @@ struct known_option {
 static const struct known_option *find_option(const char *arg, size_t length)
 {
     static const struct known_option known[] = {
-        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false }, { "utm", 0, false },
+        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false }, { "utm", 0, false },      { "levels", 0, false },
         { "view", 0, false },     { "near", 0, false },     { "far", 0, false },   { "threads", 't', false },
         { "json", 0, true },      { "force", 0, true },     { "over", 0, false },  { "from", 0, false },
         { "to", 0, false },       { "steps", 'n', false },  { "fps", 0, false },   { "bounce", 0, true },
@@ -220,6 +221,32 @@ static int find_surface(struct posed_scene *scene, const struct cli_command *cmd
     return cli_usage_error(cmd, "--surface %s is neither ground nor plane:... nor a terrain file (.tif, .obj)", text);
 }
 
+/* "LOW,HIGH" */
+static int read_levels(struct posed_scene *scene, const struct cli_command *cmd, const char *text)
+{
+    double v[2];
+
+    if (!text)
+        return CLI_GO_ON;
+    if (scene->posed.bits != 16)
+        return cli_usage_error(cmd, "--levels is of pictures of 16 bits; those of %s have 8", scene->path);
+    if (read_numbers(v, 2, text) != 2 || !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535) || v[0] != floor(v[0]) ||
+        v[1] != floor(v[1]))
+        return cli_usage_error(cmd, "--levels %s is not two ascending whole numbers of 0 to 65535, as 7000,7400", text);
+    scene->levels = (struct sst_samples){ (int)v[0], (int)v[1] };
+    return CLI_GO_ON;
+}
+
+const char *cli_posed_levels(char text[100], const struct sst_posed *posed, struct sst_samples stretch)
+{
+    snprintf(text, 100, "levels %d to %d", stretch.black, stretch.white);
+    if (posed->kelvin_scale > 0)
+        sst_text_add(text, 100, " (%.1f to %.1f degrees Celsius)",
+                     stretch.black * posed->kelvin_scale + posed->kelvin_offset - CELSIUS,
+                     stretch.white * posed->kelvin_scale + posed->kelvin_offset - CELSIUS);
+    return text;
+}
+
 /* --- all ------------------------------------------------------------------------------------------------------------
  */
 
@@ -240,6 +267,8 @@ int cli_posed_open(struct posed_scene *scene, const struct cli_command *cmd, con
         sst_log_error("%s: none of the %d views is placed; `sst poses %s` finds poses", path, s.posed.count, path);
         r = CLI_INPUT;
     }
+    if (r == CLI_GO_ON)
+        r = read_levels(&s, cmd, a->levels);
     if (r == CLI_GO_ON)
         r = find_view(&view, &s, cmd, a->view);
     if (r == CLI_GO_ON) {

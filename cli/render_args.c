@@ -65,6 +65,8 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "surface", 0, CLI_STRING, &a->surface, "S",
           "posed: ground (found, default), plane:Z, plane:NX,NY,NZ,D, three points plane:X,Y,Z,... or a terrain file" },
+        { "levels", 0, CLI_STRING, &a->levels, "LOW,HIGH",
+          "posed, 16 bits: the levels that become black and white in .jpg and videos (found)" },
         { "utm", 0, CLI_STRING, &a->utm, "ZONE", "posed: UTM zone of a terrain file that does not name it, as 33N" },
         { "view", 0, CLI_STRING, &a->view, "NAME", "posed: the view to render from (the middle one), or nadir" },
         { "near", 0, CLI_DOUBLE, &a->near_m, "M", "posed: the ground is sought from this distance on", 1e-3, 1e6 },
@@ -89,15 +91,15 @@ void cli_render_names(struct render_args *a)
 
 int cli_render_check_posed(const struct render_args *a, const struct cli_command *cmd, const char *path)
 {
-    const bool posed = a->surface || a->utm || a->view || a->near_m > 0 || a->far_m > 0;
+    const bool posed = a->surface || a->utm || a->levels || a->view || a->near_m > 0 || a->far_m > 0;
 
     if (posed && !sst_path_is_dir(path)) {
         sst_log_error("%s: there is no such folder", path);
         return CLI_INPUT;
     }
     if (posed)
-        return cli_usage_error(cmd, "--surface, --utm, --view, --near and --far are for light fields with a pose for every "
-                                    "view (`sst import poses`); lattices have --focus, --view-x and --view-y");
+        return cli_usage_error(cmd, "--surface, --utm, --view, --near, --far and --levels are for light fields with a pose "
+                                    "for every view (`sst import poses`); lattices have --focus, --view-x and --view-y");
     return CLI_GO_ON;
 }
 

@@ -23,13 +23,14 @@ struct render_args {
     const char *device;                   /* as written */
     const char *skip;                     /* as written; NULL: nothing is skipped */
     int device_memory;                    /* MiB; 0: not given */
+    const char *levels;                   /* "LOW,HIGH" of 8-bit pictures of posed light fields of 16 bits */
     const char *utm;                      /* zone of a terrain's places */
     const char *surface, *view;           /* of posed light fields, as written; NULL: not given */
     double near_m, far_m;                 /* 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 33
+#define RENDER_OPTIONS 34
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);

@@ -247,7 +247,7 @@ static int read_over(struct sweep *s, int over, double focus, const struct cli_c
 /* A light field with a pose for every view: the whole surface is raised. */
 static int run_posed(const struct cli_command *cmd, struct sweep *s, const char *path, int over, char **argv)
 {
-    struct posed_sweep sweep = { s->from, s->to, s->steps, s->bounce, s->fps, s->out };
+    struct posed_sweep sweep = { s->from, s->to, s->steps, s->bounce, s->fps, s->out, { 0, 0 } };
     struct posed_scene scene;
     int r;
 

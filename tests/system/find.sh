@@ -21,6 +21,13 @@ for f, g in zip(found["finds"], geo["features"]):
     assert abs((lat - 48.3) * 111194 - f["position_m"][1]) < 0.3 and f["views"] <= f["looking"]
 PY
 [ -s finds/find-01.png ] && [ -s finds/finds.png ] || fail "pictures are missing"
+"$python" - <<'PY' || fail "levels of the pictures: $(cat found.json)"
+import json
+l = json.load(open("found.json"))["levels"]
+assert -2000 < l["integral"][0] < 0 < l["integral"][1] < 2000 and 6000 < l["views"][0] < l["views"][1] < 9000, l
+PY
+"$sst" find flight --surface flight/truth/ground.obj -o finds --force --levels 7000,7400 >out 2>err || fail "--levels: $(cat err)"
+grep -q "median ([-+0-9. to]* degrees); of views levels 7000 to 7400 (6.9 to 22.9 degrees Celsius)" out || fail "the stretch is not said: $(cat out)"
 "$sst" find flight --surface flight/truth/ground.obj --view nadir >out 2>err || fail "nadir: $(cat err)"
 grep -q '^ *1 *score' out || fail "nothing is found from above: $(cat out)"
 

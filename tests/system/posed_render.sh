@@ -21,7 +21,9 @@ grep -q '"kind": "ground"' out || fail "no ground in $(cat out)"
 for end in png tif pfm jpg; do
   "$sst" render flight.lf -m refocus --surface flight.lf/truth/ground.obj -o thermal.$end >out 2>err || fail "$end: $(cat err)"
 done
-grep -q "stretched" out || fail "the stretch of a JPEG is not said: $(cat out)"
+grep -q "levels [0-9]* to [0-9]* ([0-9.]* to [0-9.]* degrees Celsius) stretched" out || fail "the stretch of a JPEG is not said: $(cat out)"
+"$sst" render flight.lf -m refocus --surface plane:30 --levels 7000,7300 --json -o fixed.jpg >out 2>err || fail "--levels: $(cat err)"
+tr -d ' \n' <out | grep -q '"stretch":\[7000,7300\]' || fail "--levels: $(cat out)"
 [ "$(head -c 25 thermal.png | tail -c 1 | od -An -tu1 | tr -d ' ')" = 16 ] || fail "thermal.png has not 16 bits"
 "$sst" render flight.lf -m refocus --surface plane:30 --view nadir -o nadir.png >out 2>err || fail "nadir: $(cat err)"
 "$sst" sweep forest.lf -m refocus --surface $terrain --from -1 --to 1 --steps 3 -o sweep >out 2>err || fail "sweep: $(cat err)"
@@ -45,6 +47,9 @@ refuse "neither ground nor" forest.lf --surface somewhere
 refuse "beside or behind" forest.lf -m refocus --surface plane:0,0,1,900
 refuse "No such file" forest.lf --surface gone.tif
 refuse "nor a view of" forest.lf --surface plane:40 --view gone
+refuse "not two ascending" flight.lf --surface plane:40 --levels 7300,7000
+refuse "those of forest.lf have 8" forest.lf --surface plane:40 --levels 1,2
+refuse "is of --surface with a terrain" forest.lf --surface plane:40 --utm 33N
 refuse "not nearer than" forest.lf --near 50 --far 20
 refuse "limits of --surface ground" forest.lf --surface plane:40 --far 20
 for o in "--focus 3" "--focus=3" "-f 3" -f3 "-l tree" "-a 2"; do
