@@ -66,12 +66,10 @@ static inline uint8_t *sim_decode(const uint8_t *data, size_t bytes, int width, 
 /** Luma of the native MJPEG frame of a camera. */
 static inline uint8_t *sim_luma(struct sst_sim_world *w, const struct sst_sim_exposure *e)
 {
-    int width, height;
-    size_t bytes;
+    const struct sst_sim_settings *s = sst_sim_world_settings(w);
+    const size_t bytes = sim_frame(w, e, V4L2_PIX_FMT_MJPEG, s->width, s->height);
 
-    sst_sim_world_size(w, &width, &height);
-    bytes = sim_frame(w, e, V4L2_PIX_FMT_MJPEG, width, height);
-    return sim_decode(sim_out, bytes, width, height);
+    return sim_decode(sim_out, bytes, s->width, s->height);
 }
 
 /** Mean of the squared differences of rows y0 .. y1-1 as PSNR, dB. @param image  RGB of the same size */

@@ -42,11 +42,12 @@ static inline void sim_project(const struct sim_view *v, const double p[3], doub
     out[1] = v->k[1][1] * (b * radial + v->d[2] * (r2 + 2 * b * b) + 2 * v->d[3] * a * b) + v->k[1][2];
 }
 
-static inline json_t *sim_truth_of(const struct sst_sim_world *w)
+/* Of the world that sim_open() opened last. */
+static inline json_t *sim_truth_of(void)
 {
     json_t *truth;
 
-    assert_int_equal(sst_sim_world_truth(w, test_path("truth.json")), 0);
+    assert_int_equal(sst_sim_world_parameters(test_path("w.yaml"), test_path("truth.json")), 0);
     truth = json_load_file(test_path("truth.json"), 0, NULL);
     assert_non_null(truth);
     return truth;

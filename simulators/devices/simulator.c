@@ -212,7 +212,7 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
 /* The wall clock of the programs, where it is not the machine's. */
 static int write_clock(const struct sim_simulator *sim, const char *dir)
 {
-    const struct sst_sim_host *host = sst_sim_world_host(sim->world);
+    const struct sst_sim_host *host = &sst_sim_world_settings(sim->world)->host;
     char path[SST_PATH_MAX], text[128];
     int err;
 

@@ -57,10 +57,9 @@ struct sim_still {
 static int frame(struct sim_still *s, const struct sst_sim_exposure *e, uint32_t fourcc, uint8_t *out, size_t room,
                  size_t *bytes)
 {
-    int width, height;
+    const struct sst_sim_settings *set = sst_sim_world_settings(s->cfg.world);
 
-    sst_sim_world_size(s->cfg.world, &width, &height);
-    return sst_sim_world_frame(s->cfg.world, e, (struct sst_sim_format){ fourcc, width, height },
+    return sst_sim_world_frame(s->cfg.world, e, (struct sst_sim_format){ fourcc, set->width, set->height },
                                (struct sst_sim_room){ out, room }, bytes);
 }
 
@@ -70,20 +69,18 @@ static int expose(void *arg, const struct sst_sim_ptp_exposure *e, bool raw, uin
     struct sst_sim_exposure shot = {
         .trigger = (uint64_t)e->shot, .t_ns = e->t_ns, .exposure_us = (int)(e->time_s * 1e6), .gain = e->gain
     };
-    int width, height, err;
-    size_t room;
-    uint8_t *out;
+    const struct sst_sim_settings *set = sst_sim_world_settings(s->cfg.world);
+    const size_t room = (size_t)set->width * (size_t)set->height * 4 + 65536;
+    uint8_t *out = malloc(room);
+    int err;
 
-    sst_sim_world_size(s->cfg.world, &width, &height);
-    room = (size_t)width * (size_t)height * 4 + 65536;
-    out = malloc(room);
     if (!out)
         return -ENOMEM;
     s->cfg.pose(s->cfg.arg, e->t_ns, shot.pose_um);
     memcpy(s->pose_um, shot.pose_um, sizeof(s->pose_um));
     err = frame(s, &shot, raw ? V4L2_PIX_FMT_SRGGB8 : V4L2_PIX_FMT_MJPEG, out, room, bytes);
     if (!err && raw) {
-        err = sst_sim_ptp_dng(out, width, height, data, bytes);
+        err = sst_sim_ptp_dng(out, set->width, set->height, data, bytes);
         free(out);
     } else if (!err) {
         *data = out;
@@ -264,9 +261,12 @@ static void pipe_released(void *arg)
 
 static int create(struct sim_still *s)
 {
-    struct sst_sim_ptp_config model = {
+    const struct sst_sim_settings *world = sst_sim_world_settings(s->cfg.world);
+    const struct sst_sim_ptp_config model = {
         .serial = s->settings->serial,
-        .exposure_us = sst_sim_world_exposure_us(s->cfg.world),
+        .width = world->width,
+        .height = world->height,
+        .exposure_us = world->exposure_us,
         .card_bytes = (int64_t)s->settings->card_mb * 1000000,
         .battery_percent = s->settings->battery_percent,
         .lag_ms = s->settings->lag_ms,
@@ -281,7 +281,6 @@ static int create(struct sim_still *s)
         .unplug = unplug,
     };
 
-    sst_sim_world_size(s->cfg.world, &model.width, &model.height);
     return sst_sim_ptp_create(&s->ptp, &model);
 }
 
@@ -293,7 +292,7 @@ int sim_still_open(struct sim_still **out, const struct sim_still_config *cfg)
     if (!s)
         return -ENOMEM;
     s->cfg = *cfg;
-    s->settings = sst_sim_world_still(cfg->world);
+    s->settings = &sst_sim_world_settings(cfg->world)->still;
     s->exposing = (struct sim_timer){ .fire = exposing, .arg = s };
     s->plugging = (struct sim_timer){ .fire = plugging, .arg = s };
     err = check_plan(s->settings);

@@ -138,14 +138,15 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     struct sim_usb_front_config usb = {
         .faults = cfg->faults, .layout = cfg->options.usb, .arg = w, .works = works, .rung = rung
     };
-    const struct sst_sim_still *still = sst_sim_world_still(cfg->world);
+    const struct sst_sim_settings *world = sst_sim_world_settings(cfg->world);
     int err;
 
     if (!w)
         return -ENOMEM;
     w->cfg = *cfg;
-    usb.still = still ? still->serial : NULL;
-    sst_sim_world_grid(cfg->world, &w->rows, &w->cols);
+    usb.still = world->still.present ? world->still.serial : NULL;
+    w->rows = world->rows;
+    w->cols = world->cols;
     usb.cameras = sst_sim_world_cameras(cfg->world);
     usb.size_count = sst_sim_world_sizes(cfg->world, &usb.sizes);
     err = sim_sysfs_open(&w->sysfs, cfg->server);
@@ -153,7 +154,7 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     if (!err)
         err = sim_usb_front_open(&w->usb, &usb);
     if (!err && (cfg->options.rig || usb.cameras == 1))
-        err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, sst_sim_world_seed(cfg->world));
+        err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, world->seed);
     if (err) {
         sim_wires_close(w);
         return err;
@@ -172,7 +173,7 @@ static int open_still(struct sim_wires *w)
                                           .arg = w,
                                           .pose = pose };
 
-    return sst_sim_world_still(w->cfg.world) ? sim_still_open(&w->still, &cfg) : 0;
+    return sst_sim_world_settings(w->cfg.world)->still.present ? sim_still_open(&w->still, &cfg) : 0;
 }
 
 int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
@@ -181,7 +182,7 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
         .sysfs = w->sysfs,
         .faults = w->cfg.faults,
         .lines = w->cfg.options.one_trigger ? 1 : sst_min_int(w->rows, SIM_TRIGGERS_MAX),
-        .seed = sst_sim_world_seed(w->cfg.world),
+        .seed = sst_sim_world_settings(w->cfg.world)->seed,
         .arg = w,
         .edge = edge,
     };
@@ -199,7 +200,7 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
     err = open_still(w);
     err = err ? err : sim_gpio_front_open(&w->gpio, &gpio);
     w->generator = (struct sim_timer){ .fire = generate, .arg = w };
-    w->generator_hz = sst_sim_world_host(w->cfg.world)->generator_hz;
+    w->generator_hz = sst_sim_world_settings(w->cfg.world)->host.generator_hz;
     if (!err && w->generator_hz > 0)
         set_generator(w);
     return err;

@@ -36,11 +36,6 @@ static struct sst_scene_material picture(unsigned a, unsigned b, double scale_mm
     return m;
 }
 
-static void shadow_at(struct sst_scene_world *w, struct sst_vec3 p, double rx, double rz)
-{
-    add_shadow(w, p, rx, rz);
-}
-
 /* --- transportation: one table top spans the disparities of all three models -------------------------------------- */
 
 void build_transportation(struct sst_scene_world *w)
@@ -60,9 +55,9 @@ void build_transportation(struct sst_scene_world *w)
     horse = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 72), 0.04, 0.15 };
     bicycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 0, 40), y, 47), 0.088, 0.1 };
     motorcycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 25, 65), y, 31), 0.098, 0.1 };
-    shadow_at(w, motorcycle.base, 120, 24);
-    shadow_at(w, bicycle.base, 90, 14);
-    shadow_at(w, horse.base, 42, 13);
+    add_shadow(w, motorcycle.base, 120, 24);
+    add_shadow(w, bicycle.base, 90, 14);
+    add_shadow(w, horse.base, 42, 13);
     sst_scene_begin(w, SST_LABEL_MOTORCYCLE, 0);
     add_model(w, "motorcycle", motorcycle);
     sst_scene_begin(w, SST_LABEL_BICYCLE, bit_bicycle);
@@ -115,8 +110,8 @@ void build_humvee(struct sst_scene_world *w)
     turn = sst_random_in(&w->rng, 0.2, 0.35);
     car = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 29.5), 0.066, turn };
     man = on_table(w, sst_random_in(&w->rng, 260, 310), y, 30.5);
-    shadow_at(w, car.base, 165, 95);
-    shadow_at(w, man, 45, 30);
+    add_shadow(w, car.base, 165, 95);
+    add_shadow(w, man, 45, 30);
     sst_scene_begin(w, SST_LABEL_TOY, 0);
     add_model(w, "humvee", car);
     add_soldier(w, man, 0.125, -0.3);
@@ -185,8 +180,8 @@ void build_cat(struct sst_scene_world *w)
     add_board(w, vec3(190, -40, 24.5), 200, 120, picture(0x7a4a2a, 0xe8c890, 14, "FARM"));
     cat = (struct stand){ on_table(w, sst_random_in(&w->rng, 20, 60), y, 52), 0.5, 0.12 };
     hen = (struct stand){ on_table(w, sst_random_in(&w->rng, -190, -150), y, 60), 0.36, 0.2 };
-    shadow_at(w, cat.base, 190, 70);
-    shadow_at(w, hen.base, 85, 45);
+    add_shadow(w, cat.base, 190, 70);
+    add_shadow(w, hen.base, 85, 45);
     sst_scene_begin(w, SST_LABEL_CAT, 0);
     add_model(w, "cat", cat);
     sst_scene_begin(w, SST_LABEL_HEN, bit);

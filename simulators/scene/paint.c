@@ -14,11 +14,6 @@ static double to_joint(double x, double pitch)
     return pitch * fmin(f, 1 - f);
 }
 
-static struct sst_scene_rgb dimmed(struct sst_scene_rgb c, float gain)
-{
-    return (struct sst_scene_rgb){ c.r * gain, c.g * gain, c.b * gain };
-}
-
 float sst_scene_paint_fbm(const struct sst_scene_surface *s, const struct sst_scene_hit *h, struct sst_scene_rgb *out)
 {
     const double x = s->mat.scale_mm, y = s->mat.k > 0 ? x * s->mat.k : x;

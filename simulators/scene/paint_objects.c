@@ -8,11 +8,6 @@ static float noise_at(const struct sst_scene_surface *s, const struct sst_scene_
     return sst_noise_fbm(vec3_mul(h->t, 1 / mm), 4, s->seed + salt);
 }
 
-static struct sst_scene_rgb dimmed(struct sst_scene_rgb c, float gain)
-{
-    return (struct sst_scene_rgb){ c.r * gain, c.g * gain, c.b * gain };
-}
-
 float paint_text(const struct sst_scene_surface *s, const struct sst_scene_hit *h, struct sst_scene_rgb *out)
 {
     const int columns = 6 * (int)strlen(s->mat.text) - 1;

@@ -116,6 +116,16 @@ static int probe_view(const struct sst_scene *s, double bx, double by, unsigned 
     return sst_scene_raster_run(&r);
 }
 
+/* The true disparities of a view of layers, at all pixels. */
+static int photo_view(const struct sst_scene *s, double bx, double by, struct probe *p)
+{
+    const int err = sst_map_f32_init(&p->disp, s->cfg.width, s->cfg.height);
+
+    return err ? err
+               : photo_render(s->photo, (const double[2]){ bx, by }, false,
+                              &(struct sst_scene_maps){ .disp = &p->disp }, NULL);
+}
+
 /* The extremes are visible from the corners of the grid; half a pixel of margin covers surfaces between the points. */
 static int find_range(struct sst_scene *s)
 {
@@ -126,10 +136,10 @@ static int find_range(struct sst_scene *s)
         const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
         const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
         struct probe p = { 0 };
-        const int err = probe_view(s, bx, by, 0, &p);
+        const int err = s->photo ? photo_view(s, bx, by, &p) : probe_view(s, bx, by, 0, &p);
 
-        for (int y = 0; !err && y < PROBE_HEIGHT; y++) {
-            for (int x = 0; x < PROBE_WIDTH; x++) {
+        for (int y = 0; !err && y < p.disp.height; y++) {
+            for (int x = 0; x < p.disp.width; x++) {
                 lo = fmin(lo, sst_map_f32_row(&p.disp, y)[x]);
                 hi = fmax(hi, sst_map_f32_row(&p.disp, y)[x]);
             }
@@ -214,33 +224,6 @@ void sst_scene_world_fini(struct sst_scene_world *w)
 
 /* --- layers of photographs ---------------------------------------------------------------------------------------- */
 
-/* Range of the true disparities of the corner views and the reference view. */
-static int find_photo_range(struct sst_scene *s)
-{
-    const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
-    struct sst_map_f32 disp = { 0 };
-    int err = sst_map_f32_init(&disp, s->cfg.width, s->cfg.height);
-    float lo = HUGE_VALF, hi = 0;
-
-    for (int i = 0; i < 5 && !err; i++) {
-        const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
-        const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
-
-        err =
-            photo_render(s->photo, (const double[2]){ bx, by }, false, &(struct sst_scene_maps){ .disp = &disp }, NULL);
-        for (int y = 0; y < disp.height && !err; y++) {
-            for (int x = 0; x < disp.width; x++) {
-                lo = fminf(lo, sst_map_f32_row(&disp, y)[x]);
-                hi = fmaxf(hi, sst_map_f32_row(&disp, y)[x]);
-            }
-        }
-    }
-    sst_map_f32_fini(&disp);
-    s->range_min_px = fmax(0, floor(lo - 0.5));
-    s->range_max_px = ceil(hi + 0.5);
-    return err;
-}
-
 /* The nearest sprite covers the part of its plane that all views see, at most. */
 static int check_photo(const struct sst_scene_config *c)
 {
@@ -260,7 +243,6 @@ static int create_photo(struct sst_scene *s, const struct sst_scene_config *cfg)
 
     if (!err)
         err = check_photo(cfg);
-    s->cfg = *cfg;
     s->world = (struct sst_scene_world){ .focal = 1200, .spacing_mm = 50, .occluder_count = 1 };
     if (!err)
         err = photo_scene_create(&s->photo, cfg, (cfg->rows - 1) / 2, (cfg->cols - 1) / 2);
@@ -270,7 +252,7 @@ static int create_photo(struct sst_scene *s, const struct sst_scene_config *cfg)
                                                          .label = s->photo->front_label,
                                                          .target_label = s->photo->target_label,
                                                          .focus_px = s->photo->focus_px };
-    return find_photo_range(s);
+    return 0;
 }
 
 /* --- public functions --------------------------------------------------------------------------------------------- */
@@ -281,7 +263,7 @@ int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_
     const bool photo = !strcmp(name, "layers");
     int err = !s ? -ENOMEM : photo ? create_photo(s, cfg) : sst_scene_world_build(&s->world, name, cfg);
 
-    if (!err && !photo) {
+    if (!err) {
         s->cfg = *cfg;
         err = find_range(s);
     }

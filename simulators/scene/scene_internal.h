@@ -27,6 +27,11 @@ static inline struct sst_scene_rgb blend_rgb(struct sst_scene_rgb a, struct sst_
     return (struct sst_scene_rgb){ a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t };
 }
 
+static inline struct sst_scene_rgb dimmed(struct sst_scene_rgb c, float gain)
+{
+    return (struct sst_scene_rgb){ c.r * gain, c.g * gain, c.b * gain };
+}
+
 /** The point at design pixel (x, y) with disparity d, and the mm per design pixel there. */
 struct sst_vec3 world_at(const struct sst_scene_world *w, double x, double y, double disp_px);
 double world_mm(const struct sst_scene_world *w, double disp_px);

@@ -35,12 +35,16 @@ struct sets {
 static struct sets make_sets(const char *world, int count)
 {
     struct sets s = { .count = count, .in = calloc((size_t)count, sizeof(*s.in)) };
+    const struct sst_sim_settings *settings;
     struct sst_sim_world *w;
     uint8_t *frame = malloc(FRAME_ROOM);
 
     check(world, sst_sim_world_open(&w, world, NULL));
-    sst_sim_world_grid(w, &s.rows, &s.cols);
-    sst_sim_world_size(w, &s.width, &s.height);
+    settings = sst_sim_world_settings(w);
+    s.rows = settings->rows;
+    s.cols = settings->cols;
+    s.width = settings->width;
+    s.height = settings->height;
     for (int i = 0; i < count; i++) {
         s.in[i].set = (uint64_t)i;
         s.in[i].t_ns = 1000000000 + (int64_t)i * STEP_NS;
@@ -48,7 +52,7 @@ static struct sets make_sets(const char *world, int count)
             const struct sst_sim_exposure e = { .cam = k,
                                                 .trigger = (uint64_t)i,
                                                 .t_ns = s.in[i].t_ns,
-                                                .exposure_us = sst_sim_world_exposure_us(w),
+                                                .exposure_us = settings->exposure_us,
                                                 .gain = 1 };
             size_t bytes = 0;
             uint8_t *copy;

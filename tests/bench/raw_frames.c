@@ -16,20 +16,18 @@
 
 static int write_frame(struct sst_sim_world *w, const char *folder, int cam, uint8_t *frame)
 {
+    const struct sst_sim_settings *s = sst_sim_world_settings(w);
     const struct sst_sim_exposure e = {
-        .cam = cam, .t_ns = 1000000000, .exposure_us = sst_sim_world_exposure_us(w), .gain = 1
+        .cam = cam, .t_ns = 1000000000, .exposure_us = s->exposure_us, .gain = 1
     };
-    int rows, cols, width, height, err;
     char path[SST_PATH_MAX];
     size_t bytes;
+    int err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, s->width, s->height },
+                                  (struct sst_sim_room){ frame, FRAME_MAX }, &bytes);
 
-    sst_sim_world_grid(w, &rows, &cols);
-    sst_sim_world_size(w, &width, &height);
-    err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
-                              (struct sst_sim_room){ frame, FRAME_MAX }, &bytes);
     if (err)
         return err;
-    snprintf(path, sizeof(path), "%s/frames/%02d_%02d.jpg", folder, cam / cols, cam % cols);
+    snprintf(path, sizeof(path), "%s/frames/%02d_%02d.jpg", folder, cam / s->cols, cam % s->cols);
     return sst_file_write(path, frame, bytes);
 }
 

@@ -22,12 +22,11 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
                    uint8_t *out, size_t capacity)
 {
     const int cams = sst_sim_world_cameras(w);
-    int width, height, err = 0;
+    const struct sst_sim_settings *s = sst_sim_world_settings(w);
+    const int64_t start = sst_clock_now_ns();
     size_t bytes = 0, sum = 0;
-    int64_t start;
+    int err = 0;
 
-    sst_sim_world_size(w, &width, &height);
-    start = sst_clock_now_ns();
     for (int i = 0; i < frames && !err; i++) {
         const struct sst_sim_exposure e = { .cam = i % cams,
                                             .trigger = (uint64_t)(i / cams),
@@ -35,7 +34,7 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
                                             .exposure_us = exposure_us,
                                             .gain = 1 };
 
-        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ fourcc, width, height },
+        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ fourcc, s->width, s->height },
                                   (struct sst_sim_room){ out, capacity }, &bytes);
         sum += bytes;
     }
@@ -46,16 +45,15 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
 /* Each frame at a pose of its own: the costs of a rig. */
 static int deliver_poses(struct sst_sim_world *w, int frames, uint8_t *out, size_t capacity)
 {
-    int width, height, err = 0;
+    const struct sst_sim_settings *s = sst_sim_world_settings(w);
+    const int64_t start = sst_clock_now_ns();
     size_t bytes;
-    int64_t start;
+    int err = 0;
 
-    sst_sim_world_size(w, &width, &height);
-    start = sst_clock_now_ns();
     for (int i = 0; i < frames && !err; i++) {
         const struct sst_sim_exposure e = { .exposure_us = 5000, .gain = 1, .pose_um = { 1000 * (i + 1), 0, 0 } };
 
-        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
+        err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, s->width, s->height },
                                   (struct sst_sim_room){ out, capacity }, &bytes);
     }
     printf("%-28s %8.1f ms a frame\n", "MJPEG, new pose", ms_since(start) / frames);
@@ -65,9 +63,9 @@ static int deliver_poses(struct sst_sim_world *w, int frames, uint8_t *out, size
 static int leave_frames(struct sst_sim_world *w, const char *folder, uint8_t *out, size_t capacity)
 {
     const int cams = sst_sim_world_cameras(w);
-    int width, height, err = sst_path_make_dir(folder);
+    const struct sst_sim_settings *s = sst_sim_world_settings(w);
+    int err = sst_path_make_dir(folder);
 
-    sst_sim_world_size(w, &width, &height);
     for (int i = 0; i < 4 * cams && !err; i++) {
         const struct sst_sim_exposure e = { .cam = i % cams,
                                             .trigger = (uint64_t)(i / cams),
@@ -80,7 +78,7 @@ static int leave_frames(struct sst_sim_world *w, const char *folder, uint8_t *ou
         snprintf(name, sizeof(name), "cam%02d-%d.jpg", i % cams, i / cams);
         err = sst_path_join(path, folder, name);
         if (!err)
-            err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, width, height },
+            err = sst_sim_world_frame(w, &e, (struct sst_sim_format){ V4L2_PIX_FMT_MJPEG, s->width, s->height },
                                       (struct sst_sim_room){ out, capacity }, &bytes);
         if (!err)
             err = sst_file_write(path, out, bytes);

@@ -119,12 +119,16 @@ static int open_recording(struct source *s, const char *path)
 
 static int open_world(struct source *s, const char *name)
 {
+    const struct sst_sim_settings *world;
     int err = sst_sim_world_open(&s->world, name, NULL);
 
     if (err)
         return err;
-    sst_sim_world_grid(s->world, &s->rows, &s->cols);
-    sst_sim_world_size(s->world, &s->width, &s->height);
+    world = sst_sim_world_settings(s->world);
+    s->rows = world->rows;
+    s->cols = world->cols;
+    s->width = world->width;
+    s->height = world->height;
     s->fourcc = V4L2_PIX_FMT_MJPEG;
     s->cameras = s->rows * s->cols;
     s->sets = SETS_MAX;
@@ -181,7 +185,7 @@ static int read_world(struct source *s, int i, struct sst_live_input *in)
         const struct sst_sim_exposure e = { .cam = c,
                                             .trigger = (uint64_t)i,
                                             .t_ns = shown_ns(i),
-                                            .exposure_us = sst_sim_world_exposure_us(s->world),
+                                            .exposure_us = sst_sim_world_settings(s->world)->exposure_us,
                                             .gain = lit ? option("gain") : 1 };
         int err = sst_sim_world_frame(s->world, &e, (struct sst_sim_format){ s->fourcc, s->width, s->height },
                                       (struct sst_sim_room){ s->data[c], FRAME_MAX }, &in->frame[c].bytes);

@@ -43,9 +43,15 @@ static struct sst_sim_world *open_world(const char *text)
 
 static void open_keeper(struct keeper *k, const struct sst_sim_world *w, bool skip)
 {
-    *k = (struct keeper){ .cfg = { .fourcc = V4L2_PIX_FMT_MJPEG, .threads = 2, .skip_change = skip } };
-    sst_sim_world_grid(w, &k->cfg.rows, &k->cfg.cols);
-    sst_sim_world_size(w, &k->cfg.width, &k->cfg.height);
+    const struct sst_sim_settings *world = sst_sim_world_settings(w);
+
+    *k = (struct keeper){ .cfg = { .rows = world->rows,
+                                   .cols = world->cols,
+                                   .width = world->width,
+                                   .height = world->height,
+                                   .fourcc = V4L2_PIX_FMT_MJPEG,
+                                   .threads = 2,
+                                   .skip_change = skip } };
     assert_int_equal(sst_lightfield_init(&k->lf, k->cfg.rows, k->cfg.cols), 0);
     k->lf.width = k->cfg.width;
     k->lf.height = k->cfg.height;
@@ -97,9 +103,11 @@ static void expose(struct sst_live_input *in, struct sst_sim_world *w, const str
 {
     *in = (struct sst_live_input){ .set = (uint64_t)n, .t_ns = 1000000000 + (int64_t)n * STEP_NS };
     for (int k = 0; k < sst_sim_world_cameras(w); k++) {
-        const struct sst_sim_exposure e = {
-            .cam = k, .trigger = (uint64_t)n, .t_ns = in->t_ns, .exposure_us = sst_sim_world_exposure_us(w), .gain = 1
-        };
+        const struct sst_sim_exposure e = { .cam = k,
+                                            .trigger = (uint64_t)n,
+                                            .t_ns = in->t_ns,
+                                            .exposure_us = sst_sim_world_settings(w)->exposure_us,
+                                            .gain = 1 };
 
         in->frame[k].data = frames + (size_t)k * FRAME_ROOM;
         assert_int_equal(sst_sim_world_frame(

@@ -59,7 +59,7 @@ static void a_camera_moves_at_a_pose(void **state SST_UNUSED)
     struct sst_sim_world *w =
         open_board("", "optics: {distortion: [-0.1, 0, 0, 0, 0]}\ncameras: [{camera: 1, rotation_deg: [0, 0, 1], "
                        "moves: {at_pose: 1, rotation_deg: [0.8, 0, 0], position_mm: [3, 0, -2]}}]\n");
-    json_t *truth = sim_truth_of(w), *cam = json_array_get(json_object_get(truth, "cameras"), 1);
+    json_t *truth = sim_truth_of(), *cam = json_array_get(json_object_get(truth, "cameras"), 1);
     const json_t *moved = json_object_get(cam, "moved");
     const double c = cos(0.8 * M_PI / 180), s = sin(0.8 * M_PI / 180);
     struct sim_view before, after, still;
@@ -85,7 +85,7 @@ static void a_camera_moves_at_a_pose(void **state SST_UNUSED)
 
     /* From the start, in any scene: it is just another camera. */
     w = sim_open("scene: cat\ngrid: [1, 1]\nsize: [160, 192]\ncameras: [{camera: 0, moves: {position_mm: 7}}]\n");
-    truth = sim_truth_of(w);
+    truth = sim_truth_of();
     sim_read_view(truth, 0, &still);
     assert_true(fabs(still.c[0] - 7) < 1e-12);
     json_decref(truth);
@@ -106,7 +106,7 @@ static void the_array_of_another_scene_sees_boards(void **state SST_UNUSED)
         snprintf(optics, sizeof(optics), common, i ? ", scene: cat" : "");
         snprintf(text, sizeof(text), "scene: %s\n%s%s", i ? "board" : "cat", optics, i ? "board: {poses: 2}\n" : "");
         w = sim_open(text);
-        truth[i] = sim_truth_of(w);
+        truth[i] = sim_truth_of();
         sst_sim_world_close(w);
     }
     assert_true(json_equal(json_object_get(truth[0], "cameras"), json_object_get(truth[1], "cameras")));
@@ -175,7 +175,7 @@ static void a_board_stays_where_it_is_held(void **state SST_UNUSED)
 static void a_rig_sees_the_first_pose_until_told(void **state SST_UNUSED)
 {
     struct sst_sim_world *w = open_board("", "rig: true\n");
-    json_t *truth = sim_truth_of(w);
+    json_t *truth = sim_truth_of();
     struct sst_sim_exposure e = at_pose(0, 1);
     struct sim_view v;
 
@@ -238,7 +238,7 @@ static void true_parameters_are_a_calibration(void **state SST_UNUSED)
 
         snprintf(text, sizeof(text), world, rig ? "rig: true\nsize: [160, 192]\n" : "size: [160, 192]\n");
         w = sim_open(text);
-        truth = sim_truth_of(w);
+        truth = sim_truth_of();
         assert_int_equal(sst_sim_world_parameters(test_path("w.yaml"), test_path("p.yaml")), 0);
         assert_int_equal(sst_calib_read(&calib, test_path("p.yaml")), 0);
         assert_string_equal(calib.board, "aprilgrid:6x6:50mm:0.3");

@@ -15,7 +15,7 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
                                        "  focal_spread_percent: 1, principal_spread_px: 6}\nmounting: "
                                        "{rotation_spread_deg: 1, position_spread_mm: 4}\n"
                                        "board: {kind: chessboard, squares: [9, 7], square_mm: 45, poses: 2}\n");
-    json_t *truth = sim_truth_of(w), *board = json_object_get(truth, "board");
+    json_t *truth = sim_truth_of(), *board = json_object_get(truth, "board");
     double sum = 0, moved = 0;
     int found = 0, near = 0;
 
@@ -258,7 +258,7 @@ static void a_rolling_shutter_sees_lower_rows_later(void **state SST_UNUSED)
 static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
 {
     struct sst_sim_world *w = sim_open("scene: humvee\ngrid: [3, 4]\nsize: [320, 240]\nrig: true\njpeg_quality: 98\n");
-    json_t *truth = sim_truth_of(w);
+    json_t *truth = sim_truth_of();
     const double step = json_number_value(json_object_get(truth, "spacing_mm")) * 1000;
 
     assert_int_equal(sst_sim_world_cameras(w), 1);
@@ -319,7 +319,7 @@ static void opencv_reads_the_boards(void **state SST_UNUSED)
             assert_int_equal(sst_file_write(test_path("%s", name), sim_out, bytes), 0);
         }
         snprintf(name, sizeof(name), "%d.json", i);
-        assert_int_equal(sst_sim_world_truth(w, test_path("%s", name)), 0);
+        assert_int_equal(sst_sim_world_parameters(test_path("w.yaml"), test_path("%s", name)), 0);
         sst_sim_world_close(w);
     }
     snprintf(command, sizeof(command), "timeout 600 /usr/bin/python3 tests/sim_boards.py %s", test_folder);

@@ -21,7 +21,7 @@ static void free_run(void *arg);
 
 void sim_cam_exposure_init(struct sim_cam *cam)
 {
-    cam->random = sst_sim_world_seed(cam->world) * 0x9e3779b97f4a7c15u + (uint64_t)cam->index + 1;
+    cam->random = sst_sim_world_settings(cam->world)->seed * 0x9e3779b97f4a7c15u + (uint64_t)cam->index + 1;
     cam->free_run_timer = (struct sim_timer){ .fire = free_run, .arg = cam };
     for (int i = 0; i < SST_SIM_CAM_SHOTS; i++) {
         cam->shot[i].cam = cam;
@@ -40,7 +40,7 @@ static int exposure_us(const struct sim_cam *cam)
 {
     const bool manual = cam->control[SST_SIM_CONTROL_AUTO_EXPOSURE] == V4L2_EXPOSURE_MANUAL;
 
-    return manual ? 100 * cam->control[SST_SIM_CONTROL_EXPOSURE] : sst_sim_world_exposure_us(cam->world);
+    return manual ? 100 * cam->control[SST_SIM_CONTROL_EXPOSURE] : sst_sim_world_settings(cam->world)->exposure_us;
 }
 
 static struct sim_shot *free_shot(struct sim_cam *cam)

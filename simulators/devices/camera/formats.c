@@ -86,12 +86,11 @@ static void adjust(const struct sim_cam *cam, struct v4l2_pix_format *p)
 
 void sim_cam_formats_reset(struct sim_cam *cam)
 {
-    int width, height;
+    const struct sst_sim_settings *world = sst_sim_world_settings(cam->world);
 
-    sst_sim_world_size(cam->world, &width, &height);
     cam->format = (struct v4l2_pix_format){ .pixelformat = V4L2_PIX_FMT_MJPEG,
-                                            .width = (uint32_t)width,
-                                            .height = (uint32_t)height };
+                                            .width = (uint32_t)world->width,
+                                            .height = (uint32_t)world->height };
     adjust(cam, &cam->format);
     cam->interval = (struct v4l2_fract){ 1, 30 };
 }

@@ -284,41 +284,14 @@ int sst_sim_world_cameras(const struct sst_sim_world *w)
     return w->cams;
 }
 
-void sst_sim_world_grid(const struct sst_sim_world *w, int *rows, int *cols)
+const struct sst_sim_settings *sst_sim_world_settings(const struct sst_sim_world *w)
 {
-    *rows = w->settings.rows;
-    *cols = w->settings.cols;
-}
-
-void sst_sim_world_size(const struct sst_sim_world *w, int *width, int *height)
-{
-    *width = w->settings.width;
-    *height = w->settings.height;
+    return &w->settings;
 }
 
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w, int cam)
 {
     return &sim_stage_camera(w->stage, cam)->timing;
-}
-
-const struct sst_sim_still *sst_sim_world_still(const struct sst_sim_world *w)
-{
-    return w->settings.still.present ? &w->settings.still : NULL;
-}
-
-int sst_sim_world_exposure_us(const struct sst_sim_world *world)
-{
-    return world->settings.exposure_us;
-}
-
-uint64_t sst_sim_world_seed(const struct sst_sim_world *w)
-{
-    return w->settings.seed;
-}
-
-const struct sst_sim_host *sst_sim_world_host(const struct sst_sim_world *w)
-{
-    return &w->settings.host;
 }
 
 int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
@@ -354,11 +327,6 @@ int sst_sim_world_parameters(const char *world, const char *path)
     sim_stage_close(stage);
     free(settings);
     return err;
-}
-
-int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
-{
-    return sim_truth_write(&w->settings, w->stage, path);
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */

@@ -6,8 +6,8 @@
 
 #include "base/base.h"
 #include "base/file.h"
+#include "simulators/scene/world/settings.h"
 
-struct sst_sim_still;
 struct sst_sim_world; /* opaque; frames from one thread at a time */
 
 /** Timing of a camera relative to the trigger. */
@@ -45,16 +45,9 @@ SST_MUST_CHECK int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache
 void sst_sim_world_close(struct sst_sim_world *world);
 
 int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array, 1 on a rig */
-void sst_sim_world_grid(const struct sst_sim_world *world, int *rows, int *cols);
-void sst_sim_world_size(const struct sst_sim_world *world, int *width, int *height); /* native */
+/** Width and height are those of native frames, exposure_us the result of automatic exposure at nominal light. */
+const struct sst_sim_settings *sst_sim_world_settings(const struct sst_sim_world *world);
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);
-/** The still camera (settings.h), or NULL: none. */
-const struct sst_sim_still *sst_sim_world_still(const struct sst_sim_world *world);
-int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: result of automatic exposure */
-struct sst_sim_host;
-/** Generator and wall clock of its host (settings.h). */
-const struct sst_sim_host *sst_sim_world_host(const struct sst_sim_world *world);
-uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
 /**
  * Hold the board in one of its poses, independent of time.
@@ -65,20 +58,14 @@ uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
 
 /**
- * Write all true parameters of a world without preparing it: as JSON, or to a name that ends in .yaml as a calibration
- * (docs/integrate/formats.md) in the reference camera's axes.
+ * Write all true parameters of a world (cameras, loop, board) without preparing it: as JSON, which
+ * docs/use/simulation.md explains, or to a name that ends in .yaml as a calibration (docs/integrate/formats.md) in the
+ * reference camera's axes.
  *
  * @param world  as for sst_sim_world_open()
  * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or the error of the output; logged
  */
 SST_MUST_CHECK int sst_sim_world_parameters(const char *world, const char *path);
-
-/**
- * Write all true parameters as JSON (docs/use/simulation.md explains it): cameras, loop, board.
- *
- * @return 0, -ENOMEM, or the error of the output; logged
- */
-SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const char *path);
 
 /** Sizes that cameras offer, largest (native) first: count of {width, height}. */
 int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2]);
