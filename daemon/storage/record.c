@@ -119,7 +119,7 @@ static bool is_wanted(struct sst_storage *s, const struct sst_kept *k)
 /* Is a set of a reduced recording due? The first one is, and one a minute whatever happens. */
 static bool is_due(const struct active *a, const struct wanted *p, const struct sst_kept *k)
 {
-    const double rate_hz = p->settings.array.rate_hz > 0 ? p->settings.array.rate_hz : 1;
+    const double rate_hz = p->settings.array.recorder.rate_hz > 0 ? p->settings.array.recorder.rate_hz : 1;
     const int64_t since_ns = k->set.t_ns - a->last_ns;
     const int64_t every_ns = (int64_t)((p->settings.reduced_every - 0.5) / rate_hz * 1e9);
     int64_t moved_ns;
@@ -217,15 +217,7 @@ static int make_folder(struct active *a, int64_t wall_ns, const char *why)
 void store_recorder_config(struct sst_recorder_config *out, const struct store_array *array,
                            const struct sst_frameset *set)
 {
-    sst_recorder_config_defaults(out);
-    out->rows = array->rows;
-    out->cols = array->cols;
-    out->cameras = array->cameras;
-    out->fourcc = array->fourcc;
-    out->width = array->width;
-    out->height = array->height;
-    out->rate_hz = array->rate_hz;
-    out->spacing_mm = array->spacing_mm;
+    *out = array->recorder;
     for (int k = 0; k < set->cameras; k++) {
         const struct sst_frame *f = set->frame[k];
 
@@ -615,7 +607,7 @@ static bool follow(struct active *a, const struct wanted *p)
 
     if (!k)
         return false;
-    if (k->set.cameras == p->settings.array.cameras && /* others were captured with another array */
+    if (k->set.cameras == p->settings.array.recorder.cameras && /* others were captured with another array */
         (p->reduced ? is_due(a, p, k) : is_wanted(s, k))) {
         err = write_set(a, p, k);
         if (err != -EAGAIN && !p->reduced) /* recordings on demand want every set */

@@ -308,7 +308,7 @@ static void follow_clock(struct retention *r)
 
 static int64_t margin_of(const struct store_settings *set, int64_t limit_bytes, int64_t set_bytes)
 {
-    const double rate = set->array.rate_hz > 0 ? set->array.rate_hz : 1;
+    const double rate = set->array.recorder.rate_hz > 0 ? set->array.recorder.rate_hz : 1;
     const double want = fmax((double)limit_bytes / 20, MARGIN_S * rate * (double)set_bytes);
 
     return (int64_t)fmin(want, (double)limit_bytes / 4);

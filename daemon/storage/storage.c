@@ -31,15 +31,18 @@ static int64_t ns_of(double s)
 
 static struct store_array describe_array(const struct sst_array_config *a, unsigned opening)
 {
-    return (struct store_array){ .rate_hz = sst_array_sets_hz(a),
-                                 .spacing_mm = a->spacing_mm,
-                                 .rows = a->rows,
-                                 .cols = a->cols,
-                                 .cameras = a->bound,
-                                 .fourcc = a->fourcc,
-                                 .width = a->width,
-                                 .height = a->height,
-                                 .opening = opening };
+    struct store_array out = { .opening = opening };
+
+    sst_recorder_config_defaults(&out.recorder);
+    out.recorder.rows = a->rows;
+    out.recorder.cols = a->cols;
+    out.recorder.cameras = a->bound;
+    out.recorder.fourcc = a->fourcc;
+    out.recorder.width = a->width;
+    out.recorder.height = a->height;
+    out.recorder.rate_hz = sst_array_sets_hz(a);
+    out.recorder.spacing_mm = a->spacing_mm;
+    return out;
 }
 
 static void copy_settings(struct store_settings *to, const struct sst_config *c)

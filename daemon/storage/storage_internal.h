@@ -151,11 +151,8 @@ int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
 
 /** The array as it was opened. */
 struct store_array {
-    double rate_hz, spacing_mm;
-    int rows, cols, cameras;
-    uint32_t fourcc;
-    int width, height;
-    unsigned opening; /* counts openings of the array; a recording belongs to one; 0: never open */
+    struct sst_recorder_config recorder; /* its grid, cameras, format and rate, else defaults */
+    unsigned opening;                    /* counts openings of the array; a recording belongs to one; 0: never open */
 };
 
 /** The configuration as the threads use it. */
