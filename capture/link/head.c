@@ -65,23 +65,13 @@ static void report_trigger(struct sst_link_head *h, const struct head_set *set)
     h->last_index = index;
 }
 
-static void release_locked(struct sst_link_head *h, struct head_set *set)
-{
-    struct head_source *source = &h->source[set->source];
-
-    if (--set->refs)
-        return;
-    for (int i = 0; i < LINK_SETS; i++)
-        if (source->set[i] == set)
-            source->busy[i] = false;
-}
-
 static void head_release(void *object, struct sst_frame *frame)
 {
     struct sst_link_head *h = object;
+    struct head_set *set = frame->pool;
 
     pthread_mutex_lock(&h->lock);
-    release_locked(h, frame->pool);
+    set->refs--;
     pthread_mutex_unlock(&h->lock);
 }
 
@@ -105,7 +95,7 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
         h->events.frame(h->events.arg, set->slot[i], set->place.index, f->data ? f : NULL);
     }
     pthread_mutex_lock(&h->lock);
-    release_locked(h, set);
+    set->refs--;
     pthread_mutex_unlock(&h->lock);
 }
 

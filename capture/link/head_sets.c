@@ -10,12 +10,10 @@
 static struct head_set *acquire_locked(struct head_source *source)
 {
     for (int i = 0; i < LINK_SETS; i++) {
-        if (source->busy[i])
-            continue;
         if (!source->set[i])
             source->set[i] = calloc(1, sizeof(*source->set[i]));
-        source->busy[i] = source->set[i] != NULL;
-        return source->set[i];
+        if (!source->set[i] || !source->set[i]->refs)
+            return source->set[i];
     }
     return NULL;
 }
@@ -33,12 +31,7 @@ struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frame
     set = acquire_locked(s);
     if (set)
         set->data = sst_mem_keep(&set->kept, bytes, 1); /* after the first sets no more is asked for */
-    if (set && !set->data) {
-        for (int i = 0; i < LINK_SETS; i++)
-            s->busy[i] = s->busy[i] && s->set[i] != set;
-        set = NULL;
-    }
-    if (set) {
+    if (set && set->data) {
         set->source = source;
         set->frames = frames;
         set->cameras = s->cameras;
@@ -47,6 +40,7 @@ struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frame
         s->peer.waiting += (uint64_t)frames;
     } else {
         s->peer.dropped += (uint64_t)frames;
+        set = NULL;
     }
     pthread_mutex_unlock(&h->lock);
     return set;
@@ -59,8 +53,7 @@ static void discard_locked(struct sst_link_head *h, struct head_set *set, uint64
 
     s->peer.waiting -= (uint64_t)set->frames;
     *count += (uint64_t)set->frames;
-    for (int i = 0; i < LINK_SETS; i++)
-        s->busy[i] = s->busy[i] && s->set[i] != set;
+    set->refs = 0;
 }
 
 static void make_ready_locked(struct sst_link_head *h, struct head_set *set)

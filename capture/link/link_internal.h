@@ -384,7 +384,7 @@ SST_MUST_CHECK int node_datagrams_repair(struct sst_link_node *n, const uint8_t 
 
 /** A set of one source, with its frames. */
 struct head_set {
-    int source, cameras, frames, refs; /* under lock */
+    int source, cameras, frames, refs; /* under lock; refs 0: free */
     struct sst_numbering_edge edge;
     bool stamped;
     struct sst_numbering_place place;
@@ -409,11 +409,9 @@ struct head_slot {
 /** A node, or the head's own cameras. */
 struct head_source {
     bool used;
-    uint64_t counting; /* which one of it: of its run and opening */
     int cameras;
     int slot[SST_CAMERAS_MAX];
     struct head_set *set[LINK_SETS]; /* its pool; NULL: not allocated yet */
-    bool busy[LINK_SETS];
     struct head_set *waiting[LINK_SETS]; /* received, not named yet, in their order */
     int first, count;
     struct sst_link_peer peer; /* its report */
