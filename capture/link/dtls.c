@@ -226,18 +226,12 @@ struct link_dtls_server {
     struct sst_log_limit strangers;
 };
 
-/* A datagram of a sender without a session: the address that the cookie is sent to. */
-struct stranger {
-    int fd;
-    const struct sockaddr_storage *at;
-    socklen_t at_bytes;
-};
-
+/* The cookie, to a sender without a session. */
 static ssize_t push_stranger(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
 {
-    const struct stranger *s = arg;
+    const struct end *to = arg;
 
-    return sendto(s->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)s->at, s->at_bytes);
+    return sendto(to->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to->at, to->at_bytes);
 }
 
 static ssize_t push(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
@@ -390,7 +384,7 @@ static bool is_hello(const uint8_t *data, size_t bytes)
 static struct peer *greet(struct link_dtls_server *s, const struct sockaddr_storage *at, socklen_t at_bytes,
                           uint8_t *data, size_t bytes)
 {
-    struct stranger stranger = { s->fd, at, at_bytes };
+    struct end stranger = { s->fd, at, at_bytes };
     gnutls_dtls_prestate_st prestate = { 0 };
     struct sockaddr_storage key = *at;
     struct peer *p;
@@ -560,64 +554,21 @@ bool link_dtls_server_work(struct link_dtls_server *s)
 
 #else
 
-int link_dtls_open(struct link_dtls **out SST_UNUSED, const char *address SST_UNUSED, int port SST_UNUSED,
-                   struct link_credentials *credentials SST_UNUSED)
-{
-    return -ENOSYS;
-}
+#include "base/absent.h"
 
-int link_dtls_work(struct link_dtls *d SST_UNUSED, char why[256] SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-bool link_dtls_ready(const struct link_dtls *d SST_UNUSED)
-{
-    return false;
-}
-
-const char *link_dtls_peer(const struct link_dtls *d SST_UNUSED)
-{
-    return "";
-}
-
-int link_dtls_fd(const struct link_dtls *d SST_UNUSED)
-{
-    return -1;
-}
-
-int link_dtls_send(struct link_dtls *d SST_UNUSED, const uint8_t *data SST_UNUSED, size_t bytes SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-void link_dtls_close(struct link_dtls *d SST_UNUSED)
-{
-}
-
-int link_dtls_listen(struct link_dtls_server **out SST_UNUSED, const char *address SST_UNUSED, int port SST_UNUSED,
-                     struct link_credentials *credentials SST_UNUSED, const struct link_dtls_events *events SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-int link_dtls_server_fd(const struct link_dtls_server *s SST_UNUSED)
-{
-    return -1;
-}
-
-uint64_t link_dtls_server_overflows(const struct link_dtls_server *s SST_UNUSED)
-{
-    return 0;
-}
-
-bool link_dtls_server_work(struct link_dtls_server *s SST_UNUSED)
-{
-    return false;
-}
-
-void link_dtls_server_close(struct link_dtls_server *s SST_UNUSED)
-{
-}
+SST_ABSENT(int, -ENOSYS, link_dtls_open, struct link_dtls **out, const char *address, int port,
+           struct link_credentials *credentials)
+SST_ABSENT(int, -ENOSYS, link_dtls_work, struct link_dtls *d, char why[256])
+SST_ABSENT(bool, false, link_dtls_ready, const struct link_dtls *d)
+SST_ABSENT(const char *, "", link_dtls_peer, const struct link_dtls *d)
+SST_ABSENT(int, -1, link_dtls_fd, const struct link_dtls *d)
+SST_ABSENT(int, -ENOSYS, link_dtls_send, struct link_dtls *d, const uint8_t *data, size_t bytes)
+SST_ABSENT(void, , link_dtls_close, struct link_dtls *d)
+SST_ABSENT(int, -ENOSYS, link_dtls_listen, struct link_dtls_server **out, const char *address, int port,
+           struct link_credentials *credentials, const struct link_dtls_events *events)
+SST_ABSENT(int, -1, link_dtls_server_fd, const struct link_dtls_server *s)
+SST_ABSENT(uint64_t, 0, link_dtls_server_overflows, const struct link_dtls_server *s)
+SST_ABSENT(bool, false, link_dtls_server_work, struct link_dtls_server *s)
+SST_ABSENT(void, , link_dtls_server_close, struct link_dtls_server *s)
 
 #endif

@@ -274,29 +274,13 @@ void link_stream_close(struct link_stream *s)
 
 #else
 
-int link_stream_open(struct link_stream *s SST_UNUSED, int fd SST_UNUSED,
-                     struct link_credentials *credentials SST_UNUSED, bool server SST_UNUSED, size_t most SST_UNUSED)
-{
-    return -ENOSYS;
-}
+#include "base/absent.h"
 
-int link_stream_work(struct link_stream *s SST_UNUSED, char why[256] SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-bool link_stream_greeted(const struct link_stream *s SST_UNUSED)
-{
-    return false;
-}
-
-short link_stream_events(const struct link_stream *s SST_UNUSED)
-{
-    return 0;
-}
-
-void link_stream_close(struct link_stream *s SST_UNUSED)
-{
-}
+SST_ABSENT(int, -ENOSYS, link_stream_open, struct link_stream *s, int fd, struct link_credentials *credentials,
+           bool server, size_t most)
+SST_ABSENT(int, -ENOSYS, link_stream_work, struct link_stream *s, char why[256])
+SST_ABSENT(bool, false, link_stream_greeted, const struct link_stream *s)
+SST_ABSENT(short, 0, link_stream_events, const struct link_stream *s)
+SST_ABSENT(void, , link_stream_close, struct link_stream *s)
 
 #endif

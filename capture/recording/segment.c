@@ -308,24 +308,13 @@ void segment_abandon(struct segment_file *s)
 
 #else
 
-int segment_open(struct segment_file **out SST_UNUSED, const char *path SST_UNUSED,
-                 const struct sst_recorder_config *cfg SST_UNUSED, int64_t start_ns SST_UNUSED)
-{
-    return -ENOTSUP;
-}
+#include "base/absent.h"
 
-int segment_add(struct segment_file *s SST_UNUSED, const struct sst_frameset *set SST_UNUSED,
-                int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
-{
-    return -ENOTSUP;
-}
+SST_ABSENT(int, -ENOTSUP, segment_open, struct segment_file **out, const char *path,
+           const struct sst_recorder_config *cfg, int64_t start_ns)
+SST_ABSENT(int, -ENOTSUP, segment_add, struct segment_file *s, const struct sst_frameset *set,
+           int64_t offset[SST_CAMERAS_MAX])
+SST_ABSENT(int, -ENOTSUP, segment_finish, struct segment_file *s, bool sync)
+SST_ABSENT(void, , segment_abandon, struct segment_file *s)
 
-int segment_finish(struct segment_file *s SST_UNUSED, bool sync SST_UNUSED)
-{
-    return -ENOTSUP;
-}
-
-void segment_abandon(struct segment_file *s SST_UNUSED)
-{
-}
 #endif

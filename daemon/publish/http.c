@@ -289,23 +289,16 @@ void sst_http_close(struct sst_http *http)
 
 #else
 
+#include "base/absent.h"
+
 int sst_http_open(struct sst_http **out SST_UNUSED, const struct sst_http_config *cfg SST_UNUSED)
 {
     sst_log_error("this build has no HTTP: build it with libmicrohttpd, or set web.enabled: false");
     return -ENOTSUP;
 }
 
-int sst_http_port(const struct sst_http *http SST_UNUSED)
-{
-    return 0;
-}
-
-void sst_http_stop(struct sst_http *http SST_UNUSED)
-{
-}
-
-void sst_http_close(struct sst_http *http SST_UNUSED)
-{
-}
+SST_ABSENT(int, 0, sst_http_port, const struct sst_http *http)
+SST_ABSENT(void, , sst_http_stop, struct sst_http *http)
+SST_ABSENT(void, , sst_http_close, struct sst_http *http)
 
 #endif

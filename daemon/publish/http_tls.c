@@ -392,15 +392,10 @@ int sst_http_renew(struct sst_http *http, const char *certificate, const char *k
 
 #else
 
-bool sst_http_certificate(struct sst_http *http SST_UNUSED, struct sst_http_certificate *out SST_UNUSED)
-{
-    return false;
-}
+#include "base/absent.h"
 
-int sst_http_renew(struct sst_http *http SST_UNUSED, const char *certificate SST_UNUSED, const char *key SST_UNUSED,
-                   bool dry_run SST_UNUSED, struct sst_http_certificate *out SST_UNUSED)
-{
-    return 0;
-}
+SST_ABSENT(bool, false, sst_http_certificate, struct sst_http *http, struct sst_http_certificate *out)
+SST_ABSENT(int, 0, sst_http_renew, struct sst_http *http, const char *certificate, const char *key, bool dry_run,
+           struct sst_http_certificate *out)
 
 #endif

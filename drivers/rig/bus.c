@@ -447,6 +447,8 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, const SST_ATOMIC(bool) 
 
 #else
 
+#include "base/absent.h"
+
 int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED, int gap_ms SST_UNUSED,
                  struct sst_rig_counters *count SST_UNUSED)
 {
@@ -455,29 +457,10 @@ int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_
 }
 
 /* Never called: without open there is no bus. */
-void rig_bus_close(struct rig_bus *b SST_UNUSED)
-{
-}
-
-int rig_bus_read(struct rig_bus *b SST_UNUSED, struct rig_place at SST_UNUSED, uint16_t *out SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-int rig_bus_write(struct rig_bus *b SST_UNUSED, struct rig_place at SST_UNUSED, const uint16_t *values SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-const char *rig_bus_why(const struct rig_bus *b SST_UNUSED)
-{
-    return "built without libmodbus";
-}
-
-int rig_bus_restore(struct rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED,
-                    const SST_ATOMIC(bool) * cancel SST_UNUSED)
-{
-    return -ENOSYS;
-}
+SST_ABSENT(void, , rig_bus_close, struct rig_bus *b)
+SST_ABSENT(int, -ENOSYS, rig_bus_read, struct rig_bus *b, struct rig_place at, uint16_t *out)
+SST_ABSENT(int, -ENOSYS, rig_bus_write, struct rig_bus *b, struct rig_place at, const uint16_t *values)
+SST_ABSENT(const char *, "built without libmodbus", rig_bus_why, const struct rig_bus *b)
+SST_ABSENT(int, -ENOSYS, rig_bus_restore, struct rig_bus *b, int reconnect_ms, const SST_ATOMIC(bool) * cancel)
 
 #endif
