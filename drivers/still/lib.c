@@ -12,16 +12,28 @@ static void *load(const char *function)
     return sst_plugin_symbol("gphoto", function, why);
 }
 
-#define CALL(function, ...)                                                                                            \
-    __typeof__(&(function)) loaded;                                                                                    \
+/* Define a function that calls the one of its name in the part. */
+#define LOADED(function, parameters, arguments)                                                                        \
+    int function parameters                                                                                            \
+    {                                                                                                                  \
+        __typeof__(&(function)) loaded;                                                                                \
                                                                                                                        \
-    *(void **)&loaded = load(#function);                                                                               \
-    return loaded ? loaded(__VA_ARGS__) : -ENOPKG
+        *(void **)&loaded = load(#function);                                                                           \
+        return loaded ? loaded arguments : -ENOPKG;                                                                    \
+    }
 
-int still_lib_open(struct still_lib **out, int bus, int address, int response_ms)
-{
-    CALL(still_lib_open, out, bus, address, response_ms);
-}
+LOADED(still_lib_open, (struct still_lib * *out, int bus, int address, int response_ms),
+       (out, bus, address, response_ms))
+LOADED(still_lib_read, (struct still_lib * lib, const char *name, struct still_setting *out), (lib, name, out))
+LOADED(still_lib_write, (struct still_lib * lib, const char *name, const char *value), (lib, name, value))
+LOADED(still_lib_storage, (struct still_lib * lib, struct sst_still_state *state), (lib, state))
+LOADED(still_lib_release, (struct still_lib * lib), (lib))
+LOADED(still_lib_event, (struct still_lib * lib, int timeout_ms, struct still_path *path), (lib, timeout_ms, path))
+LOADED(still_lib_list, (struct still_lib * lib, struct still_path **list, int *count), (lib, list, count))
+LOADED(still_lib_size, (struct still_lib * lib, const struct still_path *path, size_t *bytes), (lib, path, bytes))
+LOADED(still_lib_download, (struct still_lib * lib, const struct still_path *path, uint8_t **data, size_t *bytes),
+       (lib, path, data, bytes))
+LOADED(still_lib_delete, (struct still_lib * lib, const struct still_path *path), (lib, path))
 
 void still_lib_close(struct still_lib *lib)
 {
@@ -40,49 +52,4 @@ const char *still_lib_said(const struct still_lib *lib)
     if (lib)
         *(void **)&loaded = load("still_lib_said");
     return loaded ? loaded(lib) : why;
-}
-
-int still_lib_read(struct still_lib *lib, const char *name, struct still_setting *out)
-{
-    CALL(still_lib_read, lib, name, out);
-}
-
-int still_lib_write(struct still_lib *lib, const char *name, const char *value)
-{
-    CALL(still_lib_write, lib, name, value);
-}
-
-int still_lib_storage(struct still_lib *lib, struct sst_still_state *state)
-{
-    CALL(still_lib_storage, lib, state);
-}
-
-int still_lib_release(struct still_lib *lib)
-{
-    CALL(still_lib_release, lib);
-}
-
-int still_lib_event(struct still_lib *lib, int timeout_ms, struct still_path *path)
-{
-    CALL(still_lib_event, lib, timeout_ms, path);
-}
-
-int still_lib_list(struct still_lib *lib, struct still_path **list, int *count)
-{
-    CALL(still_lib_list, lib, list, count);
-}
-
-int still_lib_size(struct still_lib *lib, const struct still_path *path, size_t *bytes)
-{
-    CALL(still_lib_size, lib, path, bytes);
-}
-
-int still_lib_download(struct still_lib *lib, const struct still_path *path, uint8_t **data, size_t *bytes)
-{
-    CALL(still_lib_download, lib, path, data, bytes);
-}
-
-int still_lib_delete(struct still_lib *lib, const struct still_path *path)
-{
-    CALL(still_lib_delete, lib, path);
 }
