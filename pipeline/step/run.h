@@ -58,6 +58,13 @@ struct sst_step_shaders {
 #define SST_STEP_SAMPLE_WIDTH  53
 #define SST_STEP_SAMPLE_HEIGHT 29
 
+/** Random bits of a sample: 24. */
+static inline uint32_t sst_step_random(uint32_t *state)
+{
+    *state = *state * 1664525U + 1013904223U;
+    return *state >> 8;
+}
+
 /**
  * Compare the results of a step on a device with its results on the CPU, on samples of some seeds. Under the lock of
  * the device; its planes stay as they are.

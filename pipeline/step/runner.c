@@ -229,6 +229,8 @@ void sst_runner_leave(struct sst_runner *s, struct sst_runner_user *user)
         break;
     }
     sst_runner_unlock(s);
+    if (user->owns_runner)
+        sst_runner_destroy(s);
 }
 
 void sst_runner_lock(struct sst_runner *s)

@@ -38,6 +38,7 @@ struct sst_runner_user {
     void (*drop)(void *arg); /* free all buffers of its own, under the lock: the device is closed, or others need the
                                 memory; NULL: it has none */
     void *arg;
+    bool owns_runner; /* destroyed as the user leaves; may be set later */
     /* of the runner */
     struct sst_runner *runner;
     struct sst_step_report report; /* of sst_run(), under the lock */
@@ -78,7 +79,7 @@ void sst_runner_destroy(struct sst_runner *s);
  * same: it is to be reported then */
 SST_MUST_CHECK int sst_runner_join(struct sst_runner *s, struct sst_runner_user *user);
 
-/** Drop the buffers of the user. */
+/** Drop the buffers of the user, and the runner if it owns that. */
 void sst_runner_leave(struct sst_runner *s, struct sst_runner_user *user);
 
 /* Buffers are created, used and freed under the lock. */

@@ -234,27 +234,17 @@ static void carried_maps(void *arg, int k, struct sst_share_maps *out)
 
 static void *carry_sample(uint32_t seed)
 {
-    struct carry *c = calloc(1, sizeof(*c));
+    struct disparity_sample *s = disparity_sample(seed, true, true);
 
-    if (!c)
+    if (!s)
         return NULL;
-    c->sample = disparity_sample(seed, true, true);
-    if (!c->sample) {
-        free(c);
-        return NULL;
-    }
-    c->in = &c->sample->in;
-    c->status = seed % 4 < 2 ? c->sample->status : NULL;
-    return c;
+    s->carry = (struct carry){ &s->in, seed % 4 < 2 ? s->status : NULL, s };
+    return &s->carry;
 }
 
 static void carry_sample_free(void *job)
 {
-    struct carry *c = job;
-
-    if (c)
-        disparity_sample_free(c->sample);
-    free(c);
+    disparity_sample_free(job ? ((struct carry *)job)->sample : NULL);
 }
 
 const struct sst_step disparity_carry_step = { .name = "carrying",

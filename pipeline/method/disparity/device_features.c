@@ -93,8 +93,7 @@ static void *gather_sample(uint32_t seed)
         return NULL;
     }
     for (int i = 0; i < (b->band.end - b->band.start) * b->width * SST_FEATURE_CHANNELS; i++) {
-        state = state * 1664525U + 1013904223U;
-        b->bytes[i] = (int8_t)((int)(state >> 24) - 128);
+        b->bytes[i] = (int8_t)((int)(sst_step_random(&state) >> 16) - 128);
     }
     return b;
 }

@@ -39,17 +39,22 @@ struct tests {
     struct sst_gpu_range views, pixels; /* struct sst_gpu_hypothesis_view[]; of all views, with depth codes */
 };
 
-void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to)
+void device_derive(struct sst_run *r, const struct sst_visible_views *in, int k, uint32_t conversion,
+                   struct sst_gpu_range to)
 {
-    const struct sst_visible_views *in = ((const struct visible_pass *)pass)->in;
     const struct sst_map_u16 *disp = in->view[k].disp;
     const struct sst_gpu_convert push = {
-        .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_HYPOTHESES, .value = visible_most(in)
+        .width = disp->width, .height = disp->height, .conversion = conversion, .value = visible_most(in)
     };
     const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
     const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
 
     SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
+}
+
+void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range to)
+{
+    device_derive(r, ((const struct visible_pass *)pass)->in, k, SST_GPU_TO_HYPOTHESES, to);
 }
 
 /* Load view k and the views that it is tested against. */

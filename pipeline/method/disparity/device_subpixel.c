@@ -7,13 +7,7 @@
 /* Lumas, packed as the CPU does. */
 void subpixel_derive(struct sst_run *r, void *job, int k, struct sst_gpu_range to)
 {
-    const struct sst_visible_views *in = ((const struct subpixel_pass *)job)->in;
-    const struct sst_map_u16 *disp = in->view[k].disp;
-    const struct sst_gpu_convert push = { .width = disp->width, .height = disp->height, .conversion = SST_GPU_TO_LUMA };
-    const struct sst_gpu_range colours = sst_run_plane(r, visible_colours(in), k);
-    const struct sst_gpu_range before = sst_run_plane(r, SST_PLANE_BEFORE, k);
-
-    SST_RUN_PIXELS(r, SST_GPU_CONVERT, &push, disp->width, disp->height, 1, colours, before, before, to);
+    device_derive(r, ((const struct subpixel_pass *)job)->in, k, SST_GPU_TO_LUMA, to);
 }
 
 /* Lumas of a view and of its neighbours. @param views  out, places and offsets of the neighbours */

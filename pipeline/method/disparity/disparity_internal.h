@@ -197,6 +197,7 @@ struct disparity_sample {
     bool carried[SST_STEP_SAMPLES];
     struct sst_visible_views in; /* the same maps */
     struct sst_visible_view view[SST_STEP_SAMPLES];
+    struct carry carry; /* of them */
 };
 
 /** @param checked  the maps have results of a check @param carried  of the views one in four is matched @return NULL:
@@ -221,6 +222,7 @@ struct match_sample {
     unsigned need[SST_STEP_SAMPLES];
     int view[2]; /* that are matched */
     int band;    /* rows that are matched at once at most; 0: all */
+    struct match_batch batch;
 };
 
 /** @param seed  1 .. MATCH_SAMPLES: each is another way to match @return NULL: no memory */

@@ -162,14 +162,6 @@ struct bands {
     int8_t *out; /* [cut.height][width][channels] */
 };
 
-/* Of a struct sst_network_keeper. */
-static bool keep(void *arg, const struct sst_run_result *result)
-{
-    struct sst_feature_keeper *k = ((struct bands *)arg)->keeper;
-
-    return k->keep(k, result);
-}
-
 /* The network's input. */
 static void fill(const struct bands *b)
 {
@@ -214,9 +206,9 @@ void sst_descriptor_gather(struct sst_descriptor *desc, const int8_t *result,
 /* @param kept  out: the keeper alone has them */
 static int make_band(struct bands *b, int i, bool *kept)
 {
-    const struct sst_network_keeper keeper = { .keep = keep, .arg = b };
     struct sst_descriptor *desc = b->desc;
     struct sst_feature_keeper *k = b->keeper;
+    const struct sst_network_keeper keeper = { .keep = k ? k->keep : NULL, .arg = k };
     int err;
 
     b->band = sst_disparity_feature_band(&b->cut, desc->height, b->radius, i);

@@ -9,7 +9,6 @@
 
 /* --- a view on the CPU -------------------------------------------------------------------------------------------- */
 
-/* Match the tiles of one view. */
 int run_search_tiles(struct disparity_run *run, struct sst_tiles *tiles, struct sst_volume *v, int view,
                      const struct sst_neighbour *neighbours, int count, const struct sst_support *support,
                      struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
@@ -219,28 +218,17 @@ static void matched_maps(void *arg, int view, struct sst_share_maps *out)
 
 static void *match_sample(uint32_t seed)
 {
-    struct match_batch *b = calloc(1, sizeof(*b));
+    struct match_sample *s = disparity_match_sample(seed);
 
-    if (!b)
+    if (!s)
         return NULL;
-    b->sample = disparity_match_sample(seed);
-    if (!b->sample) {
-        free(b);
-        return NULL;
-    }
-    b->run = &b->sample->run;
-    b->view = b->sample->view;
-    b->count = ARRAY_LEN(b->sample->view);
-    return b;
+    s->batch = (struct match_batch){ .run = &s->run, .view = s->view, .count = ARRAY_LEN(s->view), .sample = s };
+    return &s->batch;
 }
 
 static void match_sample_free(void *job)
 {
-    struct match_batch *b = job;
-
-    if (b)
-        disparity_match_sample_free(b->sample);
-    free(b);
+    disparity_match_sample_free(job ? ((struct match_batch *)job)->sample : NULL);
 }
 
 const struct sst_step disparity_match_step = { .name = "matching",

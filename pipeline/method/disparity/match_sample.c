@@ -31,12 +31,6 @@ static const struct way {
     { 29, 19, 250, 1, 2, 8, 1, 4, 8, SST_COST_CENSUS, 0.07, false, false, 16 },
 };
 
-static uint32_t next(uint32_t *state)
-{
-    *state = *state * 1664525U + 1013904223U;
-    return *state >> 8;
-}
-
 /* Disparity of the surface at a pixel of the view in the middle, px above the smallest one. */
 static int surface_at(int range, int x, int y)
 {
@@ -65,9 +59,9 @@ static int make_image(struct sst_view *v, const struct way *w, int k, const uint
 
             for (int c = 0; c < 3; c++)
                 sst_image_row(&v->image, c, y)[x] =
-                    (uint8_t)((t >> 8 * c & 0x3F) + (uint32_t)(x / 9 + y / 5) % 7 * 25 + next(state) % 4);
+                    (uint8_t)((t >> 8 * c & 0x3F) + (uint32_t)(x / 9 + y / 5) % 7 * 25 + sst_step_random(state) % 4);
             if (v->valid.data)
-                sst_map_u8_row(&v->valid, y)[x] = next(state) % 9 ? 255 : 0;
+                sst_map_u8_row(&v->valid, y)[x] = sst_step_random(state) % 9 ? 255 : 0;
         }
     }
     return err;
@@ -85,7 +79,7 @@ static int make_features(struct sst_descriptor *desc, const struct sst_view *v, 
 
             for (uint32_t c = 0; c < SST_FEATURE_CHANNELS; c++) {
                 const int one = t % 9 ? 15 : c == t % SST_FEATURE_CHANNELS ? SST_FEATURE_ONE : 0;
-                const bool negative = (t >> c % 20 ^ (c * t) >> 9 ^ (uint32_t) !(next(state) % 8)) & 1;
+                const bool negative = (t >> c % 20 ^ (c * t) >> 9 ^ (uint32_t) !(sst_step_random(state) % 8)) & 1;
                 uint8_t *row = desc->features + ((size_t)y * SST_FEATURE_CHANNELS / 4 + c / 4) * desc->feature_stride;
 
                 row[4 * x + (int)(c % 4)] = (uint8_t)(SST_FEATURE_ZERO + (negative ? -one : one));
@@ -116,8 +110,8 @@ static int make_view(struct match_sample *s, int k, const struct way *w, const u
     int err;
 
     v->present = k != NOTHING;
-    v->bx = w->spacing * (k % GRID - 1) + (int)(next(state) % 9 - 4) * 0.013;
-    v->by = w->spacing * (k / GRID - 1) + (int)(next(state) % 9 - 4) * 0.017;
+    v->bx = w->spacing * (k % GRID - 1) + (int)(sst_step_random(state) % 9 - 4) * 0.013;
+    v->by = w->spacing * (k / GRID - 1) + (int)(sst_step_random(state) % 9 - 4) * 0.017;
     if (!v->present)
         return 0;
     err = make_image(v, w, k, texture, state);
@@ -185,7 +179,7 @@ struct match_sample *disparity_match_sample(uint32_t seed)
 
     err = err ? err : sst_lightfield_init(&s->coarse, GRID, GRID);
     for (size_t i = 0; i < ARRAY_LEN(texture); i++)
-        texture[i] = next(&state);
+        texture[i] = sst_step_random(&state);
     if (!err)
         configure(s, w, (int)(seed % 3) - 1);
     for (int k = 0; k < SST_STEP_SAMPLES && !err; k++)

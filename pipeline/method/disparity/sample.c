@@ -13,17 +13,12 @@
 #define NEAR    460
 #define BETWEEN 330
 
-static uint32_t next(uint32_t *state)
-{
-    *state = *state * 1664525U + 1013904223U;
-    return *state >> 8;
-}
-
 static uint16_t disparity_at(int x, int y, uint32_t *state)
 {
-    const uint32_t slanted = (uint32_t)(900 - 12 * x), edge = (x < EDGE ? FAR : NEAR) + next(state) % (x < 10 ? 90 : 3);
+    const uint32_t slanted = (uint32_t)(900 - 12 * x),
+                   edge = (x < EDGE ? FAR : NEAR) + sst_step_random(state) % (x < 10 ? 90 : 3);
 
-    return next(state) % 12 ? (uint16_t)(y > 20 ? slanted : edge) : (uint16_t)SST_DISP_NONE;
+    return sst_step_random(state) % 12 ? (uint16_t)(y > 20 ? slanted : edge) : (uint16_t)SST_DISP_NONE;
 }
 
 /* Every point of a surface has a colour of its own, above smooth ones. */
@@ -31,7 +26,7 @@ static uint8_t colour_at(int x, int y, int channel)
 {
     uint32_t point = (uint32_t)(x * 8191 + y * 131 + channel * 7);
 
-    return (uint8_t)(y < 12 ? 5 * x + 3 * y + 40 * channel : 60 + (int)(next(&point) % 90));
+    return (uint8_t)(y < 12 ? 5 * x + 3 * y + 40 * channel : 60 + (int)(sst_step_random(&point) % 90));
 }
 
 static int column_of(int x, double px)
@@ -62,7 +57,8 @@ static void draw_row(const struct disparity_sample *s, int k, int y, uint32_t *s
 
         for (int c = 0; c < 3; c++)
             sst_image_row(&v->image, c, y)[x] =
-                (uint8_t)(colour_at(column_of(x, px * v->bx), column_of(y, px * v->by), c) + next(state) % 4);
+                (uint8_t)(colour_at(column_of(x, px * v->bx), column_of(y, px * v->by), c) +
+                          sst_step_random(state) % 4);
         sst_map_u8_row(&v->valid, y)[x] = k == PARTLY && x > 44 ? 0 : 255;
     }
 }
@@ -79,11 +75,11 @@ static int fill_view(struct disparity_sample *s, int k, bool checked, uint32_t *
     for (int y = 0; y < height && !err; y++) {
         for (int x = 0; x < width; x++) {
             sst_map_u16_row(&s->disp[k], y)[x] = disparity_at(x, y, state);
-            sst_map_u8_row(&s->confidence[k], y)[x] = (uint8_t)next(state);
+            sst_map_u8_row(&s->confidence[k], y)[x] = (uint8_t)sst_step_random(state);
             if (checked)
                 sst_map_u8_row(&s->status[k], y)[x] =
                     (uint8_t)(sst_map_u16_row(&s->disp[k], y)[x] == SST_DISP_NONE ? SST_DISPARITY_OCCLUSION
-                                                                                  : next(state) % 3);
+                                                                                  : sst_step_random(state) % 3);
         }
         draw_row(s, k, y, state);
     }
@@ -100,8 +96,8 @@ struct disparity_sample *disparity_sample(uint32_t seed, bool checked, bool carr
         struct sst_view *v = &s->lf.views[k];
 
         v->present = k != NOTHING;
-        v->bx = k % GRID - 1 + (int)(next(&state) % 9 - 4) * 0.013;
-        v->by = k / GRID - 1 + (int)(next(&state) % 9 - 4) * 0.017;
+        v->bx = k % GRID - 1 + (int)(sst_step_random(&state) % 9 - 4) * 0.013;
+        v->by = k / GRID - 1 + (int)(sst_step_random(&state) % 9 - 4) * 0.017;
         s->carried[k] = carried && k % 4;
         if (v->present)
             err = fill_view(s, k, checked, &state);

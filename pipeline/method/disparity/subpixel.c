@@ -134,7 +134,6 @@ static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit 
     v->offset = (float)((s.here - gain * s.there) / s.n);
 }
 
-/* @param nearest  out [SST_SUBPIXEL_VIEWS]: the views that it is compared with */
 void subpixel_set_fit(struct sst_subpixel_fit *f, const struct subpixel_pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];

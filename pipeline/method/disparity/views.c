@@ -105,7 +105,6 @@ void run_drop_phases(struct disparity_run *run)
         sst_descriptor_drop_phases(&run->desc[view]);
 }
 
-/* Neighbours of the sides in first..last. @return their number, or -ENOMEM */
 int run_gather_neighbours(struct disparity_run *run, int view, int first, int last, struct sst_neighbour *neighbours)
 {
     const struct sst_lightfield *lf = run->lf;

@@ -24,7 +24,6 @@ struct entry {
 
 struct device {
     struct sst_runner_user user; /* first */
-    bool owns_runner;            /* opened by this one, and closed with it */
     /* under the lock of the runner */
     struct entry entry[MOST_PLANS];
     int entries;
@@ -217,7 +216,7 @@ int sst_network_device_open(struct sst_runner_user **out, const char *name, uint
     *out = NULL;
     err = err ? err : sst_network_device_open_on(out, runner);
     if (*out)
-        ((struct device *)*out)->owns_runner = true;
+        (*out)->owns_runner = true;
     else
         sst_runner_destroy(runner);
     return err;
@@ -241,7 +240,7 @@ int sst_network_device_open_live(struct sst_runner_user **out, const char *name,
         sst_runner_destroy(runner);
         return WITH_DNNL ? -ENOMEM : 0;
     }
-    d->owns_runner = true;
+    d->user.owns_runner = true;
     err = sst_runner_join(runner, &d->user);
     sst_runner_lock(runner);
     if (err)
@@ -253,14 +252,9 @@ int sst_network_device_open_live(struct sst_runner_user **out, const char *name,
 
 void sst_network_device_close(struct sst_runner_user *user)
 {
-    struct device *d = (struct device *)user;
-
-    if (!d)
-        return;
-    sst_runner_leave(user->runner, user);
-    if (d->owns_runner)
-        sst_runner_destroy(user->runner);
-    free(d);
+    if (user)
+        sst_runner_leave(user->runner, user);
+    free(user);
 }
 
 /* --- report ------------------------------------------------------------------------------------------------------- */

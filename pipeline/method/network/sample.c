@@ -45,16 +45,10 @@ struct sample {
     float push; /* of all values of the first layer, so that most have one sign, and of weights behind it; 0: none */
 };
 
-static uint32_t next(struct sample *s)
-{
-    s->state = s->state * 1664525U + 1013904223U;
-    return s->state >> 8;
-}
-
 /* A multiple of 1/most between -1 and 1. */
 static float fraction(struct sample *s, int most)
 {
-    return (float)((int)(next(s) % (uint32_t)(2 * most + 1)) - most) / (float)most;
+    return (float)((int)(sst_step_random(&s->state) % (uint32_t)(2 * most + 1)) - most) / (float)most;
 }
 
 /* --- layers ------------------------------------------------------------------------------------------------------- */
@@ -96,7 +90,7 @@ static int add_conv(struct sample *s, struct sst_graph *g, struct sst_op op)
     for (size_t i = 0; op.weights && i < n * per; i++)
         op.weights[i] = exact              ? fraction(s, 16) * fine
                         : s->push == 0     ? fraction(s, 1 << 20) * scale
-                        : next(s) % 8 == 0 ? scale
+                        : sst_step_random(&s->state) % 8 == 0 ? scale
                                            : -scale;
     for (size_t i = 0; op.bias && i < n; i++)
         op.bias[i] = exact ? fraction(s, 128) * fine + s->push : fraction(s, 1 << 20);

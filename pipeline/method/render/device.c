@@ -126,8 +126,6 @@ void render_runner_destroy(struct render_runner *d)
     if (!d)
         return;
     sst_runner_leave(d->runner, &d->user);
-    if (d->owns_runner)
-        sst_runner_destroy(d->runner);
     device_fini(d);
     free(d);
 }

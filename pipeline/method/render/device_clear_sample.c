@@ -31,7 +31,8 @@ static void fill_image(struct sst_image *image, uint32_t *state)
             const int wave = (x + i / 3) % 16, slope = (wave < 8 ? wave : 16 - wave) * 24;
 
             sst_image_row(image, i % 3, i / 3)[x] =
-                (uint8_t)(i < 2 * HEIGHT ? slope + (int)(sample_next(state) % 32) : 90 + (int)(sample_next(state) % 6));
+                (uint8_t)(i < 2 * HEIGHT ? slope + (int)(sst_step_random(state) % 32)
+                                         : 90 + (int)(sst_step_random(state) % 6));
         }
     }
 }
@@ -47,17 +48,17 @@ static void fill_maps(struct sst_view *v, struct sst_map_u8 *mask, uint32_t firs
 {
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
-            const uint32_t r = sample_next(state), surface = first + (x / 16 % 2 ? 700 : 300);
+            const uint32_t r = sst_step_random(state), surface = first + (x / 16 % 2 ? 700 : 300);
 
             sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(r % 29 == 0   ? SST_DISP_NONE
                                                          : r % 31 == 0 ? first + r % 1600
                                                                        : surface + r % 30);
             if (v->label.data)
-                sst_map_u8_row(&v->label, y)[x] = sample_next(state) % 40 ? 1 : 3;
+                sst_map_u8_row(&v->label, y)[x] = sst_step_random(state) % 40 ? 1 : 3;
             if (v->valid.data)
-                sst_map_u8_row(&v->valid, y)[x] = sample_next(state) % 8 ? 255 : 0;
+                sst_map_u8_row(&v->valid, y)[x] = sst_step_random(state) % 8 ? 255 : 0;
             if (mask->data)
-                sst_map_u8_row(mask, y)[x] = sample_next(state) % 12 ? 0 : 255;
+                sst_map_u8_row(mask, y)[x] = sst_step_random(state) % 12 ? 0 : 255;
         }
     }
 }
@@ -175,7 +176,7 @@ void *clear_sample_holes(uint32_t seed)
         for (int k = 0; k < WIDTH * HEIGHT; k++)
             sst_map_u8_row(&s->weight[i], k / WIDTH)[k % WIDTH] =
                 (uint8_t)(k % WIDTH < 24 + 9 * i || (i == 3 && k % 97) ? 0
-                          : k % 3                                      ? sample_next(&state) & 0xFF
+                          : k % 3                                      ? sst_step_random(&state) & 0xFF
                                                                        : 255);
     }
     return s;

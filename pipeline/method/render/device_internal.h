@@ -108,7 +108,6 @@ struct device_bands {
 
 struct render_runner {
     struct sst_runner *runner;
-    bool owns_runner; /* opened for the renderer, and closed with it */
     struct sst_runner_user user;
     const struct sst_lightfield *lf;
     int pitch;    /* pixels of a row of a view on the device */
@@ -327,9 +326,6 @@ void sample_field_fini(struct sample_field *f);
 /** A picture, a disparity map and, by chance of their number, labels and valid pixels of a view. @return 0 or an error
  */
 SST_MUST_CHECK int sample_view_init(struct sst_view *v, const struct sst_lightfield *lf, int k);
-
-/** Random bits: 24. */
-uint32_t sample_next(uint32_t *state);
 
 /** A way to render, 0..8: each uses other parts of the shader, and of the CPU after it. */
 struct sst_render_config sample_config(int i);

@@ -34,12 +34,6 @@ struct sample {
 
 /* --- light fields ------------------------------------------------------------------------------------------------- */
 
-uint32_t sample_next(uint32_t *state)
-{
-    *state = *state * 1664525U + 1013904223U;
-    return *state >> 8;
-}
-
 int sample_field_init(struct sample_field *f, int width, int height)
 {
     int err = sst_lightfield_init(&f->lf, GRID, GRID);
@@ -72,17 +66,17 @@ int sample_view_init(struct sst_view *v, const struct sst_lightfield *lf, int k)
 static void set_pixel(struct sst_view *v, const struct sst_lightfield *lf, int x, int y, uint32_t *state)
 {
     const int block = (x / 7 + y / 5 * 2) % 3;
-    const double disp_px = block * 3 - 2 + (double)(sample_next(state) % 64) / 64;
+    const double disp_px = block * 3 - 2 + (double)(sst_step_random(state) % 64) / 64;
 
     for (int c = 0; c < 3; c++)
-        sst_image_row(&v->image, c, y)[x] = (uint8_t)(block * 80 + (int)(sample_next(state) % 90));
-    sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(sample_next(state) % 9 ? sst_disp_q6(lf, disp_px) : SST_DISP_NONE);
+        sst_image_row(&v->image, c, y)[x] = (uint8_t)(block * 80 + (int)(sst_step_random(state) % 90));
+    sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(sst_step_random(state) % 9 ? sst_disp_q6(lf, disp_px) : SST_DISP_NONE);
     if (v->label.data)
         sst_map_u8_row(&v->label, y)[x] = block > 0; /* a device has room for few weights by label */
     if (v->valid.data)
-        sst_map_u8_row(&v->valid, y)[x] = sample_next(state) % 17 > 3 ? 255 : 0;
+        sst_map_u8_row(&v->valid, y)[x] = sst_step_random(state) % 17 > 3 ? 255 : 0;
     if (v->confidence.data)
-        sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)sample_next(state);
+        sst_map_u8_row(&v->confidence, y)[x] = (uint8_t)sst_step_random(state);
 }
 
 static int fill_view(struct sst_lightfield *lf, int k, uint32_t *state)
@@ -194,7 +188,7 @@ static int make_frame(struct sst_view *v, enum frames frames, int k, uint32_t *s
             const int wave = (x + i / 3) % 32;
 
             sst_image_row(&v->image, i % 3, i / 3)[x] =
-                (uint8_t)((wave < 16 ? wave : 32 - wave) * 12 + i % 3 * 20 + (int)(sample_next(state) % 20));
+                (uint8_t)((wave < 16 ? wave : 32 - wave) * 12 + i % 3 * 20 + (int)(sst_step_random(state) % 20));
         }
     }
     if (frames != FRAMES_JPEG)

@@ -150,7 +150,7 @@ static int use(struct sst_renderer *r, struct sst_runner *runner, bool owned, co
     const int err = runner ? device_create(&r->runner, r->lf, runner, sst_render_steps, live) : 0;
 
     if (runner && !err)
-        r->runner->owns_runner = owned;
+        r->runner->user.owns_runner = owned;
     if (err && owned)
         sst_runner_destroy(runner);
     return err;

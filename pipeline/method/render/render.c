@@ -238,7 +238,6 @@ static int next_ray(const struct sst_render_tap *t, int x, int end, int y, bool 
     return x;
 }
 
-/* One view's rays, pixels x .. x + n of row y. */
 void render_add_view(const struct render_sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t,
                      int x, int n, int y)
 {
@@ -261,8 +260,6 @@ void render_add_view(const struct render_sink *s, const struct sst_render_plan *
         add_run(s, p, t, x, from, end, y);
 }
 
-/* What the kernels will read of a view for pixels x .. x + n of row y, or NULL: the rows of all views are too many
- * streams for the processor to follow. */
 const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
                                           const struct sst_render_tap *t, int x, int n, int y, bool plain)
 {
@@ -283,7 +280,6 @@ void sst_render_plan_sample(const struct sst_render_samples *to, const struct ss
     render_add_view(&s, p, t, x, n, y);
 }
 
-/* Recompute pixels whose weights underflowed in float; see SST_BLEND_FLOOR. */
 void render_mend_row(const struct sst_render_plan *p, struct sst_image *out, const float *weight, int x, int n, int y)
 {
     struct sst_ray rays[SST_MAX_VIEWS];
@@ -298,7 +294,6 @@ void render_mend_row(const struct sst_render_plan *p, struct sst_image *out, con
     }
 }
 
-/* Report which of n pixels of row y are supported, and mark the others if that is wanted. */
 void render_mark_row(const struct sst_render_plan *p, struct sst_image *out, struct sst_map_u8 *valid,
                      const uint8_t *support, int x, int n, int y)
 {
