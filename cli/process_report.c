@@ -106,56 +106,56 @@ static void add_notices(json_t *root, const struct sst_lightfield *lf, const str
 
 /* --- work of the device ------------------------------------------------------------------------------------------- */
 
-static json_t *device_json(const struct sst_disparity_device_report *d)
+static json_t *device_json(const struct sst_step_report *d)
 {
+    const struct sst_step_items *matched = &d->items[SST_DISPARITY_MATCHED], *tested = &d->items[SST_DISPARITY_TESTED];
     json_t *root, *stages = json_array();
 
-    if (!*d->step.name) {
+    if (!*d->name) {
         json_decref(stages);
         return json_string("cpu");
     }
     for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
-        if (d->step.stages_on_cpu >> i & 1)
+        if (d->stages_on_cpu >> i & 1)
             json_array_append_new(stages, json_string(sst_disparity_stage_name((enum sst_disparity_stage)i)));
     }
-    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->step.name), "driver",
-                     cli_text_json(d->step.driver), "views", (json_int_t)d->views, "on_cpu", (json_int_t)d->on_cpu,
-                     "tested", (json_int_t)d->tested, "tested_on_cpu", (json_int_t)d->tested_on_cpu, "failures",
-                     (json_int_t)d->step.failures, "why_cpu", *d->step.why ? cli_text_json(d->step.why) : json_null(),
-                     "stages_on_cpu", stages);
+    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->name), "driver",
+                     cli_text_json(d->driver), "views", (json_int_t)matched->device, "on_cpu",
+                     (json_int_t)matched->on_cpu, "tested", (json_int_t)tested->device, "tested_on_cpu",
+                     (json_int_t)tested->on_cpu, "failures", (json_int_t)d->failures, "why_cpu",
+                     *d->why ? cli_text_json(d->why) : json_null(), "stages_on_cpu", stages);
     if (root)
         json_object_update_new(
-            root,
-            json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "in_bands", (json_int_t)d->in_bands, "dispatches",
-                      (json_int_t)d->step.dispatches, "uploads", (json_int_t)d->step.uploads, "upload_bytes",
-                      (json_int_t)d->step.upload_bytes, "seconds", (double)d->step.total_ns * 1e-9, "upload_seconds",
-                      (double)d->step.upload_ns * 1e-9, "wait_seconds", (double)d->step.wait_ns * 1e-9,
-                      "download_seconds", (double)d->step.download_ns * 1e-9));
+            root, json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "in_bands", (json_int_t)matched->in_bands,
+                            "dispatches", (json_int_t)d->dispatches, "uploads", (json_int_t)d->uploads, "upload_bytes",
+                            (json_int_t)d->upload_bytes, "seconds", (double)d->total_ns * 1e-9, "upload_seconds",
+                            (double)d->upload_ns * 1e-9, "wait_seconds", (double)d->wait_ns * 1e-9, "download_seconds",
+                            (double)d->download_ns * 1e-9));
     return root;
 }
 
-static void report_device(const struct sst_disparity_device_report *d)
+static void report_device(const struct sst_step_report *d)
 {
+    const struct sst_step_items *matched = &d->items[SST_DISPARITY_MATCHED], *tested = &d->items[SST_DISPARITY_TESTED];
     char stages[256] = "";
 
-    if (!*d->step.name)
+    if (!*d->name)
         return;
     for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
         const size_t used = strlen(stages);
 
-        if (d->step.stages_on_cpu >> i & 1)
+        if (d->stages_on_cpu >> i & 1)
             snprintf(stages + used, sizeof(stages) - used, "%s%s",
                      used ? ", " : "; on the CPU: ", sst_disparity_stage_name((enum sst_disparity_stage)i));
     }
-    if (d->on_cpu)
-        sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)d->on_cpu,
-                        (long long)(d->on_cpu + d->views), d->step.name, d->step.why);
-    else if (d->tested_on_cpu)
+    if (matched->on_cpu)
+        sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)matched->on_cpu,
+                        (long long)(matched->on_cpu + matched->device), d->name, d->why);
+    else if (tested->on_cpu)
         sst_log_warning("the hypotheses of %lld of %lld views were tested on the CPU instead of %s: %s",
-                        (long long)d->tested_on_cpu, (long long)(d->tested_on_cpu + d->tested), d->step.name,
-                        d->step.why);
+                        (long long)tested->on_cpu, (long long)(tested->on_cpu + tested->device), d->name, d->why);
     else
-        sst_log_info("%lld views matched on %s%s", (long long)d->views, d->step.name, stages);
+        sst_log_info("%lld views matched on %s%s", (long long)matched->device, d->name, stages);
 }
 
 static json_t *seconds_json(double load, double labels, double disparity, double refinement, double saving)
@@ -177,7 +177,7 @@ static json_t *skipped_json(double percent, double error)
 }
 
 /* Warnings, also beside JSON. @return the levels */
-static json_t *log_warnings(const struct cli_processed *c, const struct sst_disparity_device_report *device)
+static json_t *log_warnings(const struct cli_processed *c, const struct sst_step_report *device)
 {
     const struct sst_process_report *r = &c->report;
     json_t *levels;
@@ -211,8 +211,7 @@ static void print_text(const struct cli_processed *c, struct sst_process_time sa
     if (!isnan(r->confirmed))
         printf("%.1f %% confirmed by other views, ", r->confirmed);
     if (!isnan(r->coverage_refined))
-        printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
-               r->coverage_hcsm);
+        printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined, r->coverage_hcsm);
     print_align(&r->align);
     print_skipped("views to match", r->skipped.views_skipped, "disparities off by more than 1 px",
                   r->skipped.views_error);
@@ -226,7 +225,7 @@ static void print_text(const struct cli_processed *c, struct sst_process_time sa
 }
 
 static json_t *report_json(const struct cli_processed *c, struct sst_process_time saving,
-                           const struct sst_disparity_device_report *device, double focus_px, json_t *levels)
+                           const struct sst_step_report *device, double focus_px, json_t *levels)
 {
     const struct sst_lightfield *lf = &c->lf;
     const struct sst_process_report *r = &c->report;
@@ -266,7 +265,7 @@ static json_t *report_json(const struct cli_processed *c, struct sst_process_tim
 int cli_process_report(const struct cli_processed *c, struct sst_process_time saving, json_t **out)
 {
     const struct cli_process *p = c->process;
-    struct sst_disparity_device_report device = { 0 };
+    struct sst_step_report device = { 0 };
     double focus_px = NAN;
     json_t *levels;
     int err;

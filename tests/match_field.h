@@ -110,7 +110,7 @@ static inline void match_assert_equal(const struct sst_lightfield *a, const stru
 
 /* Match on a device and on the CPU, which must give the same bytes. @param device  cfg->runner */
 static inline void match_compare(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
-                                 struct sst_disparity_device_report *report)
+                                 struct sst_step_report *report)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
     struct sst_lightfield other = *lf;

@@ -148,7 +148,7 @@ static inline void second_run(struct second_field *f, struct sst_runner_user *de
 
 /* The same on a device and on the CPU. @param report  out: since the last one */
 static inline void second_compare(struct sst_runner_user *device, bool skip,
-                                  struct sst_disparity_device_report *report)
+                                  struct sst_step_report *report)
 {
     struct second_field *on_cpu = second_new(), *on_device = second_new();
 

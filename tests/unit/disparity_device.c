@@ -11,7 +11,7 @@ static const unsigned check = 1U << SST_DISPARITY_STAGE_CHECK, fill = 1U << SST_
 static void test_same_bytes(void **state)
 {
     static const int tested[] = { 0, 8, 16, 0, 8, 8 }; /* views whose hypotheses are, by round */
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -21,19 +21,21 @@ static void test_same_bytes(void **state)
         /* Without variants of shaders, and with them. */
         assert_int_equal(match_device_create(&cfg.runner, i % 2 ? "dummy:subgroup=1,dot=1" : "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
-        print_message("%d: %lld views, %lld tested, %lld dispatches, %lld uploads\n", i, (long long)report.views,
-                      (long long)report.tested, (long long)report.step.dispatches, (long long)report.step.uploads);
-        assert_int_equal(report.tested, tested[i]);
-        assert_int_equal(report.tested_on_cpu, 0);
-        assert_int_equal(report.step.stages_on_cpu & ~(1U << SST_DISPARITY_STAGE_SWEEP), 0);
-        assert_true(report.views >= 3);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.step.failures, 0);
-        assert_true(report.step.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
-        assert_string_equal(report.step.why, "");
+        print_message("%d: %lld views, %lld tested, %lld dispatches, %lld uploads\n", i,
+                      (long long)report.items[SST_DISPARITY_MATCHED].device,
+                      (long long)report.items[SST_DISPARITY_TESTED].device, (long long)report.dispatches,
+                      (long long)report.uploads);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].device, tested[i]);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].on_cpu, 0);
+        assert_int_equal(report.stages_on_cpu & ~(1U << SST_DISPARITY_STAGE_SWEEP), 0);
+        assert_true(report.items[SST_DISPARITY_MATCHED].device >= 3);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_true(report.uploads >= 8); /* colours, once, and maps that the dummy device does not compute */
+        assert_string_equal(report.why, "");
         sst_disparity_device_report(cfg.runner, &report); /* since the last one */
-        assert_int_equal(report.views, 0);
-        assert_string_equal(report.step.name, "dummy");
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 0);
+        assert_string_equal(report.name, "dummy");
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -42,7 +44,7 @@ static void test_same_bytes(void **state)
 /* A range of few pixels: steps and costs between them, refined afterwards. */
 static void test_narrow(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -52,8 +54,8 @@ static void test_narrow(void **state)
     cfg.disp_max_px = 3;
     assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.views, 8);
-    assert_int_equal(report.step.stages_on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
+    assert_int_equal(report.stages_on_cpu, 0);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
@@ -62,7 +64,7 @@ static void test_narrow(void **state)
 /* Windows of disparities by tile, found at a quarter of the size, which is matched there as well. */
 static void test_tiles(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_report skipped;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -74,8 +76,8 @@ static void test_tiles(void **state)
     assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_true(skipped.ranges_skipped > 0);
-    assert_int_equal(report.views, 6);
-    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 6);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
@@ -83,7 +85,7 @@ static void test_tiles(void **state)
 /* What does not fit at once is matched in bands of rows, along which paths go on. */
 static void test_bands(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -96,9 +98,9 @@ static void test_bands(void **state)
         cfg.key_spacing = 1;
         assert_int_equal(match_device_create(&cfg.runner, i == 4 ? "dummy:buffer=340" : "dummy:buffer=460", 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, 8);
-        assert_int_equal(report.in_bands, 8);
-        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, 8);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -106,8 +108,8 @@ static void test_bands(void **state)
     match_config_tiles(&cfg);
     assert_int_equal(match_device_create(&cfg.runner, "dummy:buffer=3900", 0), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.in_bands, 3);
-    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, 3);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
@@ -126,7 +128,7 @@ static void test_fallback(void **state)
         { "memory", 2, "not enough memory on the device", 0, 0 }, /* of which less is used */
         { "buffer", 340, "not enough memory on the device", 0, 0 },
     };
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
     char name[64];
@@ -141,10 +143,10 @@ static void test_fallback(void **state)
         cfg.fill = false;
         assert_int_equal(match_device_create(&cfg.runner, name, i == 2 ? (uint64_t)1100 << 10 : 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, devices[i].views);
-        assert_int_equal(report.on_cpu, 8 - devices[i].views);
-        assert_int_equal(report.step.failures, devices[i].failures);
-        assert_string_equal(report.step.why, devices[i].why);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, devices[i].views);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 8 - devices[i].views);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_string_equal(report.why, devices[i].why);
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -153,7 +155,7 @@ static void test_fallback(void **state)
 /* Dispatches of a device that does not fail, without what comes after a step. */
 static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps, bool filled)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
 
     assert_true(match_config(&cfg, 2));
@@ -164,7 +166,7 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
     sst_disparity_device_report(cfg.runner, &report);
     match_device_destroy(cfg.runner);
-    return (int)report.step.dispatches;
+    return (int)report.dispatches;
 }
 
 /* A device that is lost in the second pass is opened again for the next round; in a later step, the CPU does the rest
@@ -181,7 +183,7 @@ static void test_fallback_later(void **state)
                  { 4, 16, true, check }, /* the device is opened again for the filling */
                  { 8 + 20, 16, true, fill | background } };
     const unsigned all = check | fill | subpixel | background;
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
     char name[64];
@@ -199,14 +201,15 @@ static void test_fallback_later(void **state)
         cfg.subpixel_steps = 1; /* so few dispatches that the device is not lost once more */
         assert_int_equal(match_device_create(&cfg.runner, name, 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, 8);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.step.failures, 1);
-        assert_int_equal(report.tested + report.tested_on_cpu, 16);
-        assert_in_range(report.tested, lost[i].tested, lost[i].tested + 2);
-        assert_int_equal(report.step.stages_on_cpu & all, lost[i].stages);
-        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
-        assert_string_equal(report.step.why, "the device is lost");
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
+        assert_int_equal(report.failures, 1);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].device + report.items[SST_DISPARITY_TESTED].on_cpu, 16);
+        assert_in_range(report.items[SST_DISPARITY_TESTED].device, lost[i].tested, lost[i].tested + 2);
+        assert_int_equal(report.stages_on_cpu & all, lost[i].stages);
+        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1,
+                         report.items[SST_DISPARITY_TESTED].on_cpu > 0);
+        assert_string_equal(report.why, "the device is lost");
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -229,7 +232,7 @@ static void test_range(void **state)
     assert_int_equal(sst_disparity_range(&lf, &on_cpu, &want[0], &want[1]), 0);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         struct sst_disparity_search search = on_cpu;
-        struct sst_disparity_device_report report;
+        struct sst_step_report report;
         char name[40];
 
         snprintf(name, sizeof(name), devices[i].name, devices[i].at);
@@ -237,9 +240,10 @@ static void test_range(void **state)
         assert_int_equal(sst_disparity_range(&lf, &search, &got[0], &got[1]), 0);
         assert_memory_equal(got, want, sizeof(want));
         sst_disparity_device_report(search.runner, &report);
-        assert_int_equal(report.views + report.on_cpu, 4); /* of two pairs */
-        assert_int_equal(report.on_cpu > 0, devices[i].on_cpu);
-        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device + report.items[SST_DISPARITY_MATCHED].on_cpu,
+                         4); /* of two pairs */
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu > 0, devices[i].on_cpu);
+        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
         match_device_destroy(search.runner);
     }
     sst_lightfield_fini(&lf);
@@ -262,7 +266,7 @@ static void test_steps_are_compared(void **state)
 /* What has no shader, devices that are not there or wrong. */
 static void test_refused(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_runner_user *none;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -274,14 +278,14 @@ static void test_refused(void **state)
     cfg.joint = false;
     assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.views, 0);
-    assert_int_equal(report.on_cpu, 8);
-    assert_string_equal(report.step.why, "maps of two directions are fused");
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 8);
+    assert_string_equal(report.why, "maps of two directions are fused");
     cfg.joint = true;
     cfg.support_after = 1;
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.on_cpu, 8);
-    assert_string_equal(report.step.why, "costs are aggregated after the optimisation");
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 8);
+    assert_string_equal(report.why, "costs are aggregated after the optimisation");
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 
@@ -298,7 +302,7 @@ static void test_refused(void **state)
 /* A range that is too wide for the sweep: all views are matched, and have maps. */
 static void test_wide(void **state SST_UNUSED)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -309,8 +313,8 @@ static void test_wide(void **state SST_UNUSED)
     cfg.memory = 1 << 16;
     assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, 0);
-    assert_int_equal(report.views, 8);
+    assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
@@ -318,7 +322,7 @@ static void test_wide(void **state SST_UNUSED)
 /* A sweep in scene space makes the maps of views that have texture everywhere, and of no others. */
 static void test_sweep_needs_texture(void **state SST_UNUSED)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -334,7 +338,7 @@ static void test_sweep_needs_texture(void **state SST_UNUSED)
         }
         assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.step.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, !flat);
+        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, !flat);
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -343,17 +347,10 @@ static void test_sweep_needs_texture(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes),
-        cmocka_unit_test(test_narrow),
-        plain_test(test_sweep_needs_texture),
-        cmocka_unit_test(test_wide),
-        serial_test(test_tiles),
-        serial_test(test_bands),
-        serial_test(test_fallback),
-        serial_test(test_fallback_later),
-        cmocka_unit_test(test_steps_are_compared),
-        cmocka_unit_test(test_range),
-        cmocka_unit_test(test_refused),
+        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),    plain_test(test_sweep_needs_texture),
+        cmocka_unit_test(test_wide),  serial_test(test_tiles),          serial_test(test_bands),
+        serial_test(test_fallback),   serial_test(test_fallback_later), cmocka_unit_test(test_steps_are_compared),
+        cmocka_unit_test(test_range), cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -12,7 +12,7 @@ static char path[] = "/tmp/sst-learned-XXXXXX";
 /* The learned cost alone and with the census, in the whole range. */
 static void test_same_bytes(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -21,11 +21,11 @@ static void test_same_bytes(void **state)
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
         assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, VIEWS);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.step.failures, 0);
-        assert_true(report.step.uploads >= 2 * VIEWS); /* colours and features; maps that the dummy does not compute */
-        assert_string_equal(report.step.why, "");
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, VIEWS);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_true(report.uploads >= 2 * VIEWS); /* colours and features; maps that the dummy does not compute */
+        assert_string_equal(report.why, "");
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -34,7 +34,7 @@ static void test_same_bytes(void **state)
 /* The network runs on the device as well: the dummy, which computes nothing, keeps no features. */
 static void test_networks_share_the_device(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_network_device_report networks;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -57,7 +57,7 @@ static void test_networks_share_the_device(void **state)
             assert_true(networks.runs >= 6); /* of them the half for the matching on the CPU */
             assert_int_equal(networks.on_cpu, 0);
             assert_int_equal(networks.kept, 0);
-            assert_int_equal(report.on_cpu, 0);
+            assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
             sst_network_device_close(cfg.networks);
         }
         match_device_destroy(cfg.runner);
@@ -68,7 +68,7 @@ static void test_networks_share_the_device(void **state)
 /* In windows, tile by tile; views described one by one on one thread, with one network. */
 static void test_tiles(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -81,8 +81,8 @@ static void test_tiles(void **state)
     cfg.frugal = true;
     assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.views, 6); /* with those at a quarter of the size */
-    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 6); /* with those at a quarter of the size */
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
@@ -95,7 +95,7 @@ static void test_little_memory(void **state)
         int config;
         bool bands;
     } devices[] = { { "dummy:memory=4", 0, false }, { "dummy:buffer=460", 2, true } };
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -105,12 +105,13 @@ static void test_little_memory(void **state)
         assert_true(match_config_learned(&cfg, devices[i].config, path));
         assert_int_equal(match_device_create(&cfg.runner, devices[i].name, 0), 0);
         match_compare(&lf, &cfg, &report);
-        print_message("%lld views, %lld in bands, %lld uploads\n", (long long)report.views, (long long)report.in_bands,
-                      (long long)report.step.uploads);
-        assert_int_equal(report.views, VIEWS);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.in_bands, devices[i].bands ? VIEWS : 0);
-        assert_true(devices[i].bands || report.step.uploads > 4 * VIEWS);
+        print_message("%lld views, %lld in bands, %lld uploads\n",
+                      (long long)report.items[SST_DISPARITY_MATCHED].device,
+                      (long long)report.items[SST_DISPARITY_MATCHED].in_bands, (long long)report.uploads);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, VIEWS);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, devices[i].bands ? VIEWS : 0);
+        assert_true(devices[i].bands || report.uploads > 4 * VIEWS);
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -119,7 +120,7 @@ static void test_little_memory(void **state)
 /* The CPU makes the census that only it needs, and goes on with the features that there are. */
 static void test_fallback(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
     char name[32];
@@ -130,10 +131,12 @@ static void test_fallback(void **state)
     assert_true(match_config_learned(&cfg, 0, path));
     assert_int_equal(match_device_create(&cfg.runner, name, 0), 0);
     match_compare(&lf, &cfg, &report);
-    print_message("%lld views, %lld on the CPU\n", (long long)report.views, (long long)report.on_cpu);
-    assert_int_equal(report.views + report.on_cpu, VIEWS);
-    assert_true(report.views > 0 && report.on_cpu > 0 && report.step.failures > 1);
-    assert_string_equal(report.step.why, "the device is lost");
+    print_message("%lld views, %lld on the CPU\n", (long long)report.items[SST_DISPARITY_MATCHED].device,
+                  (long long)report.items[SST_DISPARITY_MATCHED].on_cpu);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].device + report.items[SST_DISPARITY_MATCHED].on_cpu, VIEWS);
+    assert_true(report.items[SST_DISPARITY_MATCHED].device > 0 && report.items[SST_DISPARITY_MATCHED].on_cpu > 0 &&
+                report.failures > 1);
+    assert_string_equal(report.why, "the device is lost");
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }

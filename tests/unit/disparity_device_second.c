@@ -17,17 +17,16 @@ static struct sst_runner_user *open_device(const char *name, uint64_t memory_byt
 static void test_same_bytes(void **state)
 {
     struct sst_runner_user *device = open_device("dummy", 0);
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
 
     (void)state;
     for (int skip = 0; skip < 2; skip++) {
         second_compare(device, skip, &report);
-        print_message("%lld dispatches, %lld bytes up\n", (long long)report.step.dispatches,
-                      (long long)report.step.upload_bytes);
-        assert_int_equal(report.tested, SECOND_TESTED);
-        assert_int_equal(report.tested_on_cpu, 0);
-        assert_int_equal(report.step.failures, 0);
-        assert_int_equal(report.step.stages_on_cpu, 0);
+        print_message("%lld dispatches, %lld bytes up\n", (long long)report.dispatches, (long long)report.upload_bytes);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].device, SECOND_TESTED);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.stages_on_cpu, 0);
     }
     match_device_destroy(device);
 }
@@ -40,21 +39,22 @@ static void test_lost(void **state)
 
     (void)state;
     for (int at = 1; at < 120; at += 1 + at / (small_level() ? 2 : 5)) {
-        struct sst_disparity_device_report report;
+        struct sst_step_report report;
         struct sst_runner_user *device;
         char name[32];
 
         snprintf(name, sizeof(name), "dummy:lost=%d", before + at);
         device = open_device(name, 0);
         second_compare(device, at % 2, &report);
-        print_message("%s: tested %lld, stages %x, %s\n", name, (long long)report.tested, report.step.stages_on_cpu,
-                      report.step.why);
-        assert_int_equal(report.tested + report.tested_on_cpu, SECOND_TESTED);
-        assert_true(report.step.failures > 0);
-        assert_true(report.step.stages_on_cpu & (surfaces | carrying));
-        assert_int_equal(report.step.stages_on_cpu & ~(surfaces | carrying), 0);
-        assert_string_equal(report.step.why, "the device is lost");
-        seen |= report.step.stages_on_cpu;
+        print_message("%s: tested %lld, stages %x, %s\n", name, (long long)report.items[SST_DISPARITY_TESTED].device,
+                      report.stages_on_cpu, report.why);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].device + report.items[SST_DISPARITY_TESTED].on_cpu,
+                         SECOND_TESTED);
+        assert_true(report.failures > 0);
+        assert_true(report.stages_on_cpu & (surfaces | carrying));
+        assert_int_equal(report.stages_on_cpu & ~(surfaces | carrying), 0);
+        assert_string_equal(report.why, "the device is lost");
+        seen |= report.stages_on_cpu;
         match_device_destroy(device);
     }
     assert_int_equal(seen, surfaces | carrying);
@@ -64,15 +64,15 @@ static void test_lost(void **state)
 static void test_small(void **state)
 {
     struct sst_runner_user *device = open_device("dummy", (uint64_t)800 << 10);
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
 
     (void)state;
     second_compare(device, true, &report);
-    assert_int_equal(report.tested, 0);
-    assert_int_equal(report.tested_on_cpu, SECOND_TESTED);
-    assert_int_equal(report.step.failures, 0);
-    assert_int_equal(report.step.stages_on_cpu, surfaces);
-    assert_string_equal(report.step.why, "not enough memory on the device");
+    assert_int_equal(report.items[SST_DISPARITY_TESTED].device, 0);
+    assert_int_equal(report.items[SST_DISPARITY_TESTED].on_cpu, SECOND_TESTED);
+    assert_int_equal(report.failures, 0);
+    assert_int_equal(report.stages_on_cpu, surfaces);
+    assert_string_equal(report.why, "not enough memory on the device");
     match_device_destroy(device);
 }
 

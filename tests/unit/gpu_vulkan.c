@@ -157,8 +157,8 @@ static void test_frames(void **state)
     raw_field_free(&field);
 }
 
-/* Clear pictures in bands, their rays sampled from frames of which one at a time is there; where lenses fold, places are
- * listed, and some differ. */
+/* Clear pictures in bands, their rays sampled from frames of which one at a time is there; where lenses fold, places
+ * are listed, and some differ. */
 static void test_frames_in_bands(void **state)
 {
     struct sst_render_config cfg = frames_config(FRAMES_CLEAR);
@@ -197,7 +197,7 @@ static void test_frames_in_bands(void **state)
 /* Views are matched with the bytes of the CPU, in the whole range and tile by tile. */
 static void test_matches(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_runner_user *device;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -208,27 +208,27 @@ static void test_matches(void **state)
     for (int i = 0; match_config(&cfg, i); i++) {
         cfg.runner = device;
         match_compare(&lf, &cfg, &report);
-        assert_true(report.views >= 3);
-        assert_int_equal(report.on_cpu, 0);
-        assert_int_equal(report.step.failures, 0);
-        assert_int_equal(report.step.stages_on_cpu & ~(1U << SST_DISPARITY_STAGE_SWEEP), 0);
+        assert_true(report.items[SST_DISPARITY_MATCHED].device >= 3);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.stages_on_cpu & ~(1U << SST_DISPARITY_STAGE_SWEEP), 0);
         /* Colours, once; later steps need no more, but what a sweep in scene space makes on the CPU. */
-        assert_int_equal(report.step.uploads, report.step.stages_on_cpu ? 24 : 8);
+        assert_int_equal(report.uploads, report.stages_on_cpu ? 24 : 8);
     }
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21);
     match_config_tiles(&cfg);
     cfg.runner = device;
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
     sst_lightfield_fini(&lf);
     match_device_destroy(device);
     match_init(&lf, 1, 3, 97, 60, 8); /* in bands of rows */
     assert_true(match_config(&cfg, 5));
     assert_int_equal(match_device_create(&cfg.runner, "lavapipe", (uint64_t)1350 << 10), 0);
     match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.in_bands, 3);
-    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, 3);
+    assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
     match_device_destroy(cfg.runner);
     sst_lightfield_fini(&lf);
 }
@@ -237,7 +237,7 @@ static void test_matches(void **state)
 static void test_learned(void **state)
 {
     char path[] = "/tmp/sst-learned-XXXXXX";
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
@@ -251,8 +251,8 @@ static void test_learned(void **state)
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
         assert_int_equal(match_device_create(&cfg.runner, "lavapipe", 0), 0);
         match_compare(&lf, &cfg, &report);
-        assert_int_equal(report.views, 3);
-        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 3);
+        assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
         match_device_destroy(cfg.runner);
     }
     sst_lightfield_fini(&lf);
@@ -262,16 +262,16 @@ static void test_learned(void **state)
 /* The second pass and carried maps, where a sweep finds surfaces that no map has. */
 static void test_second(void **state)
 {
-    struct sst_disparity_device_report report;
+    struct sst_step_report report;
     struct sst_runner_user *device;
 
     (void)state;
     assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
     for (int skip = 0; skip < 2; skip++) {
         second_compare(device, skip, &report);
-        assert_int_equal(report.tested, SECOND_TESTED);
-        assert_int_equal(report.step.stages_on_cpu, 0);
-        assert_int_equal(report.step.failures, 0);
+        assert_int_equal(report.items[SST_DISPARITY_TESTED].device, SECOND_TESTED);
+        assert_int_equal(report.stages_on_cpu, 0);
+        assert_int_equal(report.failures, 0);
     }
     match_device_destroy(device);
 }

@@ -63,18 +63,10 @@ void sst_disparity_device_destroy(struct sst_runner_user *user)
     free(user);
 }
 
-void sst_disparity_device_report(struct sst_runner_user *user, struct sst_disparity_device_report *out)
+void sst_disparity_device_report(struct sst_runner_user *user, struct sst_step_report *out)
 {
-    const struct sst_step_items *matched = &user->report.items[SST_DISPARITY_MATCHED];
-    const struct sst_step_items *tested = &user->report.items[SST_DISPARITY_TESTED];
-
-    *out = (struct sst_disparity_device_report){ .step = user->report,
-                                                 .views = matched->device,
-                                                 .in_bands = matched->in_bands,
-                                                 .on_cpu = matched->on_cpu,
-                                                 .tested = tested->device,
-                                                 .tested_on_cpu = tested->on_cpu };
+    *out = user->report;
     user->report = (struct sst_step_report){ 0 };
-    memcpy(user->report.name, out->step.name, sizeof(out->step.name));
-    memcpy(user->report.driver, out->step.driver, sizeof(out->step.driver));
+    memcpy(user->report.name, out->name, sizeof(out->name));
+    memcpy(user->report.driver, out->driver, sizeof(out->driver));
 }

@@ -5,16 +5,6 @@
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/step/runner.h"
 
-/** What a device has done. */
-struct sst_disparity_device_report {
-    struct sst_step_report step; /* `stages_on_cpu`: bits by enum sst_disparity_stage, of stages that were needed */
-    int64_t views;               /* matched there; views of coarser maps count as well */
-    int64_t in_bands;            /* of these: in parts, since the whole volume did not fit */
-    int64_t on_cpu;              /* others */
-    int64_t tested;              /* views in the second pass, by round, whose hypotheses were */
-    int64_t tested_on_cpu;       /* others */
-};
-
 /**
  * Match views on a device: the costs of each by census and features of its neighbours, their aggregation, the
  * optimisation, winners and filters; in the second pass its hypotheses and their tests; refinement between pixels,
@@ -29,7 +19,7 @@ struct sst_disparity_device_report {
 SST_MUST_CHECK int sst_disparity_device_create(struct sst_runner_user **out, struct sst_runner *shared);
 void sst_disparity_device_destroy(struct sst_runner_user *d);
 
-/** What it has done since the last report. */
-void sst_disparity_device_report(struct sst_runner_user *d, struct sst_disparity_device_report *out);
+/** Its work since the last report, by enum sst_disparity_counter and enum sst_disparity_stage. */
+void sst_disparity_device_report(struct sst_runner_user *d, struct sst_step_report *out);
 
 #endif
