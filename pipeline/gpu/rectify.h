@@ -34,7 +34,6 @@ enum sst_gpu_rectify_flag {
 
 /** What does not depend on the factors in sst_light_code(), by sample: [2][SST_LIGHT_WHITE + 1]. */
 #define SST_GPU_RECTIFY_LIGHT_FLOATS ((size_t)2 * (SST_LIGHT_WHITE + 1))
-void sst_gpu_rectify_light(float *out);
 
 /** Pixels of the view that one group of the shader makes; an invocation makes 4 of a row. */
 #define SST_GPU_RECTIFY_GROUP_WIDTH  64

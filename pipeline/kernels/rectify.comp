@@ -17,7 +17,7 @@ layout(std430, binding = 0) readonly buffer Weights { int weight[]; };
 layout(std430, binding = 1) readonly buffer Frame { uint frame[]; };
 layout(std430, binding = 2) readonly buffer Cells { Places places[]; }; // struct sst_places [height][cells], a table
 layout(std430, binding = 3) readonly buffer List { int list[]; }; // int32_t pairs, for SST_PLACES_LISTED
-// float: sst_gpu_rectify_light(), the fall-off's factors [light_rows][light_cols], [light_rows][light_cols] of their 2.4th roots; not
+// float: SST_GPU_RECTIFY_LIGHT_FLOATS parts, the fall-off's factors [light_rows][light_cols], [light_rows][light_cols] of their 2.4th roots; not
 // read without SST_GPU_RECTIFY_LIT
 layout(std430, binding = 4) readonly buffer Light { float light[]; };
 // out, a byte each: 255, or 0 without a position in the frame

@@ -3,6 +3,8 @@
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
+#include <math.h>
+
 #include "base/thread.h"
 #include "pipeline/method/disparity/visible.h"
 #include "pipeline/method/network/network.h"
@@ -239,6 +241,12 @@ extern const struct sst_step disparity_features_step, disparity_match_step, disp
     disparity_sweep_step;
 
 /* --- visible_pass.c, visible.c: planes of the views of a pass --- */
+
+/** In 2^-16 px. */
+static inline int32_t visible_q16(double px)
+{
+    return (int32_t)floor(px * 65536 + 0.5);
+}
 
 /** Maps of view k, for planes. */
 void visible_source(const struct sst_visible_views *in, int k, struct sst_plane_source *out);

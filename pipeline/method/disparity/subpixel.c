@@ -76,11 +76,6 @@ static int pack_job(void *arg, int k, int worker SST_UNUSED)
 
 /* --- views to compare with ---------------------------------------------------------------------------------------- */
 
-static int32_t q16(double px)
-{
-    return (int32_t)floor(px * 65536 + 0.5);
-}
-
 /* Sums over pairs of levels, here and in another view. */
 struct levels {
     const struct sst_subpixel_fit *fit;
@@ -149,10 +144,10 @@ void subpixel_set_fit(struct sst_subpixel_fit *f, const struct subpixel_pass *p,
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
 
         f->view[i] = (struct sst_subpixel_view){ .view = { at->pixels, at->stride },
-                                                 .x = q16(-p->in->disp_min_px * bx),
-                                                 .y = q16(-p->in->disp_min_px * by),
-                                                 .dx = q16(-bx / 64),
-                                                 .dy = q16(-by / 64),
+                                                 .x = visible_q16(-p->in->disp_min_px * bx),
+                                                 .y = visible_q16(-p->in->disp_min_px * by),
+                                                 .dx = visible_q16(-bx / 64),
+                                                 .dy = visible_q16(-by / 64),
                                                  .bx = (float)bx,
                                                  .by = (float)by };
         set_gain(&f->view[i], f, own->disp, p->gain_step);

@@ -158,12 +158,6 @@ int sst_visible_block(const struct sst_visible_views *in)
     return sst_share_block(pixels);
 }
 
-/* In 2^-16 px. */
-static int32_t q16(double px)
-{
-    return (int32_t)floor(px * 65536 + 0.5);
-}
-
 void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
@@ -182,10 +176,10 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
 
         t->view[i] = (struct sst_packed_view){ at->pixels, at->stride };
-        t->x[i] = q16(0.5 - p->in->disp_min_px * bx);
-        t->y[i] = q16(0.5 - p->in->disp_min_px * by);
-        t->dx[i] = q16(-bx / 64);
-        t->dy[i] = q16(-by / 64);
+        t->x[i] = visible_q16(0.5 - p->in->disp_min_px * bx);
+        t->y[i] = visible_q16(0.5 - p->in->disp_min_px * by);
+        t->dx[i] = visible_q16(-bx / 64);
+        t->dy[i] = visible_q16(-by / 64);
     }
 }
 

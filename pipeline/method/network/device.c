@@ -145,6 +145,8 @@ static const struct sst_step step = { .name = "networks",
                                       .seeds = NET_SAMPLE_SEEDS,
                                       .sample_free = net_sample_free };
 
+static const struct sst_step_shaders steps[] = { { &step, dispatch, NULL, NULL }, { NULL, NULL, NULL, NULL } };
+
 int net_job_run(struct net_job *job)
 {
     struct device *d = (struct device *)job->user;
@@ -158,8 +160,7 @@ int net_job_run(struct net_job *job)
     return err;
 }
 #else
-static const struct sst_step step;
-static sst_step_dispatch_fn *const dispatch;
+static const struct sst_step_shaders steps[1];
 
 static void drop(void *arg SST_UNUSED)
 {
@@ -170,7 +171,6 @@ static void drop(void *arg SST_UNUSED)
 
 static struct device *create(const char *phrase)
 {
-    static const struct sst_step_shaders steps[] = { { &step, dispatch, NULL, NULL }, { NULL, NULL, NULL, NULL } };
     struct device *d = calloc(1, sizeof(*d));
 
     if (!d) {

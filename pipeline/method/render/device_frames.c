@@ -14,6 +14,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/gpu/rectify.h"
+#include "pipeline/kernels/light_code.h"
 #include "pipeline/kernels/place_patch.h"
 #include "pipeline/method/render/device_internal.h"
 
@@ -83,8 +84,8 @@ static void upload_constants(struct render_runner *d, const struct sst_rectify_t
         return;
     if (!f->lit) {
         f->lit = malloc(light);
-        if (f->lit)
-            sst_gpu_rectify_light(f->lit);
+        for (int i = 0; f->lit && i <= SST_LIGHT_WHITE; i++)
+            sst_light_parts((float)i * (1.0f / (1 << SST_LIGHT_SHIFT)), &f->lit[i], &f->lit[SST_LIGHT_WHITE + 1 + i]);
     }
     sst_run_fail(d->run, f->lit ? 0 : -ENOMEM);
     sst_run_write(d->run, f->light, f->lit, light);

@@ -73,7 +73,7 @@ struct device_frames {
     size_t frame_bytes, places_bytes, span_bytes; /* the parts of a span; room in a span */
     struct device_frame ready[DEVICE_SPANS];
     int spans;
-    float *lit; /* sst_gpu_rectify_light(); owned, NULL until needed */
+    float *lit; /* [SST_GPU_RECTIFY_LIGHT_FLOATS] owned, NULL until needed */
 };
 
 /** Steps of pictures, in the order in which pictures need them: a device that is opened again is tested up to the last

@@ -118,17 +118,23 @@ static int make_tap(void *arg, int index, int worker SST_UNUSED)
     return make_view(job->r, job->plan->tap[index].view);
 }
 
-int render_need_frames(struct sst_render_plan *p, struct sst_renderer *r)
+/* On all taps of a plan. */
+static int for_taps(struct sst_renderer *r, const struct sst_render_plan *p, sst_work_fn *fn)
 {
     struct frames_job job = { r, p };
     int err;
 
-    if (!p->pending)
-        return 0;
     pthread_mutex_lock(&r->lock);
-    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_tap, &job);
+    err = sst_parallel_for(p->count, sst_thread_count(r->threads), fn, &job);
     pthread_mutex_unlock(&r->lock);
-    if (err)
+    return err;
+}
+
+int render_need_frames(struct sst_render_plan *p, struct sst_renderer *r)
+{
+    const int err = p->pending ? for_taps(r, p, make_tap) : 0;
+
+    if (err || !p->pending)
         return err;
     for (int i = 0; i < p->count && !r->rectified; i++)
         p->tap[i].sampler = r->raw[p->tap[i].view].sampler;
@@ -148,15 +154,9 @@ int render_need_view(struct sst_renderer *r, int view)
 
 int render_plan_frames(struct sst_render_plan *p, struct sst_renderer *r)
 {
-    struct frames_job job = { r, p };
-    int err;
+    const int err = r->raw ? for_taps(r, p, make_map) : 0;
 
-    if (!r->raw)
-        return 0;
-    pthread_mutex_lock(&r->lock);
-    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_map, &job);
-    pthread_mutex_unlock(&r->lock);
-    if (err)
+    if (err || !r->raw)
         return err;
     for (int i = 0; i < p->count; i++)
         p->tap[i].frame = r->raw[p->tap[i].view].map ? &r->raw[p->tap[i].view] : NULL;
