@@ -1,25 +1,53 @@
-/* One pixel of the window at a time over a block of pixels. Weights fit 16 bits: 16 * 225. */
-static SST_NOINLINE void KERNEL(median_votes_tap)(uint16_t *restrict near, uint16_t *restrict all,
-                                                  const uint16_t *restrict d, const uint8_t *restrict r,
-                                                  const uint8_t *restrict g, const uint8_t *restrict b,
-                                                  const uint16_t *restrict d0, const uint8_t *restrict r0,
-                                                  const uint8_t *restrict g0, const uint8_t *restrict b0,
-                                                  uint16_t share)
-{
-    for (int x = 0; x < SST_MEDIAN_BLOCK; x++) {
-        const int16_t dr = (int16_t)(r[x] - r0[x]), dg = (int16_t)(g[x] - g0[x]), db = (int16_t)(b[x] - b0[x]);
-        const int16_t contrast = (int16_t)((dr < 0 ? -dr : dr) + (dg < 0 ? -dg : dg) + (db < 0 ? -db : db));
-        const uint16_t room =
-            (uint16_t)(SST_MEDIAN_CONTRAST - (contrast < SST_MEDIAN_CONTRAST ? contrast : SST_MEDIAN_CONTRAST));
-        const uint16_t w = (uint16_t)((uint16_t)((uint16_t)(room * room) >> SST_MEDIAN_SHIFT) * share);
-        const uint16_t step = (uint16_t)(d[x] > d0[x] ? d[x] - d0[x] : d0[x] - d[x]);
+#include "pipeline/kernels/simd.h"
 
-        near[x] = (uint16_t)(near[x] + (step <= SST_MEDIAN_STEP_Q6 ? w : 0));
-        all[x] = (uint16_t)(all[x] + w);
+#define MEDIAN_LANES (SIMD_BYTES / 2)
+typedef uint8_t KERNEL(median_bytes) __attribute__((vector_size(MEDIAN_LANES)));
+
+static inline simd_u16 KERNEL(median_levels)(const uint8_t *p)
+{
+    KERNEL(median_bytes) v;
+
+    memcpy(&v, p, sizeof(v));
+    return __builtin_convertvector(v, simd_u16);
+}
+
+static inline simd_u16 KERNEL(median_apart)(simd_u16 a, simd_u16 b)
+{
+    return simd_less_u16(a, b) | simd_less_u16(b, a);
+}
+
+/* A register of pixels against a row of the window around them. Weights fit 16 bits, 16 * 225, and so do their sums over
+ * a row: its shares sum to 86 at most. */
+static inline void KERNEL(median_votes_line)(uint32_t *restrict near, uint32_t *restrict all,
+                                             const uint16_t *const disp[SST_MEDIAN_SIDE],
+                                             const uint8_t *const colour[3][SST_MEDIAN_SIDE], int j, ptrdiff_t x)
+{
+    const simd_u16 d = simd_load_u16(disp[SST_MEDIAN_REACH] + x), none = { 0 };
+    uint16_t some[MEDIAN_LANES], every[MEDIAN_LANES];
+    simd_u16 own[3], within = none, sum = none;
+
+    for (int c = 0; c < 3; c++)
+        own[c] = KERNEL(median_levels)(colour[c][SST_MEDIAN_REACH] + x);
+    for (int i = 0; i < SST_MEDIAN_SIDE; i++) {
+        const ptrdiff_t at = x + i - SST_MEDIAN_REACH;
+        const simd_u16 contrast = KERNEL(median_apart)(own[0], KERNEL(median_levels)(colour[0][j] + at)) +
+                                  KERNEL(median_apart)(own[1], KERNEL(median_levels)(colour[1][j] + at)) +
+                                  KERNEL(median_apart)(own[2], KERNEL(median_levels)(colour[2][j] + at));
+        const simd_u16 room = simd_less_u16(simd_set_u16(SST_MEDIAN_CONTRAST), contrast);
+        const simd_u16 w = (room * room >> SST_MEDIAN_SHIFT) * simd_set_u16(sst_median_near[j][i]);
+        const simd_u16 step = KERNEL(median_apart)(d, simd_load_u16(disp[j] + at));
+
+        within += w & (simd_u16)(simd_less_u16(step, simd_set_u16(SST_MEDIAN_STEP_Q6)) == 0);
+        sum += w;
+    }
+    simd_store_u16(some, within);
+    simd_store_u16(every, sum);
+    for (int i = 0; i < MEDIAN_LANES; i++) {
+        near[i] += some[i];
+        all[i] += every[i];
     }
 }
 
-/* Votes of a row of the window fit 16 bits: its shares sum to 86 at most. */
 static void KERNEL(median_votes_row)(uint32_t *restrict near, uint32_t *restrict all,
                                      const uint16_t *const disp[SST_MEDIAN_SIDE],
                                      const uint8_t *const colour[3][SST_MEDIAN_SIDE], size_t n)
@@ -28,28 +56,11 @@ static void KERNEL(median_votes_row)(uint32_t *restrict near, uint32_t *restrict
     const uint8_t *colour_rest[3][SST_MEDIAN_SIDE];
     size_t start = 0;
 
-    for (; start + SST_MEDIAN_BLOCK <= n; start += SST_MEDIAN_BLOCK) {
-        const uint16_t *d0 = disp[SST_MEDIAN_REACH] + start;
-        const uint8_t *r0 = colour[0][SST_MEDIAN_REACH] + start, *g0 = colour[1][SST_MEDIAN_REACH] + start;
-        const uint8_t *b0 = colour[2][SST_MEDIAN_REACH] + start;
-
-        memset(near + start, 0, SST_MEDIAN_BLOCK * sizeof(*near));
-        memset(all + start, 0, SST_MEDIAN_BLOCK * sizeof(*all));
-        for (int j = 0; j < SST_MEDIAN_SIDE; j++) {
-            uint16_t some[SST_MEDIAN_BLOCK] = { 0 }, every[SST_MEDIAN_BLOCK] = { 0 };
-
-            for (int i = 0; i < SST_MEDIAN_SIDE; i++) {
-                const ptrdiff_t at = (ptrdiff_t)start + i - SST_MEDIAN_REACH;
-
-                KERNEL(median_votes_tap)
-                (some, every, disp[j] + at, colour[0][j] + at, colour[1][j] + at, colour[2][j] + at, d0, r0, g0, b0,
-                 sst_median_near[j][i]);
-            }
-            for (int x = 0; x < SST_MEDIAN_BLOCK; x++) {
-                near[start + (size_t)x] += some[x];
-                all[start + (size_t)x] += every[x];
-            }
-        }
+    for (; start + MEDIAN_LANES <= n; start += MEDIAN_LANES) {
+        memset(near + start, 0, MEDIAN_LANES * sizeof(*near));
+        memset(all + start, 0, MEDIAN_LANES * sizeof(*all));
+        for (int j = 0; j < SST_MEDIAN_SIDE; j++)
+            KERNEL(median_votes_line)(near + start, all + start, disp, colour, j, (ptrdiff_t)start);
     }
     for (int j = 0; j < SST_MEDIAN_SIDE; j++) {
         disp_rest[j] = disp[j] + start;
@@ -58,3 +69,4 @@ static void KERNEL(median_votes_row)(uint32_t *restrict near, uint32_t *restrict
     }
     sst_median_votes_row_ref(near + start, all + start, disp_rest, colour_rest, n - start);
 }
+#undef MEDIAN_LANES

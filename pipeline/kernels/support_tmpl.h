@@ -1,31 +1,34 @@
-#define SUPPORT_LANES 32 /* nd is a multiple of it */
-typedef uint16_t KERNEL(support_sums) __attribute__((vector_size(2 * SUPPORT_LANES)));
+#include "pipeline/kernels/simd.h"
+
+#define SUPPORT_LANES (SIMD_BYTES / 2)
 typedef uint8_t KERNEL(support_costs) __attribute__((vector_size(SUPPORT_LANES)));
 
-/* Cross-based support by prefix sums: along the row here, down the columns by the caller's ring of rows. */
+/* Cross-based support by prefix sums: along the row here, down the columns by the caller's ring of rows. A register's
+ * disparities at a time, so that their prefix sums stay in the L1 cache. */
 static void KERNEL(support_sum_row)(uint16_t *restrict vp, const uint16_t *restrict vp_above, uint16_t *restrict prefix,
                                     const uint8_t *restrict cost, const uint8_t *left, const uint8_t *right, size_t n,
                                     size_t nd)
 {
-    memset(prefix, 0, nd * sizeof(*prefix));
     for (size_t d = 0; d < nd; d += SUPPORT_LANES) {
-        KERNEL(support_sums) sum = { 0 };
+        simd_u16 sum = { 0 };
 
+        simd_store_u16(prefix, sum);
         for (size_t x = 0; x < n; x++) {
             KERNEL(support_costs) c;
 
             memcpy(&c, cost + x * nd + d, sizeof(c));
-            sum += __builtin_convertvector(c, KERNEL(support_sums));
-            memcpy(prefix + (x + 1) * nd + d, &sum, sizeof(sum));
+            sum += __builtin_convertvector(c, simd_u16);
+            simd_store_u16(prefix + (x + 1) * SUPPORT_LANES, sum);
+        }
+        for (size_t x = 0; x < n; x++) {
+            const uint16_t *p = prefix + (x - left[x]) * SUPPORT_LANES;
+            const uint16_t *q = prefix + (x + right[x] + 1) * SUPPORT_LANES;
+
+            simd_store_u16(vp + x * nd + d, simd_load_u16(vp_above + x * nd + d) + simd_load_u16(q) - simd_load_u16(p));
         }
     }
-    for (size_t x = 0; x < n; x++) {
-        const uint16_t *p = prefix + (x - left[x]) * nd, *q = prefix + (x + right[x] + 1) * nd;
-
-        for (size_t d = 0; d < nd; d++)
-            vp[x * nd + d] = (uint16_t)(vp_above[x * nd + d] + q[d] - p[d]);
-    }
 }
+#undef SUPPORT_LANES
 
 static void KERNEL(support_mean_row)(uint8_t *restrict out, const uint16_t *const *rows, const uint8_t *up,
                                      const uint8_t *down, const uint16_t *count, size_t n, size_t nd)

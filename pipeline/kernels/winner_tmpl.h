@@ -88,49 +88,76 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
 }
 #undef WINNER_LANES
 
-#if defined(__AVX512BW__)
-/* The keys in hand stay in registers and move by one from pixel to pixel; those that leave are stored with the last
- * register. @param regs  1..4: nd is 16 of it */
-static inline void KERNEL(winner_other_few)(uint32_t *restrict key, const uint16_t *restrict sum, size_t stride,
-                                            size_t n, const int regs)
-{
-    const __m512i lane = _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
-    __m512i held[4];
+#if defined(__AVX2__)
+#define KEYS (SIMD_BYTES / 4)
 
+/* Keys of costs at d and on. */
+static inline SIMD_INT KERNEL(winner_keys)(const uint16_t *sum, size_t d)
+{
+    static const uint32_t lane[16] = SIMD_LANES;
+#if SIMD_BYTES == 64
+    const __m512i costs = _mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)(const void *)(sum + d)));
+#else
+    const __m256i costs = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(const void *)(sum + d)));
+#endif
+
+    return (SIMD_INT)((simd_u32)costs << 16 | (simd_load_u32(lane) + (uint32_t)d));
+}
+
+/* Lanes one further, the first from the last one of `before`. */
+static inline SIMD_INT KERNEL(winner_further)(SIMD_INT before, SIMD_INT v)
+{
+#if SIMD_BYTES == 64
+    return _mm512_alignr_epi32(v, before, 15);
+#else
+    const __m256i turn = _mm256_setr_epi32(7, 0, 1, 2, 3, 4, 5, 6);
+
+    return _mm256_blend_epi32(_mm256_permutevar8x32_epi32(v, turn), _mm256_permutevar8x32_epi32(before, turn), 1);
+#endif
+}
+
+/* The keys in hand stay in registers and move by one from pixel to pixel; those that leave are stored with the last
+ * register. @param regs  that they take */
+static inline __attribute__((always_inline)) void KERNEL(winner_other_few)(uint32_t *restrict key,
+                                                                           const uint16_t *restrict sum, size_t stride,
+                                                                           size_t n, const int regs)
+{
+    SIMD_INT held[64 / KEYS];
+
+#pragma GCC unroll 8
     for (int r = 0; r < regs; r++)
-        held[r] = _mm512_loadu_si512(key + n - 1 + 16 * r);
+        held[r] = (SIMD_INT)simd_load_u32(key + n - 1 + KEYS * r);
     for (size_t x = 0; x < n; x++) {
         uint32_t *at = key + (n - 1 - x);
 
-        for (int r = 0; r < regs; r++) {
-            const __m256i half = _mm256_loadu_si256((const __m256i *)(const void *)(sum + x * stride + 16 * r));
-            const __m512i k = _mm512_or_si512(_mm512_slli_epi32(_mm512_cvtepu16_epi32(half), 16),
-                                              _mm512_add_epi32(lane, _mm512_set1_epi32(16 * r)));
-
-            held[r] = _mm512_min_epu32(held[r], k);
-        }
+#pragma GCC unroll 8
+        for (int r = 0; r < regs; r++)
+            held[r] = SIMD_OP(min_epu32)(held[r], KERNEL(winner_keys)(sum + x * stride, KEYS * (size_t)r));
         if (x + 1 == n)
             break;
-        _mm512_storeu_si512(at + 16 * (regs - 1), held[regs - 1]);
+        simd_store_u32(at + KEYS * (regs - 1), (simd_u32)held[regs - 1]);
+#pragma GCC unroll 8
         for (int r = regs - 1; r > 0; r--)
-            held[r] = _mm512_alignr_epi32(held[r], held[r - 1], 15);
-        held[0] = _mm512_alignr_epi32(held[0], _mm512_set1_epi32((int32_t)at[-1]), 15);
+            held[r] = KERNEL(winner_further)(held[r - 1], held[r]);
+        held[0] = KERNEL(winner_further)(SIMD_OP(set1_epi32)((int32_t)at[-1]), held[0]);
     }
+#pragma GCC unroll 8
     for (int r = 0; r < regs; r++)
-        _mm512_storeu_si512(key + 16 * r, held[r]);
+        simd_store_u32(key + KEYS * r, (simd_u32)held[r]);
 }
+#undef KEYS
 #endif
 
 static void KERNEL(winner_other_row)(uint32_t *restrict key, const uint16_t *restrict sum, size_t stride, size_t n,
                                      size_t nd)
 {
-#if defined(__AVX512BW__)
+#if defined(__AVX2__)
     if (n > 0 && nd == 32) {
-        KERNEL(winner_other_few)(key, sum, stride, n, 2);
+        KERNEL(winner_other_few)(key, sum, stride, n, 128 / SIMD_BYTES);
         return;
     }
     if (n > 0 && nd == 64) {
-        KERNEL(winner_other_few)(key, sum, stride, n, 4);
+        KERNEL(winner_other_few)(key, sum, stride, n, 256 / SIMD_BYTES);
         return;
     }
 #endif
