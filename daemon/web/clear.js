@@ -15,6 +15,7 @@ export class Clear {
     this.focus = focus;
     this.onChange = onChange;
     this.cut_px = null; // null: automatic
+    this.ground_px = null;
     this.auto_px = NaN;
     this.histogram = null;
     this.objects = 0;
@@ -50,6 +51,7 @@ export class Clear {
   /** Updates from the status; after the focus, as it shares its range. */
   update(live) {
     this.auto_px = finite(live?.cut_px) ? live.cut_px : NaN;
+    this.ground_px = live?.surface ? live.focus_px ?? NaN : null; // of cameras that stand anywhere: there is no cut
     const { min_px, max_px, share } = live?.histogram ?? {};
     this.histogram = max_px > min_px && share?.length > 1 && share.every(finite) ? { min_px, max_px, share } : null;
     this.draw();
@@ -122,7 +124,8 @@ export class Clear {
   /** [figure, the rest]: text of the cut. */
   words() {
     const px = this.now_px();
-    if (!this.focus.known()) return ["–", " the depths are not known yet"];
+    if (!this.focus.known()) return ["–", this.ground_px === null ? " the depths are not known yet" : " the ground is being sought"];
+    if (this.ground_px !== null) return [this.focus.words(this.ground_px), " · the ground; what hides it is dimmed"];
     if (!finite(px)) return ["–", " nothing stands in front"];
     if (px > this.focus.near_px) return ["–", " nothing is removed"];
     return [this.focus.words(px), this.focus.metres_px > 0 ? ` · ${number(px, 1)} px` : ""];
@@ -134,7 +137,8 @@ export class Clear {
     const px = this.now_px();
     const at = known && finite(px) ? Math.min(Math.max((focus.near_px - px) / focus.span(), 0), 1) : 0;
     const value = Math.round(at * Number(slider.max));
-    slider.disabled = !known;
+    slider.disabled = !known || this.ground_px !== null;
+    $("cut-auto").hidden = this.ground_px !== null;
     if (document.activeElement !== slider || Math.abs(value - Number(slider.value)) > 1) slider.value = value;
     for (const stop of $("histogram").querySelectorAll("stop")) stop.setAttribute("offset", at);
     $("histogram-removed").setAttribute("width", 100 * at);

@@ -129,7 +129,8 @@ struct sst_live; /* opaque; one thread at a time */
 
 /** @return 0, -EINVAL (cfg, calibration), -ENOENT/-EBADMSG (model), -ENOMEM; logged. */
 SST_MUST_CHECK int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg);
-void sst_live_close(struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread
+void sst_live_close(struct sst_live *live); /* NULL is fine; takes at most 0.5 s (while a ground is fitted, until its
+                                               present plane is compared), also while the background thread
                                                works; longer, until it is open, while a device is opened again */
 
 /** Other zones from the next update on. @return 0, -EINVAL (logged; the old ones stay) */
