@@ -311,10 +311,8 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
     int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
 
-    if (!err)
-        err = sst_array_config_read(array, o->config);
-    if (!err)
-        err = set_grid(array, o->pick.grid);
+    err = err ? err : sst_array_config_read(array, o->config);
+    err = err ? err : set_grid(array, o->pick.grid);
     if (!err) {
         array->trigger_hz = o->rate_hz;
         if (array->source == SST_CONFIG_FREE_RUN)
@@ -357,8 +355,7 @@ static int gather(struct job *job)
     err = sst_board_parse(&cfg.board, o->board);
     if (!err && o->live)
         return gather_live(job, &cfg);
-    if (!err)
-        err = sst_gather_source_open(&job->source, o->source, &o->pick);
+    err = err ? err : sst_gather_source_open(&job->source, o->source, &o->pick);
     if (!err) {
         job->spacing_mm = job->source.spacing_mm;
         cfg.progress = cli_progress;
@@ -387,8 +384,7 @@ static int solve(struct job *job)
         err = sst_calib_read(&job->lenses, o->lenses);
         cfg.lenses = &job->lenses;
     }
-    if (!err)
-        err = sst_solve(&job->solution, &job->gathered.all, &cfg);
+    err = err ? err : sst_solve(&job->solution, &job->gathered.all, &cfg);
     cli_progress_end();
     if (err)
         return err;
@@ -509,16 +505,11 @@ static int calibrate(const struct options *o)
         err = sst_gather_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
         err = sst_detections_write(&job->gathered.all, o->corners);
-    if (!err)
-        err = solve(job);
-    if (!err)
-        err = light(job);
-    if (!err)
-        err = lattice(job);
-    if (!err)
-        err = check_scale(job);
-    if (!err)
-        err = deliver(job);
+    err = err ? err : solve(job);
+    err = err ? err : light(job);
+    err = err ? err : lattice(job);
+    err = err ? err : check_scale(job);
+    err = err ? err : deliver(job);
     if (job->solved)
         sst_solution_fini(&job->solution);
     sst_gathered_fini(&job->gathered);

@@ -139,8 +139,7 @@ static int work(const struct request *q, bool show)
                       from->name);
         err = -EBADMSG;
     }
-    if (!err)
-        err = from->read(&calib, q->in, &q->cfg);
+    err = err ? err : from->read(&calib, q->in, &q->cfg);
     if (err)
         return err;
     if (!show)

@@ -200,8 +200,7 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
     cfg->height = c->height;
     cfg->rate_hz = sst_array_sets_hz(c);
     cfg->spacing_mm = c->spacing_mm;
-    if (!err)
-        err = sst_recorder_open(out, cfg);
+    err = err ? err : sst_recorder_open(out, cfg);
     free(devices);
     free(tracks);
     return err;

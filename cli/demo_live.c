@@ -315,8 +315,7 @@ static int save_picture(const struct site *s, bool *settled)
         return err;
     sst_log_hold_errors(held);
     err = sst_client_open(&client, &where);
-    if (!err)
-        err = sst_client_save(client, "/snapshot", "image/jpeg", s->picture);
+    err = err ? err : sst_client_save(client, "/snapshot", "image/jpeg", s->picture);
     sst_client_close(client);
     sst_log_hold_errors(NULL);
     return err ? -EAGAIN : 0;

@@ -69,10 +69,8 @@ static int write_disparity(const struct explanation *e)
                 sst_image_row(&img, c, y)[x] = rgb[c];
         }
     }
-    if (!err)
-        err = sst_path_join(path, e->dir, "disparity.png");
-    if (!err)
-        err = sst_image_write_png(&img, path);
+    err = err ? err : sst_path_join(path, e->dir, "disparity.png");
+    err = err ? err : sst_image_write_png(&img, path);
     if (!err && lo <= hi)
         json_object_set_new(
             e->root, "disparity_px",
@@ -139,10 +137,8 @@ static int write_weight(const struct explanation *e, const struct sst_map_f32 *a
             sst_map_u8_row(&grey, y)[x] = (uint8_t)(255 * w + 0.5f);
         }
     }
-    if (!err)
-        err = sst_path_join(path, e->dir, file);
-    if (!err)
-        err = sst_map_u8_write_png(&grey, path, NULL);
+    err = err ? err : sst_path_join(path, e->dir, file);
+    err = err ? err : sst_map_u8_write_png(&grey, path, NULL);
     sst_map_u8_fini(&grey);
     return err;
 }
@@ -152,16 +148,11 @@ static int write_weights(const struct explanation *e)
     struct sst_map_f32 depth = { 0 }, label = { 0 };
     int err = sst_map_f32_init(&depth, e->in->lf.width, e->in->lf.height);
 
-    if (!err)
-        err = sst_map_f32_init(&label, e->in->lf.width, e->in->lf.height);
-    if (!err)
-        err = sst_render_weights(e->in->renderer, &e->args->cfg, e->in->lf.ref_view, &depth, &label);
-    if (!err)
-        err = write_weight(e, &depth, NULL, "weight_depth.png");
-    if (!err)
-        err = write_weight(e, &label, NULL, "weight_label.png");
-    if (!err)
-        err = write_weight(e, &depth, &label, "weight.png");
+    err = err ? err : sst_map_f32_init(&label, e->in->lf.width, e->in->lf.height);
+    err = err ? err : sst_render_weights(e->in->renderer, &e->args->cfg, e->in->lf.ref_view, &depth, &label);
+    err = err ? err : write_weight(e, &depth, NULL, "weight_depth.png");
+    err = err ? err : write_weight(e, &label, NULL, "weight_label.png");
+    err = err ? err : write_weight(e, &depth, &label, "weight.png");
     sst_map_f32_fini(&depth);
     sst_map_f32_fini(&label);
     return err;
@@ -212,18 +203,15 @@ static int write_rays(const struct explanation *e, int x, int y)
 
     json_object_set_new(e->root, "pixel", json_pack("[i, i]", x, y));
     json_object_set_new(e->root, "rays", list);
-    if (!err)
-        err = sst_image_init(&img, lf->cols * CELL_WIDTH - GAP, lf->rows * CELL_HEIGHT - GAP);
+    err = err ? err : sst_image_init(&img, lf->cols * CELL_WIDTH - GAP, lf->rows * CELL_HEIGHT - GAP);
     for (int i = 0; i < n && !err; i++)
         largest = fmax(largest, rays[i].share);
     for (int i = 0; i < n && !err; i++) {
         draw_ray(&img, lf, &rays[i], largest);
         json_array_append_new(list, describe_ray(lf, &rays[i]));
     }
-    if (!err)
-        err = sst_path_join(path, e->dir, "rays.png");
-    if (!err)
-        err = sst_image_write_png(&img, path);
+    err = err ? err : sst_path_join(path, e->dir, "rays.png");
+    err = err ? err : sst_image_write_png(&img, path);
     sst_image_fini(&img);
     return err;
 }
@@ -246,18 +234,13 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
     err = write_disparity(&e);
     if (!err && e.view->label.data)
         err = write_labels(&e, &e.view->label, "labels.png");
-    if (!err)
-        err = write_stored(&e, "labels_hcsm", true);
-    if (!err)
-        err = write_stored(&e, "confidence", false);
-    if (!err)
-        err = write_stored(&e, "entropy", false);
+    err = err ? err : write_stored(&e, "labels_hcsm", true);
+    err = err ? err : write_stored(&e, "confidence", false);
+    err = err ? err : write_stored(&e, "entropy", false);
     if (!err && e.view->disp.data && !clear)
         err = write_weights(&e);
-    if (!err)
-        err = write_rays(&e, x, y);
-    if (!err)
-        err = cli_write_json(e.root, e.dir, "explain.json");
+    err = err ? err : write_rays(&e, x, y);
+    err = err ? err : cli_write_json(e.root, e.dir, "explain.json");
     json_decref(e.root);
     if (err == -ENOMEM)
         sst_log_error("no memory to explain the picture");

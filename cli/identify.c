@@ -192,8 +192,7 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
         if (!s->shots[i].image.width)
             continue;
         err = sst_image_halve(&tile, &s->shots[i].image);
-        if (!err)
-            err = sst_image_shrink(&tile, TILE_WIDTH);
+        err = err ? err : sst_image_shrink(&tile, TILE_WIDTH);
         if (!err && !sheet.width) {
             err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + CAPTION + GAP));
             if (!err)

@@ -183,8 +183,7 @@ static int read_facts(json_t *o, const char *path, bool *matching)
     sst_sha256_hex(hash, data, size);
     json_object_set_new(o, "sha256", json_string(hash));
     err = sst_manifest_check(path, data, size);
-    if (!err)
-        err = sst_onnx_parse(&model, data, size, path);
+    err = err ? err : sst_onnx_parse(&model, data, size, path);
     if (!err) {
         add_summary(o, &model);
         for (int i = 0; i < model.n_metadata; i++)
@@ -306,8 +305,7 @@ static int inspect_model(const char *path, bool json)
             print_line(o, lines[i][0], lines[i][1]);
         fflush(stdout);
     }
-    if (!err)
-        err = use_facts(o, path, matching);
+    err = err ? err : use_facts(o, path, matching);
     for (size_t i = n_file; !json && !err && i < ARRAY_LEN(lines); i++)
         print_line(o, lines[i][0], lines[i][1]);
     if (json && !err)
@@ -462,8 +460,7 @@ static int list_models(bool json)
     sst_model_folders(&folders);
     for (int i = 0; !err && i < folders.n; i++)
         err = add_folder(list, folders.path[i]);
-    if (!err)
-        err = print_list(list, json);
+    err = err ? err : print_list(list, json);
     json_decref(list);
     return err;
 }
@@ -486,8 +483,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!file)
         return cli_exit_code(list_models(json));
     err = sst_model_resolve(path, file);
-    if (!err)
-        err = inspect_model(path, json);
+    err = err ? err : inspect_model(path, json);
     return err && err != -ENOMEM && err != -ENOPKG ? CLI_INPUT : cli_exit_code(err);
 }
 

@@ -24,13 +24,11 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
 {
     int err = sst_image_init(&p->image, in->lf.width, in->lf.height);
 
-    if (!err)
-        err = sst_map_u8_init(&p->valid, in->lf.width, in->lf.height);
+    err = err ? err : sst_map_u8_init(&p->valid, in->lf.width, in->lf.height);
     if (err)
         sst_log_error("no memory for a picture of %d x %d", in->lf.width, in->lf.height);
     /* The first call counts the labels' disparities once per light field, and the supported pixels; it is not timed. */
-    if (!err)
-        err = sst_render(in->renderer, cfg, &p->image, &p->valid);
+    err = err ? err : sst_render(in->renderer, cfg, &p->image, &p->valid);
     for (int i = 0; i < p->repeat && !err; i++) {
         const int64_t start_ns = sst_clock_now_ns();
 

@@ -268,13 +268,10 @@ static int segment(const char *const *args, const struct options *o)
     int err, printed;
 
     err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
-    if (!err)
-        err = sst_network_device_open(&device, o->device, (uint64_t)o->device_memory << 20);
-    if (!err)
-        err = sst_segmenter_open(&seg, path, o->precision, sst_thread_count(o->threads));
+    err = err ? err : sst_network_device_open(&device, o->device, (uint64_t)o->device_memory << 20);
+    err = err ? err : sst_segmenter_open(&seg, path, o->precision, sst_thread_count(o->threads));
     load_ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
-    if (!err)
-        err = find_inputs(&in, args, o);
+    err = err ? err : find_inputs(&in, args, o);
     if (!err) {
         sst_segmenter_configure(seg, &o->layout);
         sst_segmenter_use_runner(seg, device);

@@ -89,13 +89,10 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
     for (int i = 0; i < frame_count(s) && !err; i++) {
         snprintf(name, sizeof(name), "%04d.png", i);
         err = render_frame(s, i, img);
-        if (!err)
-            err = sst_path_join(path, dir.temporary, name);
-        if (!err)
-            err = sst_image_write_png(img, path);
+        err = err ? err : sst_path_join(path, dir.temporary, name);
+        err = err ? err : sst_image_write_png(img, path);
     }
-    if (!err)
-        err = write_description(s, dir.temporary);
+    err = err ? err : write_description(s, dir.temporary);
     return sst_outdir_end(&dir, err);
 }
 
@@ -106,11 +103,9 @@ static int write_video(const struct sweep *s, struct sst_image *img)
 
     for (int i = 0; i < frame_count(s) && !err; i++) {
         err = render_frame(s, i, img);
-        if (!err)
-            err = video_add(v, img);
+        err = err ? err : video_add(v, img);
     }
-    if (!err)
-        err = video_commit(v);
+    err = err ? err : video_commit(v);
     video_close(v);
     return err;
 }

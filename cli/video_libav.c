@@ -106,8 +106,7 @@ int video_open(struct video **out, const char *path, int width, int height, doub
         goto fail;
     }
     err = open_codec(v, fps);
-    if (!err)
-        err = open_buffers(v);
+    err = err ? err : open_buffers(v);
     if (err)
         goto fail;
     err = avio_open(&v->format->pb, v->out.temporary, AVIO_FLAG_WRITE);

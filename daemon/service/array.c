@@ -364,8 +364,7 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
         err = sst_link_head_open(&head, &hosts, &a->config);
         source = err ? source : sst_link_head_source(head);
     }
-    if (!err)
-        err = sst_capture_open_source(&capture, &a->config, &source, &events);
+    err = err ? err : sst_capture_open_source(&capture, &a->config, &source, &events);
     if (!err) {
         pthread_mutex_lock(&a->lock);
         begin_locked(a, capture);

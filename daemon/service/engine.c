@@ -146,8 +146,7 @@ static void open_live(struct live_engine *v)
         pthread_mutex_unlock(&v->lock);
         sst_log_hold_errors(why);
         err = describe(v, c);
-        if (!err)
-            err = sst_live_open(&live, &v->live_config);
+        err = err ? err : sst_live_open(&live, &v->live_config);
         sst_log_hold_errors(NULL);
     }
     pthread_mutex_lock(&v->lock);
@@ -505,8 +504,7 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
         err = -pthread_create(&v->camera_thread, NULL, engine_run_cameras, v);
         v->camera_runs = !err;
     }
-    if (!err)
-        err = -pthread_create(&v->thread, NULL, run, v);
+    err = err ? err : -pthread_create(&v->thread, NULL, run, v);
     if (err) {
         engine_stop(v);
         if (v->camera_runs)

@@ -153,12 +153,9 @@ int engine_view_create(void *engine, const char *client, const json_t *settings,
     view_settings_defaults(&s, &v->config.live);
     s.tint = true;
     err = settings ? view_settings_take(&s, settings, out->error) : 0;
-    if (!err)
-        err = check_label_locked(v, &s, out->error);
-    if (!err)
-        err = check_share_locked(v, client, out->error);
-    if (!err)
-        err = add_locked(v, id, &s, &e);
+    err = err ? err : check_label_locked(v, &s, out->error);
+    err = err ? err : check_share_locked(v, client, out->error);
+    err = err ? err : add_locked(v, id, &s, &e);
     if (!err)
         snprintf(e->client, sizeof(e->client), "%s", client);
     if (err == -EOVERFLOW && !out->error[0])
@@ -182,10 +179,8 @@ int engine_view_change(void *engine, const char *client, const char *id, const j
     if (e) {
         s = e->settings;
         err = check_client(e, client, out->error);
-        if (!err)
-            err = view_settings_take(&s, settings, out->error);
-        if (!err)
-            err = check_label_locked(v, &s, out->error);
+        err = err ? err : view_settings_take(&s, settings, out->error);
+        err = err ? err : check_label_locked(v, &s, out->error);
     } else {
         snprintf(out->error, sizeof(out->error), "there is no view %.32s; it may have ended for want of viewers", id);
     }

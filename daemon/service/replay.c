@@ -359,8 +359,7 @@ static int open_session(struct service_replay *r, const struct wish *w)
         err = sst_recording_sets(r->reader) > 0 ? 0 : -ENODATA;
     if (!err)
         read_ends(r);
-    if (!err)
-        err = open_engine(r);
+    err = err ? err : open_engine(r);
     return err ? err : seek(r, w->wall_ns);
 }
 

@@ -113,8 +113,7 @@ static int open_visits(struct sst_service *s)
     char dir[SST_PATH_MAX];
     int err = sst_path_join(dir, s->config.storage.dir, "visits");
 
-    if (!err)
-        err = sst_visits_open(&s->visits, dir, s->config.storage.visits_days);
+    err = err ? err : sst_visits_open(&s->visits, dir, s->config.storage.visits_days);
     if (!err)
         service_limit_visits(s);
     return err;
@@ -127,8 +126,7 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     const int bound = c->array.bound;
     int err = sst_events_create(&s->events, EVENTS_KEPT);
 
-    if (!err)
-        err = sst_ring_create(&s->ring, (size_t)c->storage.ring_mb << 20);
+    err = err ? err : sst_ring_create(&s->ring, (size_t)c->storage.ring_mb << 20);
     if (err) {
         sst_log_error("no memory for %d MiB of sets: lower storage: ring_mb", c->storage.ring_mb);
         return err;
@@ -138,10 +136,8 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     c->array.bound = 0;
     err = sst_storage_open(&s->storage, &storage);
     c->array.bound = bound;
-    if (!err)
-        err = array_open(&s->array, &c->array, s->ring, s->events);
-    if (!err)
-        err = open_visits(s);
+    err = err ? err : array_open(&s->array, &c->array, s->ring, s->events);
+    err = err ? err : open_visits(s);
     struct engine_config viewer = {
         .config = c, .ring = s->ring, .storage = s->storage, .visits = s->visits, .events = s->events
     };
@@ -150,13 +146,11 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
         viewer.source = array_source(s->array);
         err = engine_open(&s->engine, &viewer);
     }
-    if (!err)
-        err = replay_open(&s->replay, s->storage, c);
+    err = err ? err : replay_open(&s->replay, s->storage, c);
     if (!err)
         service_record_view(s);
     service_api(s);
-    if (!err)
-        err = open_http(s, cfg);
+    err = err ? err : open_http(s, cfg);
     const struct sst_hooks_config hooks = { .events = s->events, .hook = c->hook, .hooks = c->hooks };
 
     return err ? err : sst_hooks_open(&s->hooks, &hooks);

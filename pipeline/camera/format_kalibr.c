@@ -232,8 +232,7 @@ int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const
         faults = sst_yaml_finish(doc);
         err = err ? err : faults;
     }
-    if (!err)
-        err = sst_loose_assemble(out, loose, cfg, name, "Kalibr");
+    err = err ? err : sst_loose_assemble(out, loose, cfg, name, "Kalibr");
     sst_yaml_destroy(doc);
     free(loose);
     return err;

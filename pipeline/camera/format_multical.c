@@ -258,8 +258,7 @@ int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, con
     } else {
         err = read_all(&r);
     }
-    if (!err)
-        err = sst_loose_assemble(out, r.loose, cfg, name, "multical");
+    err = err ? err : sst_loose_assemble(out, r.loose, cfg, name, "multical");
     free(r.loose);
     json_decref(root);
     return err;

@@ -194,8 +194,7 @@ static int parse_yaml(struct sst_yaml **doc, const char *text, size_t size, cons
     size_t yaml_size = 0;
     int err = sst_opencv_to_yaml(&yaml, &yaml_size, text, size, name);
 
-    if (!err)
-        err = sst_yaml_parse_foreign(doc, yaml, yaml_size, name);
+    err = err ? err : sst_yaml_parse_foreign(doc, yaml, yaml_size, name);
     free(yaml);
     return err;
 }
@@ -248,8 +247,7 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
     struct sst_yaml *doc;
     int err = loose ? parse_yaml(&doc, text, size, name) : -ENOMEM;
 
-    if (!err)
-        err = read_one(loose, doc, name, cfg);
+    err = err ? err : read_one(loose, doc, name, cfg);
     if (!err) {
         if (!cfg->rows) /* a single file is a single camera, whatever its position was */
             loose->camera[0].row = loose->camera[0].col = -1;
@@ -281,12 +279,9 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
         sst_log_error("cannot list %s: %s", path, strerror(-err));
     }
     for (int i = 0; i < n; i++) {
-        if (!err)
-            err = sst_path_join(file, path, entry[i]->d_name);
-        if (!err)
-            err = read_yaml(&doc, file);
-        if (!err)
-            err = read_one(loose, doc, file, cfg);
+        err = err ? err : sst_path_join(file, path, entry[i]->d_name);
+        err = err ? err : read_yaml(&doc, file);
+        err = err ? err : read_one(loose, doc, file, cfg);
         free(entry[i]);
     }
     free(entry);
@@ -304,8 +299,7 @@ int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_ca
     if (!loose)
         return -ENOMEM;
     err = read_folder(loose, path, cfg);
-    if (!err)
-        err = sst_loose_assemble(out, loose, cfg, path, "OpenCV");
+    err = err ? err : sst_loose_assemble(out, loose, cfg, path, "OpenCV");
     free(loose);
     return err;
 }
@@ -378,16 +372,11 @@ int sst_opencv_stereo_read(struct sst_calib *out, const char *path, const struct
     char file[SST_PATH_MAX];
     int err = loose ? find_pair(file, path, "intrinsics") : -ENOMEM;
 
-    if (!err)
-        err = read_yaml(&in, file);
-    if (!err)
-        err = find_pair(file, path, "extrinsics");
-    if (!err)
-        err = read_yaml(&ex, file);
-    if (!err)
-        err = read_pair(loose, in, ex, path, cfg);
-    if (!err)
-        err = sst_loose_assemble(out, loose, cfg, path, "OpenCV");
+    err = err ? err : read_yaml(&in, file);
+    err = err ? err : find_pair(file, path, "extrinsics");
+    err = err ? err : read_yaml(&ex, file);
+    err = err ? err : read_pair(loose, in, ex, path, cfg);
+    err = err ? err : sst_loose_assemble(out, loose, cfg, path, "OpenCV");
     sst_yaml_destroy(in);
     sst_yaml_destroy(ex);
     free(loose);
@@ -477,8 +466,7 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
         return -EINVAL;
     }
     err = sst_path_check_output(path, cfg->force, file[0].name, inputs);
-    if (!err)
-        err = sst_outdir_open(&folder, path, cfg->force);
+    err = err ? err : sst_outdir_open(&folder, path, cfg->force);
     if (err)
         return err;
     for (int i = 0; i < 2 && !err; i++) {

@@ -536,8 +536,7 @@ static int write_folder(const struct sst_calib *calib, const char *path, const c
 
     snprintf(name, sizeof(name), "%02d_%02d%s", first / calib->cols, first % calib->cols, ending);
     err = sst_path_check_output(path, force, name, inputs);
-    if (!err)
-        err = sst_outdir_open(&folder, path, force);
+    err = err ? err : sst_outdir_open(&folder, path, force);
     if (err)
         return err;
     for (int k = sst_calib_next(calib, 0); k >= 0 && !err; k = sst_calib_next(calib, k + 1)) {

@@ -104,8 +104,7 @@ static int read_tiff(struct sst_heights *out, const uint8_t *data, size_t size, 
 
     if (!err && !geo.placed)
         err = find_world(&geo, path);
-    if (!err)
-        err = check_place(&geo, path);
+    err = err ? err : check_place(&geo, path);
     if (err)
         return err;
     out->x_mm = geo.x;

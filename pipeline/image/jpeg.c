@@ -478,8 +478,7 @@ int sst_image_write_jpeg(const struct sst_image *img, const char *path, int qual
 
     if (err == -ENOMEM)
         return sst_image_size_error(err, path, img->width, img->height);
-    if (!err)
-        err = sst_file_write(path, jpeg, size);
+    err = err ? err : sst_file_write(path, jpeg, size);
     free(jpeg);
     return err;
 }

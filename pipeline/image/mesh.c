@@ -193,8 +193,7 @@ int mesh_to_heights(struct sst_heights *out, const char *text, const char *name)
     struct sst_heights made = { 0 };
     int err = read_lines(&m, text);
 
-    if (!err)
-        err = plan(&made, &m);
+    err = err ? err : plan(&made, &m);
     for (int y = 0; !err && y < made.mm.height; y++) {
         for (int x = 0; x < made.mm.width; x++)
             sst_map_f32_row(&made.mm, y)[x] = NAN;

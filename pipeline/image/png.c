@@ -424,8 +424,7 @@ static int write_png(const struct picture *p, const char *path)
         err = encode(&w, p, path);
     if (w.stream && fclose(w.stream) && !err)
         err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
-    if (!err)
-        err = sst_file_write(path, w.data, w.size);
+    err = err ? err : sst_file_write(path, w.data, w.size);
     png_destroy_write_struct(&w.png, &w.info);
     free(w.packed);
     free(w.data);

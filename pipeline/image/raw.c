@@ -169,12 +169,10 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     struct sst_image made = { 0 };
     int err = check(raw);
 
-    if (!err)
-        err = sst_image_init(&made, raw->width, raw->height);
+    err = err ? err : sst_image_init(&made, raw->width, raw->height);
     if (err == -EINVAL)
         err = -EBADMSG; /* a size beyond the limits of images */
-    if (!err)
-        err = sst_raw_part(&made, raw, (struct sst_rect){ 0, 0, raw->width, raw->height });
+    err = err ? err : sst_raw_part(&made, raw, (struct sst_rect){ 0, 0, raw->width, raw->height });
     if (err) {
         sst_image_fini(&made);
         return err;

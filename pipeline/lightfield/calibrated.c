@@ -130,8 +130,7 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
         err = -EBADMSG;
     } else {
         err = sst_rectify_plan(to, calib, &use->plan);
-        if (!err)
-            err = check_views(to, calib, use->path);
+        err = err ? err : check_views(to, calib, use->path);
     }
     if (err) {
         if (calib)

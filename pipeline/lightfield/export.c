@@ -93,8 +93,7 @@ static int hci_disparity(const struct export_job *job, int k, const char *name)
     struct sst_map_f32 map;
     int err = sst_path_join(path, job->out, name);
 
-    if (!err)
-        err = sst_map_f32_init(&map, disp->width, disp->height);
+    err = err ? err : sst_map_f32_init(&map, disp->width, disp->height);
     if (err)
         return err;
     for (int y = 0; y < disp->height; y++) {
@@ -144,8 +143,7 @@ static int hci_view(void *arg, int k, int worker SST_UNUSED)
         return 0;
     snprintf(name, sizeof(name), "input_Cam%03d.png", k);
     err = sst_path_join(path, job->out, name);
-    if (!err)
-        err = hci_image(job, k, path);
+    err = err ? err : hci_image(job, k, path);
     snprintf(name, sizeof(name), "gt_disp_lowres_Cam%03d.pfm", k);
     return err || !job->lf.views[k].disp.data ? err : hci_disparity(job, k, name);
 }
@@ -253,8 +251,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
     image_name(job, k, name);
     snprintf(to, sizeof(to), "images/%s", name);
     err = sst_path_join(path, job->out, to);
-    if (!err)
-        err = sst_jpeg_write(path, file.data, file.size);
+    err = err ? err : sst_jpeg_write(path, file.data, file.size);
     free(file.data);
     return err;
 }
@@ -364,8 +361,7 @@ int sst_export(const struct sst_export_config *cfg)
         return -EINVAL;
     }
     err = sst_path_check_output(cfg->out, cfg->force, f->marker, inputs);
-    if (!err)
-        err = load(&job.lf, f, cfg->dir, threads);
+    err = err ? err : load(&job.lf, f, cfg->dir, threads);
     if (err)
         return err;
     err = replace_geometry(&job.lf, cfg);
@@ -377,10 +373,8 @@ int sst_export(const struct sst_export_config *cfg)
     job.out = folder.temporary;
     if (f->raw)
         err = make_folder(job.out, "images");
-    if (!err)
-        err = sst_parallel_for(job.lf.rows * job.lf.cols, threads, f->view, &job);
-    if (!err)
-        err = f->rest(&job);
+    err = err ? err : sst_parallel_for(job.lf.rows * job.lf.cols, threads, f->view, &job);
+    err = err ? err : f->rest(&job);
     err = sst_outdir_end(&folder, err);
 
 out:

@@ -102,8 +102,7 @@ int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const
         err = rectified_cameras(&made, lf, dir);
     } else {
         err = check_known(lf, lf->calibration);
-        if (!err)
-            err = sst_calib_copy(&made, lf->calibration);
+        err = err ? err : sst_calib_copy(&made, lf->calibration);
     }
     if (err == -ENOMEM)
         sst_log_error("not enough memory to export the light field");
@@ -433,10 +432,8 @@ int sst_export_colmap(const struct sst_export_cameras *cameras, const char *dir)
     int err = make_folder(dir, "sparse");
 
     model_init(&m, cameras);
-    if (!err)
-        err = make_folder(dir, "sparse/0");
-    if (!err)
-        err = number_sights(&m);
+    err = err ? err : make_folder(dir, "sparse/0");
+    err = err ? err : number_sights(&m);
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
         if (files[i].one_rig && !m.one_rig)
             continue;
@@ -520,8 +517,7 @@ int sst_export_nerfstudio(const struct sst_export_cameras *cameras, const char *
         sst_log_error("not enough memory to export the light field");
         err = -ENOMEM;
     }
-    if (!err)
-        err = sst_file_write(path, text, strlen(text));
+    err = err ? err : sst_file_write(path, text, strlen(text));
     free(text);
     return err;
 }

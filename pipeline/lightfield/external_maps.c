@@ -134,8 +134,7 @@ static int labels_view(void *arg, int k, int worker SST_UNUSED)
     if (err || !job->lf->views[k].present)
         return err;
     err = sst_map_u8_read_png(label, path);
-    if (!err)
-        err = check_size(job, path, label->width, label->height);
+    err = err ? err : check_size(job, path, label->width, label->height);
     for (int y = 0; !err && y < label->height; y++) {
         for (int x = 0; x < label->width; x++)
             job->max_label[k] = sst_max_int(job->max_label[k], sst_map_u8_row(label, y)[x]);

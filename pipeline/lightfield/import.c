@@ -171,8 +171,7 @@ static int copy_truth(struct job *job, int k)
     struct sst_map_f32 map;
     int err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].truth]);
 
-    if (!err)
-        err = sst_map_f32_read_pfm(&map, path);
+    err = err ? err : sst_map_f32_read_pfm(&map, path);
     if (err)
         return err;
     if (map.width != job->width[k] || map.height != job->height[k]) {
@@ -195,8 +194,7 @@ static int copy_truth(struct job *job, int k)
     sst_view_name(&plan->lf, k, rr_cc);
     snprintf(name, sizeof(name), "truth/%s.pfm", rr_cc);
     err = sst_path_join(path, job->out, name);
-    if (!err)
-        err = sst_map_f32_write_pfm(&map, path);
+    err = err ? err : sst_map_f32_write_pfm(&map, path);
 
 out:
     sst_map_f32_fini(&map);
@@ -233,8 +231,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     if (!plan->lf.views[k].present)
         return 0;
     err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].name]);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
     sst_view_name(&plan->lf, k, file->name);
@@ -242,8 +239,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     err = view_path(to, &plan->lf, k, job->out);
     if (!err && plan->raw)
         err = develop_view(path, to, &data, &size);
-    if (!err)
-        err = sst_image_decode(&img, data, size, path);
+    err = err ? err : sst_image_decode(&img, data, size, path);
     if (err)
         goto out;
     job->orientation[k] = (uint8_t)sst_image_orientation(data, size);
@@ -369,12 +365,10 @@ static int fill(struct job *job)
     const char *fault;
     int err = make_folders(job);
 
-    if (!err)
-        err = sst_parallel_for(plan->lf.rows * plan->lf.cols, threads, copy_view, job);
+    err = err ? err : sst_parallel_for(plan->lf.rows * plan->lf.cols, threads, copy_view, job);
     if (!err)
         warn_orientations(job);
-    if (!err)
-        err = check_sizes(job);
+    err = err ? err : check_sizes(job);
     if (err)
         return err;
     plan->lf.width = job->width[ref];
@@ -406,18 +400,14 @@ static int run(struct import_plan *plan, int (*format)(struct import_plan *), co
     struct job job = { .plan = plan, .out = out };
     int err = names_read(&plan->names, plan->cfg->source);
 
-    if (!err)
-        err = format(plan);
-    if (!err)
-        err = check_holes(plan);
+    err = err ? err : format(plan);
+    err = err ? err : check_holes(plan);
     if (!err && plan->cfg->part[2])
         err = import_take_part(plan);
-    if (!err)
-        err = check_neighbours(plan);
+    err = err ? err : check_neighbours(plan);
     if (!err && plan->cfg->calibration)
         err = sst_lightfield_fit_calibration(&plan->lf, plan->cfg->calibration);
-    if (!err)
-        err = set_offsets(plan);
+    err = err ? err : set_offsets(plan);
     if (err)
         return err;
     warn_unused(plan);
@@ -446,10 +436,8 @@ int sst_import(const struct sst_import_config *cfg)
     if (!inputs[1]) /* the list ends at the first NULL */
         inputs[1] = inputs[2];
     err = check_config(cfg);
-    if (!err)
-        err = sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
-    if (!err)
-        err = sst_outdir_open(&out, cfg->out, cfg->force);
+    err = err ? err : sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
+    err = err ? err : sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)
         return err;
     err = run(&plan, formats[i].plan, out.temporary);

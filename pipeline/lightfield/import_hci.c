@@ -55,8 +55,7 @@ static int read_params(struct import_plan *plan, struct grid *g)
     if (i >= 0) {
         plan->names.used[i] = true;
         err = sst_path_join(g->params_path, plan->cfg->source, "parameters.cfg");
-        if (!err)
-            err = sst_file_read_text(g->params_path, 1 << 20, &text, &size);
+        err = err ? err : sst_file_read_text(g->params_path, 1 << 20, &text, &size);
         if (err)
             return err;
         g->params = (char *)text;
@@ -199,10 +198,8 @@ int import_hci(struct import_plan *plan)
     int err = read_params(plan, &g);
 
     params = plan->lf; /* import_set_grid() resets it */
-    if (!err)
-        err = find_lines(plan, &g);
-    if (!err)
-        err = place_all(plan, &g);
+    err = err ? err : find_lines(plan, &g);
+    err = err ? err : place_all(plan, &g);
     if (!err) {
         plan->spacing = plan->truth_scale = median_step(&g);
         plan->lf.range_min_px = params.range_min_px * plan->spacing;

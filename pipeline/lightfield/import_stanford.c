@@ -155,10 +155,8 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     struct lines rows = { 0 }, cols = { 0 };
     int err = make_lines(&rows, e, n, true, plan->cfg->source);
 
-    if (!err)
-        err = make_lines(&cols, e, n, false, plan->cfg->source);
-    if (!err)
-        err = import_set_grid(plan, rows.count, cols.count);
+    err = err ? err : make_lines(&cols, e, n, false, plan->cfg->source);
+    err = err ? err : import_set_grid(plan, rows.count, cols.count);
     if (err)
         return err;
     for (int k = 0; k < rows.count * cols.count; k++)
@@ -190,8 +188,7 @@ static int read_extra(struct import_plan *plan)
         return 0;
     plan->names.used[i] = true;
     err = sst_path_join(path, plan->cfg->source, "positions.cfg");
-    if (!err)
-        err = sst_file_read_text(path, 1 << 20, &text, &size);
+    err = err ? err : sst_file_read_text(path, 1 << 20, &text, &size);
     if (err)
         return err;
     t = (const char *)text;

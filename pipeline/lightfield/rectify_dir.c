@@ -22,8 +22,7 @@ static int copy_frame(const struct job *job, int k, const struct view_file *from
     struct sst_image img;
     int err = view_path(to, &job->lf, k, job->out);
 
-    if (!err)
-        err = sst_image_decode(&img, from->data, from->size, from->path);
+    err = err ? err : sst_image_decode(&img, from->data, from->size, from->path);
     if (err)
         return err;
     if (img.width != job->lf.calibration->width || img.height != job->lf.calibration->height) {
@@ -43,16 +42,14 @@ static int bake_frame(struct job *job, int k, const struct view_file *from)
     char to[SST_PATH_MAX];
     int err = sst_image_decode_samples(&v->image, from->data, from->size, from->path, job->lf.samples);
 
-    if (!err)
-        err = sst_lightfield_rectify_view(&job->lf, k);
+    err = err ? err : sst_lightfield_rectify_view(&job->lf, k);
     if (err)
         return err;
     sst_view_name(&job->lf, k, file->name);
     strcat(file->name, ".png");
     file->sha256[0] = '\0';
     err = view_path(to, &job->lf, k, job->out);
-    if (!err)
-        err = sst_image_write_png(&v->image, to);
+    err = err ? err : sst_image_write_png(&v->image, to);
     sst_image_fini(&v->image);
     sst_map_u8_fini(&v->valid);
     return err;
@@ -106,8 +103,7 @@ static int prepare(struct job *job)
     if (use) {
         calibration_drop(lf);
         err = sst_lightfield_fit_calibration(lf, use);
-        if (!err)
-            err = sst_lightfield_calibrate(lf, use);
+        err = err ? err : sst_lightfield_calibrate(lf, use);
         if (err)
             return err;
     }
@@ -141,13 +137,11 @@ int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg, struct 
     struct sst_outdir out;
     int err = sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
 
-    if (!err)
-        err = sst_lightfield_load(&job.lf, cfg->dir, SST_LOAD_UNCORRECTED, cfg->threads);
+    err = err ? err : sst_lightfield_load(&job.lf, cfg->dir, SST_LOAD_UNCORRECTED, cfg->threads);
     if (err)
         return err;
     err = prepare(&job);
-    if (!err)
-        err = sst_outdir_open(&out, cfg->out, cfg->force);
+    err = err ? err : sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)
         goto out;
     job.out = out.temporary;

@@ -190,8 +190,7 @@ static int load_map(const struct sst_lightfield *lf, const char *dir, enum map_k
         return err ? err : view_check_size(lf, path, v->disp.width, v->disp.height);
     case MAP_LABELS:
         err = sst_map_u8_read_png(&v->label, path);
-        if (!err)
-            err = view_check_size(lf, path, v->label.width, v->label.height);
+        err = err ? err : view_check_size(lf, path, v->label.width, v->label.height);
         return err ? err : check_labels(lf, path, &v->label);
     case MAP_CONFIDENCE:
         err = sst_map_u8_read_png(&v->confidence, path);
@@ -388,8 +387,7 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
             err = make_folder(out, kinds[kind].folder);
     }
     job.dir = out;
-    if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols * MAP_KINDS, SST_WRITE_THREADS, write_map, &job);
+    err = err ? err : sst_parallel_for(lf->rows * lf->cols * MAP_KINDS, SST_WRITE_THREADS, write_map, &job);
     if (err)
         goto out;
     json = lightfield_to_json(lf, job.hashes, calibration_sha256);
@@ -444,8 +442,7 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
     char path[SST_PATH_MAX];
     int count = 0, done = 0, err = sst_path_join(path, dir, ".maps");
 
-    if (!err)
-        err = sst_outdir_open(&fresh, path, true);
+    err = err ? err : sst_outdir_open(&fresh, path, true);
     if (err)
         return err;
     fresh.synced = true;

@@ -274,8 +274,7 @@ static int read_kalibr(struct sst_board *b, const char *path)
     size_t size;
     int kind = -1, err = sst_file_read_text(path, YAML_MAX_BYTES, &text, &size);
 
-    if (!err)
-        err = sst_yaml_parse_foreign(&doc, (const char *)text, size, path);
+    err = err ? err : sst_yaml_parse_foreign(&doc, (const char *)text, size, path);
     free(text);
     if (err)
         return err;

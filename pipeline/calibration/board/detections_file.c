@@ -74,8 +74,7 @@ static int put_head(FILE *out, const struct sst_detections *all)
             "  \"cols\": %d,\n  \"width\": %d,\n  \"height\": %d,\n  \"rig\": %s,\n",
             board, all->rows, all->cols, all->width, all->height, all->rig ? "true" : "false");
     err = put_names(out, "cameras", all->camera_name, all->rows * all->cols);
-    if (!err)
-        err = put_names(out, "frames", all->frame_name, all->frames);
+    err = err ? err : put_names(out, "frames", all->frame_name, all->frames);
     fprintf(out, "  \"outcomes\": {");
     for (int i = 0; i < 6; i++)
         fprintf(out, "%s\"%s\": %d", i ? ", " : "", outcomes[i], all->outcome[i]);
@@ -181,8 +180,7 @@ static int read_detection(struct reader *r, struct sst_detections *all, const js
                                .blur_aspect = json_number_value(json_object_get(object, "blur_aspect")) };
     int err = r->err;
 
-    if (!err)
-        err = read_corners(r, &d, json_object_get(object, "corners"), &all->board, index);
+    err = err ? err : read_corners(r, &d, json_object_get(object, "corners"), &all->board, index);
     if (!err && (!(d.blur_px >= 0) || !(d.blur_aspect >= 0) || !isfinite(d.blur_px + d.blur_aspect)))
         err = bad(r, "detections", index, "has a blur that is not a width");
     if (!err) {

@@ -139,8 +139,7 @@ bool sst_board_guess(const struct sst_board *board, const struct sst_image *imag
     int err = read ? sst_luma(&luma, image) : -ENOMEM;
     bool known = false;
 
-    if (!err)
-        err = pyramid_init(&p, &luma);
+    err = err ? err : pyramid_init(&p, &luma);
     for (size_t i = 0; i < ARRAY_LEN(families) && !err; i++)
         err = try_family(&best, i, p.level[p.levels - 1], board, read);
     if (!err)

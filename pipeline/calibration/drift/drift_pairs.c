@@ -387,14 +387,12 @@ int drift_match_links(struct drift_work *w, const bool *only)
         range_of_votes(&job);
     if (!only)
         w->noise_factor = 1;
-    if (!err)
-        err = for_links(&job, best_job, link_values);
+    err = err ? err : for_links(&job, best_job, link_values);
     if (!err && w->stage == DRIFT_FIRST)
         memcpy(w->kept, w->link, (size_t)w->links * sizeof(*w->link));
     if (!err && !only)
         err = estimate_noise_factor(w);
-    if (!err)
-        err = for_links(&job, rest_job, link_values);
+    err = err ? err : for_links(&job, rest_job, link_values);
     free(job.vote);
     free(job.votes);
     return err;

@@ -319,8 +319,7 @@ int sst_photometric_solve(struct sst_calib *calib, const struct sst_photometric_
     struct sst_photometric_report made = { 0 };
     int err = prepare(&s, all);
 
-    if (!err)
-        err = fit(&s.problem);
+    err = err ? err : fit(&s.problem);
     if (!err) {
         made.samples = s.problem.count;
         made.cameras = s.problem.cams;

@@ -292,10 +292,8 @@ int report_figures_init(struct report_figures *out, const struct sst_calibration
     describe_frames(&f, report);
     report_figures_centres(&f, report);
     err = describe_coverage(&f, report->detections);
-    if (!err)
-        err = rank_pictures(&f, report);
-    if (!err)
-        err = report_figures_pairs(&f, report);
+    err = err ? err : rank_pictures(&f, report);
+    err = err ? err : report_figures_pairs(&f, report);
     if (err)
         goto out;
     report_figures_judge(&f, report);

@@ -221,16 +221,11 @@ static int begin(struct solve_case *c)
     int err = solve_check_corners(c);
 
     choose_reference(c);
-    if (!err)
-        err = solve_seed(&c->p, c->single);
-    if (!err)
-        err = solve_check_mirrored(c);
-    if (!err)
-        err = solve_links(&c->p, &c->s.link, &c->s.links);
-    if (!err)
-        err = solve_chain(&c->p, c->single, c->s.link, c->s.links);
-    if (!err)
-        err = solve_check_linked(c);
+    err = err ? err : solve_seed(&c->p, c->single);
+    err = err ? err : solve_check_mirrored(c);
+    err = err ? err : solve_links(&c->p, &c->s.link, &c->s.links);
+    err = err ? err : solve_chain(&c->p, c->single, c->s.link, c->s.links);
+    err = err ? err : solve_check_linked(c);
     report_progress(c, 0.3);
     return err;
 }
@@ -239,14 +234,12 @@ static int fit(struct solve_case *c)
 {
     int err = solve_soft(&c->p, &c->sigma_px);
 
-    if (!err)
-        err = solve_check_still(c);
+    err = err ? err : solve_check_still(c);
     report_progress(c, 0.5);
     if (!err && !c->cfg->lens && !c->p.keep_lens)
         err = solve_choose_lens(c);
     report_progress(c, 0.7);
-    if (!err)
-        err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
+    err = err ? err : solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
     if (!err && !c->done.converged) {
         sst_log_error("the adjustment did not converge in %d steps, %.3g px of noise left: the corners contradict "
                       "each other or constrain too little; take more frames, near and far, and tilted",
@@ -441,8 +434,7 @@ static int fill(struct solve_case *c)
     s->calib.range_mm = board_range(c, depth);
     free(depth);
     err = fill_views(c);
-    if (!err)
-        err = fill_maps(c);
+    err = err ? err : fill_maps(c);
     if (err)
         return err;
     s->lens = c->p.lens;
@@ -498,19 +490,14 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
         return err;
     c.single = calloc((size_t)all->count + 1, sizeof(*c.single));
     err = c.single ? allocate(&c.s, all) : -ENOMEM;
-    if (!err)
-        err = begin(&c);
-    if (!err)
-        err = fit(&c);
-    if (!err)
-        err = solve_check_places(&c);
-    if (!err)
-        err = solve_compare_drives(&c);
+    err = err ? err : begin(&c);
+    err = err ? err : fit(&c);
+    err = err ? err : solve_check_places(&c);
+    err = err ? err : solve_compare_drives(&c);
     if (!err && cfg->cross_validate)
         err = solve_cross_validate(&c);
     report_progress(&c, 0.95);
-    if (!err)
-        err = fill(&c);
+    err = err ? err : fill(&c);
     if (!err) {
         c.s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
         check_border(&c.s.calib);

@@ -126,8 +126,7 @@ int solve_choose_lens(struct solve_case *c)
     err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &done);
     for (int k = 0; k < 2 && !err; k++)
         err = hold_out(&c->p, k ? 8 : 5, &half[k]);
-    if (!err)
-        err = compare(half, SOLVE_OUTLIER_SIGMA * c->sigma_px, c->s.held_out_px);
+    err = err ? err : compare(half, SOLVE_OUTLIER_SIGMA * c->sigma_px, c->s.held_out_px);
     solve_problem_fini(&half[0]);
     solve_problem_fini(&half[1]);
     if (err == -EDOM)

@@ -391,14 +391,10 @@ int solve_check_still(struct solve_case *c)
             l.at[i] = -1;
         measure(&l);
         err = check_garbled(&l);
-        if (!err)
-            err = check_exchanged(&l);
-        if (!err)
-            err = check_moved(&l);
-        if (!err)
-            err = check_boards(&l);
-        if (!err)
-            err = check_contrary(&l);
+        err = err ? err : check_exchanged(&l);
+        err = err ? err : check_moved(&l);
+        err = err ? err : check_boards(&l);
+        err = err ? err : check_contrary(&l);
     }
     free(l.median_px);
     free(l.bad);

@@ -27,8 +27,7 @@ int solve_soft(struct solve_problem *p, double *sigma_px)
 
         before = sigma;
         err = solve_adjust(p, &cfg, &done);
-        if (!err)
-            err = solve_noise(p, &sigma);
+        err = err ? err : solve_noise(p, &sigma);
         if (!err)
             sst_log_debug("solve: loss at %.3g px: noise %.4g px, %d evaluations", cfg.loss_px, sigma,
                           done.evaluations);
@@ -82,15 +81,12 @@ int solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct sol
         if (!changed && round)
             break;
         err = solve_adjust(p, &rough, out);
-        if (!err)
-            err = solve_noise(p, sigma_px);
+        err = err ? err : solve_noise(p, sigma_px);
         evaluations += err ? 0 : out->evaluations;
         sst_log_debug("solve: %d corners changed sides; noise %.4g px", changed, *sigma_px);
     }
-    if (!err)
-        err = solve_adjust(p, &cfg, out);
-    if (!err)
-        err = solve_noise(p, sigma_px);
+    err = err ? err : solve_adjust(p, &cfg, out);
+    err = err ? err : solve_noise(p, sigma_px);
     if (!err)
         out->evaluations += evaluations;
     free(r);

@@ -212,8 +212,7 @@ int solve_covariances(struct solve_covariance *out, const struct solve_problem *
     b.at = malloc((size_t)p->views * sizeof(*b.at));
     work = malloc((size_t)(b.size + 1) * sizeof(*work));
     err = b.s && b.side && b.share && b.at && work ? build_normal(&b) : -ENOMEM;
-    if (!err)
-        err = add_priors(&b);
+    err = err ? err : add_priors(&b);
     if (!err && !solve_cholesky(b.s, b.size))
         err = -EDOM;
     if (!err) {

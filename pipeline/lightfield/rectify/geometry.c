@@ -482,8 +482,7 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
     const char *wrong;
     int err = check_config(cfg);
 
-    if (!err)
-        err = collect(&c, calib);
+    err = err ? err : collect(&c, calib);
     if (err)
         return err;
     to = (struct sst_rectified){ .rows = calib->rows,
@@ -510,8 +509,7 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
         return err;
     measure(&to, &c, &l);
     err = choose_k(&to, calib, &c, cfg);
-    if (!err)
-        err = sst_rectified_place(&to, calib);
+    err = err ? err : sst_rectified_place(&to, calib);
     if (err)
         return err;
     sst_border_doubles("rotation of the rectified views", to.rotation, 9);

@@ -242,8 +242,7 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
     map->shift = FIRST_SHIFT;
     while ((err = make_cells(map)) == -ERANGE)
         map->shift--;
-    if (!err)
-        err = gain_map_create(&map->light, to, calib, view);
+    err = err ? err : gain_map_create(&map->light, to, calib, view);
     if (err) {
         sst_rectify_map_destroy(map);
         return err;
