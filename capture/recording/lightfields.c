@@ -16,6 +16,7 @@
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/codec_formats.h"
 #include "pipeline/image/deep.h"
 #include "pipeline/image/jpeg_tables.h"
 #include "pipeline/image/raw.h"
@@ -397,6 +398,27 @@ static int fill_posed(struct sst_posed *out, const struct job *job)
     return n;
 }
 
+/* Size, channels and bits of the light field are those of a view's file. */
+static int kind_of_pictures(struct sst_posed *posed, const char *path)
+{
+    struct sst_deep_size found;
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    err = sst_deep_decode_size(&found, data, size, path);
+    free(data);
+    if (err)
+        return err;
+    posed->width = found.width;
+    posed->height = found.height;
+    posed->channels = found.channels;
+    posed->bits = found.bits;
+    return 0;
+}
+
 static int write_posed(const struct job *job)
 {
     struct sst_posed posed;
@@ -411,7 +433,7 @@ static int write_posed(const struct job *job)
     if (fill_posed(&posed, job)) {
         snprintf(name, sizeof(name), "views/%.280s", posed.view[0].file);
         err = sst_path_join(path, job->dir, name);
-        err = err ? err : sst_deep_read_size(path, &posed.width, &posed.height, &posed.channels, &posed.bits);
+        err = err ? err : kind_of_pictures(&posed, path);
     }
     err = err ? err : sst_posed_write(&posed, job->dir);
     posed.points = NULL; /* borrowed */
