@@ -395,6 +395,8 @@ void config_check_service(struct config_load *load)
     check_hooks(load);
     check_sockets(load);
     check_poses(load);
+    if (c->live.white_level ? c->live.black_level >= c->live.white_level : c->live.black_level > 0)
+        fault(source(load, "live.black_level", "live.white_level"), NULL, "must be below white_level");
     if (c->live.range_min_px > c->live.range_max_px)
         fault(source(load, "live.range_min_px", "live.range_max_px"), NULL, "must not exceed range_max_px");
     if (c->live.sigma_px > 0 && c->live.sigma_px < 1e-6)

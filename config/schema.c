@@ -174,6 +174,8 @@ static const struct sst_key keys[] = {
     { KEY("live", "fit_every_min", DOUBLE, live.fit_every_min, "10", PICTURE), RANGE(0, 1e5) },
     { KEY("live", "compare_px", INT, live.compare_px, "384", PICTURE), RANGE(64, 4096) },
     { KEY("live", "model", TEXT, live.model, "", PICTURE), KIND(FILE) },
+    { KEY("live", "black_level", INT, live.black_level, "0", PICTURE), RANGE(0, 65535) },
+    { KEY("live", "white_level", INT, live.white_level, "0", PICTURE), RANGE(0, 65535) },
     { KEY("live", "range_min_px", DOUBLE, live.range_min_px, "0", PICTURE), RANGE(-1000, 1000) },
     { KEY("live", "range_max_px", DOUBLE, live.range_max_px, "0", PICTURE), RANGE(-1000, 1000) },
     { KEY("live", "rate_hz", DOUBLE, live.rate_hz, "0", LIVE), RANGE(0, 1000) },

@@ -83,6 +83,7 @@ struct sst_live_settings { /* live: */
     double fit_every_min;                  /* the ground is found again; 0: at the start and on demand */
     int compare_px;                        /* width of the pictures by which views are compared, about */
     char model[SST_CONFIG_TEXT_MAX];       /* segmentation network; "": the installed one */
+    int black_level, white_level;          /* of 16-bit frames, that are shown black and white; white 0: found */
     double range_min_px, range_max_px;     /* disparities searched; equal: estimated */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */

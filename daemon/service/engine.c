@@ -100,6 +100,7 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .width = a->width,
         .height = a->height,
         .precision = SST_PRECISION_AUTO,
+        .levels = { c->live.black_level, c->live.white_level },
         .range_min_px = c->live.range_min_px,
         .range_max_px = c->live.range_max_px,
         .threads = c->live.threads,

@@ -76,6 +76,7 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
     s->idle += r->tiles_changed == 0;
     s->relit += r->relit > 0;
     s->ready = r->ready;
+    s->levels = r->levels;
     snprintf(s->reason, sizeof(s->reason), "%s",
              r->alone ? "no two neighbouring cameras give pictures, so there is plain refocusing only" : "");
     s->views = v->layout.config.bound;

@@ -96,6 +96,8 @@ const struct sst_field engine_live_fields[] = {
     ROW("verify_rays", BOOL, verify_rays, "live.verify_rays of the configuration"),
     ROW("size", LIST, engine.width, "Width and height of the pictures", .item = SST_FIELD_INTEGER, .count = 2,
         .stride = sizeof(int)),
+    ROW("levels", LIST, levels, "Levels of 16-bit frames that are shown black and white; null: frames of 8 bits, or all",
+        .item = SST_FIELD_INTEGER, .count = 2, .stride = sizeof(int64_t), .given = offsetof(struct live_now, leveled)),
     ROW("range_px", LIST, range_px, "Disparities that are searched; null: not known yet", .item = SST_FIELD_REAL,
         .count = 2, .stride = sizeof(double), .given = offsetof(struct live_now, ranged)),
     ROW("focus_px", REAL, engine.focus_px, "Default focus", .nullable = true),
@@ -197,6 +199,9 @@ void engine_live(struct live_now *now, struct live_engine *engine, const struct 
     now->skip[0] =
         (struct live_skip){ s->skip_change, share(v->tiles_changed, v->tiles - v->tiles_changed), v->error_change };
     now->skip[1] = (struct live_skip){ s->skip_labels, share(v->label_runs, v->label_runs_skipped), v->error_labels };
+    now->levels[0] = v->levels.black;
+    now->levels[1] = v->levels.white;
+    now->leveled = v->levels.white > 0;
     now->range_px[0] = v->range_min_px;
     now->range_px[1] = v->range_max_px;
     now->ranged = isfinite(v->range_min_px) && isfinite(v->range_max_px);

@@ -194,6 +194,7 @@ struct engine_state {
     struct sst_render_device_report device;
     bool labels_on_device; /* so is the network run: */
     struct sst_network_device_report label_device;
+    struct sst_samples levels;                   /* of 16-bit frames, shown black and white; white 0: all */
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */
@@ -338,6 +339,8 @@ struct live_now {
     struct engine_state engine;
     struct live_skip skip[2];
     bool settling, verify_rays, ranged, device_up, labels_up;
+    bool leveled;
+    int64_t levels[2];
     double range_px[2];
     struct sst_spread latency_ms, stage_ms[ENGINE_STAGES];
     double stage_sum_ms[ENGINE_STAGES];

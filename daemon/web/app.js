@@ -43,6 +43,8 @@ const app = {
   depth: () => (app.mode === "clear" ? app.clear : app.focus),
   /** True while the service has only just found the range of disparities or the cut. */
   settling: () => status?.live?.ready === true && status.live.settling === true,
+  /** Levels of 16-bit frames that are shown black and white, in words; "": frames of 8 bits. */
+  levels: () => (status?.live?.levels ? `levels ${status.live.levels[0]} to ${status.live.levels[1]}` : ""),
   /** True while framesets arrive and the scene is still. */
   still: () => taken.still && Date.now() - taken.at_ms < STILL_TAKING_MS,
   /** Applies settings to the picture and to the one that it is compared with. */

@@ -391,13 +391,14 @@ export class Stage {
   showMethod() {
     const { clear, labels, mode, view } = this.app;
     if (this.overlays.camera) {
-      setText($("tag-left"), `Camera ${this.overlays.camera}, as it is`);
+      setText($("tag-left"), [`Camera ${this.overlays.camera}, as it is`, this.app.levels()].filter(Boolean).join(" · "));
       return;
     }
     const parts = [view.shared ? "Main view, shared by all" : WORDS[mode].left];
     if (this.app.followed()) parts.push(`following ${this.app.followed().name || "it"}`);
     else if (labels.chosen) parts.push(mode === "clear" ? `without ${labels.chosen}` : `${labels.chosen} kept clear`);
     if (mode === "clear" && clear.note) parts.push(clear.note);
+    if (this.app.levels()) parts.push(this.app.levels());
     setText($("tag-left"), parts.join(" · "));
   }
 

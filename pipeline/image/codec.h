@@ -56,6 +56,13 @@ SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, con
  */
 struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts);
 
+/** Level 0..255 of a sample; the result of png_set_scale_16() where all 16 bits are scaled from. */
+int sst_samples_scale(int v, struct sst_samples samples);
+
+/** The stretch that shows pictures to people: the levels that 0.5 % of the samples are below and above, at least two
+ *  apart, of 0 to `most`. Defective pixels do not count. @param total  samples that were counted */
+struct sst_samples sst_samples_stretch(const struct sst_sample_counts *counts, uint64_t total, int most);
+
 /** Log the loss when these samples are read: as a warning if different ones become the same.
  *  @param name  of the pictures */
 void sst_samples_report(const struct sst_sample_counts *counts, struct sst_samples samples, const char *name);

@@ -34,9 +34,6 @@ bool sst_jpeg_may_hold(size_t pixels, size_t bytes);
 /** Log an error of sst_*_init(): the rejected size, or out of memory. @return -EBADMSG or -ENOMEM */
 int sst_image_size_error(int err, const char *name, int64_t width, int64_t height);
 
-/** Level 0..255 of a sample; the result of png_set_scale_16() where all 16 bits are scaled from. */
-int sst_samples_scale(int v, struct sst_samples samples);
-
 /** Split `width` pixels of packed RGB into row y of the planes, and the reverse. */
 void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb);
 void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y);

@@ -10,9 +10,6 @@
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/image_internal.h"
 
-#define OUTSIDE 200 /* one sample in this many is below a stretch, and one above */
-#define APART   2   /* levels of a stretch at least */
-
 int sst_deep_init(struct sst_deep *deep, int width, int height, int channels, int white)
 {
     struct sst_deep made = { width, height, channels, white };
@@ -232,29 +229,15 @@ static uint64_t count(struct sst_sample_counts *counts, const struct sst_deep *d
     return (uint64_t)deep->channels * (uint64_t)deep->width * (uint64_t)deep->height;
 }
 
-/* At least APART, about where they were, within the type's range. */
-static struct sst_samples part(int black, int white, int most)
-{
-    while (white - black < APART) {
-        black -= black > 0;
-        white += white < most && white - black < APART;
-    }
-    return (struct sst_samples){ black, white };
-}
-
 struct sst_samples sst_deep_stretch(const struct sst_deep *deep)
 {
     struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
-    const uint64_t outside = counts ? count(counts, deep) / OUTSIDE : 0;
-    uint64_t below = 0, above = 0;
-    int black = 0, white = deep->white;
+    const uint64_t total = counts ? count(counts, deep) : 0;
+    const struct sst_samples made =
+        counts ? sst_samples_stretch(counts, total, deep->white) : (struct sst_samples){ 0, deep->white };
 
-    while (counts && (below += counts->of[black]) <= outside)
-        black++;
-    while (counts && (above += counts->of[white]) <= outside)
-        white--;
     free(counts);
-    return part(black, white, deep->white);
+    return made;
 }
 
 /* --- samples for 8 bits, in codec.h ------------------------------------------------------------------------------- */

@@ -1,6 +1,7 @@
 #include "pipeline/image/raw.h"
 
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <linux/videodev2.h>
@@ -9,6 +10,10 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
 #include "pipeline/image/image_internal.h"
+
+#define FOLLOWED_PX     128   /* samples across the shorter side that a stretch is followed by */
+#define FOLLOWED_SPAN   32768 /* a wider span is shown from all 16 bits; a third less, to return from that */
+#define FOLLOWED_MARGIN 10    /* a tenth of the span at either end, so that small changes do not move it */
 
 static size_t row_bytes(const struct sst_raw *raw)
 {
@@ -181,11 +186,6 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     return 0;
 }
 
-static int sample_at(const uint8_t *row, int x)
-{
-    return row[2 * x] | row[2 * x + 1] << 8;
-}
-
 int sst_raw_count_samples(struct sst_sample_counts *counts, const struct sst_raw *raw)
 {
     if (raw->fourcc != V4L2_PIX_FMT_Y16)
@@ -194,7 +194,7 @@ int sst_raw_count_samples(struct sst_sample_counts *counts, const struct sst_raw
         return -EBADMSG;
     for (int y = 0; y < raw->height; y++) {
         for (int x = 0; x < raw->width; x++)
-            counts->of[sample_at(raw->data + (size_t)y * stride_of(raw), x)]++;
+            counts->of[sst_raw_y16(raw->data + (size_t)y * stride_of(raw), x)]++;
     }
     return 1;
 }
@@ -208,9 +208,53 @@ int sst_raw_to_image_samples(struct sst_image *img, const struct sst_raw *raw, s
         uint8_t *row = sst_image_row(img, i % 3, i / 3);
 
         for (int x = 0; x < raw->width; x++)
-            row[x] = (uint8_t)sst_samples_scale(sample_at(from, x), samples);
+            row[x] = (uint8_t)sst_samples_scale(sst_raw_y16(from, x), samples);
     }
     return err;
+}
+
+/* Samples of every few rows and columns. @return how many */
+static uint64_t count_some(struct sst_sample_counts *counts, const struct sst_raw *raw)
+{
+    const int step = sst_max_int(1, sst_min_int(raw->width, raw->height) / FOLLOWED_PX);
+    uint64_t n = 0;
+
+    if (raw->fourcc != V4L2_PIX_FMT_Y16 || check(raw))
+        return 0;
+    for (int y = step / 2; y < raw->height; y += step) {
+        for (int x = step / 2; x < raw->width; x += step, n++)
+            counts->of[sst_raw_y16(raw->data + (size_t)y * stride_of(raw), x)]++;
+    }
+    return n;
+}
+
+bool sst_raw_follow(struct sst_samples *stretch, const struct sst_raw *frame, int count)
+{
+    struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
+    const int span = stretch->white - stretch->black;
+    struct sst_samples now;
+    uint64_t n = 0;
+    int margin;
+
+    for (int i = 0; counts && i < count; i++)
+        n += count_some(counts, &frame[i]);
+    now = n ? sst_samples_stretch(counts, n, 65535) : *stretch;
+    free(counts);
+    if (!n)
+        return false;
+    if (now.white - now.black >= FOLLOWED_SPAN - (stretch->white ? 0 : FOLLOWED_SPAN / 3)) {
+        now = (struct sst_samples){ 0, 0 };
+    } else if (stretch->white > 0 && now.black >= stretch->black && now.white <= stretch->white &&
+               2 * (now.white - now.black) >= span) {
+        return false; /* it shows all, and not in too few levels */
+    } else {
+        margin = (now.white - now.black) / FOLLOWED_MARGIN;
+        now = (struct sst_samples){ sst_max_int(now.black - margin, 0), sst_min_int(now.white + margin, 65535) };
+    }
+    if (now.black == stretch->black && now.white == stretch->white)
+        return false;
+    *stretch = now;
+    return true;
 }
 
 bool sst_raw_is_jpeg(uint32_t fourcc)
@@ -220,11 +264,14 @@ bool sst_raw_is_jpeg(uint32_t fourcc)
 
 int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw)
 {
+    struct sst_samples stretch = { 0, -1 };
     char text[SST_LOG_MAX] = "", *before;
     int width, height, err;
 
-    if (!sst_raw_is_jpeg(raw->fourcc))
-        return sst_raw_to_image(img, raw);
+    if (!sst_raw_is_jpeg(raw->fourcc)) {
+        (void)sst_raw_follow(&stretch, raw, 1);
+        return stretch.white > 0 ? sst_raw_to_image_samples(img, raw, stretch) : sst_raw_to_image(img, raw);
+    }
     before = sst_log_hold_errors(text);
     err = sst_jpeg_size(&width, &height, raw->data, raw->bytes, "frame"); /* before memory is taken for it */
     if (!err && (width != raw->width || height != raw->height))
@@ -247,7 +294,7 @@ static int write_y16(const struct sst_raw *raw, const char *path)
         const uint8_t *row = raw->data + (size_t)y * stride_of(raw);
 
         for (int x = 0; x < raw->width; x++)
-            sst_map_u16_row(&map, y)[x] = (uint16_t)sample_at(row, x);
+            sst_map_u16_row(&map, y)[x] = (uint16_t)sst_raw_y16(row, x);
     }
     err = sst_map_u16_write_png(&map, path);
     sst_map_u16_fini(&map);

@@ -34,7 +34,7 @@ SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path
  */
 SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
 
-/** Convert a frame that may be a JPEG, which must have the frame's size. @return as sst_raw_to_image(); not logged */
+/** Convert a frame that may be a JPEG, which must have the frame's size; Y16 by the stretch that shows it. @return as sst_raw_to_image(); not logged */
 SST_MUST_CHECK int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw);
 
 struct sst_sample_counts;
@@ -45,6 +45,21 @@ SST_MUST_CHECK int sst_raw_count_samples(struct sst_sample_counts *counts, const
 /** sst_raw_to_image() with the samples of Y16 scaled as by sst_image_decode_samples(). @return as that */
 SST_MUST_CHECK int sst_raw_to_image_samples(struct sst_image *img, const struct sst_raw *raw,
                                             struct sst_samples samples);
+
+/**
+ * Follow the stretch of Y16 frames from set to set: one for all frames, kept while it shows them well, {0, 0} where they
+ * span half of 16 bits or more, as usual pictures do. Other formats leave it alone.
+ *
+ * @param stretch  in and out; white below 0: none yet
+ * @return whether it changed
+ */
+bool sst_raw_follow(struct sst_samples *stretch, const struct sst_raw *frame, int count);
+
+/** Sample of a row of Y16. */
+static inline int sst_raw_y16(const uint8_t *row, int x)
+{
+    return row[2 * x] | row[2 * x + 1] << 8;
+}
 
 /** Is a format JPEG, one picture per frame? */
 bool sst_raw_is_jpeg(uint32_t fourcc);

@@ -8,6 +8,8 @@
 #include "pipeline/image/codec_formats.h"
 
 #define USUAL   32768 /* a wider span is scaled from all 16 bits, as other programs do */
+#define OUTSIDE 200   /* one sample in this many is below a stretch, and one above */
+#define APART   2     /* levels of a stretch at least */
 #define OUTLIER 10000 /* one sample in this many is left out at either end */
 
 struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts)
@@ -30,6 +32,29 @@ struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts)
     if (white - black >= USUAL || white <= black)
         return (struct sst_samples){ 0, 0 };
     return (struct sst_samples){ black, white };
+}
+
+/* At least APART, about where they were, within the type's range. */
+static struct sst_samples part(int black, int white, int most)
+{
+    while (white - black < APART) {
+        black -= black > 0;
+        white += white < most && white - black < APART;
+    }
+    return (struct sst_samples){ black, white };
+}
+
+struct sst_samples sst_samples_stretch(const struct sst_sample_counts *counts, uint64_t total, int most)
+{
+    const uint64_t outside = total / OUTSIDE;
+    uint64_t below = 0, above = 0;
+    int black = 0, white = most;
+
+    while (black < most && (below += counts->of[black]) <= outside)
+        black++;
+    while (white > 0 && (above += counts->of[white]) <= outside)
+        white--;
+    return part(black, white, most);
 }
 
 int sst_samples_scale(int v, struct sst_samples s)

@@ -44,6 +44,7 @@ struct sst_live_config {
     struct sst_live_posed posed;                   /* without a calibration */
     const char *model;                             /* segmentation network; NULL: no labels */
     enum sst_precision precision;
+    struct sst_samples levels;         /* of 16-bit frames, that become black and white; white 0: found and followed */
     double range_min_px, range_max_px; /* disparities; equal: estimated from the first set, refined in the background */
     int threads;                       /* 0: all processors */
     bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
@@ -95,6 +96,7 @@ struct sst_live_report {
     double error_change, error_labels;      /* error of skipped parts when last sampled: mean |difference| (0..255) and
                                                fraction of wrong labels (0..1); NaN: not sampled in this update */
     double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
+    struct sst_samples levels; /* of 16-bit frames, that become black and white; white 0: all, or frames of 8 bits */
     bool whole;       /* everything was recomputed */
     bool ready;       /* disparities (and labels, with a model) are available */
     bool alone;       /* no two neighbouring cameras deliver pictures, so disparities cannot be computed */

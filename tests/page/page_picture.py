@@ -135,6 +135,10 @@ def test_unknown(b, fake):
     b.wait("!document.getElementById('cut').disabled && document.getElementById('histogram').hasAttribute('data-empty')")
     fake.set(status={"live": known})
     b.wait("!document.getElementById('histogram').hasAttribute('data-empty')")
+    fake.set(status={"live": {"levels": [7000, 7400]}})  # of cameras of 16 bits
+    b.wait("document.getElementById('tag-left').textContent.endsWith(' · levels 7000 to 7400')")
+    fake.set(status={"live": {"levels": None}})
+    b.wait("!document.getElementById('tag-left').textContent.includes('levels')")
     fake.set(old=True)
     fresh(b, fake)
     b.wait("document.getElementById('viewer').dataset.mode === 'sst' && document.getElementById('tag-left').textContent === 'See-through'")

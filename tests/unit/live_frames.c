@@ -611,6 +611,49 @@ static void raw_formats_follow(void **state)
     }
 }
 
+/* Thermal cameras: few of 16 bits' levels, some pixels dead. All views have one stretch, found or given. */
+static void levels_of_sixteen_bits_are_stretched(void **state)
+{
+    const struct seen s = { .x = 60, .y = 70, .side = 48, .contrast = -0.5 };
+
+    (void)state;
+    for (int given = 0; given < 2; given++) {
+        struct sst_live_input *in = make_set(0, &s, V4L2_PIX_FMT_Y16);
+        struct keeper k;
+        struct sst_image want;
+        struct sst_raw raw;
+
+        for (int v = 0; v < VIEWS; v++) {
+            uint8_t *data = (uint8_t *)(uintptr_t)in->frame[v].data;
+
+            for (int i = 0; i < WIDTH * HEIGHT; i++) {
+                const int level = i % 997 ? 7000 + data[2 * i] * 2 : i % 2 ? 65535 : 0;
+
+                data[2 * i] = (uint8_t)(level & 255);
+                data[2 * i + 1] = (uint8_t)(level >> 8);
+            }
+        }
+        open_keeper(&k, V4L2_PIX_FMT_Y16, NULL, true, 2);
+        if (given)
+            k.cfg.levels = (struct sst_samples){ 6900, 7700 };
+        update(&k, in);
+        if (given)
+            assert_true(k.report.levels.black == 6900 && k.report.levels.white == 7700);
+        else if (k.report.levels.black < 6900 || k.report.levels.white > 7600)
+            fail_msg("levels %d to %d", k.report.levels.black, k.report.levels.white);
+        raw = (struct sst_raw){ V4L2_PIX_FMT_Y16, WIDTH, HEIGHT, 0, in->frame[3].data, in->frame[3].bytes };
+        assert_int_equal(sst_raw_to_image_samples(&want, &raw, k.report.levels), 0);
+        for (int y = 0; y < HEIGHT; y += 13)
+            assert_memory_equal(sst_image_row(&want, 1, y), sst_image_row(&k.lf.views[3].image, 1, y), WIDTH);
+        sst_image_fini(&want);
+        in->t_ns += STEP_NS;
+        update(&k, in);
+        assert_int_equal(k.changes.changed, 0);
+        close_keeper(&k);
+        free_set(in);
+    }
+}
+
 /* Frames that are damaged, of another size or missing leave their views as they were. */
 static void bad_frames_leave_the_view(void **state)
 {
@@ -786,6 +829,7 @@ int main(void)
         cmocka_unit_test(changes_of_exposure_are_reported),
         cmocka_unit_test(calibrated_views_follow),
         cmocka_unit_test(raw_formats_follow),
+        cmocka_unit_test(levels_of_sixteen_bits_are_stretched),
         cmocka_unit_test(bad_frames_leave_the_view),
         cmocka_unit_test(silent_cameras_are_absent),
         cmocka_unit_test(the_error_is_sampled),

@@ -117,6 +117,7 @@ static const struct {
     { "cameras.bind", "cameras: { bind: [ { row: 0, col: 0, serial: A } ] }" },
     { "trigger.source", "trigger: { source: software }" },
     { "trigger.lines", "trigger: { lines: [ TRIG0 ] }" },
+    { "live.black_level", "live: { black_level: 3, white_level: 9 }" },
     { "live.range_min_px", "live: { range_min_px: -1 }" },
     { "live.device", "live: { device: auto }" },
     { "live.cut_px", "live: { cut_px: 12 }" },

@@ -23,6 +23,7 @@ struct decoder {
     uint32_t fourcc;
     int width, height;
     size_t stride;
+    const uint8_t *level; /* [65536] of Y16; NULL: the high byte */
     /* of the last frame */
     uint8_t *pixels;        /* [height][stride], or parts of it, one after the other ... */
     size_t used;            /* ... of which these bytes are taken */
@@ -99,6 +100,7 @@ struct samples {
     size_t x0, dx;
     int y0, dy, zero;
     int columns, per_cell; /* in a row of the frame, and in a row of a cell */
+    const uint8_t *level;  /* of 16 bits; NULL: bytes */
 };
 
 /* Means of the samples in each cell. */
@@ -116,7 +118,7 @@ static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, 
                 const uint8_t *row = raw->data + (size_t)y * raw->stride + s->x0;
 
                 for (int k = i * per_cell; k < end; k++)
-                    sum += row[(size_t)k * s->dx];
+                    sum += s->level ? s->level[sst_raw_y16(row, k)] : row[(size_t)k * s->dx];
                 n += end - i * per_cell;
             }
             c->plane[p].mean[(size_t)j * (size_t)cols + (size_t)i] = (int16_t)(n > 0 ? (8 * sum + n / 2) / n : s->zero);
@@ -124,14 +126,15 @@ static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, 
     }
 }
 
-static void raw_means(struct block_means *c, const struct sst_raw *raw)
+static void raw_means(struct block_means *c, const struct sst_raw *raw, const uint8_t *level)
 {
     const int cols = (raw->width + CELL - 1) / CELL, rows = (raw->height + CELL - 1) / CELL;
     int red_x = 0, red_y = 0;
     const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y), yuyv = raw->fourcc == V4L2_PIX_FMT_YUYV;
     const size_t bytes = yuyv || raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
     struct samples all = {
-        .x0 = raw->fourcc == V4L2_PIX_FMT_Y16, .dx = bytes, .dy = 1, .columns = raw->width, .per_cell = CELL
+        .x0 = raw->fourcc == V4L2_PIX_FMT_Y16 && !level, .dx = bytes, .dy = 1, .columns = raw->width, .per_cell = CELL,
+        .level = raw->fourcc == V4L2_PIX_FMT_Y16 ? level : NULL,
     };
 
     c->planes = bayer || yuyv ? 3 : 1;
@@ -169,11 +172,27 @@ static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct s
     return -EBADMSG;
 }
 
+/* A part of a Y16 frame by the table of levels. */
+static void decode_levels(struct decoder *d, const struct sst_raw *raw, struct sst_rect part)
+{
+    for (int y = part.y0; y < part.y1; y++) {
+        const uint8_t *row = raw->data + (size_t)y * raw->stride;
+        uint8_t *to = d->pixels + (size_t)y * d->stride;
+
+        for (int x = part.x0; x < part.x1; x++)
+            to[4 * x] = to[4 * x + 1] = to[4 * x + 2] = d->level[sst_raw_y16(row, x)];
+    }
+}
+
 static int decode_raw(struct decoder *d, const struct decoder_frame *frame, struct sst_rect part)
 {
     struct sst_raw raw;
     int err = raw_of(d, frame, &raw);
 
+    if (!err && d->level && raw.fourcc == V4L2_PIX_FMT_Y16) {
+        decode_levels(d, &raw, part);
+        return 0;
+    }
     if (!err)
         err = sst_raw_part(&d->image, &raw, part);
     for (int y = part.y0; !err && y < part.y1; y++) {
@@ -429,6 +448,11 @@ int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height)
     return err;
 }
 
+void decoder_set_levels(struct decoder *d, const uint8_t *level)
+{
+    d->level = level;
+}
+
 void decoder_destroy(struct decoder *d)
 {
     if (!d)
@@ -451,7 +475,7 @@ int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, str
         return jpeg_means(d, frame, means, index);
     err = raw_of(d, frame, &raw);
     if (!err)
-        raw_means(means, &raw);
+        raw_means(means, &raw, d->level);
     return err;
 }
 

@@ -7,13 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <linux/videodev2.h>
+
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/live/frames/frames_internal.h"
 
+#define FOLLOW_SETS 16 /* levels of Y16 are measured in one of this number of sets */
 #define ABSENT_NS 2000000000
 
 /* --- changes ------------------------------------------------------------------------------------------------------ */
@@ -179,6 +183,7 @@ int sst_liveframes_open(struct sst_liveframes **out, const struct sst_live_confi
     f->last_room = sst_raw_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
     f->all = true;
     f->sample = SST_LIVE_SAMPLE_SETS;
+    f->stretch = (struct sst_samples){ 0, -1 };
     err = open_all(f);
     if (err) {
         if (err == -ENOMEM)
@@ -215,6 +220,7 @@ void sst_liveframes_close(struct sst_liveframes *f)
     for (int i = 0; f->decoder && i < f->threads; i++)
         decoder_destroy(f->decoder[i]);
     free(f->decoder);
+    free(f->level);
     free(f->view);
     free(f);
 }
@@ -324,6 +330,37 @@ static int run(struct sst_liveframes *f, struct sst_live_report *report)
     return err;
 }
 
+/* One stretch of all frames of Y16: of the configuration, or followed. When it changes, all is computed again. */
+static int follow_levels(struct sst_liveframes *f)
+{
+    const struct sst_live_config *cfg = f->cfg;
+    struct sst_raw frame[SST_MAX_VIEWS];
+    int n = 0;
+
+    if (cfg->fourcc != V4L2_PIX_FMT_Y16 || (f->stretch.white >= 0 && (cfg->levels.white || --f->followed > 0)))
+        return 0;
+    f->followed = FOLLOW_SETS;
+    for (int k = 0; k < f->views; k++) {
+        if (has_frame(f, k))
+            frame[n++] = (struct sst_raw){ cfg->fourcc, cfg->width, cfg->height, f->in->frame[k].stride, f->in->frame[k].data,
+                                           f->in->frame[k].bytes };
+    }
+    if (cfg->levels.white)
+        f->stretch = cfg->levels;
+    else if (!sst_raw_follow(&f->stretch, frame, n))
+        return 0;
+    f->level = f->level ? f->level : malloc(65536);
+    if (!f->level)
+        return -ENOMEM;
+    for (int v = 0; v < 65536; v++)
+        f->level[v] = (uint8_t)(f->stretch.white ? sst_samples_scale(v, f->stretch) : v >> 8);
+    for (int i = 0; i < f->threads; i++)
+        decoder_set_levels(f->decoder[i], f->stretch.white ? f->level : NULL);
+    f->all = true;
+    f->watch.t_ns = INT64_MIN / 2; /* what was watched before has other levels */
+    return 0;
+}
+
 int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input *in,
                           struct sst_liveframes_changes *changes, struct sst_live_report *report)
 {
@@ -331,6 +368,10 @@ int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input 
 
     begin_set(f, in, changes);
     report->error_change = NAN;
+    err = follow_levels(f);
+    if (err)
+        return err;
+    report->levels = f->stretch.white > 0 ? f->stretch : (struct sst_samples){ 0, 0 };
     err = run(f, report);
     f->all = err != 0;
     if (err)

@@ -80,6 +80,9 @@ struct decoder_part {
 SST_MUST_CHECK int decoder_decode_parts(struct decoder *d, const struct decoder_frame *frame,
                                         struct sst_jpeg_index *index, struct decoder_part *part, int parts);
 
+/** Levels that samples of Y16 become. @param level  [65536], borrowed; NULL: their high byte */
+void decoder_set_levels(struct decoder *d, const uint8_t *level);
+
 /** Why the last frame was rejected. */
 const char *decoder_fault(const struct decoder *d);
 
@@ -213,6 +216,10 @@ struct sst_liveframes {
     size_t last_room;
     struct decoder **decoder; /* [threads] */
     struct live_view *view;
+    /* of Y16 */
+    struct sst_samples stretch; /* white 0: all 16 bits, below 0: not known yet */
+    uint8_t *level;             /* [65536] that samples become */
+    int followed;               /* sets until it is measured again */
     bool all;              /* the next update accepts everything */
     int turn, sample;      /* next of the views scanned in turn; sets until the error is sampled */
     int rested;            /* sets since something changed, at most REST_SETS */
