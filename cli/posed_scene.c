@@ -156,6 +156,35 @@ static int read_plane(struct posed_scene *scene, const struct cli_command *cmd, 
     return CLI_GO_ON;
 }
 
+/* Terrain above the camera is in other axes; a camera beside it may look at it. */
+static int check_terrain(const struct posed_scene *scene, const char *path)
+{
+    const struct sst_surface *s = &scene->cfg.surface;
+    const struct sst_heights *h = &scene->heights;
+    double at[3] = { 0, 0, 0 };
+
+    for (int i = 0; i < 3; i++) {
+        at[0] += s->along[0][i] * scene->cfg.camera.centre_mm[i];
+        at[1] += s->along[1][i] * scene->cfg.camera.centre_mm[i];
+        at[2] += s->normal[i] * scene->cfg.camera.centre_mm[i];
+    }
+    if (at[2] < s->low_mm) {
+        sst_log_error("%s has heights of %.2f to %.2f m, all above the camera, which is at %.2f m; heights are above the "
+                      "zero of the light field's axes",
+                      path, s->low_mm / METRE_MM, s->high_mm / METRE_MM, at[2] / METRE_MM);
+        return CLI_INPUT;
+    }
+    for (int k = 0; k < 2; k++) {
+        const double from = k ? h->y_mm : h->x_mm;
+        const double to = from + (k ? h->step_y_mm * (h->mm.height - 1) : h->step_x_mm * (h->mm.width - 1));
+
+        if (at[k] < fmin(from, to) || at[k] > fmax(from, to))
+            sst_log_warning("%s covers %c from %.1f to %.1f m, and the camera is beside that, at %.1f m", path, 'x' + k,
+                            fmin(from, to) / METRE_MM, fmax(from, to) / METRE_MM, at[k] / METRE_MM);
+    }
+    return CLI_GO_ON;
+}
+
 static int read_terrain(struct posed_scene *scene, const char *path, const char *utm)
 {
     int err = sst_heights_read(&scene->heights, path);
@@ -163,10 +192,15 @@ static int read_terrain(struct posed_scene *scene, const char *path, const char 
     err = err ? err : sst_terrain_place(&scene->heights, &scene->mapped, &scene->posed, utm, path);
     if (err)
         return cli_exit_code(err);
+    if (scene->heights.mm.width < 2 || scene->heights.mm.height < 2) {
+        sst_log_error("%s has %d x %d heights; terrain is between 2 x 2 at least", path, scene->heights.mm.width,
+                      scene->heights.mm.height);
+        return CLI_INPUT;
+    }
     err = sst_surface_terrain(&scene->cfg.surface, &scene->heights, scene->posed.up);
     if (err)
-        sst_log_error("%s: no height is known, or the direction of gravity is along the world's x axis", path);
-    return err ? cli_exit_code(-EBADMSG) : CLI_GO_ON;
+        sst_log_error("%s: the direction of gravity is along the world's x axis, where terrain has no axes", path);
+    return err ? cli_exit_code(-EBADMSG) : check_terrain(scene, path);
 }
 
 /* AOS's worlds have their ground at z = 0: the ground that is found far from there may be the canopy. */

@@ -206,6 +206,12 @@ static int check(const struct cli_command *cmd, const struct poses_run *run, con
 {
     if (cfg->one_rig && run->count < 2)
         return cli_usage_error(cmd, "--one-rig needs several light fields of one array");
+    for (int i = 0; i < run->count; i++) {
+        for (int k = 0; k < i; k++) {
+            if (!strcmp(run->dir[i], run->dir[k]))
+                return cli_usage_error(cmd, "%s is named twice", run->dir[i]);
+        }
+    }
     if (cfg->one_rig && (cfg->refine || with))
         return cli_usage_error(cmd, "--one-rig does not go with --refine or --with");
     if (cfg->refine && (with || cfg->spacing_mm > 0))

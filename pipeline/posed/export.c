@@ -105,7 +105,9 @@ static int take_colours(const struct job *job, int view, const uint8_t *data, si
     struct sst_deep deep = { 0 };
     int err = sst_deep_decode(&deep, data, size, job->posed.view[view].file);
 
-    err = err ? err : sst_deep_to_image(&image, &deep, deep.white == 255 ? (struct sst_samples){ 0 } : job->posed.samples);
+    err = err ? err : sst_deep_to_image(&image, &deep, deep.white == 255              ? (struct sst_samples){ 0 }
+                                                  : job->posed.samples.white ? job->posed.samples
+                                                                             : sst_deep_stretch(&deep));
     for (int i = 0; !err && i < job->points; i++) {
         const struct sst_export_sight *s = &job->sight[sst_max_int(job->first[i], 0)];
 

@@ -30,7 +30,7 @@ def colmap():
             q = "nan 0 0 0" if fault == "nan" and i == 3 else "2 0 0 0" if fault == "quaternion" else "1 0 0 0"
             name = names[0] if fault == "twice" and i == 5 else "gone.png" if fault == "gone" and i == 5 else names[i]
             camera = 2 if fault == "camera" else 1
-            f.write(f"{i + 1} {q} {-c[0]} {-c[1]} {'1e300' if fault == 'far' else -c[2]} {camera} {name}\n\n")
+            f.write(f"{i + 1} {q} {-c[0]} {-c[1]} {'1e300' if fault == 'far' else -c[2]} {camera} {name}\n" + ("" if fault == "lines" else "\n"))
         for i in range(1017 if fault == "many" else 0):
             f.write(f"{i + 9} 1 0 0 0 0 0 0 1 more {i}.png\n\n")
     z = -2 if fault == "behind" else 2
@@ -85,12 +85,13 @@ def sfm():
                 "shots": [] if fault == "list" else shots, "points": points}], open(at("reconstruction.json"), "w"))
 
 def geo():
-    pitch = {"dji": -90, "up": 180}.get(fault, 0)
+    pitch = {"dji": -90, "up": 180, "turn": 7000}.get(fault, 0)
     with open(at("geo.txt"), "w") as f:
         if fault != "first":
             f.write({"srs": "EPSG:31468", "proj": "+proj=lcc +lat_0=1", "swapped": "EPSG:4326"}.get(fault, "EPSG:32633") + "\n")
         for i, n in enumerate(names):
-            f.write(f"{n.replace(' ', '_')} {450000 + i} 5350000" + ("" if fault == "angles" else f" 300 0 {'x' if fault == 'word' else pitch} 0") + "\n")
+            x, y = (14.3, 48.3) if fault == "degrees" else (450000 + (i if fault != "place" else 0), 5350000)
+            f.write(f"{n.replace(' ', '_')}{',' if fault == 'comma' else ' '}{x} {y}" + ("" if fault == "angles" else f" 300 0 {'x' if fault == 'word' else pitch} 0") + "\n")
 
 def llff():
     shape = {"shape": "(8, 15)", "rows": "(9, 17)"}.get(fault, "(8, 17)")
@@ -235,6 +236,11 @@ bad "add 90" geo dji --focal 90
 bad "look up" geo up --focal 90
 bad "yaw, pitch and roll are needed" geo angles --focal 90
 bad "not a number" geo word --focal 90
+bad "separated by blanks" geo comma --focal 90
+bad "beyond 360 degrees" geo turn --focal 90
+bad "no place in the zone of UTM; degrees" geo degrees --focal 90
+bad "all poses are at one place" geo place --focal 90
+bad "second image, where the features" colmap lines
 bad "17 numbers" llff shape
 bad "length is not" llff rows
 bad "floats" llff type
@@ -252,6 +258,8 @@ want 2 "SCALE,OFFSET" import pictures pictures -o bad.lf --kelvin 0.04
 want 2 "belong to the formats poses and pictures" import folder pictures --grid 2x4 -o bad.lf --focal 9
 want 2 "does not apply to poses" import poses colmap -o bad.lf --grid 2x4
 want 3 "does not match" import pictures pictures -o bad.lf --moments '{moment}.jpg'
+want 2 "must be a text that ends the first" import pictures pictures -o bad.lf --moments 'leaf{camera}{moment}.png'
+want 3 "does not match" import pictures pictures -o bad.lf --moments '*e*e*e*e*e*e*e*e*e*e*e*e*e*e{moment}*x'
 want 2 "{moment} once" import pictures pictures -o bad.lf --moments 'leaf'
 want 3 "there is no picture .leaf 1.png" import poses colmap -o bad.lf
 want 3 "is not a folder" import poses colmap --pictures none -o bad.lf

@@ -47,6 +47,8 @@ refuse "neither ground nor" forest.lf --surface somewhere
 refuse "beside or behind" forest.lf -m refocus --surface plane:0,0,1,900
 refuse "No such file" forest.lf --surface gone.tif
 refuse "nor a view of" forest.lf --surface plane:40 --view gone
+sed 's/^v \([^ ]*\) \([^ ]*\) .*/v \1 \2 500/' $terrain >high.obj
+refuse "all above the camera" forest.lf --surface high.obj
 refuse "not two ascending" flight.lf --surface plane:40 --levels 7300,7000
 refuse "those of forest.lf have 8" forest.lf --surface plane:40 --levels 1,2
 refuse "is of --surface with a terrain" forest.lf --surface plane:40 --utm 33N

@@ -19,6 +19,7 @@ bad() {
 }
 bad 3 "no view is placed" forest --refine
 bad 2 "needs several light fields" forest --one-rig
+bad 2 "named twice" forest forest --one-rig
 bad 2 "does not go with --spacing" forest --refine --spacing 1000
 bad 2 "are of given poses" forest --sigma-angle 1
 bad 3 "no such folder" absent

@@ -139,6 +139,15 @@ int colmap_text_cameras(struct colmap *c, const char *path)
     return err;
 }
 
+/* Does a line begin as that of an image, and end in a name? */
+static bool is_image(struct lines l)
+{
+    double v[8];
+    int64_t id[2];
+
+    return whole(&l, id, 1) && numbers(&l, v, 7) && whole(&l, id + 1, 1) && l.at[strspn(l.at, " \t")] && !numbers(&l, v, 1);
+}
+
 int colmap_text_images(struct colmap *c, const char *path)
 {
     struct lines l;
@@ -167,7 +176,9 @@ int colmap_text_images(struct colmap *c, const char *path)
         memcpy(image.name, l.at, n);
         image.name[n] = '\0';
         err = colmap_add_image(c, &image);
-        (void)next_line(&l); /* its features */
+        if (next_line(&l) && !err && is_image(l)) /* in place of its features */
+            err = line_fault(&l, "this is a second image, where the features of the one before must be; an image has two "
+                                 "lines, of which the second may be empty");
     }
     free(l.text);
     return err;

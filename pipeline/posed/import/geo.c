@@ -117,12 +117,16 @@ static int add(struct model *m, const struct sst_utm *of, struct sst_place *orig
     double longitude = e->v[0], latitude = e->v[1];
     const char *fault;
 
-    if (of->zone ? !(fabs(e->v[0] - SST_UTM_EAST_M) < SST_UTM_EAST_M * 2 && fabs(e->v[1]) <= SST_UTM_SOUTH_M)
+    if (of->zone ? !(fabs(e->v[0] - SST_UTM_EAST_M) < SST_UTM_EAST_M && e->v[1] >= 0 && e->v[1] <= SST_UTM_SOUTH_M && e->v[0] > 1000)
                  : !(fabs(e->v[0]) <= 360 && fabs(e->v[1]) <= 90))
-        return model_fault(m, e->name, of->zone ? "x, y is no place in the zone of UTM"
+        return model_fault(m, e->name, of->zone ? "x, y is no place in the zone of UTM; degrees are EPSG:4326"
                                                 : "x, y is no longitude and latitude in degrees, in this order");
     if (!(fabs(e->v[2]) < 1e5))
         return model_fault(m, e->name, "the altitude is beyond 100 km");
+    for (int i = 3; i < 6; i++) {
+        if (fabs(e->v[i]) > 360)
+            return model_fault(m, e->name, "yaw, pitch or roll is beyond 360 degrees");
+    }
     if (of->zone)
         sst_utm_to_degrees(&longitude, &latitude, of, e->v);
     sst_place_at(&at, longitude, latitude, e->v[2]);
@@ -162,7 +166,9 @@ static int read_lines(struct model *m, char *text)
             continue;
         n = parse(&e, line);
         if (n < 6)
-            err = model_fault(m, e.name, n < 0 ? "a value is not a number" : "x, y, z, yaw, pitch and roll are needed");
+            err = model_fault(m, e.name, strchr(line, ',') ? "values are separated by blanks, and decimals have a point, no comma"
+                                       : n < 0          ? "a value is not a number"
+                                                        : "x, y, z, yaw, pitch and roll are needed");
         else
             err = add(m, &of, &origin, &e);
         level += e.v[4] <= -45;

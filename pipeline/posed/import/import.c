@@ -174,10 +174,32 @@ static int check_config(const struct sst_posed_import_config *cfg)
     return sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
 }
 
+/* Do several cameras stand where the first one does? */
+static bool one_place(const struct model *m)
+{
+    int placed = 0, first = -1;
+
+    for (int k = 0; k < m->count; k++) {
+        const struct sst_calib_camera *c = &m->view[k].camera;
+
+        if (!c->known)
+            continue;
+        first = placed++ ? first : k;
+        for (int i = 0; i < 3; i++) {
+            if (fabs(c->position_mm[i] - m->view[first].camera.position_mm[i]) > 1e-9)
+                return false;
+        }
+    }
+    return placed > 1;
+}
+
 static int check_model(const struct model *m)
 {
     if (!m->count)
         return model_fault(m, "", "it has no pose of any picture");
+    if (one_place(m))
+        return model_fault(m, "", "all poses are at one place; light fields need cameras at different ones, so lengths may "
+                                  "be missing");
     if ((double)m->ahead < LOOKS_AHEAD * (double)(m->ahead + m->behind)) {
         sst_log_error("%s: the cameras look away from the points that they see (%lld of %lld are behind them); the axes "
                       "of the poses are not those of %s",

@@ -15,6 +15,7 @@
 struct parts {
     const char *camera, *moment;
     size_t camera_bytes, moment_bytes;
+    bool failed[256][256]; /* parts of pattern and name, by the bytes that are left, that do not match */
 };
 
 /* `*` and the named parts match any text, as short as the rest allows. */
@@ -23,8 +24,8 @@ static bool match(const char *pattern, const char *name, struct parts *p)
     const bool camera = !strncmp(pattern, CAMERA, strlen(CAMERA)), moment = !strncmp(pattern, MOMENT, strlen(MOMENT));
     const char *rest = pattern + (camera ? strlen(CAMERA) : moment ? strlen(MOMENT) : 1);
 
-    if (!*pattern)
-        return !*name;
+    if (!*pattern || p->failed[strlen(pattern)][strlen(name)])
+        return !*pattern && !*name;
     if (!camera && !moment && *pattern != '*')
         return *name == *pattern && match(rest, name + 1, p);
     for (size_t n = *pattern == '*' ? 0 : 1; n <= strlen(name); n++) {
@@ -39,6 +40,7 @@ static bool match(const char *pattern, const char *name, struct parts *p)
         }
         return true;
     }
+    p->failed[strlen(pattern)][strlen(name)] = true;
     return false;
 }
 
@@ -122,8 +124,12 @@ int moments_set(struct sst_posed *posed, const char *pattern)
     char(*text)[256];
     int err = 0;
 
-    if (occurrences(pattern, MOMENT) != 1 || occurrences(pattern, CAMERA) > 1 || strlen(pattern) > 255 ||
-        occurrences(pattern, "*") > 8) {
+    if (strstr(pattern, CAMERA MOMENT) || strstr(pattern, MOMENT CAMERA)) {
+        sst_log_error("--moments %s: between " CAMERA " and " MOMENT " must be a text that ends the first, as in "
+                      CAMERA "_" MOMENT, pattern);
+        return -EINVAL;
+    }
+    if (occurrences(pattern, MOMENT) != 1 || occurrences(pattern, CAMERA) > 1 || strlen(pattern) > 255) {
         sst_log_error("--moments %s does not have " MOMENT " once, and " CAMERA " at most once", pattern);
         return -EINVAL;
     }
