@@ -13,11 +13,11 @@
 enum sst_gpu_conversion {
     /* From a plane to the input of a step: */
     SST_GPU_TO_HYPOTHESES =
-        0,                /* colours with depth codes: hypotheses.h; `value`: struct sst_gpu_hypothesis_cost, most */
-    SST_GPU_TO_LUMA = 1,  /* pixels of subpixel.h */
-    SST_GPU_TO_STEPS = 2, /* disparities of subpixel.h */
+        0,                /* colours with depth codes: device_second.c; `value`: struct gpu_hypothesis_cost, most */
+    SST_GPU_TO_LUMA = 1,  /* pixels of device_subpixel.c */
+    SST_GPU_TO_STEPS = 2, /* disparities of device_subpixel.c */
     /* From the result of a step to a map: */
-    SST_GPU_FROM_CHOICE = 3, /* of hypotheses.h */
+    SST_GPU_FROM_CHOICE = 3, /* of device_second.c */
     SST_GPU_FROM_PLAIN = 4,  /* disparities alone */
     /* From a network's result to SST_PLANE_FEATURES: */
     SST_GPU_TO_FEATURES = 5, /* `from`: signed bytes by pixel; `width`: SST_GPU_FEATURE_WORDS times the view's */

@@ -1,5 +1,5 @@
 // The cheapest hypothesis of each pixel; where it is not the pixel's own disparity, the confidence is the distance to
-// the next one. Constants: pipeline/gpu/hypotheses.h. Definition: `cpu` of the step.
+// the next one. Constants: pipeline/method/disparity/device_second.c. Definition: `cpu` of the step.
 #version 450
 
 layout(local_size_x = 64) in;

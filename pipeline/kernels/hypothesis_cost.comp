@@ -1,5 +1,5 @@
 // Costs of the hypotheses of a view: hypothesis_cost_row of kernels.h, and what follows from them for the optimisation.
-// An invocation per pixel. Constants: pipeline/gpu/hypotheses.h. Definition: hypothesis_cost_ref.c.
+// An invocation per pixel. Constants: pipeline/method/disparity/device_second.c. Definition: hypothesis_cost_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

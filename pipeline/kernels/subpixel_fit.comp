@@ -1,5 +1,5 @@
 // A step of Gauss-Newton for the disparity of each pixel of a view: subpixel_fit_row of kernels.h. Constants:
-// pipeline/gpu/subpixel.h. Definition: subpixel_ref.c.
+// pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c.
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;
@@ -14,7 +14,7 @@ layout(std430, binding = 0) readonly buffer Views { View views[]; };
 // uint32_t[height][width] by view, packed as for struct sst_subpixel_view
 layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, binding = 2) readonly buffer Disparities { uint disp[]; };
-// out, struct sst_gpu_subpixel_weight[height][width]
+// out, struct gpu_subpixel_weight[height][width]
 layout(std430, binding = 3) writeonly buffer Out { vec2 result[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,5 +1,5 @@
 // Planes through large windows, subpixel_plane_row of kernels.h, and the disparities of the windows that follow them.
-// Constants: pipeline/gpu/subpixel.h. Definition: subpixel_ref.c, and follow_row() of
+// Constants: pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c, and follow_row() of
 // pipeline/method/disparity/subpixel.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require

@@ -1,5 +1,5 @@
 // Disparities that the similar pixels of 5x5 windows share: subpixel_window_row of kernels.h. Constants:
-// pipeline/gpu/subpixel.h. Definition: subpixel_ref.c, and share_row() of pipeline/method/disparity/subpixel.c.
+// pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c, and share_row() of pipeline/method/disparity/subpixel.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,13 +1,13 @@
 // The hypotheses of each pixel: its own disparity, the surfaces around it, surfaces that other views project onto
 // it and surfaces that the sweep finds. Windows of surface_rows are completed along columns. Constants:
-// pipeline/gpu/surfaces.h. Definition: sst_around_list() of pipeline/method/disparity/around.c.
+// pipeline/method/disparity/device_second.c. Definition: sst_around_list() of pipeline/method/disparity/around.c.
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 32, local_size_y = 8) in;
 
 layout(std430, binding = 0) readonly buffer Map { uint map[]; }; // of the view
-layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; }; // of the view, with depth codes: hypotheses.h
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; }; // of the view, with depth codes: device_second.c
 layout(std430, binding = 2) readonly buffer Rows { uint rows[]; };
 layout(std430, binding = 3) readonly buffer Projected { uint projected[]; };
 layout(std430, binding = 4) readonly buffer Peaks { uint peaks[]; }; // of `sweep_peaks`

@@ -1,5 +1,5 @@
 // Surfaces that other views project onto each pixel of a view: the farthest and the nearest one. Constants:
-// pipeline/gpu/surfaces.h. Definition: project_around() of
+// pipeline/method/disparity/device_second.c. Definition: project_around() of
 // pipeline/method/disparity/around.c.
 #version 450
 

@@ -1,10 +1,10 @@
 // Points of sweeps, seen from a view: their weights by cell and level. An invocation per point. Constants:
-// pipeline/gpu/sweep.h. Definition: gather() of pipeline/method/disparity/candidates.c.
+// pipeline/method/disparity/device_second.c. Definition: gather() of pipeline/method/disparity/candidates.c.
 #version 450
 
 layout(local_size_x = 64) in;
 
-layout(std430, binding = 0) readonly buffer Points { uvec2 points[]; }; // struct sst_gpu_sweep_point[]
+layout(std430, binding = 0) readonly buffer Points { uvec2 points[]; }; // struct gpu_sweep_point[]
 // int32_t[sweeps][levels][2]: x and y that a point's place is reduced by
 layout(std430, binding = 1) readonly buffer Shifts { ivec2 shifts[]; };
 layout(std430, binding = 2) buffer Weights { uint weights[]; }; // in and out, uint32_t[rows][cols][levels]

@@ -1,5 +1,5 @@
 // The heaviest levels of a cell of a view, by the points of the cells around it, and whether the view's map has them
-// there. A group per cell. Constants: pipeline/gpu/sweep.h. Definition: sst_sweep_candidates() of
+// there. A group per cell. Constants: pipeline/method/disparity/device_second.c. Definition: sst_sweep_candidates() of
 // pipeline/method/disparity/candidates.c.
 #version 450
 
@@ -7,7 +7,7 @@ layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Map { uint map[]; }; // of the view
 layout(std430, binding = 1) readonly buffer Weights { uint weights[]; };
-// out, uint32_t[rows][cols][SST_GPU_CELL_PEAKS]: disparity, SST_DISP_NONE: no more; SST_GPU_SWEEP_ABSENT
+// out, uint32_t[rows][cols][GPU_CELL_PEAKS]: disparity, SST_DISP_NONE: no more; ABSENT
 layout(std430, binding = 2) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {

@@ -1,6 +1,6 @@
 // Points in space that a view finds: sparse pixels that their own disparity does not explain, at the disparity that
-// alone does. A group per pixel; its invocations test the disparities. Constants: pipeline/gpu/sweep.h. Definition:
-// sst_sweep_view() of pipeline/method/disparity/sweep.c.
+// alone does. A group per pixel; its invocations test the disparities. Constants: device_second.c. Definition:
+// sst_sweep_view() of sweep.c, both of pipeline/method/disparity/.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
@@ -11,7 +11,7 @@ struct View {
     uint first;
 };
 
-layout(std430, binding = 0) readonly buffer Views { View views[]; }; // struct sst_gpu_hypothesis_view[]
+layout(std430, binding = 0) readonly buffer Views { View views[]; }; // struct gpu_hypothesis_view[]
 layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; }; // as of `hypothesis_cost`
 layout(std430, binding = 2) readonly buffer Map { uint map[]; }; // of the view
 // out, uint32_t[rows][columns]: level | weight << 16; weight 0: no point

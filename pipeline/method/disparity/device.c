@@ -24,11 +24,9 @@ static const struct sst_step_shaders steps[] = {
     { NULL, NULL, NULL, NULL },
 };
 
-#define X(STAGE, name)       name,
-#define S(STAGE, step, name) name,
-static const char *const stage_names[SST_DISPARITY_STAGES] = { SST_DISPARITY_STAGE_LIST(X, S) };
+#define X(STAGE, name) name,
+static const char *const stage_names[SST_DISPARITY_STAGES] = { SST_DISPARITY_STAGE_LIST(X) };
 #undef X
-#undef S
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
 {

@@ -435,20 +435,18 @@ static void filter(struct match *m, struct sst_gpu_range out)
     SST_RUN_PIXELS(m->r, SST_GPU_BILATERAL, &bilateral, m->width, m->height, 1, m->at[FILTERED], m->pixels, out);
 }
 
-/* Disparities and confidences of the host's maps. */
-static void unpack(const struct match *m, const uint32_t *from)
+/* Rows of the host's maps. */
+static void unpack(const struct rows *in, const uint32_t *from)
 {
-    const struct rows *in = m->in;
+    struct sst_map_u16 disp = *in->disp;
+    struct sst_map_u8 confidence = in->confidence ? *in->confidence : (struct sst_map_u8){ 0 };
 
-    for (int y = 0; from && y < in->height; y++, from += m->width) {
-        uint16_t *disp = sst_map_u16_row(in->disp, in->top + y);
-        uint8_t *confidence = in->confidence ? sst_map_u8_row(in->confidence, in->top + y) : NULL;
-
-        for (int x = 0; x < m->width; x++)
-            disp[x] = (uint16_t)from[x];
-        for (int x = 0; confidence && x < m->width; x++)
-            confidence[x] = (uint8_t)(from[x] >> 16);
-    }
+    disp.data = sst_map_u16_row(in->disp, in->top);
+    disp.height = in->height;
+    if (in->confidence)
+        confidence.data = sst_map_u8_row(in->confidence, in->top);
+    if (from)
+        sst_step_map_unpack(from, &disp, in->confidence ? &confidence : NULL, NULL, NULL);
 }
 
 static void match_rows(struct sst_run *r, const struct rows *in)
@@ -473,7 +471,7 @@ static void match_rows(struct sst_run *r, const struct rows *in)
     match_bands(&m, filtered ? m.at[FOUND] : out);
     if (filtered)
         filter(&m, out);
-    unpack(&m, sst_run_fetch(r, out, (size_t)m.width * (size_t)in->height));
+    unpack(in, sst_run_fetch(r, out, (size_t)m.width * (size_t)in->height));
     free(m.tile);
 }
 

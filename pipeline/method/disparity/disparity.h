@@ -95,20 +95,20 @@ struct sst_disparity_report {
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
-/** Stages that a runner names where they are done on the CPU, for lack of shaders or after a failure: X(STAGE, name), and of stages that have a step S(STAGE, step, name): disparity_<step>_step. */
-#define SST_DISPARITY_STAGE_LIST(X, S)                                                                                 \
-    X(RANGE, "range")                       /* of disparities of a light field: a pair of its views */                 \
-    S(SURFACES, surfaces, "surfaces")       /* of the second pass: around each pixel, its hypotheses */                \
-    S(SUBPIXEL, subpixel, "subpixel")       /* refinement between pixels */                                            \
-    S(CARRY, carry, "carrying")             /* maps carried to other views */                                          \
-    S(CHECK, check, "check")                /* of views against each other */                                          \
-    S(FILL, fill, "filling")                /* of refused pixels, from other views and around it ... */                \
-    S(BACKGROUND, background, "background") /* ... and of the rest */                                                  \
-    X(SWEEP, "sweep")                       /* in scene space, where maps are not carried */
+/** Stages that a runner names where they are done on the CPU, for lack of shaders or after a failure: X(STAGE, name). */
+#define SST_DISPARITY_STAGE_LIST(X)                                                                                    \
+    X(RANGE, "range")           /* of disparities of a light field: a pair of its views */                             \
+    X(SURFACES, "surfaces")     /* of the second pass: around each pixel, its hypotheses */                            \
+    X(SUBPIXEL, "subpixel")     /* refinement between pixels */                                                        \
+    X(CARRY, "carrying")        /* maps carried to other views */                                                      \
+    X(CHECK, "check")           /* of views against each other */                                                      \
+    X(FILL, "filling")          /* of refused pixels, from other views and around it ... */                            \
+    X(BACKGROUND, "background") /* ... and of the rest */                                                              \
+    X(SWEEP, "sweep")           /* in scene space, where maps are not carried */
 
 enum sst_disparity_stage {
-#define X(STAGE, ...) SST_DISPARITY_STAGE_##STAGE,
-    SST_DISPARITY_STAGE_LIST(X, X)
+#define X(STAGE, name) SST_DISPARITY_STAGE_##STAGE,
+    SST_DISPARITY_STAGE_LIST(X)
 #undef X
         SST_DISPARITY_STAGES
 };

@@ -231,14 +231,10 @@ struct match_sample {
 struct match_sample *disparity_match_sample(uint32_t seed);
 void disparity_match_sample_free(struct match_sample *s); /* NULL is fine */
 
-/** Steps of a run, for sst_step_check(): of stages, and others. */
-#define X(STAGE, name)
-#define S(STAGE, step, name) extern const struct sst_step disparity_##step##_step;
-SST_DISPARITY_STAGE_LIST(X, S)
-#undef X
-#undef S
+/** Steps of a run. */
 extern const struct sst_step disparity_features_step, disparity_match_step, disparity_compare_step,
-    disparity_sweep_step;
+    disparity_sweep_step, disparity_surfaces_step, disparity_subpixel_step, disparity_carry_step, disparity_check_step,
+    disparity_fill_step, disparity_background_step;
 
 /* --- visible_pass.c, visible.c: planes of the views of a pass --- */
 

@@ -95,6 +95,7 @@ static void run_planned(struct sst_run *r, struct device *d, struct net_job *job
         sst_run_leave(r, "a normalisation whose result is wanted in floats, or another one in bytes");
     else
         net_device_plan_run(e->plan, r, job);
+    d->report.kept += job->kept;
     if (d->in_work && net_device_plan_conv8(d->in_work))
         snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(d->in_work));
     d->in_work = NULL;
@@ -149,15 +150,7 @@ static const struct sst_step_shaders steps[] = { { &step, dispatch, NULL, NULL }
 
 int net_job_run(struct net_job *job)
 {
-    struct device *d = (struct device *)job->user;
-    const int err = sst_run(job->user, &step, job, 1, &(struct sst_run_options){ .threads = 1, .block = 1 });
-
-    if (!d)
-        return err;
-    sst_runner_lock(d->user.runner);
-    d->report.kept += job->kept;
-    sst_runner_unlock(d->user.runner);
-    return err;
+    return sst_run(job->user, &step, job, 1, &(struct sst_run_options){ .threads = 1, .block = 1 });
 }
 #else
 static const struct sst_step_shaders steps[1];

@@ -76,8 +76,16 @@ static void picture_maps(void *job, int item, struct sst_share_maps *out)
         sst_share_add_u8(out, p->valid);
 }
 
-#define PICTURES                                                                                                       \
-    .wants = is_there, .cpu = render_picture_on_cpu, .writes = picture_maps, .sample_free = render_sample_free
+#define PICTURES(title, ...)                                                                                           \
+    {                                                                                                                  \
+        &(const struct sst_step){ .name = title,                                                                       \
+                                  .wants = is_there,                                                                   \
+                                  .cpu = render_picture_on_cpu,                                                        \
+                                  .writes = picture_maps,                                                              \
+                                  .sample_free = render_sample_free,                                                   \
+                                  __VA_ARGS__ },                                                                       \
+            picture_dispatch, NULL, NULL                                                                               \
+    }
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
@@ -98,48 +106,32 @@ static void clear_maps(void *job, int item, struct sst_share_maps *out)
     }
 }
 
-#define CLEAR .wants = is_picture, .writes = clear_maps, .sample_free = clear_sample_free
+#define CLEAR(title, on_cpu, shaders, ...)                                                                             \
+    {                                                                                                                  \
+        &(const struct sst_step){ .name = title,                                                                       \
+                                  .wants = is_picture,                                                                 \
+                                  .cpu = on_cpu,                                                                       \
+                                  .writes = clear_maps,                                                                \
+                                  .sample_free = clear_sample_free,                                                    \
+                                  __VA_ARGS__ },                                                                       \
+            shaders, NULL, NULL                                                                                        \
+    }
 
 /* --- table -------------------------------------------------------------------------------------------------------- */
 
-static const struct sst_step steps[SST_RENDER_STEPS] = {
-    [RENDER_STEP_PICTURE] = { .name = "blending",
-                              PICTURES,
-                              .sample = render_picture_sample,
-                              .levels = SST_GPU_BLEND_LEVELS },
-    [RENDER_STEP_VERIFY] = { .name = "verification",
-                             PICTURES,
-                             .sample = render_verify_sample,
-                             .levels = SST_GPU_BLEND_LEVELS },
-    [RENDER_STEP_CLEAR] = { .name = "clear picture",
-                            CLEAR,
-                            .cpu = clear_colour,
-                            .levels = SST_GPU_CLEAR_LEVELS,
-                            .sample = clear_sample },
-    [RENDER_STEP_HOLES] = { .name = "holes", CLEAR, .cpu = clear_fill_picture, .sample = clear_sample_holes },
-    [RENDER_STEP_CLEAR_SAMPLED] = { .name = "clear picture of frames",
-                                    CLEAR,
-                                    .cpu = clear_colour,
-                                    .levels = SST_GPU_CLEAR_LEVELS,
-                                    .sample = clear_sample_frames },
-    [RENDER_STEP_FRAMES] = { .name = "rectification", PICTURES, .sample = render_frames_sample, .seeds = 3 },
-    [RENDER_STEP_SAMPLED] = { .name = "sampling of frames",
-                              PICTURES,
-                              .sample = render_sampled_sample,
-                              .seeds = 3,
-                              .levels = SST_GPU_BLEND_LEVELS },
-    [RENDER_STEP_JPEG] = { .name = "colours of JPEG frames", PICTURES, .sample = render_jpeg_sample },
-};
+#define BLENDED  .levels = SST_GPU_BLEND_LEVELS
+#define COLOURED .levels = SST_GPU_CLEAR_LEVELS
 
 const struct sst_step_shaders sst_render_steps[SST_RENDER_STEPS + 1] = {
-    [RENDER_STEP_PICTURE] = { &steps[RENDER_STEP_PICTURE], picture_dispatch, NULL, NULL },
-    [RENDER_STEP_VERIFY] = { &steps[RENDER_STEP_VERIFY], picture_dispatch, NULL, NULL },
-    [RENDER_STEP_CLEAR] = { &steps[RENDER_STEP_CLEAR], clear_on_device, NULL, NULL },
-    [RENDER_STEP_HOLES] = { &steps[RENDER_STEP_HOLES], clear_holes_on_device, NULL, NULL },
-    [RENDER_STEP_CLEAR_SAMPLED] = { &steps[RENDER_STEP_CLEAR_SAMPLED], clear_on_device, NULL, NULL },
-    [RENDER_STEP_FRAMES] = { &steps[RENDER_STEP_FRAMES], picture_dispatch, NULL, NULL },
-    [RENDER_STEP_SAMPLED] = { &steps[RENDER_STEP_SAMPLED], picture_dispatch, NULL, NULL },
-    [RENDER_STEP_JPEG] = { &steps[RENDER_STEP_JPEG], picture_dispatch, NULL, NULL },
+    [RENDER_STEP_PICTURE] = PICTURES("blending", BLENDED, .sample = render_picture_sample),
+    [RENDER_STEP_VERIFY] = PICTURES("verification", BLENDED, .sample = render_verify_sample),
+    [RENDER_STEP_CLEAR] = CLEAR("clear picture", clear_colour, clear_on_device, COLOURED, .sample = clear_sample),
+    [RENDER_STEP_HOLES] = CLEAR("holes", clear_fill_picture, clear_holes_on_device, .sample = clear_sample_holes),
+    [RENDER_STEP_CLEAR_SAMPLED] =
+        CLEAR("clear picture of frames", clear_colour, clear_on_device, COLOURED, .sample = clear_sample_frames),
+    [RENDER_STEP_FRAMES] = PICTURES("rectification", .sample = render_frames_sample, .seeds = 3),
+    [RENDER_STEP_SAMPLED] = PICTURES("sampling of frames", BLENDED, .sample = render_sampled_sample, .seeds = 3),
+    [RENDER_STEP_JPEG] = PICTURES("colours of JPEG frames", .sample = render_jpeg_sample),
 };
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
