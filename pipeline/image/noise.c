@@ -53,8 +53,7 @@ double sst_image_noise(const struct sst_image *img)
 
 double sst_image_contrast(const struct sst_image *img)
 {
-    double sum = 0, squares = 0;
-    int n = 0;
+    int64_t sum = 0, squares = 0, n = 0;
 
     for (int y = 0; y < img->height; y += CONTRAST_STEP) {
         const uint8_t *row = sst_image_row(img, 1, y);
@@ -64,5 +63,5 @@ double sst_image_contrast(const struct sst_image *img)
             squares += row[x] * row[x];
         }
     }
-    return n ? sqrt(fmax(squares / n - sum / n * (sum / n), 0)) : 0;
+    return n ? sqrt(fmax((double)squares / (double)n - (double)sum / (double)n * ((double)sum / (double)n), 0)) : 0;
 }

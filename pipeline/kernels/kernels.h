@@ -88,6 +88,7 @@ enum sst_cpu_level {
     X(consensus_mean_row)                                                                                              \
     X(consensus_path_row)                                                                                              \
     X(consensus_choose_row)                                                                                            \
+    X(correlate_places)                                                                                                \
     X(sha256_blocks)
 
 /* --- disparity (pipeline/method/disparity/) --- */
@@ -884,6 +885,26 @@ typedef void sst_cell_score_fn(uint8_t *score, uint16_t *usual, const struct sst
 
 /** sum += score, of n cells, modulo 2^16. */
 typedef void sst_score_add_fn(uint16_t *sum, const uint8_t *score, size_t n);
+
+/* --- drift check (pipeline/calibration/drift/) --- */
+
+#define SST_CORRELATE_WIDTH  8
+#define SST_CORRELATE_HEIGHT 9
+#define SST_CORRELATE_SIZE   (SST_CORRELATE_WIDTH * SST_CORRELATE_HEIGHT)
+#define SST_CORRELATE_NONE   (-2.0f)
+
+/** A block of one picture, and the part of another one where it is searched. Grey values are 0 .. 255. */
+struct sst_correlate {
+    int16_t block[SST_CORRELATE_HEIGHT][SST_CORRELATE_WIDTH];
+    int32_t sum;   /* of the block's values */
+    double spread; /* SST_CORRELATE_SIZE times the sum of their squares - sum^2, above 0 */
+    const int16_t *grey;
+    size_t stride; /* values */
+};
+
+/** Correlation coefficients of the block with the blocks that begin at grey[at[i]]; 0 for flat ones,
+ *  SST_CORRELATE_NONE where at[i] is negative. */
+typedef void sst_correlate_places_fn(float *out, const struct sst_correlate *c, const int32_t *at, size_t n);
 
 /* --- hashes --- */
 

@@ -85,6 +85,8 @@ static const struct {
     { "disp_span", UINT16_MAX, UINT16_MAX, "compares" },
     { "cell_score", 256 * SST_SCORE_USUAL, INT16_MAX, "three differences of bytes; 1/256 level of the usual one" },
     { "score_add", 4 * 256.0 * SST_SCORE_CAP, UINT16_MAX, "scores of four rows of 256 views" },
+    { "correlate_places", SST_CORRELATE_SIZE * SST_CORRELATE_SIZE * 255.0 * 255, INT32_MAX,
+      "72 times products of 72 pairs of levels" },
     { "sha256_blocks", UINT32_MAX, UINT32_MAX, "sums modulo 2^32 by definition" },
 };
 

@@ -255,7 +255,7 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
         append(out,
                "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
                "array at something with structure",
-               usable, w->links, DRIFT_LEAST_MATCHES);
+               usable, w->links, SST_DRIFT_LEAST_MATCHES);
     } else if (2 * bad > usable && out->measured && 8 * (bad - lost) <= out->measured) {
         out->verdict = SST_DRIFT_UNKNOWN;
         append(out,
@@ -372,7 +372,6 @@ static void end(struct drift_work *w)
     free(w->view);
     free(w->offset);
     free(w->link);
-    free(w->kept);
 }
 
 /* Views without contrast among others that have some. */
@@ -415,12 +414,13 @@ static int conclude(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     err = err ? err : drift_solve_gains(&out, w);
     out.far_p95_px = NAN;
     out.swapped_a = out.swapped_b = -1;
-    if (w->stage != DRIFT_FIRST) {
+    if (w->stage == DRIFT_WHOLE) {
         err = err ? err : drift_measure_corner_pairs(&out, w);
         err = err ? err : drift_find_wrong_order(&out, w, order);
     }
     if (err)
         return err;
+    out.narrow = w->stage == DRIFT_CLOSER;
     out.rows = w->lf->rows;
     out.cols = w->lf->cols;
     out.ok_px = OK_PX;
@@ -462,19 +462,18 @@ static int run_stage(struct sst_drift *out, struct drift_work *w)
 
 static int run(struct sst_drift *out, struct drift_work *w)
 {
+    static const enum drift_stage looks[] = { DRIFT_FIRST, DRIFT_CLOSER };
     int err = drift_make_links(w);
 
-    if (err || !w->cfg.enough)
-        return err ? err : run_stage(out, w);
-    w->kept = malloc((size_t)w->links * sizeof(*w->kept) + 1);
-    w->stage = DRIFT_FIRST;
-    err = w->kept ? run_stage(out, w) : -ENOMEM;
-    if (err || w->cfg.enough(w->cfg.arg, out))
-        return err;
-    sst_drift_fini(out);
-    memcpy(w->link, w->kept, (size_t)w->links * sizeof(*w->link));
-    w->stage = DRIFT_REST;
-    return run_stage(out, w);
+    for (size_t i = 0; i < ARRAY_LEN(looks) && !err && w->cfg.enough; i++) {
+        w->stage = looks[i];
+        err = run_stage(out, w);
+        if (err || w->cfg.enough(w->cfg.arg, out))
+            return err;
+        sst_drift_fini(out);
+    }
+    w->stage = DRIFT_WHOLE;
+    return err ? err : run_stage(out, w);
 }
 
 bool sst_drift_possible(const struct sst_lightfield *lf)

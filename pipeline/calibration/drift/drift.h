@@ -7,6 +7,8 @@
 
 struct sst_share;
 
+#define SST_DRIFT_LEAST_MATCHES 10 /* of a pair, and distinct features */
+
 enum sst_drift_verdict {
     SST_DRIFT_OK = 0,
     SST_DRIFT_DRIFTED = 1,  /* some cameras have moved; the others are fine */
@@ -83,6 +85,7 @@ struct sst_drift {
     double far_p95_px;                 /* p95 of their |epipolar error|; NAN: fewer than 10 */
     double range_min_px, range_max_px; /* disparities searched; equal: nothing was found to search around */
     int swapped_a, swapped_b;          /* exchanging these two views explains the errors; -1: none */
+    bool narrow;                       /* a first look, where matches are if no view is off by more than a pixel */
     bool wrong_order;                  /* another order of the rows and columns explains them */
     char sentence[512];                /* the verdict as one sentence with cameras and pixels */
 };
@@ -91,8 +94,9 @@ struct sst_drift_config {
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
     bool loose;         /* worse matches count too, by their weight: for corrections, not for the verdict */
     int threads;        /* 0: all processors */
-    /* Whether a first look is enough: at a quarter of the features, none at full size alone, without corner pairs and
-     * orders of the views. Else the whole check follows, with the result that it has without. NULL: no first look */
+    /* Whether a first look is enough, at a quarter of the features, without corner pairs and orders of the views: the
+     * first one is at reduced size, the second one, at full size, looks only where matches are if no view is off by more
+     * than a pixel. Else the whole check follows, with the result that it has without. NULL: no first looks */
     bool (*enough)(void *arg, const struct sst_drift *first);
     void *arg;
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), by views and pairs; or NULL */

@@ -111,6 +111,6 @@ int drift_measure_corner_pairs(struct sst_drift *out, struct drift_work *w)
     }
     free(far);
     out->far_matches = n;
-    out->far_p95_px = n >= DRIFT_LEAST_MATCHES ? sst_stats_quantile(v, n, 0.95) : NAN;
+    out->far_p95_px = n >= SST_DRIFT_LEAST_MATCHES ? sst_stats_quantile(v, n, 0.95) : NAN;
     return 0;
 }

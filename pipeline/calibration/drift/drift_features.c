@@ -27,9 +27,14 @@ void drift_level_size(const struct drift_pyramid *view, int level, int *width, i
     *height = level ? view->level[level].height : view->image->height;
 }
 
-/* Four pixels of R + 2 G + B: a rounded mean. */
-static void halve_colour(struct sst_map_u8 *out, const struct sst_image *in)
+/* Four pixels of R + 2 G + B: a rounded mean. @return 0, -ENOMEM */
+static int halve_colour(struct sst_map_u8 *out, const struct sst_image *in)
 {
+    const int width = 2 * out->width;
+    uint16_t *sum = sst_mem_alloc((size_t)width, sizeof(*sum)); /* of two rows */
+
+    if (!sum)
+        return -ENOMEM;
     for (int y = 0; y < out->height; y++) {
         uint8_t *to = sst_map_u8_row(out, y);
         const uint8_t *p[2][3];
@@ -38,55 +43,86 @@ static void halve_colour(struct sst_map_u8 *out, const struct sst_image *in)
             for (int c = 0; c < 3; c++)
                 p[i][c] = sst_image_row(in, c, 2 * y + i);
         }
-        for (int x = 0; x < out->width; x++) {
-            int sum = 8;
-
-            for (int i = 0; i < 2; i++)
-                sum += p[i][0][2 * x] + p[i][0][2 * x + 1] + 2 * (p[i][1][2 * x] + p[i][1][2 * x + 1]) +
-                       p[i][2][2 * x] + p[i][2][2 * x + 1];
-            to[x] = (uint8_t)(sum >> 4);
-        }
+        for (int x = 0; x < width; x++)
+            sum[x] =
+                (uint16_t)(p[0][0][x] + p[1][0][x] + 2 * (p[0][1][x] + p[1][1][x]) + p[0][2][x] + p[1][2][x] + 4);
+        for (int x = 0; x < out->width; x++)
+            to[x] = (uint8_t)((sum[2 * x] + sum[2 * x + 1]) >> 4);
     }
+    sst_mem_free(sum);
+    return 0;
 }
 
 /* --- features ----------------------------------------------------------------------------------------------------- */
 
-/* Products of Sobel derivatives (8 times the slope), summed over the rows of the window by adding the row that enters
- * and taking off the one that leaves: integers, so exact. */
+#define ROWS (2 * WINDOW + 1)
+
+/* Products of Sobel derivatives (8 times the slope), summed over the rows of the window, the last one replacing the
+ * first, then over its columns: whole numbers, so exact. */
 struct tensor {
-    int32_t *xx, *xy, *yy; /* [width] sums over 2 WINDOW + 1 rows */
+    int32_t *row[3][ROWS]; /* [width] xx, xy, yy of the rows: row y in y % ROWS */
+    int32_t *sum[3];       /* [width] over the rows */
+    int32_t *window[3];    /* [width] around each column */
+    int16_t *slope[2];     /* [width] of one row; 0 at its ends */
     int width;
 };
 
-static void add_row(struct tensor *t, const struct sst_map_u8 *grey, int y, int sign)
+/* Replace a row of products; the sums get the differences. */
+static void replace_products(int32_t *restrict sum, int32_t *restrict row, const int16_t *a, const int16_t *b, int n)
 {
-    const uint8_t *p = sst_map_u8_row(grey, y - 1), *q = sst_map_u8_row(grey, y), *r = sst_map_u8_row(grey, y + 1);
+    for (int x = 0; x < n; x++) {
+        const int32_t product = a[x] * b[x];
 
-    for (int x = 1; x + 1 < t->width; x++) {
-        const int gx = (p[x + 1] - p[x - 1]) + 2 * (q[x + 1] - q[x - 1]) + (r[x + 1] - r[x - 1]);
-        const int gy = (r[x - 1] - p[x - 1]) + 2 * (r[x] - p[x]) + (r[x + 1] - p[x + 1]);
-
-        t->xx[x] += sign * gx * gx;
-        t->xy[x] += sign * gx * gy;
-        t->yy[x] += sign * gy * gy;
+        sum[x] += product - row[x];
+        row[x] = product;
     }
 }
+
+static void slopes(int16_t *restrict gx, int16_t *restrict gy, const uint8_t *p, size_t stride, int n)
+{
+    const uint8_t *q = p + stride, *r = q + stride;
+
+    for (int x = 1; x < n - 1; x++) {
+        gx[x] = (int16_t)((p[x + 1] - p[x - 1]) + 2 * (q[x + 1] - q[x - 1]) + (r[x + 1] - r[x - 1]));
+        gy[x] = (int16_t)((r[x - 1] - p[x - 1]) + 2 * (r[x] - p[x]) + (r[x + 1] - p[x + 1]));
+    }
+}
+
+static void replace_row(struct tensor *t, const struct sst_map_u8 *grey, int y)
+{
+    slopes(t->slope[0], t->slope[1], sst_map_u8_row(grey, y - 1), grey->stride, t->width);
+    for (int i = 0; i < 3; i++)
+        replace_products(t->sum[i], t->row[i][y % ROWS], t->slope[i / 2], t->slope[(i + 1) / 2], t->width);
+}
+
+static void sum_columns(struct tensor *t)
+{
+    for (int i = 0; i < 3; i++) {
+        const int32_t *restrict v = t->sum[i];
+        int32_t *restrict out = t->window[i];
+        const int end = t->width - WINDOW;
+
+        for (int x = WINDOW; x < end; x++)
+            out[x] = v[x - 3] + v[x - 2] + v[x - 1] + v[x] + v[x + 1] + v[x + 2] + v[x + 3];
+    }
+}
+
+#define TENSOR_SCALE (1.0 / (64.0 * ROWS * ROWS)) /* of the sums: to (grey levels / px)^2 */
 
 /* Least eigenvalue of the mean tensor around x, (grey levels / px)^2. */
 static double least_eigenvalue(const struct tensor *t, int x)
 {
-    const double scale = 1.0 / (64.0 * (2 * WINDOW + 1) * (2 * WINDOW + 1));
-    int64_t xx = 0, xy = 0, yy = 0;
-    double half, diff;
+    const double xy = t->window[1][x];
+    const double half = 0.5 * (double)(t->window[0][x] + t->window[2][x]);
+    const double diff = 0.5 * (double)(t->window[0][x] - t->window[2][x]);
 
-    for (int i = x - WINDOW; i <= x + WINDOW; i++) {
-        xx += t->xx[i];
-        xy += t->xy[i];
-        yy += t->yy[i];
-    }
-    half = 0.5 * (double)(xx + yy);
-    diff = 0.5 * (double)(xx - yy);
-    return scale * (half - sqrt(diff * diff + (double)xy * (double)xy));
+    return TENSOR_SCALE * (half - sqrt(diff * diff + xy * xy));
+}
+
+/* Lower bound of both diagonal entries of a tensor with a least eigenvalue above e, which no entry is below. */
+static int32_t least_entries(double e)
+{
+    return (int32_t)(e / TENSOR_SCALE) - 1;
 }
 
 /* Mean square of second differences both ways (Immerkaer 1996) in a block, over the 36 that they have of white noise of
@@ -128,8 +164,7 @@ static double noise_of(const struct sst_map_u8 *grey)
     }
     if (!n)
         return 0;
-    sst_stats_sort_float(v, n);
-    return NOISE_BIAS * sqrt(v[n / 50]);
+    return NOISE_BIAS * sqrt(sst_stats_quantile_float(v, n, (n / 50 + 0.5) / n));
 }
 
 /* Derivatives of white noise of 1 by Sobel / 8 have a variance of 12 / 64. */
@@ -195,28 +230,45 @@ static int find_features(struct drift_pyramid *view, const struct sst_map_u8 *va
     const double needed = texture_needed(view->noise);
     double best[PARTS_X * PARTS_Y] = { 0 };
     struct drift_feature at[PARTS_X * PARTS_Y];
+    int32_t least[PARTS_X * PARTS_Y];
     struct tensor t = { .width = grey->width };
-    int32_t *rows = sst_mem_alloc((size_t)grey->width * 3, sizeof(*rows));
+    int32_t *rows = sst_mem_alloc((size_t)grey->width * (3 * (ROWS + 2) + 2), sizeof(*rows)), *row = rows;
 
     if (!rows)
         return -ENOMEM;
-    t.xx = rows;
-    t.xy = rows + grey->width;
-    t.yy = rows + 2 * grey->width;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < ROWS; k++, row += t.width)
+            t.row[i][k] = row;
+        t.sum[i] = row;
+        t.window[i] = row + t.width;
+        row += 2 * t.width;
+    }
+    t.slope[0] = (int16_t *)(row + t.width);
+    t.slope[1] = t.slope[0] + t.width;
+    for (int x = 0; x < grey->width; x++)
+        row[x] = x * PARTS_X / grey->width; /* its part */
+    for (int i = 0; i < PARTS_X * PARTS_Y; i++)
+        least[i] = least_entries(needed);
     for (int y = MARGIN - WINDOW; y < MARGIN + WINDOW; y++)
-        add_row(&t, grey, y, 1);
+        replace_row(&t, grey, y);
     for (int y = MARGIN; y < grey->height - MARGIN; y++) {
-        add_row(&t, grey, y + WINDOW, 1);
-        for (int x = MARGIN; y % CELL_STEP == 0 && x < grey->width - MARGIN; x += CELL_STEP) {
-            const int i = y * PARTS_Y / grey->height * PARTS_X + x * PARTS_X / grey->width;
-            const double e = least_eigenvalue(&t, x);
+        replace_row(&t, grey, y + WINDOW);
+        if (y % CELL_STEP)
+            continue;
+        sum_columns(&t);
+        for (int x = MARGIN; x < grey->width - MARGIN; x += CELL_STEP) {
+            const int i = y * PARTS_Y / grey->height * PARTS_X + row[x];
+            double e;
 
+            if (t.window[0][x] <= least[i] || t.window[2][x] <= least[i])
+                continue;
+            e = least_eigenvalue(&t, x);
             if (e > needed && e > best[i] && is_valid_around(valid, x, y)) {
                 best[i] = e;
+                least[i] = least_entries(e);
                 at[i] = (struct drift_feature){ 2 * x, 2 * y };
             }
         }
-        add_row(&t, grey, y - WINDOW, -1);
     }
     sst_mem_free(rows);
     sort_features(view, best, at);
@@ -239,10 +291,10 @@ int drift_pyramid_init(struct drift_pyramid *view, const struct sst_image *image
         err = i == 1 ? sst_map_u8_init(&view->level[i], w, h) : sst_map_u8_halve(&view->level[i], &view->level[i - 1]);
         if (err)
             break;
-        if (i == 1)
-            halve_colour(&view->level[i], image);
         view->levels++;
-    } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= DRIFT_SMALLEST && view->levels < DRIFT_LEVELS);
+        if (i == 1)
+            err = halve_colour(&view->level[i], image);
+    } while (!err && sst_max_int(w, h) > side && sst_min_int(w, h) >= DRIFT_SMALLEST && view->levels < DRIFT_LEVELS);
     if (!err) {
         view->noise = fmin(noise_of(&view->level[1]), NOISE_CAP);
         err = find_features(view, valid);
@@ -266,20 +318,23 @@ int drift_to_level(int x, int level)
     return (int)floor((x - 0.5 * ((1 << level) - 1)) / (1 << level) + 0.5);
 }
 
-void drift_read_grey(uint8_t *out, const struct drift_pyramid *view, int level, struct sst_rect part)
+void drift_read_grey(int16_t *out, const struct drift_pyramid *view, int level, struct sst_rect part)
 {
     const int n = part.x1 - part.x0;
 
     for (int y = part.y0; y < part.y1; y++, out += n) {
         if (level) {
-            memcpy(out, sst_map_u8_row(&view->level[level], y) + part.x0, (size_t)n);
+            const uint8_t *p = sst_map_u8_row(&view->level[level], y) + part.x0;
+
+            for (int x = 0; x < n; x++)
+                out[x] = p[x];
         } else {
             const uint8_t *r = sst_image_row(view->image, 0, y) + part.x0;
             const uint8_t *g = sst_image_row(view->image, 1, y) + part.x0;
             const uint8_t *b = sst_image_row(view->image, 2, y) + part.x0;
 
             for (int x = 0; x < n; x++)
-                out[x] = (uint8_t)((r[x] + 2 * g[x] + b[x] + 2) >> 2);
+                out[x] = (int16_t)((r[x] + 2 * g[x] + b[x] + 2) >> 2);
         }
     }
 }

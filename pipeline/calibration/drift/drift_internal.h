@@ -7,7 +7,6 @@
 
 #define DRIFT_LEVELS        10
 #define DRIFT_SMALLEST      64 /* shorter side of a picture, px */
-#define DRIFT_LEAST_MATCHES 10 /* of a pair */
 #define DRIFT_CELLS_X       16 /* one feature at most per cell of the picture */
 #define DRIFT_CELLS_Y       12
 #define DRIFT_CELLS         (DRIFT_CELLS_X * DRIFT_CELLS_Y)
@@ -43,7 +42,7 @@ void drift_pyramid_fini(struct drift_pyramid *view);
 int drift_to_level(int x, int level);
 
 /** Grey values of a rectangle of a level: (R + 2 G + B) / 4 at level 0, rounded. @param out  [height][width] */
-void drift_read_grey(uint8_t *out, const struct drift_pyramid *view, int level, struct sst_rect part);
+void drift_read_grey(int16_t *out, const struct drift_pyramid *view, int level, struct sst_rect part);
 
 /** Size of a level. */
 void drift_level_size(const struct drift_pyramid *view, int level, int *width, int *height);
@@ -128,8 +127,8 @@ struct drift_link {
 
 enum drift_stage {
     DRIFT_WHOLE = 0,
-    DRIFT_FIRST = 1, /* a part of the cells */
-    DRIFT_REST = 2,  /* the others, after DRIFT_FIRST */
+    DRIFT_FIRST = 1,  /* a part of the cells, where they are if nothing is displaced */
+    DRIFT_CLOSER = 2, /* some of these that DRIFT_FIRST did not find, at full size */
 };
 
 /** State of one check. */
@@ -142,7 +141,6 @@ struct drift_work {
     int links;
     struct drift_link *link; /* [links] */
     enum drift_stage stage;
-    struct drift_link *kept; /* [links] of DRIFT_FIRST, before what all matches decide */
     double range[2];         /* disparities, px per spacing */
     double noise_factor;     /* of the views' noise, that is not texture */
 };

@@ -2,7 +2,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/stats.h"
 #include "base/thread.h"
@@ -10,6 +9,7 @@
 #include "pipeline/lightfield/share.h"
 
 #define VOTES         32 /* features of a pair that vote for the search range of the others */
+#define VOTERS        3 /* of the pairs one votes in the first look */
 #define VOTES_LEAST   6
 #define VOTE_BAND     4    /* half width across the line, px of the coarsest level; four times that in a second try */
 #define BAND          3    /* of the search for all features, px of its level */
@@ -18,6 +18,7 @@
 #define RANGE_CUT     0.03 /* share of votes left out at each end of the range */
 #define ENOUGH        96   /* matches: half of the cells; with fewer, a finer search follows */
 #define FIRST         4    /* of the cells one is looked at first */
+#define SOME          16   /* matches of a pair that are enough to see whether it is off */
 #define FEW           4    /* good matches that are more than chance */
 #define NARROW_PX     1.5  /* least half width of the finer search's band */
 #define NOISE_LEAST   100  /* matches to estimate the noise from */
@@ -137,7 +138,12 @@ static int vote_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *job = arg;
 
-    if (!skipped(job, index) && vote(job, index, VOTE_BAND) > VOTES_LEAST)
+    if (skipped(job, index))
+        return 0;
+    if (job->w->stage == DRIFT_FIRST) {
+        if (index % VOTERS == 0)
+            vote(job, index, VOTE_BAND);
+    } else if (vote(job, index, VOTE_BAND) > VOTES_LEAST)
         vote(job, index, 4 * VOTE_BAND);
     return 0;
 }
@@ -165,7 +171,7 @@ static void range_of_votes(struct job *job)
 
 /* --- all matches -------------------------------------------------------------------------------------------------- */
 
-/* In the first look: one cell of a view in FIRST, others in the next view, the same for all its pairs. */
+/* In the first looks: one cell of a view in FIRST, others in the next view, the same for all its pairs. */
 static bool is_first(int cell, int view)
 {
     return (cell % DRIFT_CELLS_X + 2 * (cell / DRIFT_CELLS_X) + view) % FIRST == 0;
@@ -180,8 +186,6 @@ static void match_best(struct drift_link *link, const struct drift_work *w, int 
     for (int k = 0; k < DRIFT_CELLS; k++) {
         struct drift_match *m = &link->m[k];
 
-        if (w->stage == DRIFT_REST && is_first(k, link->a))
-            continue;
         m->outcome = DRIFT_AMBIGUOUS;
         link->feature[k] = a->first[k];
         if (a->first[k] == a->first[k + 1] || (w->stage == DRIFT_FIRST && !is_first(k, link->a)))
@@ -192,29 +196,51 @@ static void match_best(struct drift_link *link, const struct drift_work *w, int 
     }
 }
 
-/* Cells without a match: all their features, at full size, in a band about the matches found. Fine foliage is found
- * only so. */
-static void match_rest(struct drift_link *link, const struct drift_pyramid *a, const struct drift_pyramid *b)
+/* All features of a cell until one matches, at full size. */
+static void match_cell(struct drift_link *link, const struct drift_work *w, int k)
 {
+    const struct drift_pyramid *a = &w->view[link->a], *b = &w->view[link->b];
     const struct drift_views views = { a, b, &link->s };
 
+    for (int i = a->first[k]; link->m[k].outcome != DRIFT_FOUND && i < a->first[k + 1]; i++) {
+        struct drift_match m;
+
+        drift_search_match(&m, &views, &a->feature[i], 0);
+        if (m.outcome == DRIFT_FOUND)
+            drift_refine_match(&m, &views, &a->feature[i], 0);
+        if (m.outcome != DRIFT_FOUND)
+            continue;
+        link->m[k] = m;
+        link->feature[k] = i;
+    }
+}
+
+/* Cells without a match, in a band about the matches found. Fine foliage is found only so. */
+static void match_rest(struct drift_link *link, const struct drift_work *w)
+{
     if (link->matches >= FEW) {
         link->s.across_px = link->median_px;
         link->s.band_px = fmin(fmax(NARROW_PX, 5 * link->spread_px), link->s.band_px);
     }
-    for (int k = 0; k < DRIFT_CELLS; k++) {
-        for (int i = a->first[k]; link->m[k].outcome != DRIFT_FOUND && i < a->first[k + 1]; i++) {
-            struct drift_match m;
+    for (int k = 0; k < DRIFT_CELLS; k++)
+        match_cell(link, w, k);
+}
 
-            drift_search_match(&m, &views, &a->feature[i], 0);
-            if (m.outcome == DRIFT_FOUND)
-                drift_refine_match(&m, &views, &a->feature[i], 0);
-            if (m.outcome != DRIFT_FOUND)
-                continue;
-            link->m[k] = m;
-            link->feature[k] = i;
-        }
+/* Cells of the first look until there are some matches, where they are if nothing is displaced. */
+static void match_some(struct drift_link *link, const struct drift_work *w)
+{
+    int n = link->matches;
+
+    set_range(&link->s, link, w->range[0], w->range[1], NARROW_PX);
+    link->s.across_px = 0;
+    link->s.band_px = NARROW_PX;
+    for (int k = 0; k < DRIFT_CELLS && n < SOME; k++) {
+        if (!is_first(k, link->a) || link->m[k].outcome == DRIFT_FOUND)
+            continue;
+        match_cell(link, w, k);
+        n += link->m[k].outcome == DRIFT_FOUND;
     }
+    drift_link_judge(link, SST_DRIFT_LEAST_MATCHES);
 }
 
 static int best_job(void *arg, int index, int worker SST_UNUSED)
@@ -227,6 +253,10 @@ static int best_job(void *arg, int index, int worker SST_UNUSED)
     if (skipped(job, index))
         return 0;
     set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
+    if (w->stage == DRIFT_FIRST) {
+        link->s.across_px = 0;
+        link->s.band_px = BAND << job->search_level;
+    }
     link->s.loose = w->cfg.loose;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     match_best(link, w, job->search_level);
@@ -242,14 +272,18 @@ static int rest_job(void *arg, int index, int worker SST_UNUSED)
 
     if (skipped(job, index))
         return 0;
+    if (w->stage == DRIFT_CLOSER) {
+        match_some(link, w);
+        return 0;
+    }
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     for (int k = 0; k < DRIFT_CELLS; k++)
         drift_weigh_match(&link->m[k], &link->s);
-    drift_link_judge(link, DRIFT_LEAST_MATCHES);
+    drift_link_judge(link, SST_DRIFT_LEAST_MATCHES);
     if (w->stage == DRIFT_FIRST || link->matches >= ENOUGH)
         return 0;
-    match_rest(link, a, b);
-    drift_link_judge(link, DRIFT_LEAST_MATCHES);
+    match_rest(link, w);
+    drift_link_judge(link, SST_DRIFT_LEAST_MATCHES);
     return 0;
 }
 
@@ -366,30 +400,30 @@ static int for_links(struct job *job, sst_work_fn *fn, sst_share_maps_fn *values
 
 int drift_match_links(struct drift_work *w, const bool *only)
 {
-    const bool known = w->lf->range_max_px > w->lf->range_min_px, again = w->stage == DRIFT_REST;
+    const bool known = w->lf->range_max_px > w->lf->range_min_px;
     struct job job = { .w = w, .only = only };
     int err = 0;
 
+    if (w->stage == DRIFT_CLOSER)
+        return for_links(&job, rest_job, link_values);
     for (int v = 0; v < w->views; v++)
         job.vote_level = sst_max_int(job.vote_level, w->view[v].levels - 1);
     job.search_level = sst_max_int(job.vote_level - 1, 1);
     job.vote = calloc((size_t)w->links * VOTES + 1, sizeof(*job.vote));
     job.votes = calloc((size_t)w->links + 1, sizeof(*job.votes));
-    if (!only && !again) {
+    if (!only) {
         w->range[0] = known ? w->lf->range_min_px : -UNKNOWN_REACH * longer_side(w);
         w->range[1] = known ? w->lf->range_max_px : UNKNOWN_REACH * longer_side(w);
     }
     if (!job.vote || !job.votes)
         err = -ENOMEM;
-    else if (!again)
+    else
         err = for_links(&job, vote_job, vote_values);
-    if (!err && !known && !only && !again)
+    if (!err && !known && !only)
         range_of_votes(&job);
     if (!only)
         w->noise_factor = 1;
     err = err ? err : for_links(&job, best_job, link_values);
-    if (!err && w->stage == DRIFT_FIRST)
-        memcpy(w->kept, w->link, (size_t)w->links * sizeof(*w->link));
     if (!err && !only)
         err = estimate_noise_factor(w);
     err = err ? err : for_links(&job, rest_job, link_values);

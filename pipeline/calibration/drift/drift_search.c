@@ -2,9 +2,10 @@
 #include <math.h>
 
 #include "pipeline/calibration/drift/drift_internal.h"
+#include "pipeline/kernels/kernels.h"
 
-#define BLOCK_W            8 /* pixels of the level: x - 4 .. x + 3, y - 4 .. y + 4 */
-#define BLOCK_H            9
+#define BLOCK_W            SST_CORRELATE_WIDTH /* pixels of the level: x - 4 .. x + 3, y - 4 .. y + 4 */
+#define BLOCK_H            SST_CORRELATE_HEIGHT
 #define ALONG_MAX          512
 #define ACROSS_MAX         65
 #define AREA_MAX           65536
@@ -15,13 +16,7 @@
 /* Grey values of a part of a level. */
 struct area {
     int x0, y0, width, height;
-    uint8_t *v;
-};
-
-struct block {
-    int16_t v[BLOCK_H][BLOCK_W];
-    int32_t sum;
-    double spread; /* n sum of squares - sum^2 */
+    int16_t *v;
 };
 
 static bool block_inside(const struct area *a, int x, int y)
@@ -29,9 +24,10 @@ static bool block_inside(const struct area *a, int x, int y)
     return x >= a->x0 + 4 && y >= a->y0 + 4 && x + 3 < a->x0 + a->width && y + 4 < a->y0 + a->height;
 }
 
-static const uint8_t *area_at(const struct area *a, int x, int y)
+/* Index of the first value of the block around a place. */
+static int block_at(const struct area *a, int x, int y)
 {
-    return a->v + (size_t)(y - a->y0) * (size_t)a->width + (x - a->x0);
+    return (y - 4 - a->y0) * a->width + (x - 4 - a->x0);
 }
 
 /* Set the size of the part of a level inside a rectangle. @return false: none, or too large a part */
@@ -52,93 +48,35 @@ static void area_read(struct area *a, const struct drift_pyramid *view, int leve
     drift_read_grey(a->v, view, level, (struct sst_rect){ a->x0, a->y0, a->x0 + a->width, a->y0 + a->height });
 }
 
-static void block_read(struct block *b, const struct area *in, int x, int y)
+static void block_read(struct sst_correlate *b, const struct area *in, int x, int y)
 {
+    const int16_t *p = in->v + block_at(in, x, y);
     int32_t squares = 0;
 
     b->sum = 0;
-    for (int j = 0; j < BLOCK_H; j++) {
-        const uint8_t *p = area_at(in, x - 4, y - 4 + j);
-
+    for (int j = 0; j < BLOCK_H; j++, p += in->width) {
         for (int i = 0; i < BLOCK_W; i++) {
-            b->v[j][i] = p[i];
+            b->block[j][i] = p[i];
             b->sum += p[i];
             squares += p[i] * p[i];
         }
     }
-    b->spread = (double)squares * (BLOCK_W * BLOCK_H) - (double)b->sum * b->sum;
-}
-
-/* Sums over the block around each place of an area and of the squares there: [y][x] of the block's upper left pixel. */
-struct sums {
-    int32_t *one, *two;
-};
-
-static void sum_blocks(struct sums *s, const struct area *a)
-{
-    const int w = a->width;
-
-    for (int y = 0; y < a->height; y++) {
-        int32_t one = 0, two = 0;
-
-        for (int x = 0; x < w; x++) {
-            const int v = a->v[y * w + x], old = x < BLOCK_W ? 0 : a->v[y * w + x - BLOCK_W];
-
-            one += v - old;
-            two += v * v - old * old;
-            if (x < BLOCK_W - 1)
-                continue;
-            s->one[y * w + x - BLOCK_W + 1] = one;
-            s->two[y * w + x - BLOCK_W + 1] = two;
-        }
-    }
-    for (int x = 0; x + BLOCK_W <= w; x++) {
-        int32_t one = 0, two = 0;
-
-        for (int y = 0; y < BLOCK_H - 1; y++) {
-            one += s->one[y * w + x];
-            two += s->two[y * w + x];
-        }
-        for (int y = 0; y + BLOCK_H <= a->height; y++) {
-            const int32_t first = s->one[y * w + x], first_two = s->two[y * w + x];
-
-            one += s->one[(y + BLOCK_H - 1) * w + x];
-            two += s->two[(y + BLOCK_H - 1) * w + x];
-            s->one[y * w + x] = one;
-            s->two[y * w + x] = two;
-            one -= first;
-            two -= first_two;
-        }
-    }
-}
-
-/* Correlation coefficient, 0 where the other block is flat. */
-static float correlate(const struct block *a, const struct area *in, const struct sums *s, int x, int y)
-{
-    const uint8_t *p = area_at(in, x - 4, y - 4);
-    const double sum = s->one[p - in->v], squares = s->two[p - in->v];
-    const double spread = squares * (BLOCK_W * BLOCK_H) - sum * sum;
-    int32_t product = 0;
-
-    if (spread <= 0)
-        return 0;
-    for (int j = 0; j < BLOCK_H; j++, p += in->width) {
-        for (int i = 0; i < BLOCK_W; i++)
-            product += (int16_t)p[i] * a->v[j][i];
-    }
-    return (float)(((double)product * (BLOCK_W * BLOCK_H) - sum * a->sum) / sqrt(spread * a->spread));
+    b->spread = (double)squares * SST_CORRELATE_SIZE - (double)b->sum * b->sum;
 }
 
 struct field {
     int along, across; /* steps of one pixel of the level */
-    float v[ALONG_MAX][ACROSS_MAX];
+    float v[ALONG_MAX * ACROSS_MAX]; /* [along][across] */
 };
 
-#define OUT_OF_PICTURE (-2.0f)
+static float field_at(const struct field *f, int i, int j)
+{
+    return f->v[i * f->across + j];
+}
 
 static bool is_peak(const struct field *f, int i, int j)
 {
-    const float v = f->v[i][j];
+    const float v = field_at(f, i, j);
 
     for (int di = -1; di <= 1; di++) {
         for (int dj = -1; dj <= 1; dj++) {
@@ -146,51 +84,58 @@ static bool is_peak(const struct field *f, int i, int j)
 
             /* Equal neighbours: the first one is the peak. */
             if ((di || dj) && k >= 0 && l >= 0 && k < f->along && l < f->across &&
-                (f->v[k][l] > v || (f->v[k][l] == v && (di < 0 || (!di && dj < 0)))))
+                (field_at(f, k, l) > v || (field_at(f, k, l) == v && (di < 0 || (!di && dj < 0)))))
                 return false;
         }
     }
-    return v > OUT_OF_PICTURE;
+    return v > SST_CORRELATE_NONE;
 }
 
 /* Best peak, and the value of the next one that is more than two steps off. */
 static bool two_peaks(const struct field *f, int *i, int *j, float *second)
 {
-    float best = OUT_OF_PICTURE;
+    float best = SST_CORRELATE_NONE;
+    int at = 0;
 
-    for (int k = 0; k < f->along; k++) {
-        for (int l = 0; l < f->across; l++) {
-            if (f->v[k][l] > best) {
-                best = f->v[k][l];
-                *i = k;
-                *j = l;
-            }
+    for (int k = 0; k < f->along * f->across; k++) {
+        if (f->v[k] > best) {
+            best = f->v[k];
+            at = k;
         }
     }
+    *i = at / f->across;
+    *j = at % f->across;
     *second = 0;
     for (int k = 0; k < f->along; k++) {
         for (int l = 0; l < f->across; l++) {
             const bool apart = k < *i - 2 || k > *i + 2 || l < *j - 2 || l > *j + 2;
 
-            if (apart && f->v[k][l] > *second && is_peak(f, k, l))
-                *second = f->v[k][l];
+            if (field_at(f, k, l) > *second && apart && is_peak(f, k, l))
+                *second = field_at(f, k, l);
         }
     }
-    return best > OUT_OF_PICTURE;
+    return best > SST_CORRELATE_NONE;
+}
+
+static int round_down(double v)
+{
+    const int whole = (int)v;
+
+    return whole - (whole > v);
 }
 
 /* Pixel of the other view at a step along and across, px of the level. */
 static void to_pixel(const struct drift_search *s, double along, double across, int *x, int *y)
 {
-    *x = (int)floor(s->u[0] * along + s->n[0] * across + 0.5);
-    *y = (int)floor(s->u[1] * along + s->n[1] * across + 0.5);
+    *x = round_down(s->u[0] * along + s->n[0] * across + 0.5);
+    *y = round_down(s->u[1] * along + s->n[1] * across + 0.5);
 }
 
 /* Search: a block's places in an area of the other view. */
 struct band {
     const struct drift_pyramid *b;
     const struct drift_search *s;
-    struct block block;
+    struct sst_correlate block;
     struct area area;
     int x, y, level; /* the feature */
     int across;      /* steps to each side */
@@ -215,35 +160,55 @@ static bool set_band(struct band *n, int along)
     return area_set(&n->area, n->b, n->level, r);
 }
 
+/* Steps that kernels do at once. */
+#define STEPS 256
+
+/* Correlations at all steps of the search. @return false: a place on the line itself is outside */
+static bool correlate_steps(const struct band *n, struct field *field)
+{
+    const int count = field->along * field->across;
+    bool whole = true;
+    int32_t at[STEPS];
+
+    for (int from = 0, k = 0, l = 0; from < count; from += STEPS) {
+        const int steps = sst_min_int(count - from, STEPS);
+
+        for (int i = 0; i < steps; i++) {
+            bool inside;
+            int x, y;
+
+            to_pixel(n->s, n->from + k, n->middle + l - n->across, &x, &y);
+            inside = block_inside(&n->area, n->x + x, n->y + y);
+            at[i] = inside ? block_at(&n->area, n->x + x, n->y + y) : -1;
+            whole = whole && (inside || l != n->across);
+            k += l + 1 == field->across;
+            l = l + 1 == field->across ? 0 : l + 1;
+        }
+        sst_kernels_get()->correlate_places(field->v + from, &n->block, at, (size_t)steps);
+    }
+    return whole;
+}
+
 /* @param field  along and across are set: large, its values are written before they are read */
-static void search_band(struct drift_match *out, struct band *n, struct sums *sums, struct field *field)
+static void search_band(struct drift_match *out, struct band *n, struct field *field)
 {
     const struct drift_search *s = n->s;
     const double size = 1 << n->level;
     float second = 0;
     int i = 0, j = 0;
-    bool whole = true;
+    bool whole;
 
     area_read(&n->area, n->b, n->level);
-    sum_blocks(sums, &n->area);
-    for (int k = 0; k < field->along; k++) {
-        for (int l = 0; l < field->across; l++) {
-            int bx, by;
-            bool inside;
-
-            to_pixel(s, n->from + k, n->middle + l - n->across, &bx, &by);
-            inside = block_inside(&n->area, n->x + bx, n->y + by);
-            field->v[k][l] = inside ? correlate(&n->block, &n->area, sums, n->x + bx, n->y + by) : OUT_OF_PICTURE;
-            whole = whole && (inside || l != n->across);
-        }
-    }
+    n->block.grey = n->area.v;
+    n->block.stride = (size_t)n->area.width;
+    whole = correlate_steps(n, field);
     if (!two_peaks(field, &i, &j, &second))
         return;
-    if (field->v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field->along || j + 1 == field->across) {
+    if (field_at(field, i, j) < CORRELATION_COARSE || !i || !j || i + 1 == field->along || j + 1 == field->across) {
         out->outcome = whole ? DRIFT_NOWHERE : DRIFT_OUTSIDE;
         return;
     }
-    if (1 - field->v[i][j] > DISTINCT * (1 - second)) {
+    if (1 - field_at(field, i, j) > DISTINCT * (1 - second)) {
         out->outcome = DRIFT_AMBIGUOUS;
         return;
     }
@@ -257,20 +222,18 @@ static void search_band(struct drift_match *out, struct band *n, struct sums *su
 /* With memory for a usual area, and for any: pages of a large stack frame are touched one by one. */
 static __attribute__((noinline)) void search_small(struct drift_match *out, struct band *n, struct field *field)
 {
-    uint8_t v[AREA_SMALL];
-    int32_t one[AREA_SMALL], two[AREA_SMALL];
+    int16_t v[AREA_SMALL];
 
     n->area.v = v;
-    search_band(out, n, &(struct sums){ one, two }, field);
+    search_band(out, n, field);
 }
 
 static __attribute__((noinline)) void search_large(struct drift_match *out, struct band *n, struct field *field)
 {
-    uint8_t v[AREA_MAX];
-    int32_t one[AREA_MAX], two[AREA_MAX];
+    int16_t v[AREA_MAX];
 
     n->area.v = v;
-    search_band(out, n, &(struct sums){ one, two }, field);
+    search_band(out, n, field);
 }
 
 void drift_search_match(struct drift_match *out, const struct drift_views *v, const struct drift_feature *f, int level)
@@ -287,7 +250,7 @@ void drift_search_match(struct drift_match *out, const struct drift_views *v, co
                       .across = across,
                       .from = s->from_px / size,
                       .middle = s->across_px / size };
-    uint8_t own[BLOCK_W * BLOCK_H * 2];
+    int16_t own[BLOCK_W * BLOCK_H * 2];
     struct field field;
 
     field.along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX);

@@ -26,6 +26,7 @@
 #define AGREE        3   /* robust sigmas from the median: these make the mean that stays */
 #define ROUNDS       10
 #define STAY_SPREADS 2 /* RMS of all views */
+#define WHOLE_SIGMA  0.5 /* sigma of a whole check over the sigma of a quarter of the matches */
 
 /* One kind of deviation of all views. */
 struct kind {
@@ -380,9 +381,23 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
         sst_border_doubles("corrections of the views", &correction[k].shift_x_px, sizeof(*correction) / sizeof(double));
 }
 
-static double exact(double sigma)
+/* Whether a view has a pair along its row, or along its column, that is not lost, or no such pair with features. In a
+ * narrow band up to 15 % of a displaced view's features match by chance. */
+static bool is_tied(const struct sst_drift *check, int view, bool along_rows)
 {
-    return isnan(sigma) ? sigma : 0;
+    bool has_features = false;
+
+    for (int i = 0; i < check->pairs; i++) {
+        const struct sst_drift_pair *p = &check->pair[i];
+
+        if ((p->a != view && p->b != view) || (p->a / check->cols == p->b / check->cols) != along_rows ||
+            p->features < SST_DRIFT_LEAST_MATCHES)
+            continue;
+        has_features = true;
+        if (check->narrow ? 4 * p->matches >= p->features : p->state != SST_DRIFT_PAIR_LOST)
+            return true;
+    }
+    return !has_features;
 }
 
 bool sst_align_is_clean(const struct sst_lightfield *lf, const struct sst_drift *check)
@@ -397,12 +412,15 @@ bool sst_align_is_clean(const struct sst_lightfield *lf, const struct sst_drift 
         struct sst_drift_camera *c = &camera[k];
 
         *c = check->camera[k];
-        if (lf->views[k].present && isnan(c->gain_sigma))
+        if (lf->views[k].present &&
+            (isnan(c->gain_sigma) || !is_tied(check, k, true) || !is_tied(check, k, false)))
             return false;
-        c->sigma_px = c->roll_sigma_deg = c->scale_sigma = 0;
-        c->gain_sigma = exact(c->gain_sigma);
-        c->falloff_sigma = exact(c->falloff_sigma);
-        c->exponent_sigma = exact(c->exponent_sigma);
+        c->sigma_px *= WHOLE_SIGMA;
+        c->roll_sigma_deg *= WHOLE_SIGMA;
+        c->scale_sigma *= WHOLE_SIGMA;
+        c->gain_sigma *= WHOLE_SIGMA;
+        c->falloff_sigma *= WHOLE_SIGMA;
+        c->exponent_sigma *= WHOLE_SIGMA;
     }
     sst_align_plan(correction, &r, lf, &sure);
     return !r.unmeasured && !r.moved && !r.contradictory && !r.lit && !r.faded && !r.bent && !r.bent_kept;

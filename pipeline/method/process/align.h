@@ -41,8 +41,8 @@ struct sst_align_report {
 void sst_align_plan(struct sst_correction *correction, struct sst_align_report *report, const struct sst_lightfield *lf,
                     const struct sst_drift *check);
 
-/** Whether a first look is enough: every view was measured, and nothing would be corrected even if its figures were
- * exact. */
+/** Whether a first look is enough: every view was measured, by pairs along rows and along columns where it has them, and
+ * nothing would be corrected with the sigmas of a whole check. */
 bool sst_align_is_clean(const struct sst_lightfield *lf, const struct sst_drift *check);
 
 #endif
