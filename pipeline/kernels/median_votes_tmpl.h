@@ -11,9 +11,14 @@ static inline simd_u16 KERNEL(median_levels)(const uint8_t *p)
     return __builtin_convertvector(v, simd_u16);
 }
 
+/* |a - b| of bytes. */
 static inline simd_u16 KERNEL(median_apart)(simd_u16 a, simd_u16 b)
 {
+#if defined(__AVX2__)
+    return (simd_u16)SIMD_OP(abs_epi16)((SIMD_INT)(a - b));
+#else
     return simd_less_u16(a, b) | simd_less_u16(b, a);
+#endif
 }
 
 /* A register of pixels against a row of the window around them. Weights fit 16 bits, 16 * 225, and so do their sums over
@@ -22,7 +27,8 @@ static inline void KERNEL(median_votes_line)(uint32_t *restrict near, uint32_t *
                                              const uint16_t *const disp[SST_MEDIAN_SIDE],
                                              const uint8_t *const colour[3][SST_MEDIAN_SIDE], int j, ptrdiff_t x)
 {
-    const simd_u16 d = simd_load_u16(disp[SST_MEDIAN_REACH] + x), none = { 0 };
+    const simd_u16 d = simd_load_u16(disp[SST_MEDIAN_REACH] + x), none = { 0 }, step = simd_set_u16(SST_MEDIAN_STEP_Q6);
+    const simd_u16 least = simd_less_u16(d, step), most = simd_min_u16(d, ~step) + step;
     uint16_t some[MEDIAN_LANES], every[MEDIAN_LANES];
     simd_u16 own[3], within = none, sum = none;
 
@@ -35,9 +41,9 @@ static inline void KERNEL(median_votes_line)(uint32_t *restrict near, uint32_t *
                                   KERNEL(median_apart)(own[2], KERNEL(median_levels)(colour[2][j] + at));
         const simd_u16 room = simd_less_u16(simd_set_u16(SST_MEDIAN_CONTRAST), contrast);
         const simd_u16 w = (room * room >> SST_MEDIAN_SHIFT) * simd_set_u16(sst_median_near[j][i]);
-        const simd_u16 step = KERNEL(median_apart)(d, simd_load_u16(disp[j] + at));
+        const simd_u16 there = simd_load_u16(disp[j] + at);
 
-        within += w & (simd_u16)(simd_less_u16(step, simd_set_u16(SST_MEDIAN_STEP_Q6)) == 0);
+        within += w & (simd_u16)((simd_less_u16(least, there) | simd_less_u16(there, most)) == 0);
         sum += w;
     }
     simd_store_u16(some, within);
