@@ -15,7 +15,7 @@ struct posed_scene {
     struct sst_posed posed;
     struct sst_heights heights; /* of terrain */
     struct sst_samples levels;  /* of --levels; white 0: found */
-    bool mapped;                /* the terrain's places were those of a map */
+    bool mapped;                /* the terrain's places came from a map */
     struct sst_posed_ground ground;   /* views is 0: not sought */
     struct sst_posed_render_config cfg;
     const char *view; /* the camera's: a view's name, or "nadir" */

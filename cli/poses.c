@@ -21,7 +21,7 @@ struct poses_run {
     struct sst_posed_solved *solved; /* [count] */
     bool *saved;                     /* [count] the result is in the folder */
     int *given;                      /* [count] poses that the views had */
-    char (*origin)[1024];            /* [count] of those */
+    char (*origin)[1024];            /* [count] history of the given poses */
 };
 
 static json_t *names_json(const struct sst_posed *posed, const bool *doubtful)

@@ -8,7 +8,7 @@
 struct sst_heights {
     double x_mm, y_mm, step_x_mm, step_y_mm; /* steps are not 0, and may be negative: y is, where north is up */
     struct sst_map_f32 mm;                   /* NAN: unknown */
-    double turn_rad;                         /* of the grid's axes from those of the world, about its upward axis */
+    double turn_rad;                         /* angle from the world's axes to the grid's, about the upward one */
     int epsg;                                /* of the map that a file's places are on; 0: unknown */
 };
 

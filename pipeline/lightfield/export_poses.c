@@ -168,7 +168,7 @@ struct colmap_model {
     bool one_rig;                    /* an array as one rig with one frame */
     const struct sst_export_cameras *scene; /* points and sights */
     int sights;
-    int *point_of, *number_of; /* [sights]: its point, and its place among those of its view */
+    int *point_of, *number_of; /* [sights]: its point, and its number in its view */
 };
 
 /* Of the part of a file's name that says the camera. */

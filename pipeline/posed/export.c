@@ -98,7 +98,7 @@ static int points_init(struct job *job)
     return 0;
 }
 
-/* Colours of the points whose first sight is in a view. */
+/* Colours of the points that a view shows first. */
 static int take_colours(const struct job *job, int view, const uint8_t *data, size_t size)
 {
     struct sst_image image = { 0 };

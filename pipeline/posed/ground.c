@@ -55,7 +55,7 @@ static struct sst_surface plane_at(const struct search *s, double distance_mm, c
 /* --- limits of the sweep --------------------------------------------------------------------------------------------
  */
 
-/* Without points: from where the nearest views begin to overlap to where the baseline of those that are compared shifts
+/* Without points: from where the nearest views begin to overlap to where the baseline of the compared ones shifts
  * a picture by little. */
 static void limits_of_baselines(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera)
 {

@@ -52,7 +52,7 @@ struct sst_posed {
     struct sst_posed_view *view; /* [count]. Owned. */
     struct sst_posed_point *points; /* [point_count], or NULL. Owned. */
     int point_count;
-    struct sst_posed_sight *sights; /* points[0].views of the first point, then those of the next; NULL: unknown. Owned. */
+    struct sst_posed_sight *sights; /* points[0].views sights of the first point, then points[1].views of the next; NULL: unknown. Owned. */
     int sight_count;
     const struct sst_deep *picture; /* [count], of a light field without a folder; NULL: pictures are files. Borrowed. */
 };

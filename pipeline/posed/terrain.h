@@ -6,7 +6,7 @@
 #include "pipeline/posed/posed.h"
 
 /**
- * Heights whose places are eastings and northings of UTM become those of the light field's axes, about its latitude and
+ * Heights whose places are eastings and northings of UTM become places in the light field's axes, about its latitude and
  * longitude and less its altitude, the earth's curvature included; others stay as they are.
  *
  * Places beyond 100 km are of a map; a zone that is given (`utm`, "33N") counts before the file's own.

@@ -414,7 +414,7 @@ static void angles_are_odms(void **state SST_UNUSED)
         put_picture(test_path("%s", name), i);
     }
     load_geo(&posed, "EPSG:4326\n# comment\na.png 14.3 48.3 320 0 0 0 1 1\nb.png 14.3 48.3 320 90 0 0\n"
-                     "c.png 14.3 48.3 320 0 45 0\nd.png 14.3 48.3 320 90 45 0\ne.png 14.3 48.3 320 0 0 45\n");
+                     "c.png 14.3 48.3 320 0 45 0\nd.png 14.3 48.3 320 90 45 0\ne.png 14.3 48.3 320.001 0 0 45\n");
     assert_true(fabs(posed.latitude - 48.3) < 1e-12 && fabs(posed.longitude - 14.3) < 1e-12 && posed.altitude_m == 320);
     /* 2 m east and 1 m north on the ground: to the right and up; with the top in the east: up to the left. */
     assert_at(&posed, 0, (const double[3]){ 2, 1, -20 }, (const double[2]){ 5, -2.5 });

@@ -357,7 +357,7 @@ static int follow_levels(struct sst_liveframes *f)
     for (int i = 0; i < f->threads; i++)
         decoder_set_levels(f->decoder[i], f->stretch.white ? f->level : NULL);
     f->all = true;
-    f->watch.t_ns = INT64_MIN / 2; /* what was watched before has other levels */
+    f->watch.t_ns = INT64_MIN / 2; /* levels of the watched frame differ now */
     return 0;
 }
 

@@ -35,7 +35,7 @@ static read_model_fn *reader_of_json(const json_t *root)
     return NULL;
 }
 
-/* Lines as of geo.txt whose first line, the reference system, is missing: a picture's name and its place. */
+/* Lines of a geo.txt without its first one, the reference system: a picture's name and its place. */
 static bool lists_places(const char *text)
 {
     char name[256], value[3][32];

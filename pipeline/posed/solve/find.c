@@ -17,7 +17,7 @@
 #define KNOWN_FOCAL     0.03 /* sigma of the logarithm of a focal length that is given */
 #define LINE_PREFERENCE 1.2  /* cost that a line may have, of the cost without it */
 #define INLIER_PX       3.0
-#define FREE_ROUNDS     20 /* of the adjustment whose focal length is compared with the given one */
+#define FREE_ROUNDS     20 /* of the adjustment with a free focal length, which is compared with the given one */
 #define STILL_FACTOR    2.0 /* cost of rotations alone, of that with motion, below which nothing moved */
 
 #define RAD        (3.14159265358979 / 180)
