@@ -15,13 +15,13 @@
 /* East and north of the light field's origin, m, of a place on the map at its altitude. */
 static void local(double out[3], const struct sst_posed *posed, const struct sst_utm *utm, const double xy[2])
 {
-    struct sst_place origin, at;
+    struct sst_earth origin, at;
     double longitude, latitude;
 
     sst_utm_to_degrees(&longitude, &latitude, utm, xy);
-    sst_place_at(&origin, posed->longitude, posed->latitude, posed->altitude_m);
-    sst_place_at(&at, longitude, latitude, posed->altitude_m);
-    sst_place_from(&origin, &at, out);
+    sst_earth_at(&origin, posed->longitude, posed->latitude, posed->altitude_m);
+    sst_earth_at(&at, longitude, latitude, posed->altitude_m);
+    sst_earth_from(&origin, &at, out);
 }
 
 /* Place of the origin on the map. @return false: it is too far from the zone */

@@ -31,7 +31,7 @@ void sst_utm_to_degrees(double *longitude, double *latitude, const struct sst_ut
     *longitude = utm->zone * 6 - 183 + atan2(sinh(r), cos(u)) / RAD;
 }
 
-void sst_place_at(struct sst_place *p, double longitude, double latitude, double altitude_m)
+void sst_earth_at(struct sst_earth *p, double longitude, double latitude, double altitude_m)
 {
     const double lon = longitude * RAD, lat = latitude * RAD;
     const double e2 = FLATTEN * (2 - FLATTEN), s = sin(lat), c = cos(lat), sl = sin(lon), cl = cos(lon);
@@ -44,7 +44,7 @@ void sst_place_at(struct sst_place *p, double longitude, double latitude, double
     memcpy(p->axes, axes, sizeof(axes));
 }
 
-void sst_place_from(const struct sst_place *from, const struct sst_place *of, double out[3])
+void sst_earth_from(const struct sst_earth *from, const struct sst_earth *of, double out[3])
 {
     for (int i = 0; i < 3; i++) {
         out[i] = 0;

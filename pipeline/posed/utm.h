@@ -14,7 +14,7 @@ struct sst_utm {
 };
 
 /** A place on the ellipsoid WGS 84: earth-centred metres, and the axes east, north, up there as rows. */
-struct sst_place {
+struct sst_earth {
     double at[3], axes[9];
 };
 
@@ -22,10 +22,10 @@ struct sst_place {
 void sst_utm_to_degrees(double *longitude, double *latitude, const struct sst_utm *utm, const double xy[2]);
 
 /** Degrees, and metres above the ellipsoid. */
-void sst_place_at(struct sst_place *out, double longitude, double latitude, double altitude_m);
+void sst_earth_at(struct sst_earth *out, double longitude, double latitude, double altitude_m);
 
 /** Metres east, north and up of `from`. */
-void sst_place_from(const struct sst_place *from, const struct sst_place *of, double out[3]);
+void sst_earth_from(const struct sst_earth *from, const struct sst_earth *of, double out[3]);
 
 /** Zone of a map: EPSG:32601 to 32660, 32701 to 32760, and 25828 to 25838 (ETRS89, within a metre). @return false: another
  *  map */

@@ -150,12 +150,12 @@ static void terrain_of_utm_is_in_the_axes_of_the_light_field(void **state SST_UN
         const double xy[2] = { 447200 + 1000 * (i % 3), 5350900 - 1000 * (i / 3) };
         const double u = h.x_mm + h.step_x_mm * (i % 3), v = h.y_mm + h.step_y_mm * (i / 3);
         double at[3], longitude, latitude;
-        struct sst_place origin, place;
+        struct sst_earth origin, place;
 
         sst_utm_to_degrees(&longitude, &latitude, &utm, xy);
-        sst_place_at(&origin, posed.longitude, posed.latitude, posed.altitude_m);
-        sst_place_at(&place, longitude, latitude, 450 + i);
-        sst_place_from(&origin, &place, at);
+        sst_earth_at(&origin, posed.longitude, posed.latitude, posed.altitude_m);
+        sst_earth_at(&place, longitude, latitude, 450 + i);
+        sst_earth_from(&origin, &place, at);
         for (int k = 0; k < 2; k++) {
             if (fabs(surface.along[0][k] * u + surface.along[1][k] * v - at[k] * 1000) > 200)
                 fail_msg("sample %d: axis %d is off by %.0f mm", i, k,

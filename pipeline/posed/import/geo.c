@@ -62,7 +62,7 @@ static void camera_axes(double R[9], const double angle[3])
     }
 }
 
-static const char *place_view(struct model_view *v, const struct sst_place *origin, const struct sst_place *at, const double angle[3])
+static const char *place_view(struct model_view *v, const struct sst_earth *origin, const struct sst_earth *at, const double angle[3])
 {
     double local[9], R[9], t[3] = { 0, 0, 0 }, centre[3];
 
@@ -110,10 +110,10 @@ static int parse(struct entry *e, const char *line)
     return n;
 }
 
-static int add(struct model *m, const struct sst_utm *of, struct sst_place *origin, const struct entry *e)
+static int add(struct model *m, const struct sst_utm *of, struct sst_earth *origin, const struct entry *e)
 {
     struct model_view *v;
-    struct sst_place at;
+    struct sst_earth at;
     double longitude = e->v[0], latitude = e->v[1];
     const char *fault;
 
@@ -129,7 +129,7 @@ static int add(struct model *m, const struct sst_utm *of, struct sst_place *orig
     }
     if (of->zone)
         sst_utm_to_degrees(&longitude, &latitude, of, e->v);
-    sst_place_at(&at, longitude, latitude, e->v[2]);
+    sst_earth_at(&at, longitude, latitude, e->v[2]);
     if (!m->count) {
         *origin = at;
         m->longitude = longitude;
@@ -147,7 +147,7 @@ static int read_lines(struct model *m, char *text)
 {
     char *save, *line = strtok_r(text, "\r\n", &save);
     struct sst_utm of;
-    struct sst_place origin = { { 0 }, { 0 } };
+    struct sst_earth origin = { { 0 }, { 0 } };
     int err = 0, level = 0;
 
     if (!line || !read_reference(&of, line)) {
