@@ -272,6 +272,7 @@ int cli_report_posed(const char *dir, const char *name, bool json);
 /* --- poses by another program: poses_colmap.c. --- */
 
 struct sst_posed_solve_config;
+struct sst_posed_solved;
 
 /**
  * Poses of a light field's pictures by COLMAP, which runs in a temporary folder of the light field.
@@ -279,6 +280,10 @@ struct sst_posed_solve_config;
  * @return 0, -ENOTSUP (it is not installed), -EDOM (it places no view), or of its model; logged
  */
 SST_MUST_CHECK int cli_poses_colmap(struct sst_posed *posed, const char *dir, const struct sst_posed_solve_config *cfg);
+
+/** Find the poses of a light field with the moments of one array: its shape is shared. @return as sst_posed_solve() */
+SST_MUST_CHECK int cli_poses_moments(struct sst_posed *posed, const char *dir, const struct sst_posed_solve_config *cfg,
+                                     struct sst_posed_solved *solved);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 

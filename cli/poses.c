@@ -191,8 +191,9 @@ static int solve_each(struct poses_run *run, const struct sst_posed_solve_config
     int first = 0;
 
     for (int i = 0; i < run->count; i++) {
-        int err = with ? solve_with_colmap(run, i, cfg)
-                       : sst_posed_solve(&run->posed[i], &run->dir[i], 1, cfg, &run->solved[i]);
+        int err = with           ? solve_with_colmap(run, i, cfg)
+                  : cfg->one_rig ? cli_poses_moments(&run->posed[i], run->dir[i], cfg, &run->solved[i])
+                                 : sst_posed_solve(&run->posed[i], &run->dir[i], 1, cfg, &run->solved[i]);
 
         if (!err)
             err = save(run, i);
@@ -204,8 +205,6 @@ static int solve_each(struct poses_run *run, const struct sst_posed_solve_config
 static int check(const struct cli_command *cmd, const struct poses_run *run, const struct sst_posed_solve_config *cfg,
                  int with)
 {
-    if (cfg->one_rig && run->count < 2)
-        return cli_usage_error(cmd, "--one-rig needs several light fields of one array");
     for (int i = 0; i < run->count; i++) {
         for (int k = 0; k < i; k++) {
             if (!strcmp(run->dir[i], run->dir[k]))
@@ -230,7 +229,7 @@ static int run_poses(const struct cli_command *cmd, struct poses_run *run, const
         return r;
     err = load(run);
     if (!err)
-        err = cfg->one_rig ? solve_rig(run, cfg) : solve_each(run, cfg, with);
+        err = cfg->one_rig && run->count > 1 ? solve_rig(run, cfg) : solve_each(run, cfg, with);
     cli_progress_end();
     for (int i = 0; run->saved && i < run->count; i++) {
         saved += run->saved[i];
@@ -254,7 +253,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "adjust focal length and k1; views' own lenses are the start, and keep their other coefficients" },
         { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM", "mean distance of neighbours in the order of names", 1e-3,
           1e9 },
-        { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields are moments of one array" },
+        { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields, or the moments of one, are of one array" },
         { "refine", 0, CLI_FLAG, &cfg.refine, NULL, "improve given poses" },
         { "sigma-position", 0, CLI_DOUBLE, &cfg.sigma_position_mm, "MM",
           "error of given positions (a tenth of the mean distance of neighbours)", 1e-3, 1e9 },

@@ -18,7 +18,7 @@ bad() {
   cmp -s before forest/lightfield.json || fail "sst poses $*: the light field has changed"
 }
 bad 3 "no view is placed" forest --refine
-bad 2 "needs several light fields" forest --one-rig
+bad 3 "needs two moments of two at least" forest --one-rig
 bad 2 "named twice" forest forest --one-rig
 bad 2 "does not go with --spacing" forest --refine --spacing 1000
 bad 2 "are of given poses" forest --sigma-angle 1
@@ -71,6 +71,19 @@ grep -q "5 of 6 views placed" out && grep -q "not placed.*zz.png" out || fail "m
 "$sst" import pictures one -o single >out 2>err || fail "import: $(cat err)"
 bad 3 "one picture alone" single
 bad 3 "they are not of one rig" forest mixed --one-rig
+
+# --- moments of one array in one light field
+"$sst" scene forest -o moments --grid 1x4 --size 224x224 --moments 2 --unplaced -q >out 2>err || fail "scene: $(cat err)"
+"$sst" poses moments --one-rig --spacing 500 --json >report 2>err || fail "moments: $(cat err)"
+"$python" - <<'PY' || failed=1
+import json, math
+r, lf = json.load(open("report")), json.load(open("moments/lightfield.json"))
+assert r["placed"] == 8 and r["metric"] and abs(r["spacing"] - 0.5) < 1e-6, r
+assert "one rig at 2 moments" in lf["history"] and r["median_px"] < 0.3, lf["history"]
+c = [r["centres"][v["name"]] for v in lf["views"]]
+for a in range(3):
+    assert abs(math.dist(c[a], c[a + 1]) / math.dist(c[a + 4], c[a + 5]) - 1) < 0.05, c
+PY
 
 # --- a lens that is adjusted is kept by a second run; the fault of one light field leaves the others' results
 "$sst" poses forest --lens >out 2>err || fail "lens: $(cat err)"
