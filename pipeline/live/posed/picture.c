@@ -89,6 +89,30 @@ static int weighted(struct sst_deep *out, double *seen, struct sst_liveposed *p,
     return 0;
 }
 
+static bool is_of(const struct sst_liveposed_picture *picture, const struct sst_liveposed *p,
+                  const struct sst_render_config *cfg)
+{
+    return picture->serial == p->serial && picture->method == cfg->method &&
+           (picture->focus_px == cfg->focus_px || (isnan(picture->focus_px) && isnan(cfg->focus_px)));
+}
+
+/* A client's picture, kept for others too where it took long. */
+static int keep(struct sst_liveposed_picture *to, const struct sst_liveposed_picture *from)
+{
+    const int width = from->image.width, height = from->image.height;
+    struct sst_image copy;
+    const int err = sst_image_init(&copy, width, height);
+
+    if (err)
+        return err;
+    for (int i = 0; i < 3 * height; i++)
+        memcpy(sst_image_row(&copy, i % 3, i / 3), sst_image_row(&from->image, i % 3, i / 3), (size_t)width);
+    sst_liveposed_picture_fini(to);
+    *to = *from;
+    to->image = copy;
+    return 0;
+}
+
 int sst_liveposed_render(struct sst_liveposed *p, struct sst_liveposed_picture *picture,
                          const struct sst_render_config *cfg, int64_t *rendered_px)
 {
@@ -110,9 +134,12 @@ int sst_liveposed_render(struct sst_liveposed *p, struct sst_liveposed_picture *
     *rendered_px = 0;
     if (!sst_posed_placed(&p->now) || (cfg->method != SST_RENDER_REFOCUS && !p->known))
         return -ENODATA;
-    if (picture->serial == p->serial && picture->method == cfg->method &&
-        (picture->focus_px == cfg->focus_px || (isnan(picture->focus_px) && isnan(cfg->focus_px))))
+    if (is_of(picture, p, cfg))
         return 0;
+    if (is_of(&p->last, p, cfg)) {
+        *rendered_px = (int64_t)p->last.image.width * p->last.image.height;
+        return keep(picture, &p->last);
+    }
     err = find_places(&places, p, &surface);
     c.places = places;
     if (!err && (cfg->method == SST_RENDER_REFOCUS || sst_posed_placed(&p->now) < 3))
@@ -128,5 +155,5 @@ int sst_liveposed_render(struct sst_liveposed *p, struct sst_liveposed_picture *
     sst_image_fini(&picture->image);
     *picture = (struct sst_liveposed_picture){ image, p->serial, cfg->method, cfg->focus_px, seen };
     *rendered_px = (int64_t)image.width * image.height;
-    return 0;
+    return cfg->method == SST_RENDER_REFOCUS ? 0 : keep(&p->last, picture);
 }

@@ -127,6 +127,7 @@ void sst_liveposed_close(struct sst_liveposed *p)
     for (int i = 0; i < POSED_PLACES; i++)
         sst_integral_places_destroy(p->places[i].places);
     sst_integral_destroy(p->integral);
+    sst_image_fini(&p->last.image);
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         sst_deep_fini(&p->picture[k]);
     sst_posed_fini(&p->now);
@@ -211,7 +212,7 @@ int sst_liveposed_update(struct sst_liveposed *p, const struct sst_liveframes_ch
 
 bool sst_liveposed_unsettled(const struct sst_liveposed *p)
 {
-    return p->fit.running && atomic_load(&p->fit.done);
+    return atomic_load(&p->fit.done);
 }
 
 bool sst_liveposed_settle(struct sst_liveposed *p)

@@ -61,6 +61,7 @@ struct sst_liveposed {
     struct posed_fit fit;
     struct sst_integral *integral; /* NULL until the first picture */
     struct posed_places places[POSED_PLACES];
+    struct sst_liveposed_picture last; /* weighted picture that was rendered last, for clients with the same settings */
 };
 
 /** The surface for a focus; 0 or NaN: the fitted one, before that a plane between its limits. */
