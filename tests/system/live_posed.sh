@@ -51,11 +51,12 @@ ask() { curl -sf --unix-socket c.sock "$@"; }
 for m in refocus sst clear; do
   id=$(ask -H 'Content-Type: application/json' -d "{\"method\": \"$m\"}" http://sst/api/v1/views |
     "$python" -c 'import json, sys; print(json.load(sys.stdin)["id"])')
-  for _ in 1 2 3; do ask "http://sst/snapshot/$id" -o $m.jpg && break; done
+  for _ in $(seq 100); do ask "http://sst/snapshot/$id" -o $m.jpg && break; sleep 0.3; done
   [ -s $m.jpg ] || fail "no picture of $m"
 done
-ask "http://sst/api/v1/views/main/pick?x=128&y=128" | grep -q disparity_px || fail "a click finds no surface"
-ask "http://sst/snapshot/camera/r0c4" -o camera.jpg || fail "no picture of a camera"
+for _ in $(seq 100); do ask "http://sst/api/v1/views/main/pick?x=128&y=128" >pick.json && break; sleep 0.3; done
+grep -q disparity_px pick.json || fail "a click finds no surface"
+for _ in $(seq 20); do ask "http://sst/snapshot/camera/r0c4" -o camera.jpg && break; sleep 0.3; done
 ask -H 'Content-Type: application/json' -d '{}' http://sst/api/v1/snapshot >snapshot.json || fail "no snapshot"
 name=$("$python" -c 'import json; print(json.load(open("snapshot.json"))["name"])')
 kill "$daemon"
