@@ -325,6 +325,7 @@ function welcome(body) {
 function followScene(live) {
   app.focus.update(live);
   app.clear.update(live);
+  app.stage.overlays.setLattice(!live?.surface);
 }
 
 function take(body) {

@@ -28,6 +28,11 @@ export class Overlays {
     this.reference = `r${(rows - 1) >> 1}c${(cols - 1) >> 1}`;
   }
 
+  /** Cameras that stand anywhere have neither labels nor depths. */
+  setLattice(lattice) {
+    for (const radio of $("overlay").querySelectorAll("[value=labels], [value=disparity]")) radio.parentElement.hidden = !lattice;
+  }
+
   /** Shows a camera large. */
   showCamera(name) {
     for (const radio of $("overlay").querySelectorAll("input")) radio.checked = radio.value === "camera";
