@@ -4,7 +4,6 @@
 #include "capture/link/link_internal.h"
 
 #include <errno.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,6 @@
  *
  * Order costs nothing while pieces suffice: a set's datagrams are there before the next edge. A set that waits for its
  * repair holds up later ones, which may name its pictures as unchanged. */
-#include <assert.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

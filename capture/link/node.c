@@ -14,7 +14,6 @@
 
 #include "base/clock.h"
 #include "base/kernel_clock.h"
-#include "base/log.h"
 #include "base/thread.h"
 #include "capture/link/link_internal.h"
 #include "pipeline/live/frames/unchanged.h"

@@ -1,6 +1,5 @@
 /* Cameras of the head itself: captured by a thread of their own, their sets arrive as from one more node. */
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

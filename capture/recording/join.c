@@ -1,7 +1,6 @@
 /* Recordings that several hosts made of one array, as one: their sets are joined by trigger (capture/link/numbering.h).
  */
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

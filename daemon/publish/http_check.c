@@ -5,7 +5,6 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/clock.h"
 
 /* Is a name under which a client of TCP reaches us one of ours? Others belong to a foreign page with a name that leads
  * here. */

@@ -12,7 +12,6 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "daemon/storage/storage_internal.h"
-#include "daemon/storage/video_internal.h"
 
 #define GB          1e9
 #define MOVED_SHARE 0.005 /* of the picture: reduced recordings keep a set */

@@ -1,7 +1,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "base/clock.h"
 #include "drivers/grab/grab_internal.h"
 
 #define AHEAD_NS     SST_MS           /* granularity of clocks: a stamp is not later than the arrival */

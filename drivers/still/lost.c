@@ -1,6 +1,5 @@
 /* Finding and opening a camera, and opening it again after it was unplugged or hung. */
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -11,7 +11,6 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
-#include "pipeline/lightfield/import.h"
 #include "pipeline/method/process/process.h"
 #include "simulators/scene/scene_internal.h"
 

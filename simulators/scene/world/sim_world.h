@@ -2,7 +2,6 @@
 #ifndef SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 #define SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 
-#include <stdbool.h>
 
 #include "base/base.h"
 #include "base/file.h"
