@@ -1,6 +1,7 @@
 #include "drivers/trigger/trigger_internal.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pulse_us)
 {
