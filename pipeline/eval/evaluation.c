@@ -82,8 +82,7 @@ static int load_view(void *arg, int index, int worker SST_UNUSED)
     err = map_path(path, job, job->truth_dir, index, ".pfm");
     if (!err && path[0]) {
         err = sst_map_f32_read_pfm(&t->disp, path);
-        if (!err)
-            err = check_size(path, t->disp.width, t->disp.height, job->lf);
+        err = err ? err : check_size(path, t->disp.width, t->disp.height, job->lf);
     }
     return err ? err : read_labels(&t->label, job, job->truth_dir, index);
 }
@@ -122,8 +121,7 @@ static int measure_disparity(struct job *job, int index)
         return -ENOENT;
     }
     err = sst_map_f32_init(&estimate, lf->width, lf->height);
-    if (!err)
-        err = sst_map_u8_init(&mask, lf->width, lf->height);
+    err = err ? err : sst_map_u8_init(&mask, lf->width, lf->height);
     for (int y = 0; y < lf->height && !err; y++) {
         const uint16_t *q = sst_map_u16_row(&v->disp, y);
         float *e = sst_map_f32_row(&estimate, y);
@@ -131,12 +129,9 @@ static int measure_disparity(struct job *job, int index)
         for (int x = 0; x < lf->width; x++)
             e[x] = q[x] == SST_DISP_NONE ? INFINITY : (float)sst_disp_px(lf, q[x]);
     }
-    if (!err)
-        err = sst_eval_disparity(&t->all, &estimate, &t->disp, NULL);
-    if (!err)
-        err = mark_visible(&mask, job, index);
-    if (!err)
-        err = sst_eval_disparity(&t->nonocc, &estimate, &t->disp, &mask);
+    err = err ? err : sst_eval_disparity(&t->all, &estimate, &t->disp, NULL);
+    err = err ? err : mark_visible(&mask, job, index);
+    err = err ? err : sst_eval_disparity(&t->nonocc, &estimate, &t->disp, &mask);
     sst_map_f32_fini(&estimate);
     sst_map_u8_fini(&mask);
     return err;
@@ -240,10 +235,8 @@ static int measure_picture(struct sst_picture_error *out, struct sst_renderer *r
     out->psnr = sst_psnr(picture, &h->behind, NULL);
     out->psnr_occluded = sst_psnr(picture, &h->behind, &h->mask);
     out->psnr_target = sst_psnr(picture, &h->behind, &h->target);
-    if (!err)
-        err = sst_ssim(&out->ssim, picture, &h->behind, NULL);
-    if (!err)
-        err = sst_ssim(&out->ssim_occluded, picture, &h->behind, &h->mask);
+    err = err ? err : sst_ssim(&out->ssim, picture, &h->behind, NULL);
+    err = err ? err : sst_ssim(&out->ssim_occluded, picture, &h->behind, &h->mask);
     return err;
 }
 
@@ -464,10 +457,8 @@ static int render_clear(struct sst_occluder_error *out, const struct job *job, c
     struct rendered to = { 0 };
     int err = sst_image_init(&to.picture, behind->width, behind->height);
 
-    if (!err)
-        err = sst_map_u8_init(&to.valid, behind->width, behind->height);
-    if (!err)
-        err = measure_picture(&out->clear, job->r, cfg, h, &to);
+    err = err ? err : sst_map_u8_init(&to.valid, behind->width, behind->height);
+    err = err ? err : measure_picture(&out->clear, job->r, cfg, h, &to);
     for (int y = 0; y < behind->height && !err; y++) {
         uint8_t *row = sst_map_u8_row(&to.valid, y);
 
@@ -498,8 +489,7 @@ static int measure_clear(struct sst_occluder_error *out, const struct job *job, 
         err = sst_render_carry_object(object, job->lf, job->ref, &h->mask, c.threads);
         c.remove = object;
     }
-    if (!err)
-        err = render_clear(out, job, &c, h);
+    err = err ? err : render_clear(out, job, &c, h);
     for (int i = 0; i < views && object; i++)
         sst_map_u8_fini(&object[i]);
     sst_mem_free(object);
@@ -516,18 +506,12 @@ static int measure_occluder(struct sst_occluder_error *out, const struct job *jo
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->truth_dir, o->behind);
 
-    if (!err)
-        err = sst_image_read(&h.behind, path);
-    if (!err)
-        err = check_size(path, h.behind.width, h.behind.height, job->lf);
-    if (!err)
-        err = sst_path_join(path, job->truth_dir, o->mask);
-    if (!err)
-        err = sst_map_u8_read_png(&h.mask, path);
-    if (!err)
-        err = check_size(path, h.mask.width, h.mask.height, job->lf);
-    if (!err)
-        err = sst_map_u8_init(&h.target, h.mask.width, h.mask.height);
+    err = err ? err : sst_image_read(&h.behind, path);
+    err = err ? err : check_size(path, h.behind.width, h.behind.height, job->lf);
+    err = err ? err : sst_path_join(path, job->truth_dir, o->mask);
+    err = err ? err : sst_map_u8_read_png(&h.mask, path);
+    err = err ? err : check_size(path, h.mask.width, h.mask.height, job->lf);
+    err = err ? err : sst_map_u8_init(&h.target, h.mask.width, h.mask.height);
     if (err)
         goto done;
     out->covered = covered(&h.mask);
@@ -541,13 +525,10 @@ static int measure_occluder(struct sst_occluder_error *out, const struct job *jo
     c.focus_px = o->focus_px;
     c.method = SST_RENDER_SST;
     err = sst_image_init(&to.picture, h.behind.width, h.behind.height);
-    if (!err)
-        err = measure_picture(&out->render, job->r, &c, &h, &to);
+    err = err ? err : measure_picture(&out->render, job->r, &c, &h, &to);
     c.method = SST_RENDER_REFOCUS;
-    if (!err)
-        err = measure_picture(&out->refocus, job->r, &c, &h, &to);
-    if (!err)
-        err = measure_clear(out, job, &c, &h);
+    err = err ? err : measure_picture(&out->refocus, job->r, &c, &h, &to);
+    err = err ? err : measure_clear(out, job, &c, &h);
 done:
     sst_image_fini(&to.picture);
     sst_image_fini(&h.behind);
@@ -604,8 +585,7 @@ int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_eval_input 
     job.views = sst_mem_alloc((size_t)views, sizeof(*job.views));
     if (job.views)
         err = sst_parallel_for(views, threads, load_view, &job);
-    if (!err)
-        err = sst_parallel_for(views, threads, measure_view, &job);
+    err = err ? err : sst_parallel_for(views, threads, measure_view, &job);
     if (!err)
         sum_up(&made, &job);
     if (!err && !in->truth->described && made.disparity_views + made.label_views == 0) {
@@ -615,8 +595,7 @@ int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_eval_input 
             in->truth_dir, in->lf_dir);
         err = -ENOENT;
     }
-    if (!err)
-        err = measure_pictures(&made, &job, in->cfg, threads);
+    err = err ? err : measure_pictures(&made, &job, in->cfg, threads);
     job_fini(&job);
     if (err == -ENOMEM)
         sst_log_error("%s: out of memory measuring %d views of %dx%d", in->lf_dir, views, lf->width, lf->height);

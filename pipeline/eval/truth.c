@@ -51,16 +51,11 @@ static int parse_occluder(struct sst_truth_occluder *o, const struct entry *e)
 {
     int err = parse_text(o->name, sizeof(o->name), e, "name");
 
-    if (!err)
-        err = parse_text(o->label, sizeof(o->label), e, "label");
-    if (!err)
-        err = parse_text(o->target, sizeof(o->target), e, "target");
-    if (!err)
-        err = parse_number(&o->focus_px, e, "focus_px");
-    if (!err)
-        err = parse_text(o->behind, sizeof(o->behind), e, "behind");
-    if (!err)
-        err = parse_text(o->mask, sizeof(o->mask), e, "mask");
+    err = err ? err : parse_text(o->label, sizeof(o->label), e, "label");
+    err = err ? err : parse_text(o->target, sizeof(o->target), e, "target");
+    err = err ? err : parse_number(&o->focus_px, e, "focus_px");
+    err = err ? err : parse_text(o->behind, sizeof(o->behind), e, "behind");
+    err = err ? err : parse_text(o->mask, sizeof(o->mask), e, "mask");
     return err;
 }
 
@@ -111,8 +106,7 @@ static int parse(struct sst_truth *t, const char *text, size_t size, const char 
         return -EBADMSG;
     }
     err = parse_reference(t, root, path);
-    if (!err)
-        err = parse_occluders(t, root, path);
+    err = err ? err : parse_occluders(t, root, path);
     json_decref(root);
     return err;
 }
@@ -137,8 +131,7 @@ int sst_truth_read(struct sst_truth *truth, const char *dir)
         return 0;
     }
     err = sst_file_read_text(path, JSON_MAX_BYTES, &text, &size);
-    if (!err)
-        err = parse(&read, (const char *)text, size, path);
+    err = err ? err : parse(&read, (const char *)text, size, path);
     free(text);
     if (!err)
         *truth = read;

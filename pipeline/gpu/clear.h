@@ -1,14 +1,22 @@
-/* pipeline/gpu/clear.h - the shaders `clear_land` and `clear_blend`: the clear picture (design.md, 5.6).
+/* pipeline/gpu/clear.h - the shaders clear_*: the clear picture (design.md, 5.6).
  *
  * clear_land is clear_removed, clear_state and clear_land of pipeline/kernels/kernels.h for all views at once, and
  * gives the same numbers; landed rays are 0 before. clear_blend is clear_surface, clear_take and clear_blend for all
  * pixels; it takes the same rays at the same positions; the disparities of surfaces are the same numbers, and
  * colours, weights and support differ by at most SST_GPU_CLEAR_LEVELS.
+ *
+ * Rays sampled from raw frames: after clear_land, clear_surface finds the surface of each pixel. Then clear_sample goes
+ * through the views one by one, the nearest to the viewpoint first, as each reads a frame of its own: it replaces the
+ * view's landed rays with the colours of the rays that see the surface. At last clear_blend, with `sampled`, makes the
+ * picture of them. The surfaces equal the CPU's. A ray is interpolated once, at its place in the frame
+ * (pipeline/kernels/place_patch.h), which may differ from the CPU's by 1/256 px; near the fold of a lens by more, or be
+ * missing.
  */
 #ifndef SST_PIPELINE_GPU_CLEAR_H
 #define SST_PIPELINE_GPU_CLEAR_H
 
 #include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/rectify.h"
 
 #define SST_GPU_CLEAR_LEVELS 1
 #define SST_GPU_CLEAR_VIEWS  64 /* at most: a pixel's rays are held at once */
@@ -42,7 +50,7 @@ struct sst_gpu_clear {
     int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
     uint32_t merged;                     /* clear_blend: not 0: what is seen is written, too */
     int32_t top, rows;                   /* of the picture: that landed rays and results have */
-    uint32_t sampled;                    /* clear_blend: not 0: rays were sampled from raw frames (clear_sample.h) */
+    uint32_t sampled;                    /* clear_blend: not 0: rays were sampled from raw frames */
 };
 
 #define SST_GPU_CLEAR_SUPPORT 8 /* value of a ray, at most 255 in all */
@@ -50,5 +58,31 @@ struct sst_gpu_clear {
 /* Pixels of a group, for clear_land of one view, from its first row on. */
 #define SST_GPU_CLEAR_GROUP_WIDTH  32
 #define SST_GPU_CLEAR_GROUP_HEIGHT 4
+
+/** What is known of a pixel's surface while its rays are sampled. */
+struct sst_gpu_clear_state {
+    float level;     /* of the surface, as clear_surface of kernels.h has it; 0: there is none */
+    float px;        /* its disparity */
+    uint32_t wanted; /* rays of full weight that are missing */
+};
+
+/** A flag beside SST_GPU_RECTIFY_LIT: the view has no frame, and its rays are left to clear_blend. */
+#define SST_GPU_SAMPLE_PLAIN 8U
+
+struct sst_gpu_clear_sample {
+    struct sst_gpu_rectify frame; /* `first`, `top`, part_x and part_y are not read; with SST_GPU_SAMPLE_PLAIN nor are
+                                     buffers and members for frames */
+    float bx, by;                 /* of the view, as of struct sst_gpu_clear_view */
+    int32_t top, rows;            /* of the picture */
+    int32_t cell_rows;            /* pieces of a column */
+    uint32_t view;                /* whose landed rays these are */
+};
+
+enum sst_gpu_clear_ray {
+    SST_GPU_RAY_NONE = 0,
+    SST_GPU_RAY_RIM = 1, /* it counts little */
+    SST_GPU_RAY_FULL = 2,
+    SST_GPU_RAY_PLAIN = 4, /* with one of these: its colour is that between the view's own pixels */
+};
 
 #endif

@@ -240,8 +240,7 @@ int sst_gpu_buffer_create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t
     bytes = bytes ? bytes : 4;
     if (!err && (bytes > sst_gpu_free_bytes(g) || bytes > g->info.buffer_bytes))
         err = -ENOMEM;
-    if (!err)
-        err = note(g, g->ops->create(g, out, bytes));
+    err = err ? err : note(g, g->ops->create(g, out, bytes));
     if (err)
         return err;
     (*out)->bytes = bytes;

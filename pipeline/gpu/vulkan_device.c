@@ -119,8 +119,7 @@ static int begin(struct gpu_vulkan_device *v)
 
     if (!b->recording) {
         err = finish(v, v->now);
-        if (!err)
-            err = gpu_vulkan_error(v->vk->vkBeginCommandBuffer(b->command, &info));
+        err = err ? err : gpu_vulkan_error(v->vk->vkBeginCommandBuffer(b->command, &info));
         if (err)
             return err;
         b->recording = true;
@@ -178,8 +177,7 @@ static int stage(struct gpu_vulkan_device *v, size_t *at, size_t *bytes)
 {
     int err = v->batch[v->now].staged < STAGING_BYTES ? 0 : submit(v);
 
-    if (!err)
-        err = begin(v);
+    err = err ? err : begin(v);
     if (err)
         return err;
     if (*bytes > STAGING_BYTES - v->batch[v->now].staged)
@@ -318,10 +316,8 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     VkDescriptorSet set;
     int err = v->batch[v->now].sets < GPU_VULKAN_SETS ? 0 : submit(v);
 
-    if (!err)
-        err = begin(v);
-    if (!err)
-        err = bind(v, work, &set);
+    err = err ? err : begin(v);
+    err = err ? err : bind(v, work, &set);
     if (err)
         return err;
     b = &v->batch[v->now];
@@ -432,8 +428,7 @@ static int open_staging(struct gpu_vulkan_device *v)
 
     if (err)
         err = alloc_memory(v, &v->staging, GPU_VULKAN_BATCHES * STAGING_BYTES, usage, visible);
-    if (!err)
-        err = gpu_vulkan_error(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
+    err = err ? err : gpu_vulkan_error(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
     if (!err)
         v->mapped = mapped;
     return err;
@@ -469,8 +464,7 @@ static int open_queue(struct gpu_vulkan_device *v)
     v->vk->vkGetDeviceQueue(v->device, family, 0, &v->queue);
     err = gpu_vulkan_error(v->vk->vkCreateCommandPool(v->device, &pool, NULL, &v->commands));
     buffer.commandPool = v->commands;
-    if (!err)
-        err = gpu_vulkan_error(v->vk->vkAllocateCommandBuffers(v->device, &buffer, command));
+    err = err ? err : gpu_vulkan_error(v->vk->vkAllocateCommandBuffers(v->device, &buffer, command));
     for (int i = 0; i < GPU_VULKAN_BATCHES && !err; i++)
         v->batch[i].command = command[i];
     return err;
@@ -517,10 +511,8 @@ static int open_rest(struct gpu_vulkan_device *v)
         if (!err)
             err = gpu_vulkan_error(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->batch[i].descriptors));
     }
-    if (!err)
-        err = open_staging(v);
-    if (!err)
-        err = gpu_vulkan_open_times(v);
+    err = err ? err : open_staging(v);
+    err = err ? err : gpu_vulkan_open_times(v);
     return err ? err : gpu_vulkan_open_cache(v);
 }
 
@@ -541,8 +533,7 @@ int gpu_vulkan_open(struct sst_gpu **out, int index)
     v->physical = v->vk->device[index];
     v->vk->vkGetPhysicalDeviceMemoryProperties(v->physical, &v->memory);
     err = open_queue(v);
-    if (!err)
-        err = open_rest(v);
+    err = err ? err : open_rest(v);
     if (err) {
         sst_log_error("%s cannot be opened: %s", info[index].name, sst_gpu_error(err));
         v->gpu.lost = err;

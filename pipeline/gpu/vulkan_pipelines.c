@@ -33,8 +33,7 @@ static int make_module(struct gpu_vulkan_device *v, enum sst_gpu_shader number, 
     memcpy(copy, code->begin, source.codeSize);
     source.pCode = copy;
     err = gpu_matrix_complete(copy, source.codeSize / sizeof(*copy)) ? -EIO : 0;
-    if (!err)
-        err = gpu_vulkan_error(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
+    err = err ? err : gpu_vulkan_error(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
     free(copy);
     return err;
 }

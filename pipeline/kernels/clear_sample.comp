@@ -1,5 +1,5 @@
 // The rays of one view, sampled from its raw frame where they see the surface of their pixel: clear_take of kernels.h
-// with the colours of sst_sampler_row(). Constants: pipeline/gpu/clear_sample.h.
+// with the colours of sst_sampler_row(). Constants: pipeline/gpu/clear.h.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -457,16 +457,6 @@ static void leave(struct sst_run *r)
         sst_runner_report_failure(r->user, phrase_of(r, text), r->err, r->gpu ? "" : sst_runner_why(r->user->runner));
 }
 
-static void succeed(struct sst_run *r)
-{
-    char text[64];
-
-    if (r->report->failing && sst_runner_is_live(r->user->runner))
-        sst_log_info("%s: %s on the device again", r->report->name, phrase_of(r, text));
-    r->report->failing = false;
-    sst_runner_succeed(r->user->runner);
-}
-
 int sst_run_rows(struct sst_run *r, int rows, int unit)
 {
     const int all = rows;
@@ -539,6 +529,7 @@ static int run_on_device(struct sst_run *r, int first, int end, const struct sst
 {
     struct sst_step_items *items = &r->report->items[r->step->counter];
     bool cancelled = false;
+    char text[64];
     int64_t start_ns;
 
     sst_runner_lock(r->user->runner);
@@ -568,7 +559,7 @@ static int run_on_device(struct sst_run *r, int first, int end, const struct sst
     if (r->err)
         leave(r);
     else if (r->gpu)
-        succeed(r);
+        sst_runner_succeed(r->user, phrase_of(r, text));
     if (r->err || !r->gpu)
         r->report->stages_on_cpu |= r->step->stages;
     r->report->total_ns += sst_clock_now_ns() - start_ns;
@@ -659,8 +650,7 @@ int sst_run(struct sst_runner_user *user, const struct sst_step *step, void *job
     if (!err && shaders && !o->share)
         err = run_on_device(&r, 0, items, o);
     err = err ? err : make_host(&r, items);
-    if (!err)
-        err = sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
+    err = err ? err : sst_share_blocks(o->share, items, o->block, o->threads, run_rest, &rest, rest_writes);
     if (done)
         end(&r, items);
     free(done);

@@ -271,9 +271,12 @@ const char *sst_runner_why(const struct sst_runner *s)
     return s->why;
 }
 
-void sst_runner_succeed(struct sst_runner *s)
+void sst_runner_succeed(struct sst_runner_user *user, const char *phrase)
 {
-    runner_backoff_succeed(&s->backoff);
+    if (user->report.failing && user->runner->live)
+        sst_log_info("%s: %s on the device again", user->report.name, phrase);
+    user->report.failing = false;
+    runner_backoff_succeed(&user->runner->backoff);
 }
 
 int sst_runner_fail(struct sst_runner *s)

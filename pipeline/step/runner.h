@@ -103,8 +103,9 @@ struct sst_gpu *sst_runner_take(struct sst_runner *s, struct sst_runner_user *us
 /** Message of the last error of a live device; "": none. */
 const char *sst_runner_why(const struct sst_runner *s);
 
-/** A piece of work was done. */
-void sst_runner_succeed(struct sst_runner *s);
+/** A piece of work was done; that a live device works again is logged. @param phrase  of the work, see struct
+ * sst_runner_user */
+void sst_runner_succeed(struct sst_runner_user *user, const char *phrase);
 
 /** The device failed: all users drop their buffers, and it is closed. @return pieces of work until it is opened again
  */

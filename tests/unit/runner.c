@@ -90,7 +90,7 @@ static int work_do(struct work *w)
         err = -EAGAIN;
     }
     if (!err)
-        sst_runner_succeed(w->shared);
+        sst_runner_succeed(&w->user, "counting is done");
     sst_runner_unlock(w->shared);
     return err;
 }

@@ -612,8 +612,7 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
     if (cfg->report)
         *cfg->report = (struct sst_disparity_report){ NAN, NAN, NAN, NAN, NAN, NAN };
     err = run_init(&run, lf, cfg);
-    if (!err)
-        err = run_all(&run, threads, progress, progress_arg);
+    err = err ? err : run_all(&run, threads, progress, progress_arg);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to match %d disparities at %dx%d; use fewer threads or a narrower range",
                       run.range + 1, run.width, run.height);

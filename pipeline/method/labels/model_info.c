@@ -212,18 +212,13 @@ static int read_metadata(struct reader *r)
     struct sst_model_info *info = r->info;
     int err = read_size(r);
 
-    if (!err)
-        err = read_numbers(r, info->mean, 3, &mean);
+    err = err ? err : read_numbers(r, info->mean, 3, &mean);
     if (!err && !sst_yaml_get(r->root, "scale"))
         err = read_numbers(r, info->std, 3, &std);
-    if (!err)
-        err = read_numbers(r, &info->eps_h, 1, &eps_h);
-    if (!err)
-        err = read_numbers(r, &info->temperature, 1, &temperature);
-    if (!err)
-        err = read_word(r, "sst.colour", colours, "rgb or bgr", &info->bgr);
-    if (!err)
-        err = read_word(r, "sst.range", ranges, "0..1 or 0..255", &r->range_255);
+    err = err ? err : read_numbers(r, &info->eps_h, 1, &eps_h);
+    err = err ? err : read_numbers(r, &info->temperature, 1, &temperature);
+    err = err ? err : read_word(r, "sst.colour", colours, "rgb or bgr", &info->bgr);
+    err = err ? err : read_word(r, "sst.range", ranges, "0..1 or 0..255", &r->range_255);
     if (!err && metadata(r, "sst.output")) {
         bool probabilities = false;
 
@@ -492,18 +487,14 @@ int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_net
     }
     if (!err && r.doc)
         r.root = sst_yaml_root(r.doc);
-    if (!err)
-        err = read_channels(&r);
+    err = err ? err : read_channels(&r);
     if (!err && r.root)
         read_yaml(&r);
     if (!err && r.doc)
         err = sst_yaml_finish(r.doc);
-    if (!err)
-        err = read_metadata(&r);
-    if (!err)
-        err = settle_size(&r);
-    if (!err)
-        err = settle_output(&r);
+    err = err ? err : read_metadata(&r);
+    err = err ? err : settle_size(&r);
+    err = err ? err : settle_output(&r);
     settle_range(&r);
     sst_yaml_destroy(r.doc);
     free(r.names);
@@ -544,8 +535,7 @@ int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_netw
 
     if (err == -ENOENT)
         return sst_labels_model_info_parse(out, net, path, NULL);
-    if (!err)
-        err = sst_file_read_text(sidecar, SST_YAML_MAX_BYTES, &text, &size);
+    err = err ? err : sst_file_read_text(sidecar, SST_YAML_MAX_BYTES, &text, &size);
     if (!err) {
         sst_log_debug("model %s: described by %s", path, sidecar);
         err = sst_labels_model_info_parse(out, net, path, &(struct sst_model_yaml){ (char *)text, size, sidecar });

@@ -90,10 +90,8 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_p
     };
     if (seg->path)
         err = sst_network_open(&seg->net, model, precision, threads);
-    if (!err)
-        err = sst_labels_model_info_read(&seg->info, seg->net, model);
-    if (!err)
-        err = check_shape(seg);
+    err = err ? err : sst_labels_model_info_read(&seg->info, seg->net, model);
+    err = err ? err : check_shape(seg);
     if (err)
         sst_segmenter_close(seg);
     else

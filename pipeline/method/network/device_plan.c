@@ -332,10 +332,8 @@ static int add_numbers_8(struct building *b, const struct sst_op *op, struct sst
         net_plan_scale_bias(op, scales, dst_scale, bias);
         err = add_weights(b, op, c, bytes);
     }
-    if (!err)
-        err = add_floats(b, &c->scales_at, scales, op->channels);
-    if (!err)
-        err = add_floats(b, &c->bias_at, bias, op->channels);
+    err = err ? err : add_floats(b, &c->scales_at, scales, op->channels);
+    err = err ? err : add_floats(b, &c->bias_at, bias, op->channels);
     free(scales);
     free(bias);
     free(bytes);
@@ -647,10 +645,8 @@ static int build(struct building *b)
     if (b->p->output == b->p->input)
         return unsupported(b, "the network has no layers");
     err = place(b->p);
-    if (!err)
-        err = choose_variant(b);
-    if (!err)
-        err = resolve(b);
+    err = err ? err : choose_variant(b);
+    err = err ? err : resolve(b);
     return err ? err : make_buffers(b);
 }
 

@@ -166,8 +166,7 @@ static int resolve(struct graph_builder *b)
     err = resolve_input(b);
     for (int n = 0; !err && n < m->n_nodes; n++) {
         err = resolve_node(b, n);
-        if (!err)
-            err = resolve_constant(b, n);
+        err = err ? err : resolve_constant(b, n);
     }
     if (err)
         return err;
@@ -323,12 +322,9 @@ int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const c
     b->name = name;
     b->why = why;
     err = allocate(b);
-    if (!err)
-        err = resolve(b);
-    if (!err)
-        err = translate(b);
-    if (!err)
-        err = read_ranges(b);
+    err = err ? err : resolve(b);
+    err = err ? err : translate(b);
+    err = err ? err : read_ranges(b);
     if (err)
         sst_graph_fini(&b->graph);
     else

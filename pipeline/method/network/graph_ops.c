@@ -114,8 +114,7 @@ static int read_window(struct graph_builder *b, const struct raw_node *node, str
         !sst_onnx_str_is(a.s, "VALID"))
         return graph_unsupported(b, node->onnx, "with automatic padding");
     err = read_pair(b, node, "strides", 1, op->stride);
-    if (!err)
-        err = read_pair(b, node, "dilations", 1, op->dilation);
+    err = err ? err : read_pair(b, node, "dilations", 1, op->dilation);
     if (err || !sst_onnx_attr_find(node->onnx, "pads", &a))
         return err;
     if (a.n_ints != 4)
@@ -255,8 +254,7 @@ static int add(struct graph_builder *b, const struct raw_node *node)
 
     if (!err && node->onnx->n_in != 2)
         return graph_wrong(b, node->onnx, "has not two inputs");
-    if (!err)
-        err = input_value(b, node, 1, false, &op->in[1]);
+    err = err ? err : input_value(b, node, 1, false, &op->in[1]);
     if (err)
         return err;
     if (b->values[op->in[1]].channels != op->channels)
@@ -305,10 +303,8 @@ static int pool(struct graph_builder *b, const struct raw_node *node)
     struct sst_op *op = NULL;
     int err = new_op(b, node, max ? SST_OP_MAX_POOL : SST_OP_AVG_POOL, &op);
 
-    if (!err)
-        err = read_pair(b, node, "kernel_shape", 1, op->kernel);
-    if (!err)
-        err = read_window(b, node, op);
+    err = err ? err : read_pair(b, node, "kernel_shape", 1, op->kernel);
+    err = err ? err : read_window(b, node, op);
     if (err)
         return err;
     if (!op->kernel[0])
@@ -372,8 +368,7 @@ static int resize(struct graph_builder *b, const struct raw_node *node)
     struct sst_op *op = NULL;
     int err = new_op(b, node, SST_OP_RESIZE, &op);
 
-    if (!err)
-        err = resize_mode(b, node, op);
+    err = err ? err : resize_mode(b, node, op);
     if (err)
         return err;
     if (scales && scales->f && scales->count == 4) {
@@ -408,8 +403,7 @@ static int resize_like(struct graph_builder *b, const struct raw_node *node)
     struct sst_op *op = NULL;
     int err = new_op(b, node, SST_OP_RESIZE, &op);
 
-    if (!err)
-        err = input_value(b, node, 1, false, &op->in[1]);
+    err = err ? err : input_value(b, node, 1, false, &op->in[1]);
     if (err)
         return err;
     op->n_in = 2;

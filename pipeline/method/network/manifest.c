@@ -148,8 +148,7 @@ int sst_manifest_load(struct sst_manifest *out, const char *folder)
     if (!sst_path_exists(path))
         return -ENOENT;
     err = sst_file_read_text(path, MANIFEST_MAX_BYTES, &text, &size);
-    if (!err)
-        err = sst_manifest_parse(out, (const char *)text, size, path);
+    err = err ? err : sst_manifest_parse(out, (const char *)text, size, path);
     free(text);
     return err;
 }

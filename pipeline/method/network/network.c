@@ -204,8 +204,7 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
     err = copy_metadata(net, &model);
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
-    if (!err)
-        err = check_ends(net, &model);
+    err = err ? err : check_ends(net, &model);
     if (err)
         goto done;
 #if WITH_DNNL
@@ -237,12 +236,9 @@ int sst_network_open(struct sst_network **out, const char *path, enum sst_precis
     net->threads = threads;
     net->precision = precision;
     err = sst_path_join(net->path, path, NULL);
-    if (!err)
-        err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
-    if (!err)
-        err = sst_manifest_check(path, data, size);
-    if (!err)
-        err = open_from_memory(net, data, size);
+    err = err ? err : sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
+    err = err ? err : sst_manifest_check(path, data, size);
+    err = err ? err : open_from_memory(net, data, size);
 #if WITH_DNNL
     if (!err && !net->cv)
         err = choose_precision(net);
@@ -501,8 +497,7 @@ static int run_rounded(struct sst_network *net, const struct sst_network_bytes *
     if (err)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, run->width,
                       run->height);
-    if (!err)
-        err = sst_network_run(net, run->in, run->width, run->height, values);
+    err = err ? err : sst_network_run(net, run->in, run->width, run->height, values);
     for (size_t i = 0; !err && i < plane * c; i++)
         run->out[i] = op_to_byte(values[i % c * plane + i / c] * run->factor);
     sst_mem_free(values);

@@ -230,11 +230,9 @@ static int build(struct net_plan *p, struct sst_shape *shapes, const struct net_
     const size_t n = (size_t)p->graph->n_values;
     int err = sst_graph_shapes(p->graph, cfg->width, cfg->height, shapes, cfg->name);
 
-    if (!err)
-        err = net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
+    err = err ? err : net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
 
-    if (!err)
-        err = net_plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
+    err = err ? err : net_plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
     p->current = malloc(n * sizeof(*p->current));
     p->last_use = calloc(n, sizeof(*p->last_use));
     p->winograd = calloc((size_t)p->graph->n_ops, sizeof(*p->winograd));
@@ -242,8 +240,7 @@ static int build(struct net_plan *p, struct sst_shape *shapes, const struct net_
     if (!p->values || !p->current || !p->last_use || !p->winograd)
         return -ENOMEM;
     memset(p->current, 0xff, n * sizeof(*p->current));
-    if (!err)
-        err = add_ops(p);
+    err = err ? err : add_ops(p);
     if (err)
         return err;
     find_lifetimes(p);
@@ -353,8 +350,7 @@ static int run_steps(struct net_plan *p, int count)
         if (s->serial)
             omp_set_num_threads(p->threads);
     }
-    if (!err)
-        err = net_plan_errno(dnnl_stream_wait(p->stream));
+    err = err ? err : net_plan_errno(dnnl_stream_wait(p->stream));
     return err;
 }
 

@@ -44,8 +44,7 @@ static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op, const
                                        : dnnl_post_ops_append_sum(post, 1.0f));
     if (!err && op->relu)
         err = net_plan_errno(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f));
-    if (!err)
-        err = net_plan_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
+    err = err ? err : net_plan_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
     dnnl_post_ops_destroy(post);
     if (!err)
         return 0;
@@ -88,18 +87,14 @@ static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form fo
     dnnl_primitive_attr_t attr;
     int err = net_plan_desc(&src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
 
-    if (!err)
-        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), form.dst));
-    if (!err)
-        err = weights_desc(&weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
-    if (!err)
-        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
+    err = err ? err : net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), form.dst));
+    err = err ? err : weights_desc(&weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
+    err = err ? err : net_plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
     if (!err)
         err = net_plan_errno(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, form.algorithm,
                                                                         &src, &weights, &bias, &dst, strides, dilation,
                                                                         before, after));
-    if (!err)
-        err = conv_attr(&attr, op, q);
+    err = err ? err : conv_attr(&attr, op, q);
     if (err)
         return err;
     err = net_plan_errno(dnnl_primitive_desc_create(pd, &desc, attr, p->engine, NULL));
@@ -268,13 +263,11 @@ static int load_weights(struct net_plan *p, struct net_plan_step *s, const struc
     s->weights_data = sst_mem_alloc(1, dnnl_memory_desc_get_size(md));
     if (!s->weights_data)
         return -ENOMEM;
-    if (!err)
-        err = net_plan_errno(dnnl_memory_create(&s->weights, md, p->engine, s->weights_data));
+    err = err ? err : net_plan_errno(dnnl_memory_create(&s->weights, md, p->engine, s->weights_data));
     if (!err)
         err = net_plan_errno(
             dnnl_memory_create(&from, &plain, p->engine, q->scales ? (void *)q->weights : (void *)op->weights));
-    if (!err)
-        err = net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &plain, p->engine, md, p->engine, NULL));
+    err = err ? err : net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &plain, p->engine, md, p->engine, NULL));
     if (!err) {
         err = net_plan_errno(dnnl_primitive_create(&reorder, pd));
         dnnl_primitive_desc_destroy(pd);
@@ -284,8 +277,7 @@ static int load_weights(struct net_plan *p, struct net_plan_step *s, const struc
 
         err = net_plan_errno(dnnl_primitive_execute(reorder, p->stream, 2, args));
     }
-    if (!err)
-        err = net_plan_errno(dnnl_stream_wait(p->stream));
+    err = err ? err : net_plan_errno(dnnl_stream_wait(p->stream));
     dnnl_primitive_destroy(reorder);
     dnnl_memory_destroy(from);
     return err;
@@ -348,8 +340,7 @@ static int add_step(struct net_plan *p, const struct sst_op *op, const struct qu
 
     if (s)
         err = load_weights(p, s, op, q, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 0));
-    if (!err)
-        err = load_bias(p, s, op, q);
+    err = err ? err : load_bias(p, s, op, q);
     if (err) {
         dnnl_primitive_desc_destroy(pd);
         return err;
@@ -374,8 +365,7 @@ int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
         err = residual = net_plan_in_f32(p, op->in[1]);
     if (err >= 0)
         err = same_conv_desc(p, op, &q, &pd, &serial);
-    if (!err)
-        err = add_step(p, op, &q, residual, pd);
+    err = err ? err : add_step(p, op, &q, residual, pd);
     if (!err)
         p->steps[p->n_steps - 1].serial = serial;
     free(q.scales);

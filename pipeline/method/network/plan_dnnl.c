@@ -178,8 +178,7 @@ static int add_relu(struct net_plan *p, const struct sst_op *op)
                       : net_plan_errno(dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu,
                                                                       &p->tensors[src].md, 0, 0));
 
-    if (!err)
-        err = make_desc(p, &pd, &desc);
+    err = err ? err : make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 
@@ -196,8 +195,7 @@ static int add_sum(struct net_plan *p, const struct sst_op *op)
     md = p->tensors[src[0]].md;
     src[1] = net_plan_in_layout(p, op->in[1], &md, 1);
     err = src[1] < 0 ? src[1] : net_plan_errno(dnnl_binary_desc_init(&desc, dnnl_binary_add, &md, &md, &md));
-    if (!err)
-        err = make_desc(p, &pd, &desc);
+    err = err ? err : make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, src, DNNL_ARG_SRC_0);
 }
 
@@ -257,8 +255,7 @@ static int add_pool(struct net_plan *p, const struct sst_op *op)
         err = net_plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm,
                                                                &p->tensors[src].md, &dst, strides, kernel, dilation,
                                                                before, after));
-    if (!err)
-        err = make_desc(p, &pd, &desc);
+    err = err ? err : make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 

@@ -439,8 +439,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     int count = 0;
     int err = check_config(cfg);
 
-    if (!err)
-        err = check_maps(lf, cfg);
+    err = err ? err : check_maps(lf, cfg);
     if (err)
         return err;
     if (!(lf->focal_px > 0))
@@ -451,10 +450,8 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
         if (is_refined(&job, view))
             job.view[count++] = view;
     }
-    if (!err)
-        err = sst_share_for(cfg->share, 1, 1, fit_labels, &job, fitted_values);
-    if (!err)
-        err = sst_share_for(cfg->share, count, job.n_workers, refine_view, &job, refined_map);
+    err = err ? err : sst_share_for(cfg->share, 1, 1, fit_labels, &job, fitted_values);
+    err = err ? err : sst_share_for(cfg->share, count, job.n_workers, refine_view, &job, refined_map);
     job_fini(&job);
     if (err == -ENOMEM)
         sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,

@@ -62,18 +62,14 @@ static void note_cpu(struct render_runner *d, const char *why)
 /* After an error of the device: close it, and leave it alone for some pictures. @param why  "": the error's own */
 static void fail(struct render_runner *d, int err, const char *why)
 {
-    sst_runner_report_failure(&d->user, d->changes ? "live pictures are rendered" : "the picture is rendered", err,
-                              why);
+    sst_runner_report_failure(&d->user, d->user.phrase, err, why);
     d->gpu = NULL;
 }
 
 static void note_success(struct render_runner *d)
 {
-    if (d->user.report.failing && d->changes)
-        sst_log_info("%s: live pictures are rendered on the device again", d->user.report.name);
-    d->user.report.failing = false;
     d->report.pictures++;
-    sst_runner_succeed(d->runner);
+    sst_runner_succeed(&d->user, d->user.phrase);
 }
 
 /* @return 0 or an error, logged. A live device that fails is tried again later. */
@@ -81,7 +77,12 @@ static int join(struct render_runner *d, const struct sst_step_shaders *steps)
 {
     int err;
 
-    d->user = (struct sst_runner_user){ .steps = steps, .step_count = 1, .work = "render", .drop = drop, .arg = d };
+    d->user = (struct sst_runner_user){ .steps = steps,
+                                        .step_count = 1,
+                                        .work = "render",
+                                        .phrase = d->changes ? "live pictures are rendered" : "the picture is rendered",
+                                        .drop = drop,
+                                        .arg = d };
     err = sst_runner_join(d->runner, &d->user);
     if (err && !d->changes)
         return err;

@@ -19,7 +19,6 @@
 #include <string.h>
 
 #include "base/thread.h"
-#include "pipeline/gpu/clear_sample.h"
 #include "pipeline/method/render/device_internal.h"
 
 #define BESIDE 3 /* rows around the rows from which rays land: neighbours, and pixels that colours are made of */

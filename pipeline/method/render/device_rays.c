@@ -3,7 +3,6 @@
  * for others; so one frame at a time has to be there. */
 #include <assert.h>
 
-#include "pipeline/gpu/clear_sample.h"
 #include "pipeline/kernels/place_patch.h"
 #include "pipeline/method/render/device_internal.h"
 

@@ -77,8 +77,7 @@ int render_rectify_frame(struct sst_renderer *r, int view)
     if (raw->seen.data)
         return 0;
     err = out->plane[0] ? 0 : sst_image_init(out, r->lf->width, r->lf->height);
-    if (!err)
-        err = sst_map_u8_init(&raw->seen, out->width, out->height);
+    err = err ? err : sst_map_u8_init(&raw->seen, out->width, out->height);
     for (int y = 0; !err && y < out->height; y++) {
         for (int x = 0; x < out->width; x += SST_SAMPLE_MAX) {
             uint8_t *const row[3] = { sst_image_row(out, 0, y) + x, sst_image_row(out, 1, y) + x,

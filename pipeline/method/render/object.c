@@ -232,10 +232,8 @@ int sst_render_carry_object(struct sst_map_u8 *mask, const struct sst_lightfield
     if (err)
         return err;
     err = measure_range(&o);
-    if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, threads, carry, &o);
-    if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, threads, widen, &o);
+    err = err ? err : sst_parallel_for(lf->rows * lf->cols, threads, carry, &o);
+    err = err ? err : sst_parallel_for(lf->rows * lf->cols, threads, widen, &o);
     if (err)
         sst_log_error("not enough memory to find an object in %d views", lf->rows * lf->cols);
     return err;

@@ -368,14 +368,10 @@ static int init_pending(struct sst_render_plan *p, struct sst_renderer *r, const
     int err = check_config(cfg);
 
     *p = (struct sst_render_plan){ .lf = r->lf, .cfg = *cfg, .table_rows = 1 };
-    if (!err)
-        err = fit_to_disparities(&p->cfg, r);
-    if (!err)
-        err = choose_views(p, r);
-    if (!err)
-        err = place_views(p);
-    if (!err)
-        err = render_plan_frames(p, r);
+    err = err ? err : fit_to_disparities(&p->cfg, r);
+    err = err ? err : choose_views(p, r);
+    err = err ? err : place_views(p);
+    err = err ? err : render_plan_frames(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
     p->summed = !p->weighted && !cfg->aperture_soft;
