@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-#define SST_SIM_PTP_REQUEST_MAX 64 /* bytes of the answer to a class request */
-
 struct sst_sim_ptp; /* opaque; one thread */
 
 /** Faults of the camera; a value of 0 is none. */
