@@ -11,6 +11,7 @@
 
 #define SST_CONSENSUS_BLOCK                                                                                            \
     64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
+#define SST_CONSENSUS_PART  16 /* pixels of a block that are claimed together */
 #define SST_CONSENSUS_VIEWS 36 /* at most: SST_CONSENSUS_REACH for each four stay below a byte */
 #define SST_CONSENSUS_SEEDS 12 /* first views whose colours are tried */
 #define SST_CONSENSUS_NEAR  28 /* largest difference of two colours of the first round that agree */
@@ -41,6 +42,7 @@ struct sst_consensus_test {
     uint8_t first, last; /* planes that count as this one; a view whose map is nearer than `last` does not see it */
     uint8_t near;        /* difference up to which colours agree */
     uint8_t most;        /* largest difference of a view */
+    uint8_t claims;      /* least number of views that claim the plane at some pixel */
 };
 
 /**
@@ -49,9 +51,11 @@ struct sst_consensus_test {
  * SST_CONSENSUS_ALONE for each view that is missing of SST_CONSENSUS_LEAST + 1 that agree, visible or not, over
  * SST_CONSENSUS_LEAST more views.
  * @param out  as above; the cost is 255 where no view claims the plane
+ * @return a bit for each SST_CONSENSUS_PART pixels, first ones lowest: do enough views claim the plane at one of them?
+ * If nowhere, all costs are 255 and the colours stay.
  */
-typedef void sst_consensus_again_fn(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
-                                    const struct sst_consensus_test *test);
+typedef uint8_t sst_consensus_again_fn(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
+                                       const struct sst_consensus_test *test);
 
 /** Costs of n pixels of a view: the difference to the consensus and its cost, at most `most`, which is up to
  * SST_CONSENSUS_MOST. */
@@ -60,11 +64,19 @@ typedef void sst_consensus_cost_row_fn(uint8_t *cost, const uint8_t *const own[3
 
 #define SST_CONSENSUS_MOST 85 /* cost of a pixel at most: three make a byte */
 
+/** Planes of blocks of SST_CONSENSUS_BLOCK pixels of a row. Kernels read and write no other planes, but for neighbours
+ * where a member says so. */
+struct sst_consensus_listed {
+    const uint8_t *plane; /* [blocks][planes], ascending */
+    const uint8_t *count; /* [blocks], at least 1 */
+};
+
 /** Costs of a row, [planes][stride], up to SST_CONSENSUS_MOST. */
 struct sst_consensus_rows {
-    const uint8_t *above, *own, *below; /* readable a pixel to both sides */
+    const uint8_t *above, *own, *below; /* readable a pixel to both sides, at the planes of the pixel in the middle */
     const uint8_t *step[8];             /* colour steps to the pixels around, row by row; 255: not there */
     uint8_t alike;                      /* pixels up to this step count, at most 254 */
+    struct sst_consensus_listed listed;
     int planes;
     size_t stride;
 };
@@ -74,14 +86,15 @@ typedef void sst_consensus_mean_row_fn(uint8_t *mean, const struct sst_consensus
 
 /** Two paths along the diagonals from the row before to this one: from the left, from the right. */
 struct sst_consensus_paths {
-    const uint8_t *cost; /* [planes][stride] */
-    const uint8_t *from[2],
-        *from_least[2];        /* of the row before, [planes][stride] and [stride]; readable a pixel beside */
-    uint8_t *to[2], *least[2]; /* out, of this row; not those of the row before */
-    const uint8_t *step[2];    /* colour steps from the pixels of the row before, [stride] */
-    uint8_t p1, p2;            /* penalties of a step of one plane, of larger ones ... */
-    uint8_t edge, p2_edge;     /* ... of larger ones at colour steps above `edge` */
-    uint8_t *mean;             /* out, of both paths, rounded up, [planes][stride] */
+    const uint8_t *cost;                    /* [planes][stride] */
+    const uint8_t *from[2], *from_least[2]; /* of the row before, [planes][stride] and [stride]; readable a pixel
+                                               beside, and at neighbours of the block's planes */
+    uint8_t *to[2], *least[2];              /* out, of this row; not those of the row before */
+    const uint8_t *step[2];                 /* colour steps from the pixels of the row before, [stride] */
+    uint8_t p1, p2;                         /* penalties of a step of one plane, of larger ones ... */
+    uint8_t edge, p2_edge;                  /* ... of larger ones at colour steps above `edge` */
+    uint8_t *mean;                          /* out, of both paths, rounded up, [planes][stride] */
+    struct sst_consensus_listed listed;
     int planes;
     size_t stride;
 };
@@ -93,7 +106,8 @@ typedef void sst_consensus_path_row_fn(const struct sst_consensus_paths *paths, 
 struct sst_consensus_choice {
     const uint8_t *sum[2]; /* added, at most 255; the second one: NULL: none; [planes][stride] */
     const uint8_t *cost;   /* likewise */
-    int planes;            /* 1..255 */
+    struct sst_consensus_listed listed;
+    int planes; /* 1..255 */
     size_t stride;
     uint8_t *plane;                 /* out */
     uint8_t *before, *sums, *after; /* out: sums of the plane before it, its own, of the plane after it; 255: none; or

@@ -1,5 +1,16 @@
 #include "pipeline/kernels/consensus_ref.h"
 
+#include <string.h>
+
+static int claims_of(const struct sst_consensus_view *view, int views, const struct sst_consensus_test *t, int x)
+{
+    int claims = 0;
+
+    for (int k = 0; k < views; k++)
+        claims += view[k].seen[x] && view[k].plane[x] >= t->first && view[k].plane[x] <= t->last;
+    return claims;
+}
+
 static void find(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                  const struct sst_consensus_test *t, int x)
 {
@@ -28,9 +39,16 @@ static void find(uint8_t *const out[4], const struct sst_consensus_view *view, i
     out[3][x] = (uint8_t)(claims ? sum * sst_consensus_reciprocal((unsigned)(seen + SST_CONSENSUS_LEAST)) >> 16 : 255);
 }
 
-void sst_consensus_again_ref(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
+uint8_t sst_consensus_again_ref(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                              const struct sst_consensus_test *test)
 {
+    unsigned claimed = 0;
+
     for (int x = 0; x < SST_CONSENSUS_BLOCK; x++)
+        claimed |= (unsigned)(claims_of(view, views, test, x) >= test->claims) << x / SST_CONSENSUS_PART;
+    if (!claimed)
+        memset(out[3], 255, SST_CONSENSUS_BLOCK);
+    for (int x = 0; claimed && x < SST_CONSENSUS_BLOCK; x++)
         find(out, view, views, test, x);
+    return (uint8_t)claimed;
 }

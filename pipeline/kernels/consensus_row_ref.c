@@ -12,25 +12,34 @@ void sst_consensus_cost_row_ref(uint8_t *cost, const uint8_t *const own[3], cons
     }
 }
 
+/* Planes of pixel x. */
+static const uint8_t *listed_at(const struct sst_consensus_listed *l, int planes, size_t x, int *count)
+{
+    *count = l->count[x / SST_CONSENSUS_BLOCK];
+    return l->plane + x / SST_CONSENSUS_BLOCK * (size_t)planes;
+}
+
 void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
 {
-    for (int p = 0; p < r->planes; p++) {
-        const uint8_t *row[3] = { r->above + (size_t)p * r->stride, r->own + (size_t)p * r->stride,
-                                  r->below + (size_t)p * r->stride };
+    for (size_t x = 0; x < n; x++) {
+        int planes;
+        const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes);
 
-        for (size_t x = 0; x < n; x++) {
-            unsigned sum = row[1][x], count = 1;
+        for (int j = 0; j < planes; j++) {
+            const size_t at = (size_t)plane[j] * r->stride + x;
+            const uint8_t *row[3] = { r->above + at, r->own + at, r->below + at };
+            unsigned sum = row[1][0], count = 1;
 
             for (int i = 0, k = 0; i < 9; i++) {
                 if (i == 4)
                     continue;
                 if (r->step[k][x] <= r->alike) {
-                    sum += row[i / 3][(ptrdiff_t)x + i % 3 - 1];
+                    sum += row[i / 3][i % 3 - 1];
                     count++;
                 }
                 k++;
             }
-            mean[(size_t)p * r->stride + x] = (uint8_t)(sum * sst_consensus_reciprocal(count) >> 16);
+            mean[at] = (uint8_t)(sum * sst_consensus_reciprocal(count) >> 16);
         }
     }
 }
@@ -38,9 +47,11 @@ void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *
 void sst_consensus_path_row_ref(const struct sst_consensus_paths *p, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        int least[2] = { 255, 255 };
+        int least[2] = { 255, 255 }, planes;
+        const uint8_t *plane = listed_at(&p->listed, p->planes, x, &planes);
 
-        for (int i = 0; i < p->planes; i++) {
+        for (int j = 0; j < planes; j++) {
+            const int i = plane[j];
             const size_t at = (size_t)i * p->stride + x;
             int l[2];
 
@@ -62,26 +73,33 @@ void sst_consensus_path_row_ref(const struct sst_consensus_paths *p, size_t n)
     }
 }
 
-static int sum_of(const struct sst_consensus_choice *c, int plane, size_t x)
+/* The sum of a plane; 255: it is not listed. */
+static int sum_of(const struct sst_consensus_choice *c, const uint8_t *plane, int planes, int of, size_t x)
 {
-    const size_t at = (size_t)plane * c->stride + x;
+    const size_t at = (size_t)of * c->stride + x;
 
-    return plane < 0 || plane >= c->planes ? 255 : sst_min_int(c->sum[0][at] + (c->sum[1] ? c->sum[1][at] : 0), 255);
+    for (int j = 0; j < planes; j++) {
+        if (plane[j] == of)
+            return sst_min_int(c->sum[0][at] + (c->sum[1] ? c->sum[1][at] : 0), 255);
+    }
+    return 255;
 }
 
 void sst_consensus_choose_row_ref(const struct sst_consensus_choice *c, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        int best = 0;
+        int planes, best;
+        const uint8_t *plane = listed_at(&c->listed, c->planes, x, &planes);
 
-        for (int i = 1; i < c->planes; i++)
-            best = sum_of(c, i, x) < sum_of(c, best, x) ? i : best;
+        best = plane[0];
+        for (int j = 1; j < planes; j++)
+            best = sum_of(c, plane, planes, plane[j], x) < sum_of(c, plane, planes, best, x) ? plane[j] : best;
         c->plane[x] = (uint8_t)best;
         c->costs[x] = c->cost[(size_t)best * c->stride + x];
         if (!c->sums)
             continue;
-        c->before[x] = (uint8_t)sum_of(c, best - 1, x);
-        c->sums[x] = (uint8_t)sum_of(c, best, x);
-        c->after[x] = (uint8_t)sum_of(c, best + 1, x);
+        c->before[x] = (uint8_t)sum_of(c, plane, planes, best - 1, x);
+        c->sums[x] = (uint8_t)sum_of(c, plane, planes, best, x);
+        c->after[x] = (uint8_t)sum_of(c, plane, planes, best + 1, x);
     }
 }

@@ -177,11 +177,42 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
     }
 }
 
-static void KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
+/* Parts of the block in which enough views claim the plane at some pixel. */
+static inline uint8_t KERNEL(consensus_claimed)(const struct sst_consensus_view *view, int views,
+                                             const struct sst_consensus_test *t)
+{
+    uint8_t enough[SST_CONSENSUS_BLOCK];
+    unsigned claimed = 0;
+
+    for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
+        simd_u8 claims = { 0 };
+
+        for (int k = 0; k < views; k++) {
+            const simd_u8 plane = simd_load_u8(view[k].plane + x);
+
+            claims -= simd_load_u8(view[k].seen + x) & (simd_u8)(plane <= t->last) & (simd_u8)(plane >= t->first);
+        }
+        simd_store_u8(enough + x, (simd_u8)(claims >= t->claims));
+    }
+    for (int part = 0; part < SST_CONSENSUS_BLOCK / SST_CONSENSUS_PART; part++) {
+        uint64_t bytes[SST_CONSENSUS_PART / 8];
+
+        memcpy(bytes, enough + part * SST_CONSENSUS_PART, sizeof(bytes));
+        claimed |= (unsigned)((bytes[0] | bytes[1]) != 0) << part;
+    }
+    return (uint8_t)claimed;
+}
+
+static uint8_t KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                                     const struct sst_consensus_test *t)
 {
+    const uint8_t claimed = KERNEL(consensus_claimed)(view, views, t);
     uint8_t table[2][64];
 
+    if (!claimed) {
+        memset(out[3], 255, SST_CONSENSUS_BLOCK);
+        return 0;
+    }
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
         struct KERNEL(consensus_sum) sum[3] = { 0 }, trimmed[3] = { 0 }, apart = { 0 };
@@ -215,6 +246,7 @@ static void KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_cons
             simd_store_u8(out[c] + x, colour[c]);
         simd_store_u8(out[3] + x, cost | (simd_u8)(claims == 0));
     }
+    return claimed;
 }
 
 static void KERNEL(consensus_cost_row)(uint8_t *cost, const uint8_t *const own[3], const uint8_t *const consensus[4],
@@ -231,6 +263,14 @@ static void KERNEL(consensus_cost_row)(uint8_t *cost, const uint8_t *const own[3
     }
 }
 
+/* Planes of the block that pixel x lies in. */
+static inline const uint8_t *KERNEL(consensus_planes)(const struct sst_consensus_listed *l, int planes, size_t x,
+                                                      int *count)
+{
+    *count = l->count[x / SST_CONSENSUS_BLOCK];
+    return l->plane + x / SST_CONSENSUS_BLOCK * (size_t)planes;
+}
+
 static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
 {
     uint8_t table[2][64];
@@ -241,14 +281,16 @@ static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus
                                    r->own + x + 1,   r->below + x - 1, r->below + x,     r->below + x + 1 };
         simd_u8 mask[8], count = simd_set_u8(1);
         simd_u16 q[2];
+        int planes;
+        const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes);
 
         for (int i = 0; i < 8; i++) {
             mask[i] = (simd_u8)(simd_load_u8(r->step[i] + x) <= r->alike);
             count -= mask[i];
         }
         KERNEL(consensus_invert)(q, count, table);
-        for (int p = 0; p < r->planes; p++) {
-            const size_t at = (size_t)p * r->stride;
+        for (int p = 0; p < planes; p++) {
+            const size_t at = (size_t)plane[p] * r->stride;
             simd_u8 v[8];
             simd_u16 sum[2];
 
@@ -269,31 +311,31 @@ static void KERNEL(consensus_path_row)(const struct sst_consensus_paths *p, size
 {
     for (size_t x = 0; x < n; x += SIMD_BYTES) {
         const simd_u8 most = simd_set_u8(255), p1 = simd_set_u8(p->p1);
-        simd_u8 same[2], below[2], was[2], jump[2], least[2] = { most, most };
+        simd_u8 was[2], jump[2], least[2] = { most, most };
+        int planes;
+        const uint8_t *plane = KERNEL(consensus_planes)(&p->listed, p->planes, x, &planes);
 
         for (int t = 0; t < 2; t++) {
-            below[t] = most;
-            same[t] = simd_load_u8(p->from[t] + x + (t ? 1 : -1));
             was[t] = simd_load_u8(p->from_least[t] + x + (t ? 1 : -1));
             jump[t] = (simd_u8)(simd_load_u8(p->step[t] + x) > p->edge);
             jump[t] = simd_more_u8(was[t], (jump[t] & p->p2_edge) | (~jump[t] & p->p2));
         }
-        for (int i = 0; i < p->planes; i++) {
+        for (int j = 0; j < planes; j++) {
+            const int i = plane[j];
             const size_t at = (size_t)i * p->stride + x;
             const simd_u8 cost = simd_load_u8(p->cost + at);
             simd_u8 l[2];
 
             for (int t = 0; t < 2; t++) {
-                const simd_u8 above =
-                    i + 1 < p->planes ? simd_load_u8(p->from[t] + at + p->stride + (t ? 1 : -1)) : most;
-                const simd_u8 near = simd_more_u8(simd_min_u8(below[t], above), p1);
-                const simd_u8 best = simd_min_u8(simd_min_u8(same[t], near), jump[t]);
+                const uint8_t *from = p->from[t] + at + (t ? 1 : -1);
+                const simd_u8 below = i ? simd_load_u8(from - p->stride) : most;
+                const simd_u8 above = i + 1 < p->planes ? simd_load_u8(from + p->stride) : most;
+                const simd_u8 near = simd_more_u8(simd_min_u8(below, above), p1);
+                const simd_u8 best = simd_min_u8(simd_min_u8(simd_load_u8(from), near), jump[t]);
 
                 l[t] = simd_more_u8(cost, simd_less_u8(best, was[t]));
                 least[t] = simd_min_u8(l[t], least[t]);
                 simd_store_u8(p->to[t] + at, l[t]);
-                below[t] = same[t];
-                same[t] = above;
             }
             simd_store_u8(p->mean + at, simd_mean_u8(l[0], l[1]));
         }
@@ -306,25 +348,28 @@ static void KERNEL(consensus_choose_row)(const struct sst_consensus_choice *c, s
 {
     for (size_t x = 0; x < n; x += SIMD_BYTES) {
         const simd_u8 most = simd_set_u8(255);
-        simd_u8 last = most, best = most, plane = { 0 }, before = most, after = most, cost = simd_load_u8(c->cost + x);
+        simd_u8 last = most, best = most, chosen = { 0 }, before = most, after = most, cost = { 0 };
         simd_u8 was = { 0 }; /* pixels whose best plane is the last one */
+        int planes;
+        const uint8_t *plane = KERNEL(consensus_planes)(&c->listed, c->planes, x, &planes);
 
-        for (int i = 0; i < c->planes; i++) {
-            const size_t at = (size_t)i * c->stride + x;
+        for (int j = 0; j < planes; j++) {
+            const size_t at = (size_t)plane[j] * c->stride + x;
             const simd_u8 own = simd_load_u8(c->sum[0] + at);
             const simd_u8 sum = c->sum[1] ? simd_more_u8(own, simd_load_u8(c->sum[1] + at)) : own;
-            const simd_u8 less = i ? (simd_u8)(sum < best) : most;
+            const simd_u8 less = j ? (simd_u8)(sum < best) : most;
+            const bool next = j && plane[j] == plane[j - 1] + 1;
 
-            after = (after & ~was) | (sum & was);
-            before = (before & ~less) | (last & less);
-            plane = (plane & ~less) | ((uint8_t)i & less);
+            after = (after & ~was) | ((next ? sum : most) & was);
+            before = (before & ~less) | ((next ? last : most) & less);
+            chosen = (chosen & ~less) | (plane[j] & less);
             cost = (cost & ~less) | (simd_load_u8(c->cost + at) & less);
             best = (best & ~less) | (sum & less);
             last = sum;
             was = less;
         }
         after |= was;
-        simd_store_u8(c->plane + x, plane);
+        simd_store_u8(c->plane + x, chosen);
         simd_store_u8(c->costs + x, cost);
         if (c->sums) {
             simd_store_u8(c->before + x, before);

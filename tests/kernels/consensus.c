@@ -71,9 +71,10 @@ static void same(const uint8_t *want, const uint8_t *got, size_t n, const char *
 static void check_block(const struct sst_kernels *k, int views, int near, const char *level)
 {
     const struct sst_consensus_test test = { (uint8_t)below(200), (uint8_t)(200 + below(56)), (uint8_t)below(60),
-                                             (uint8_t)(40 + below(60)) };
+                                             (uint8_t)(40 + below(60)), (uint8_t)below(9) };
     uint8_t *want[4], *got[4];
     struct block b;
+    int claimed;
 
     make_block(&b, views, near);
     for (int c = 0; c < 4; c++) {
@@ -84,8 +85,8 @@ static void check_block(const struct sst_kernels *k, int views, int near, const 
     k->consensus_first(got, b.view, views);
     for (int c = 0; c < 4; c++)
         same(want[c], got[c], BLOCK, "first consensus", level);
-    sst_consensus_again_ref(want, b.view, views, &test);
-    k->consensus_again(got, b.view, views, &test);
+    claimed = sst_consensus_again_ref(want, b.view, views, &test);
+    assert_int_equal(k->consensus_again(got, b.view, views, &test), claimed);
     for (int c = 0; c < 4; c++)
         same(want[c], got[c], BLOCK, "consensus of claims", level);
     guard_free_all();
@@ -128,12 +129,29 @@ static const uint8_t *random_costs(size_t n)
     return p;
 }
 
+/* Random planes of each block, at least one. */
+static struct sst_consensus_listed random_planes(size_t n, int planes)
+{
+    const size_t blocks = n / BLOCK;
+    uint8_t *plane = guard_random(blocks * (size_t)planes, &seed), *count = guard_random(blocks, &seed);
+
+    for (size_t b = 0; b < blocks; b++) {
+        count[b] = 0;
+        for (int i = 0; i < planes; i++) {
+            if (below(3) || i == planes - 1)
+                plane[b * (size_t)planes + count[b]++] = (uint8_t)i;
+        }
+    }
+    return (struct sst_consensus_listed){ plane, count };
+}
+
 static void check_rows(const struct sst_kernels *k, size_t n, int planes, const char *level)
 {
     const size_t stride = n + 2, bytes = stride * (size_t)planes;
     struct sst_consensus_rows rows = { .alike = (uint8_t)below(255), .planes = planes, .stride = stride };
-    uint8_t *want = guard_random(bytes, &seed), *got = guard_random(bytes, &seed);
+    uint8_t *want = guard_random(bytes, &seed), *got = memcpy(guard_random(bytes, &seed), want, bytes);
 
+    rows.listed = random_planes(n, planes);
     rows.above = random_costs(bytes) + 1;
     rows.own = random_costs(bytes) + 1;
     rows.below = random_costs(bytes) + 1;
@@ -157,6 +175,7 @@ static void check_paths(const struct sst_kernels *k, size_t n, int planes, const
                                         .stride = stride },
                                got;
 
+    want.listed = random_planes(n, planes);
     want.cost = guard_random(bytes, &seed);
     for (int t = 0; t < 2; t++) {
         want.from[t] = (uint8_t *)guard_random(bytes, &seed) + 1;
@@ -166,12 +185,12 @@ static void check_paths(const struct sst_kernels *k, size_t n, int planes, const
     got = want;
     for (int t = 0; t < 2; t++) {
         want.to[t] = guard_random(bytes, &seed);
-        got.to[t] = guard_random(bytes, &seed);
+        got.to[t] = memcpy(guard_random(bytes, &seed), want.to[t], bytes);
         want.least[t] = guard_random(n, &seed);
         got.least[t] = guard_random(n, &seed);
     }
     want.mean = guard_random(bytes, &seed);
-    got.mean = guard_random(bytes, &seed);
+    got.mean = memcpy(guard_random(bytes, &seed), want.mean, bytes);
     sst_consensus_path_row_ref(&want, n);
     k->consensus_path_row(&got, n);
     for (int t = 0; t < 2; t++) {
@@ -198,6 +217,7 @@ static void check_choice(const struct sst_kernels *k, size_t n, int planes, cons
             sum[0][i] /= 32;
         want.sum[0] = sum[0];
         want.sum[1] = two ? sum[1] : NULL;
+        want.listed = random_planes(n, planes);
         want.cost = guard_random(bytes, &seed);
         got = want;
         want.plane = guard_random(n, &seed), got.plane = guard_random(n, &seed);
@@ -264,12 +284,20 @@ static void most_views_decide(void **state SST_UNUSED)
     sst_kernels_get()->consensus_first(to, view, 4);
     assert_int_equal(out[0][0], 99); /* quotients are rounded down */
     assert_in_range(out[3][0], 1, SST_CONSENSUS_SPARE);
-    sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 6, 8, 28, 60 });
+    sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 6, 8, 28, 60, 1 });
     assert_int_equal(out[1][63], 99);
     /* One that is nearer hides the plane; two are missing of five that agree. */
     assert_in_range(out[3][63], 2 * SST_CONSENSUS_ALONE / 7, 2 * SST_CONSENSUS_ALONE / 7 + 3);
-    sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 9, 11, 28, 60 });
+    assert_int_equal(sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 9, 11, 28, 60, 0 }),
+                     15);
     assert_int_equal(out[3][0], 255);
+    /* Three claim it where four are wanted, the fourth one at one pixel. */
+    assert_int_equal(sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 6, 8, 28, 60, 4 }),
+                     0);
+    assert_int_equal(out[3][63], 255);
+    plane[0][20] = 6;
+    assert_int_equal(sst_kernels_get()->consensus_again(to, view, 4, &(struct sst_consensus_test){ 6, 8, 28, 60, 4 }),
+                     2);
 }
 
 int main(void)

@@ -111,7 +111,7 @@ static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
 /* Where a tile ends, maps are as good as elsewhere. */
 static void maps_are_right_over_tiles(void **state SST_UNUSED)
 {
-    enum { TILE = 96 };
+    enum { TILE = 64 };
     double all = 0, seam = 0;
     struct field f;
 

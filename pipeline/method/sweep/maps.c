@@ -48,22 +48,34 @@ static void colour_steps(uint8_t *out, const struct mapped *m, int y, int dx, in
         out[dx < 0 ? 0 : s->width - 1] = 255;
 }
 
-/* Costs of row y at all planes. */
-static void cost_row(uint8_t *to, const struct mapped *m, int y)
+/* Costs of row y at its planes. */
+static void cost_row(const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
+    const uint8_t *on = sweep_lists_on(s, &m->costs->lists, y);
+    uint8_t *to = m->costs->raw[y % 3] + SWEEP_PAD;
     const size_t at = (size_t)y * s->stride + SWEEP_PAD;
     const uint8_t *own[3] = { m->v->colour[0] + at, m->v->colour[1] + at, m->v->colour[2] + at };
 
-    for (int i = 0; i < s->planes; i++) {
+    if (s->again && y - 3 >= s->top - 1 && y >= 3)
+        sweep_lists_clear(s, &m->costs->lists, m->costs->raw[y % 3], s->most, (const int[]){ y - 3, y });
+    for (int i = 0; i < s->planes; i++, to += s->stride, on += s->blocks) {
         const struct sweep_plane *p = &s->plane[i];
         const int row = (y + p->shift[m->k][1] - p->y0) % p->rows;
         const uint8_t *at_plane = p->consensus + (size_t)row * 4 * p->stride + (p->shift[m->k][0] - p->x0);
-        const uint8_t *consensus[4] = { at_plane, at_plane + p->stride, at_plane + 2 * p->stride,
-                                        at_plane + 3 * p->stride };
 
-        sst_kernels_get()->consensus_cost_row(to + (size_t)i * s->stride + SWEEP_PAD, own, consensus,
-                                              s->again ? s->most : FIRST, padded(s));
+        for (int b = 0, end; b < s->blocks; b = end) {
+            const size_t x = (size_t)b * SST_CONSENSUS_BLOCK;
+            const uint8_t *pixels[3] = { own[0] + x, own[1] + x, own[2] + x };
+            const uint8_t *consensus[4] = { at_plane + x, at_plane + p->stride + x, at_plane + 2 * p->stride + x,
+                                            at_plane + 3 * p->stride + x };
+
+            for (end = b; end < s->blocks && on[end] == on[b]; end++)
+                ;
+            if (on[b])
+                sst_kernels_get()->consensus_cost_row(to + x, pixels, consensus, s->again ? s->most : FIRST,
+                                                      (size_t)(end - b) * SST_CONSENSUS_BLOCK);
+        }
     }
 }
 
@@ -77,6 +89,7 @@ static void mean_row(uint8_t *to, const struct mapped *m, int y)
                                              { m->own->step[0], m->own->step[1], m->own->step[2], m->own->step[3],
                                                m->own->step[4], m->own->step[5], m->own->step[6], m->own->step[7] },
                                              ALIKE,
+                                             sweep_lists_at(s, &m->costs->lists, y),
                                              s->planes,
                                              s->stride };
 
@@ -93,6 +106,7 @@ static void choose_first(const struct mapped *m, int y)
     const struct sweep *s = m->s;
     const struct sst_consensus_choice choice = { .sum = { m->costs->mean + SWEEP_PAD, NULL },
                                                  .cost = m->costs->mean + SWEEP_PAD,
+                                                 .listed = sweep_lists_at(s, &m->costs->lists, y),
                                                  .planes = s->planes,
                                                  .stride = s->stride,
                                                  .plane = m->v->plane + (size_t)y * s->stride + SWEEP_PAD,
@@ -103,9 +117,10 @@ static void choose_first(const struct mapped *m, int y)
         m->v->costs[m->own->choice[COST][x]]++;
 }
 
-/* Paths of row y from row y - dir; path[from] has its state. @param mean  out, of both */
-static void path_row(const struct mapped *m, int y, int dir, uint8_t *(*path)[2], uint8_t *(*least)[2], int from,
-                     const uint8_t *cost, uint8_t *mean)
+/* Paths of row y from row y - dir; path[from] has its state. @param row  of these paths, from 0 on
+ * @param mean  out, of both */
+static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(*path)[2], uint8_t *(*least)[2],
+                     int from, const uint8_t *cost, uint8_t *mean)
 {
     const struct sweep *s = m->s;
     struct sst_consensus_paths p = { .cost = cost + SWEEP_PAD,
@@ -115,6 +130,7 @@ static void path_row(const struct mapped *m, int y, int dir, uint8_t *(*path)[2]
                                      .edge = EDGE_STEP,
                                      .p2_edge = s->p2 / 4,
                                      .mean = mean + SWEEP_PAD,
+                                     .listed = sweep_lists_at(s, &m->costs->lists, y),
                                      .planes = s->planes,
                                      .stride = s->stride };
 
@@ -123,6 +139,10 @@ static void path_row(const struct mapped *m, int y, int dir, uint8_t *(*path)[2]
         p.from_least[t] = least[from][t] + SWEEP_PAD;
         p.to[t] = path[!from][t] + SWEEP_PAD;
         p.least[t] = least[!from][t] + SWEEP_PAD;
+        if (row < 2)
+            sweep_clear(s, path[!from][t], 255);
+        else
+            sweep_lists_clear(s, &m->costs->lists, path[!from][t], 255, (const int[]){ y - 2 * dir, y });
         colour_steps(m->own->step[t], m, y, 2 * t - 1, -dir);
     }
     sst_kernels_get()->consensus_path_row(&p, padded(s));
@@ -147,7 +167,7 @@ static int between_planes(const struct sweep *s, int plane, int before, int sum,
     const int curve = before - 2 * sum + after, slope = s->step * (before - after);
     int d = plane * s->step;
 
-    if (plane > 0 && plane + 1 < s->planes && curve > 0)
+    if (before < 255 && after < 255 && curve > 0)
         d += (slope + (slope < 0 ? -curve : curve)) / (2 * curve);
     return sst_clamp_int(d, 0, s->in->range * 64);
 }
@@ -158,6 +178,7 @@ static void choose_again(const struct mapped *m, int y, const uint8_t *down, con
     uint8_t *const *row = m->own->choice;
     const struct sst_consensus_choice choice = { .sum = { m->own->up + SWEEP_PAD, down + SWEEP_PAD },
                                                  .cost = cost + SWEEP_PAD,
+                                                 .listed = sweep_lists_at(s, &m->costs->lists, y),
                                                  .planes = s->planes,
                                                  .stride = s->stride,
                                                  .plane = row[PLANE],
@@ -173,48 +194,59 @@ static void choose_again(const struct mapped *m, int y, const uint8_t *down, con
     memcpy(sst_map_u8_row(s->in->view[m->k].cost, y), row[COST], (size_t)s->width);
 }
 
-/* Mean costs of the views' rows from the tile's first one to `bottom`, in the first round with the cheapest planes. The
- * views of one row of the array read the same rows of the planes, so that all of them take a row while it is in the
- * cache. */
+/* Paths down to row y, of which the costs are in the cache. */
+static void path_down(const struct mapped *m, int y)
+{
+    const struct sweep *s = m->s;
+    struct sweep_view *v = m->v;
+    const size_t at = (size_t)(y - s->top) * s->layer;
+
+    if (!y)
+        clear_paths(s, v->path[v->row], v->least[v->row]);
+    path_row(m, y, 1, y - s->top, v->path, v->least, v->row, m->costs->mean + at, m->costs->sum + at);
+    v->row = !v->row;
+}
+
+/* Mean costs of the views' rows from the tile's first one to `bottom`, in the first round with the cheapest planes, in
+ * the second one with paths down the tile. The views of one row of the array read the same rows of the planes, so that
+ * all of them take a row while it is in the cache. */
 static void mean_rows(const struct mapped *m, int views, int bottom)
 {
     const struct sweep *s = m->s;
 
+    for (int i = 0; i < views; i++) {
+        sweep_lists_make(s, &m[i].costs->lists, m[i].k, bottom);
+        for (int row = 0; s->again && row < 3; row++)
+            sweep_clear(s, m[i].costs->raw[row], s->most);
+    }
     for (int y = sst_max_int(s->top - 1, 0) - 1; y < bottom; y++) {
         for (int i = 0; i < views && y + 1 < s->height; i++)
-            cost_row(m[i].costs->raw[(y + 1) % 3], &m[i], y + 1);
+            cost_row(&m[i], y + 1);
         for (int i = 0; i < views && y >= s->top; i++) {
             mean_row(m[i].costs->mean + (s->again ? (size_t)(y - s->top) * s->layer : 0), &m[i], y);
             if (!s->again)
                 choose_first(&m[i], y);
+            else if (y < s->bottom)
+                path_down(&m[i], y);
         }
     }
 }
 
-/* Paths down the tile, then up from `bottom`, below it. */
+/* Paths up from `bottom`, below the tile, and the maps. */
 static void optimise(const struct mapped *m, int bottom)
 {
     const struct sweep *s = m->s;
     const struct sweep_costs *c = m->costs;
-    struct sweep_view *v = m->v;
     int from = 0;
 
-    if (!s->top)
-        clear_paths(s, v->path[v->row], v->least[v->row]);
-    for (int y = s->top; y < s->bottom; y++) {
-        const size_t at = (size_t)(y - s->top) * s->layer;
-
-        path_row(m, y, 1, v->path, v->least, v->row, c->mean + at, m->own->sum + at);
-        v->row = !v->row;
-    }
     clear_paths(s, m->own->path[from], m->own->least[from]);
     for (int y = bottom - 1; y >= s->top; y--) {
         const size_t at = (size_t)(y - s->top) * s->layer;
 
-        path_row(m, y, -1, m->own->path, m->own->least, from, c->mean + at, m->own->up);
+        path_row(m, y, -1, bottom - 1 - y, m->own->path, m->own->least, from, c->mean + at, m->own->up);
         from = !from;
         if (y < s->bottom)
-            choose_again(m, y, m->own->sum + at, c->mean + at);
+            choose_again(m, y, c->sum + at, c->mean + at);
     }
 }
 
@@ -275,14 +307,15 @@ static int scratch_init(const struct sweep *s, struct sweep_scratch *w)
         for (int i = 0; i < 3; i++)
             there = (w->costs[v].raw[i] = layers(s, 1)) && there;
         there = (w->costs[v].mean = layers(s, deep)) && there;
+        there = (w->costs[v].sum = layers(s, rows)) && there;
+        there = !sweep_lists_init(s, &w->costs[v].lists) && there;
     }
     for (int i = 0; i < 8; i++)
         there = (w->step[i] = sst_mem_alloc(s->stride, 1)) && there;
     for (int i = 0; i < 5; i++)
         there = (w->choice[i] = sst_mem_alloc(s->stride, 1)) && there;
-    w->sum = layers(s, rows);
     w->up = layers(s, 1);
-    return there && w->sum && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
+    return there && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
 }
 
 int sweep_maps_init(struct sweep *s)
@@ -308,12 +341,13 @@ void sweep_maps_fini(struct sweep *s)
             for (int j = 0; j < 3; j++)
                 sst_mem_free(w->costs[v].raw[j]);
             sst_mem_free(w->costs[v].mean);
+            sst_mem_free(w->costs[v].sum);
+            sweep_lists_fini(&w->costs[v].lists);
         }
         for (int j = 0; j < 8; j++)
             sst_mem_free(w->step[j]);
         for (int j = 0; j < 5; j++)
             sst_mem_free(w->choice[j]);
-        sst_mem_free(w->sum);
         sst_mem_free(w->up);
         paths_fini(w->path, w->least);
     }

@@ -19,6 +19,8 @@
 #define FINEST    32
 #define COARSEST  64 /* ... and at most this far */
 #define TOLERANCE 2  /* planes that are nearer to each other are one surface */
+#define CLAIMS    3  /* views that must claim a plane at some pixel of a block, at most, ... */
+#define CLAIMED   9  /* ... of fewer voters one in so many */
 #define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
@@ -130,6 +132,7 @@ static size_t place_plane(struct sweep *s, int i)
     p->y1 = p->high + s->height;
     p->rows = sst_min_int(SWEEP_TILE + SWEEP_LOOK + 2 + p->high - p->low, p->y1 - p->y0);
     p->stride = sst_mem_stride((size_t)(right - p->x0) + (size_t)s->width, 1) + SST_CONSENSUS_BLOCK;
+    p->blocks = (int)(p->stride / SST_CONSENSUS_BLOCK) - 1;
     return 4 * p->stride * (size_t)p->rows;
 }
 
@@ -151,7 +154,8 @@ static int make_planes(struct sweep *s)
         return -E2BIG;
     for (int i = 0; i < s->planes; i++) {
         s->plane[i].consensus = sst_mem_alloc_raw(4 * s->plane[i].stride * (size_t)s->plane[i].rows, 1);
-        if (!s->plane[i].consensus)
+        s->plane[i].claimed = sst_mem_alloc((size_t)s->plane[i].blocks * (size_t)s->plane[i].rows, 1);
+        if (!s->plane[i].consensus || !s->plane[i].claimed)
             return -ENOMEM;
     }
     return 0;
@@ -183,14 +187,14 @@ static void find_row(const struct sweep *s, int i, int y)
 {
     const struct sweep_plane *p = &s->plane[i];
     const struct sst_consensus_test test = { (uint8_t)sst_max_int(i - TOLERANCE, 0), (uint8_t)(i + TOLERANCE), s->near,
-                                             s->most };
-    const int width = (int)p->stride - SST_CONSENSUS_BLOCK;
-    uint8_t *to = p->consensus + (size_t)((y - p->y0) % p->rows) * 4 * p->stride;
+                                             s->most, s->claims };
+    const size_t at_row = (size_t)((y - p->y0) % p->rows);
+    uint8_t *to = p->consensus + at_row * 4 * p->stride, *claimed = p->claimed + at_row * (size_t)p->blocks;
     struct sst_consensus_view row[SST_CONSENSUS_VIEWS], at[SST_CONSENSUS_VIEWS];
     int left[SST_CONSENSUS_VIEWS];
     const int rows = voters_at(s, p, y, row, left);
 
-    for (int x = 0; x < width; x += SST_CONSENSUS_BLOCK, to += SST_CONSENSUS_BLOCK) {
+    for (int b = 0, x = 0; b < p->blocks; b++, x += SST_CONSENSUS_BLOCK, to += SST_CONSENSUS_BLOCK) {
         uint8_t *const out[4] = { to, to + p->stride, to + 2 * p->stride, to + 3 * p->stride };
         int n = 0;
 
@@ -205,7 +209,7 @@ static void find_row(const struct sweep *s, int i, int y)
                                              row[k].plane + own };
         }
         if (s->again)
-            sst_kernels_get()->consensus_again(out, at, n, &test);
+            claimed[b] = sst_kernels_get()->consensus_again(out, at, n, &test);
         else
             sst_kernels_get()->consensus_first(out, at, n);
     }
@@ -302,6 +306,7 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
     }
     s->step = sst_clamp_int((in->range * 64 + ENOUGH - 2) / (ENOUGH - 1), FINEST, COARSEST);
     s->planes = (in->range * 64 + s->step - 1) / s->step + 1;
+    s->blocks = (s->width + SST_CONSENSUS_BLOCK - 1) / SST_CONSENSUS_BLOCK;
     s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
     s->layer = s->stride * (size_t)s->planes;
     s->view = calloc((size_t)in->views, sizeof(*s->view));
@@ -313,6 +318,7 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
     s->groups = (in->views + s->together - 1) / s->together;
     s->workers = sst_min_int(in->threads, s->groups);
     choose_voters(s);
+    s->claims = (uint8_t)sst_clamp_int(s->voters / CLAIMED, 1, CLAIMS);
     err = make_planes(s);
     err = err ? err : sst_parallel_for(in->views, in->threads, add_view_job, s);
     return err ? err : sweep_maps_init(s);
@@ -330,6 +336,7 @@ static void sweep_fini(struct sweep *s)
     for (int i = 0; s->plane && i < s->planes; i++) {
         free(s->plane[i].shift);
         sst_mem_free(s->plane[i].consensus);
+        sst_mem_free(s->plane[i].claimed);
     }
     free(s->plane);
     free(s->view);

@@ -6,10 +6,11 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/sweep/sweep.h"
 
-#define SWEEP_PAD  SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
-#define SWEEP_TILE 96                  /* rows of a view, of which maps are computed together */
-#define SWEEP_LOOK 16                  /* rows below a tile in which paths from below begin */
-#define SWEEP_TOGETHER 3               /* views at most whose costs a thread computes together */
+#define SWEEP_PAD      SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
+#define SWEEP_TILE     64                  /* rows of a view, of which maps are computed together */
+#define SWEEP_LOOK     8                   /* rows below a tile in which paths from below begin */
+#define SWEEP_GROUP    8                   /* rows of a view that have one list of planes */
+#define SWEEP_TOGETHER 3                   /* views at most whose costs a thread computes together */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
@@ -19,7 +20,9 @@ struct sweep_plane {
     int from, to;    /* rows that are computed next */
     int rows;        /* that are kept: row y is at (y - y0) % rows */
     size_t stride;
-    uint8_t *consensus; /* [rows][4][stride] */
+    int blocks;                   /* of a row */
+    uint8_t *consensus, *claimed; /* [rows][4][stride]; of the second round, [rows][blocks]: parts
+                                     that views claim */
 };
 
 /** A view with rows of `stride` bytes; a row begins SWEEP_PAD bytes before its first pixel. */
@@ -30,15 +33,22 @@ struct sweep_view {
     int64_t costs[256];                /* pixels of the first round's map by cost */
 };
 
-/** Costs of a view in work, and their means: of the rows of a tile and SWEEP_LOOK more. */
+/** Planes of a view in work, by SWEEP_GROUP rows and blocks of columns. */
+struct sweep_lists {
+    uint8_t *on;            /* [groups][planes][blocks], 1: the block has the plane */
+    uint8_t *plane, *count; /* [groups][blocks][planes], [groups][blocks] of struct sst_consensus_listed */
+};
+
+/** Costs of a view in work, their means of the rows of a tile and SWEEP_LOOK more, and paths down the tile. Costs of
+ * planes that a block does not have are the largest ones. */
 struct sweep_costs {
-    uint8_t *raw[3], *mean;
+    uint8_t *raw[3], *mean, *sum;
+    struct sweep_lists lists;
 };
 
 /** Scratch of a thread; rows of costs are [planes][stride]. */
 struct sweep_scratch {
     struct sweep_costs costs[SWEEP_TOGETHER];
-    uint8_t *sum; /* of all rows of a tile */
     uint8_t *path[2][2], *least[2][2], *up;
     uint8_t *step[8], *choice[5];
 };
@@ -46,18 +56,38 @@ struct sweep_scratch {
 struct sweep {
     const struct sst_planesweep *in;
     int width, height, planes, step;        /* step: 1/64 px between planes */
+    int blocks;                             /* of a row of a view */
     size_t stride, layer;                   /* bytes of a row of a view, and of its costs */
     struct sweep_view *view;                /* [in->views] */
     struct sweep_plane *plane;              /* [planes] */
     int voter[SST_CONSENSUS_VIEWS], voters; /* views that make the consensus, well spread ones first */
     uint8_t *all;                           /* a row of seen pixels */
     bool again;                             /* second round */
-    uint8_t near, most, p2;                 /* of the second round */
+    uint8_t near, most, p2, claims;         /* of the second round */
     int together, groups;                   /* views of a group; groups of all views */
     int workers;                            /* threads that maps take */
     int top, bottom;                        /* rows of the tile */
     struct sweep_scratch *scratch;          /* [workers] */
 };
+
+/** @return 0, -ENOMEM; sweep_lists_fini() frees all */
+SST_MUST_CHECK int sweep_lists_init(const struct sweep *s, struct sweep_lists *l);
+void sweep_lists_fini(struct sweep_lists *l);
+
+/** List the planes of view k in the tile's rows, in the row above them and down to row `bottom`: in the first round
+ * all, in the second one the planes that are claimed at their pixels or at pixels beside them. */
+void sweep_lists_make(const struct sweep *s, const struct sweep_lists *l, int k, int bottom);
+
+/** The planes of row y: [planes][blocks], and as lists. */
+const uint8_t *sweep_lists_on(const struct sweep *s, const struct sweep_lists *l, int y);
+struct sst_consensus_listed sweep_lists_at(const struct sweep *s, const struct sweep_lists *l, int y);
+
+/** Set a layer of row rows[0] to `value` at its planes that row rows[1] lacks. */
+void sweep_lists_clear(const struct sweep *s, const struct sweep_lists *l, uint8_t *layer, uint8_t value,
+                       const int rows[2]);
+
+/** Set all pixels of a layer. */
+void sweep_clear(const struct sweep *s, uint8_t *layer, uint8_t value);
 
 /** Scratch of all threads, paths of all views. @return 0, -ENOMEM; sweep_maps_fini() frees all */
 SST_MUST_CHECK int sweep_maps_init(struct sweep *s);
