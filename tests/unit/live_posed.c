@@ -218,6 +218,49 @@ static void ground_is_found_and_kept(void **state SST_UNUSED)
     sst_live_close(live);
 }
 
+/* Depth of the eleventh of the points, which lie in this order along the middle view's axis. */
+static double start_mm(const struct sst_posed_point points[20])
+{
+    const struct sst_virtual v = sst_virtual_of_view(&poses, sst_posed_middle(&poses));
+    double mm = 0;
+
+    for (int k = 0; k < 3; k++)
+        mm += v.rotation[6 + k] * (points[10].at_mm[k] - v.centre_mm[k]);
+    return mm;
+}
+
+/* Limits by the points of the scene, as sst poses leaves them. */
+static void points_are_limits(void **state SST_UNUSED)
+{
+    struct sst_live_config cfg = config(0);
+    struct sst_posed_point points[20] = { 0 };
+    struct sst_livepicture *p;
+    struct sst_live_report report;
+    struct sst_live_surface surface;
+    struct sst_live *live;
+    int64_t px;
+
+    for (int i = 0; i < 20; i++) { /* from the crowns to the ground */
+        points[i].at_mm[0] = 200 * i;
+        points[i].at_mm[2] = 30000 + 500 * i;
+    }
+    cfg.posed.near_mm = cfg.posed.far_mm = 0;
+    poses.points = points;
+    poses.point_count = 20;
+    assert_int_equal(sst_live_open(&live, &cfg), 0);
+    assert_int_equal(sst_livepicture_create(&p, live), 0);
+    feed(live, 1, 0, &report);
+    assert_offline(render(live, p, SST_RENDER_REFOCUS, &px), SST_POSED_REFOCUS, start_mm(points), 0);
+    while (!sst_live_unsettled(live))
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+    assert_true(sst_live_settle(live) && sst_live_surface(live, &surface));
+    assert_true(fabs(surface.distance_mm - 1000 * HIGH_M) < 1000);
+    poses.points = NULL;
+    poses.point_count = 0;
+    sst_livepicture_destroy(p);
+    sst_live_close(live);
+}
+
 static void refuses_what_has_no_surface(void **state SST_UNUSED)
 {
     struct sst_live_config cfg = config(0);
@@ -281,6 +324,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pictures_are_those_of_render),
         cmocka_unit_test(ground_is_found_and_kept),
+        cmocka_unit_test(points_are_limits),
         cmocka_unit_test(refuses_what_has_no_surface),
         cmocka_unit_test(poses_come_from_calibrations),
     };

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/posed/solve/solve.h"
 
@@ -68,6 +69,29 @@ static int check(const struct sst_liveposed *p)
     return 0;
 }
 
+/* Distance of pictures until the ground is known: between its limits, or the points' median. */
+static int guess_distance(struct sst_liveposed *p)
+{
+    const double *axis = p->camera.rotation + 6;
+    double *depth;
+
+    p->start_mm = sqrt(p->near_mm * p->far_mm);
+    if (p->start_mm > 0 || !p->all.point_count)
+        return 0;
+    depth = malloc((size_t)p->all.point_count * sizeof(*depth));
+    if (!depth)
+        return -ENOMEM;
+    for (int i = 0; i < p->all.point_count; i++) {
+        depth[i] = 0;
+        for (int k = 0; k < 3; k++)
+            depth[i] += axis[k] * (p->all.points[i].at_mm[k] - p->camera.centre_mm[k]);
+    }
+    sst_stats_sort_double(depth, p->all.point_count);
+    p->start_mm = depth[p->all.point_count / 2];
+    free(depth);
+    return 0;
+}
+
 /* Cameras that are configured and have a pose are views. */
 static int set_geometry(struct sst_liveposed *p)
 {
@@ -84,7 +108,7 @@ static int set_geometry(struct sst_liveposed *p)
     p->lf->ref_view = middle;
     p->lf->focal_px = p->camera.fx;
     p->lf->spacing_mm = sst_posed_spacing(&p->all);
-    return 0;
+    return guess_distance(p);
 }
 
 int sst_liveposed_open(struct sst_liveposed **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
@@ -277,7 +301,7 @@ bool sst_liveposed_range(const struct sst_liveposed *p, double *min_px, double *
 struct sst_surface posed_surface(const struct sst_liveposed *p, double focus_px)
 {
     const double *axis = p->camera.rotation + 6, own_px = sst_liveposed_focus(p);
-    double normal[3], at[3], mm = sqrt(p->near_mm * p->far_mm);
+    double normal[3], at[3], mm = p->start_mm;
 
     if (p->known && !(focus_px > 0 && fabs(focus_px - own_px) > 1e-9))
         return p->ground.plane;

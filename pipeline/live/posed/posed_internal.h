@@ -49,6 +49,7 @@ struct sst_liveposed {
     struct sst_posed all; /* poses of all cameras */
     struct sst_virtual camera;
     double near_mm, far_mm; /* of the ground's limits; 0: by the points of the scene */
+    double start_mm;        /* distance of pictures until the ground is known */
     /* live thread */
     struct sst_posed now; /* views with a picture are placed */
     struct sst_deep picture[SST_MAX_VIEWS];
@@ -64,7 +65,7 @@ struct sst_liveposed {
     struct sst_liveposed_picture last; /* weighted picture that was rendered last, for clients with the same settings */
 };
 
-/** The surface for a focus; 0 or NaN: the fitted one, before that a plane between its limits. */
+/** The surface for a focus; 0 or NaN: the fitted one, before that a plane at start_mm. */
 struct sst_surface posed_surface(const struct sst_liveposed *p, double focus_px);
 
 #endif
