@@ -89,7 +89,7 @@ struct sst_consensus_paths {
     const uint8_t *cost;                    /* [planes][stride] */
     const uint8_t *from[2], *from_least[2]; /* of the row before, [planes][stride] and [stride]; readable a pixel
                                                beside, and at neighbours of the block's planes */
-    uint8_t *to[2], *least[2];              /* out, of this row; not those of the row before */
+    uint8_t *to[2], *least[2];              /* out, of this row; not the memory of the row before */
     const uint8_t *step[2];                 /* colour steps from the pixels of the row before, [stride] */
     uint8_t p1, p2;                         /* penalties of a step of one plane, of larger ones ... */
     uint8_t edge, p2_edge;                  /* ... of larger ones at colour steps above `edge` */
