@@ -412,22 +412,18 @@ int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *a
     if (!err && c->owned && !array->bound)
         err = bind_all(array, events->again);
     name_cameras(c);
-    if (!err)
-        err = open_sets(c);
-    if (!err)
-        err = open_trigger(c);
-    if (!err)
-        err = open_grab(c);
+    err = err ? err : open_sets(c);
+    err = err ? err : open_trigger(c);
+    err = err ? err : open_grab(c);
     if (!err) {
         err = -pthread_create(&c->writer, NULL, write_sets, c);
         c->writer_runs = !err;
     }
-    if (err) {
+    if (err)
         sst_capture_close(c);
-        return err;
-    }
-    *out = c;
-    return 0;
+    else
+        *out = c;
+    return err;
 }
 
 int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)

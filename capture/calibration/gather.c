@@ -69,8 +69,7 @@ int sst_gather_write_coverage(const struct sst_detections *all, const char *path
         sst_coverage_count(coverage, all);
         err = sst_coverage_picture(&picture, all, coverage);
     }
-    if (!err)
-        err = sst_image_write_png(&picture, path);
+    err = err ? err : sst_image_write_png(&picture, path);
     sst_image_fini(&picture);
     free(coverage);
     return err;
@@ -244,8 +243,7 @@ int sst_gather(struct sst_gathered *out, const struct sst_gather_source *source,
 
     w.result = calloc((size_t)n, sizeof(*w.result));
     err = w.result ? find_size(&w) : -ENOMEM;
-    if (!err)
-        err = sst_parallel_for(n, cfg->threads, detect_one, &w);
+    err = err ? err : sst_parallel_for(n, cfg->threads, detect_one, &w);
     if (!err) {
         log_damaged(&w);
         log_left_out(&w);
@@ -256,8 +254,7 @@ int sst_gather(struct sst_gathered *out, const struct sst_gather_source *source,
             err = -EBADMSG;
         }
     }
-    if (!err)
-        err = add_all(&g, &w);
+    err = err ? err : add_all(&g, &w);
     for (int i = 0; w.result && i < n; i++)
         gather_result_fini(&w.result[i]);
     free(w.result);

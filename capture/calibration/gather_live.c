@@ -222,8 +222,7 @@ static int on_set(void *arg, const struct sst_frameset *set)
         return 0;
     l->set = set;
     err = l->live.frameset ? l->live.frameset(l->live.arg, set) : 0;
-    if (!err)
-        err = sst_parallel_for(set->cameras, l->cfg.threads, detect_one, l);
+    err = err ? err : sst_parallel_for(set->cameras, l->cfg.threads, detect_one, l);
     if (!err && shows_more(l)) {
         if (is_repeat(l)) {
             l->repeats++;

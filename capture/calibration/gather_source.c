@@ -74,12 +74,10 @@ static int read_recorded(const struct sst_gather_source *source, int view, int f
         cam++;
     if (!err && cam == info->cameras)
         err = -ENODATA;
-    if (!err)
-        err = sst_recording_set(source->recording, source->frameset[frame], set);
+    err = err ? err : sst_recording_set(source->recording, source->frameset[frame], set);
     if (!err && set->frame[cam].faults & SST_RECORDING_BAD_PICTURE)
         err = -ENODATA;
-    if (!err)
-        err = sst_recording_picture(source->recording, set, cam, &data, &bytes);
+    err = err ? err : sst_recording_picture(source->recording, set, cam, &data, &bytes);
     if (!err)
         err = sst_raw_decode(
             out, &(struct sst_raw){ info->fourcc, info->width, info->height, set->frame[cam].stride, data, bytes });
@@ -161,8 +159,7 @@ static int scan_camera(struct list *l, const char *dir, const char *camera)
         snprintf(frame, sizeof(frame), "%s", names[i]->d_name);
         *strrchr(frame, '.') = 0;
         err = sst_path_join(path, dir, names[i]->d_name);
-        if (!err)
-            err = list_add(l, camera, frame, path);
+        err = err ? err : list_add(l, camera, frame, path);
     }
     if (n >= 0)
         free_names(names, n);
@@ -232,10 +229,8 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
             continue;
         sst_view_name(&lf, k, name);
         err = sst_path_join(path, dir, "views");
-        if (!err)
-            err = sst_path_join(file, path, lf.files->view[k].name);
-        if (!err)
-            err = list_add(l, name, frame, file);
+        err = err ? err : sst_path_join(file, path, lf.files->view[k].name);
+        err = err ? err : list_add(l, name, frame, file);
     }
     sst_lightfield_fini(&lf);
     return err;
@@ -430,8 +425,7 @@ int sst_gather_source_open(struct sst_gather_source *out, const char *path,
             sst_log_error("%s holds no pictures (.jpg, .png), light fields or recording", path);
             err = -EBADMSG;
         }
-        if (!err)
-            err = arrange(out, &l, selection);
+        err = err ? err : arrange(out, &l, selection);
         if (!err)
             warn_orientations(out);
     }

@@ -115,8 +115,7 @@ int link_dtls_open(struct link_dtls **out, const char *address, int port, struct
     err = d->fd < 0 ? d->fd : 0;
     if (!err && connect(d->fd, (const struct sockaddr *)&to, bytes) < 0)
         err = -errno;
-    if (!err)
-        err = link_session_create(&d->session, credentials, false, true);
+    err = err ? err : link_session_create(&d->session, credentials, false, true);
     if (err) {
         link_dtls_close(d);
         return err;
@@ -285,12 +284,11 @@ int link_dtls_listen(struct link_dtls_server **out, const char *address, int por
         err = -errno;
     if (!err && gnutls_key_generate(&s->cookie_key, GNUTLS_COOKIE_KEY_SIZE) < 0)
         err = -ENOMEM;
-    if (err) {
+    if (err)
         link_dtls_server_close(s);
-        return err;
-    }
-    *out = s;
-    return 0;
+    else
+        *out = s;
+    return err;
 }
 
 static void drop(struct peer *p)

@@ -287,10 +287,8 @@ int sst_link_head_open(struct sst_link_head **out, const struct sst_link_head_co
     lay_out(&h->array);
     pthread_mutex_init(&h->lock, NULL);
     err = prepare(h);
-    if (!err)
-        err = link_credentials_create(&h->credentials, &h->array);
-    if (!err)
-        err = listen_for_nodes(h);
+    err = err ? err : link_credentials_create(&h->credentials, &h->array);
+    err = err ? err : listen_for_nodes(h);
     if (!err)
         listen_for_datagrams(h);
     if (!err) {

@@ -408,8 +408,7 @@ static int take_set(struct sst_link_head *h, struct link_connection *c, const st
 
     if (!err && from.seq != in->seq)
         err = -EBADMSG;
-    if (!err)
-        err = study(c, in->seq, frame, from.data, &contents);
+    err = err ? err : study(c, in->seq, frame, from.data, &contents);
     if (err)
         return err;
     set = head_set_acquire(h, c->source, contents.frames, contents.missed, contents.bytes);
@@ -475,8 +474,7 @@ static int settle(struct sst_link_head *h, struct link_connection *c, int64_t no
     struct link_inbox_counters count;
     int err = take_sets(h, c, now_ns);
 
-    if (!err)
-        err = want(c, now_ns);
+    err = err ? err : want(c, now_ns);
     link_inbox_count(c->inbox, &count);
     pthread_mutex_lock(&h->lock);
     p->datagrams += count.datagrams - c->counted.datagrams;

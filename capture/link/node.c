@@ -384,20 +384,17 @@ int sst_link_node_open(struct sst_link_node **out, const struct sst_link_node_co
     err = n->wake_fd < 0 ? -errno : 0;
     if (!err && getrandom(&n->run, sizeof(n->run), 0) != sizeof(n->run))
         err = -errno;
-    if (!err)
-        err = link_credentials_create(&n->credentials, cfg->array);
-    if (!err)
-        err = node_datagrams_open(n);
+    err = err ? err : link_credentials_create(&n->credentials, cfg->array);
+    err = err ? err : node_datagrams_open(n);
     if (!err) {
         err = -pthread_create(&n->thread, NULL, serve, n);
         n->threaded = !err;
     }
-    if (err) {
+    if (err)
         sst_link_node_close(n);
-        return err;
-    }
-    *out = n;
-    return 0;
+    else
+        *out = n;
+    return err;
 }
 
 void sst_link_node_cameras(struct sst_link_node *n, const struct sst_array_config *layout)

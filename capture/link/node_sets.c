@@ -196,10 +196,8 @@ int node_send_sets(struct sst_link_node *n)
 
     while (!err && may_send(n)) {
         err = send_one(n);
-        if (!err)
-            err = node_datagrams_work(n, sst_clock_now_ns());
-        if (!err)
-            err = link_stream_work(&n->stream, n->reason);
+        err = err ? err : node_datagrams_work(n, sst_clock_now_ns());
+        err = err ? err : link_stream_work(&n->stream, n->reason);
     }
     return err;
 }

@@ -89,8 +89,7 @@ static void capture_once(struct link_local *l)
     if (l->capture && l->stop)
         sst_capture_stop(l->capture);
     pthread_mutex_unlock(&l->lock);
-    if (!err)
-        err = sst_capture_run(capture, 0);
+    err = err ? err : sst_capture_run(capture, 0);
     pthread_mutex_lock(&l->lock);
     l->capture = NULL;
     pthread_mutex_unlock(&l->lock);

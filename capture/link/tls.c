@@ -48,12 +48,11 @@ int link_credentials_create(struct link_credentials **out, const struct sst_arra
                              array->hosts.certificate, n)
                     : 0;
     }
-    if (err) {
+    if (err)
         link_credentials_destroy(c);
-        return err;
-    }
-    *out = c;
-    return 0;
+    else
+        *out = c;
+    return err;
 }
 
 void link_credentials_destroy(struct link_credentials *c)

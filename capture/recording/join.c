@@ -155,8 +155,7 @@ static int name_one(struct naming *n, bool *held)
     err = verdict == SST_NUMBERING_PLACED ? note(n, part, place.index) : 0;
     c->waiting = false;
     c->next++;
-    if (!err)
-        err = advance(n, part);
+    err = err ? err : advance(n, part);
     return err < 0 ? err : 1;
 }
 
@@ -252,14 +251,12 @@ int sst_recording_open_joined(struct sst_recording **out, const char *const *dir
         sst_log_error("%s does not say its rate, by which recordings are joined", r->dir);
         err = -EBADMSG;
     }
-    if (!err)
-        err = name_all(r);
-    if (err) {
+    err = err ? err : name_all(r);
+    if (err)
         sst_recording_close(r);
-        return err;
-    }
-    *out = r;
-    return 0;
+    else
+        *out = r;
+    return err;
 }
 
 void join_close(struct recording_join *j)
@@ -351,8 +348,7 @@ int join_frame(const struct sst_recording *r, const struct sst_recording_set *se
             continue;
         part = malloc(sizeof(*part));
         err = part ? sst_recording_set(from, n->set, part) : -ENOMEM;
-        if (!err)
-            err = sst_recording_frame(from, part, cam - j->base[n->part], data);
+        err = err ? err : sst_recording_frame(from, part, cam - j->base[n->part], data);
     }
     free(part);
     return err;

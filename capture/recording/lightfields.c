@@ -238,8 +238,7 @@ static int fit_calibration(struct job *job)
     for (int k = 0; k < lf->rows * lf->cols; k++)
         lf->views[k].present = job->cam[k] >= 0;
     err = sst_lightfield_fit_calibration(lf, job->cfg->calibration);
-    if (!err)
-        err = check_cameras(job);
+    err = err ? err : check_cameras(job);
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         if (!lf->views[k].present)
             job->cam[k] = -1;
@@ -290,8 +289,7 @@ static int write_line(const struct job *job)
     char path[SST_PATH_MAX], *line;
     int err = sst_path_join(path, job->dir, "set.json");
 
-    if (!err)
-        err = sst_recording_line(job->recording, job->number, &line);
+    err = err ? err : sst_recording_line(job->recording, job->number, &line);
     if (err)
         return err;
     err = sst_file_write(path, line, strlen(line));
@@ -449,10 +447,8 @@ static int fill(struct job *job)
 
     if (!err)
         err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), take_view, job);
-    if (!err)
-        err = check_missing(job);
-    if (!err)
-        err = set_offsets(&job->lf);
+    err = err ? err : check_missing(job);
+    err = err ? err : set_offsets(&job->lf);
     if (!err && job->cfg->calibration)
         err = sst_lightfield_calibrate(&job->lf, job->cfg->calibration);
     if (err)
@@ -495,10 +491,8 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     if (err)
         sst_log_error("cannot read set %d of %s: %s; skip it", number, sst_recording_dir(recording),
                       err == -EBADMSG ? "its line in sets.jsonl is damaged" : strerror(-err));
-    if (!err)
-        err = prepare(job);
-    if (!err)
-        err = fill(job);
+    err = err ? err : prepare(job);
+    err = err ? err : fill(job);
     if (!err && to.dir && !cfg->poses && number == cfg->sets[0])
         sst_lightfield_warn_views(&job->lf, to.dir, cfg->out);
     *to.samples = job->lf.samples;
@@ -537,19 +531,15 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
 
         snprintf(name, sizeof(name), "set-%06d", cfg->sets[i]);
         err = sst_path_join(path, out, name);
-        if (!err)
-            err = sst_path_make_dir(path);
-        if (!err)
-            err = make_one(recording, cfg, cfg->sets[i], (struct target){ path, &samples, NULL });
+        err = err ? err : sst_path_make_dir(path);
+        err = err ? err : make_one(recording, cfg, cfg->sets[i], (struct target){ path, &samples, NULL });
         if (!err && json_array_append_new(list, json_pack("{s:i, s:s}", "set", cfg->sets[i], "lightfield", name)))
             err = -ENOMEM;
         if (cfg->progress)
             cfg->progress(cfg->progress_arg, (i + 1.0) / cfg->count);
     }
-    if (!err)
-        err = sst_path_join(path, out, "sets.json");
-    if (!err)
-        err = manifest_write_json(path, list);
+    err = err ? err : sst_path_join(path, out, "sets.json");
+    err = err ? err : manifest_write_json(path, list);
     json_decref(list);
     return err;
 }
@@ -564,8 +554,7 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
     if (cfg->count < 1 || (!cfg->each && cfg->count != 1) || (cfg->poses && cfg->calibration))
         return -EINVAL;
     err = sst_path_check_output(cfg->out, cfg->force, cfg->each ? "sets.json" : "lightfield.json", inputs);
-    if (!err)
-        err = sst_outdir_open(&out, cfg->out, cfg->force);
+    err = err ? err : sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)
         return err;
     err = cfg->each ? make_each(recording, cfg, out.temporary)

@@ -76,8 +76,7 @@ static int write_frames(AVFormatContext *format, AVPacket *packet, const struct 
         packet->flags = AV_PKT_FLAG_KEY;
         packet->pts = packet->dts = ms;
         packet->duration = mean_ms(frame, frames->count);
-        if (!err)
-            err = av_write_frame(format, packet);
+        err = err ? err : av_write_frame(format, packet);
         av_packet_unref(packet);
         if (format->pb->error < 0)
             err = format->pb->error;

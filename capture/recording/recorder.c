@@ -199,10 +199,8 @@ static int copy_config(struct sst_recorder *r, const struct sst_recorder_config 
     struct sst_recorder_config defaults;
     int err = sst_path_join(r->dir, cfg->dir, NULL);
 
-    if (!err)
-        err = sst_path_join(r->manifest, cfg->dir, "sets.jsonl");
-    if (!err)
-        err = sst_path_join(r->folder, cfg->dir, "segments");
+    err = err ? err : sst_path_join(r->manifest, cfg->dir, "sets.jsonl");
+    err = err ? err : sst_path_join(r->folder, cfg->dir, "segments");
     if (err)
         return err;
     r->tracks = malloc(bytes);
@@ -236,16 +234,11 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
         return -ENOMEM;
     r->lock_fd = r->manifest_fd = -1;
     err = copy_config(r, cfg);
-    if (!err)
-        err = sst_path_make_dir(r->dir);
-    if (!err)
-        err = lock_folder(r);
-    if (!err)
-        err = open_files(r);
-    if (!err)
-        err = sst_path_make_dir(r->folder);
-    if (!err)
-        err = sync_names(r);
+    err = err ? err : sst_path_make_dir(r->dir);
+    err = err ? err : lock_folder(r);
+    err = err ? err : open_files(r);
+    err = err ? err : sst_path_make_dir(r->folder);
+    err = err ? err : sync_names(r);
     if (!err && r->cfg.sync_s > 0)
         err = sync_start(&r->sync, r->folder, r->cfg.sync_s);
     if (err) {
@@ -304,8 +297,7 @@ static int begin_segment(struct sst_recorder *r, const struct sst_frameset *set)
     /* A file of the number could not be removed when the disk failed. */
     for (;; r->number++) {
         err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : segment_path(path, r->dir, r->number);
-        if (!err)
-            err = segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
+        err = err ? err : segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
         if (err != -EEXIST)
             return err;
     }
@@ -348,8 +340,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
 
     if (!err && !r->segment)
         err = begin_segment(r, set);
-    if (!err)
-        err = segment_add(r->segment, set, r->offset);
+    err = err ? err : segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
         err = sync_here(r->segment->fd);
     if (!err && !r->sync && !r->watched)

@@ -99,12 +99,9 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
         sst_log_error("%s is not a recording: %s", dir,
                       sst_path_is_dir(dir) ? "it has no recording.json" : "no such folder");
     }
-    if (!err)
-        err = manifest_read_info(path, &r->info);
-    if (!err)
-        err = sst_recording_read_removed(dir, &r->removed);
-    if (!err)
-        err = sst_path_join(path, dir, "sets.jsonl");
+    err = err ? err : manifest_read_info(path, &r->info);
+    err = err ? err : sst_recording_read_removed(dir, &r->removed);
+    err = err ? err : sst_path_join(path, dir, "sets.jsonl");
     if (err)
         goto fail;
     r->fd = sst_file_open(path);

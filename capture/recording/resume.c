@@ -168,8 +168,7 @@ int resume_prepare(struct resume_point *out, const struct sst_recorder_config *c
     if (err)
         return err;
     err = check_fit(&r->info, cfg);
-    if (!err)
-        err = drop_damaged_end(r);
+    err = err ? err : drop_damaged_end(r);
     if (err)
         goto out;
     last = r->count ? &r->line[r->count - 1] : NULL;
@@ -192,8 +191,7 @@ int resume_prepare(struct resume_point *out, const struct sst_recorder_config *c
         goto out;
     }
     err = cut_segment(r, segment);
-    if (!err)
-        err = remove_segments_behind(cfg->dir, segment);
+    err = err ? err : remove_segments_behind(cfg->dir, segment);
     if (!err)
         *out = made;
 

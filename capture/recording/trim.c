@@ -176,8 +176,7 @@ int sst_recording_write_removed(const char *dir, const struct sst_recording_remo
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, dir, NAME);
 
-    if (!err)
-        err = manifest_write_json(path, root);
+    err = err ? err : manifest_write_json(path, root);
     json_decref(root);
     return err;
 }

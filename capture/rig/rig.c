@@ -32,8 +32,7 @@ static int go(struct job *j, struct sst_rig_pos to)
     const int timeout_ms = 10000 + (int)(2000 * sst_scan_leg_s(j->rig_cfg, j->known ? &j->at : &home, &to));
     int err = sst_rig_move(j->rig, to);
 
-    if (!err)
-        err = sst_rig_wait(j->rig, timeout_ms);
+    err = err ? err : sst_rig_wait(j->rig, timeout_ms);
     j->known = !err;
     j->at = to;
     return err;
@@ -192,8 +191,7 @@ int sst_scan_run(const struct sst_scan *scan, struct sst_scan_report *report)
     if (err)
         return err;
     err = capture_all(&j);
-    if (!err)
-        err = sst_scan_store_finish(store);
+    err = err ? err : sst_scan_store_finish(store);
     sst_rig_counters(scan->rig, &report->rig);
     if (!err)
         return 0;

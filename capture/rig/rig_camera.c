@@ -257,8 +257,7 @@ int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config
     pthread_mutex_init(&g->lock, NULL);
     sst_cond_init(&g->arrived);
     err = choose(g, which, array->fourcc);
-    if (!err)
-        err = open_grab(g, array);
+    err = err ? err : open_grab(g, array);
     if (!err && array->source == SST_CONFIG_GPIO) {
         sst_capture_trigger_config(&trigger, array);
         err = sst_trigger_open(&g->trigger, &trigger, NULL, NULL);
@@ -267,8 +266,7 @@ int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config
         err = -pthread_create(&g->thread, NULL, poll_camera, g);
         g->running = !err;
     }
-    if (!err)
-        err = wait_streaming(g);
+    err = err ? err : wait_streaming(g);
     if (err) {
         sst_scan_grab_close(g);
         return err;

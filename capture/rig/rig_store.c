@@ -349,8 +349,7 @@ static int make_folders(struct sst_scan_store *s, bool must_exist)
         return -ENOENT;
     }
     err = sst_path_make_dir(s->dir);
-    if (!err)
-        err = lock_folder(s);
+    err = err ? err : lock_folder(s);
     if (!err && sst_path_exists(s->manifest))
         return sst_path_make_dir(s->views_dir);
     if (!err && !must_exist && !tidy(s->dir)) {
@@ -364,18 +363,13 @@ static int open_all(struct sst_scan_store *s, const struct sst_scan_config *cfg)
 {
     int err = sst_path_join(s->dir, cfg->dir, NULL);
 
-    if (!err)
-        err = sst_path_join(s->views_dir, cfg->dir, "views");
-    if (!err)
-        err = sst_path_join(s->raw_dir, cfg->dir, "raw");
-    if (!err)
-        err = sst_path_join(s->manifest, cfg->dir, MANIFEST);
-    if (!err)
-        err = make_folders(s, cfg->must_exist);
+    err = err ? err : sst_path_join(s->views_dir, cfg->dir, "views");
+    err = err ? err : sst_path_join(s->raw_dir, cfg->dir, "raw");
+    err = err ? err : sst_path_join(s->manifest, cfg->dir, MANIFEST);
+    err = err ? err : make_folders(s, cfg->must_exist);
     if (!err && !sst_path_exists(s->manifest))
         err = begin_new(s, cfg->must_exist);
-    if (!err)
-        err = read_manifest(s);
+    err = err ? err : read_manifest(s);
     if (err)
         return err;
     (void)tidy(s->dir);
@@ -471,8 +465,7 @@ static int write_developed(const char *path, const struct sst_scan_original *raw
     struct sst_image img = { 0 };
     int err = raw ? sst_image_develop(&img, raw->data, raw->bytes, path) : -EINVAL;
 
-    if (!err)
-        err = sst_image_write_png(&img, path);
+    err = err ? err : sst_image_write_png(&img, path);
     sst_image_fini(&img);
     return err;
 }
@@ -485,10 +478,8 @@ static int write_original(const struct sst_scan_store *s, int view, const struct
     int err = sst_path_make_dir(s->raw_dir);
 
     snprintf(v->raw, sizeof(v->raw), "%02d_%02d.%.16s", view / s->cols, view % s->cols, raw->extension);
-    if (!err)
-        err = sst_path_join(path, s->raw_dir, v->raw);
-    if (!err)
-        err = sst_file_write(path, raw->data, raw->bytes);
+    err = err ? err : sst_path_join(path, s->raw_dir, v->raw);
+    err = err ? err : sst_file_write(path, raw->data, raw->bytes);
     if (!err && !SHA256File(path, v->raw_sha256))
         err = fault("read back", path);
     return err;
@@ -619,8 +610,7 @@ static int fill(const struct sst_scan_store *s, struct sst_lightfield *lf)
         file_name(s, k, lf->files->view[k].name);
         memcpy(lf->files->view[k].sha256, s->view[k].sha256, sizeof(s->view[k].sha256));
         err = view_path(s, k, path);
-        if (!err)
-            err = sst_image_read_size(path, &width, &height);
+        err = err ? err : sst_image_read_size(path, &width, &height);
         if (!err && k && (width != lf->width || height != lf->height)) {
             sst_log_error("%s has %dx%d pixels, the earlier views have %dx%d; remove it and run the same command to "
                           "capture it again",
@@ -645,8 +635,7 @@ int sst_scan_store_finish(struct sst_scan_store *s)
         return err;
     err = fill(s, &lf);
     err = err ? err : sst_lightfield_choose_samples(&lf, s->dir, s->dir);
-    if (!err)
-        err = sst_lightfield_write(&lf, s->dir, 1);
+    err = err ? err : sst_lightfield_write(&lf, s->dir, 1);
     if (!err)
         sst_lightfield_warn_views(&lf, s->dir, s->dir);
     sst_lightfield_fini(&lf);

@@ -244,12 +244,11 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     http_tls_init(&http->pairs, http->count);
     sst_cond_init(&http->wake);
     err = start(http);
-    if (err) {
+    if (err)
         sst_http_close(http);
-        return err;
-    }
-    *out = http;
-    return 0;
+    else
+        *out = http;
+    return err;
 }
 
 int sst_http_port(const struct sst_http *http)

@@ -92,8 +92,7 @@ static int read_pair(struct http_pair **out, const char *certificate, const char
         return -ENOMEM;
     p->refs = 1;
     err = sst_file_read_text(certificate, PEM_MAX, &p->pem[0], &p->bytes[0]);
-    if (!err)
-        err = sst_file_read_text(key, PEM_MAX, &p->pem[1], &p->bytes[1]);
+    err = err ? err : sst_file_read_text(key, PEM_MAX, &p->pem[1], &p->bytes[1]);
     if (!err) {
         const int bad = read_times(p);
 
@@ -103,12 +102,11 @@ static int read_pair(struct http_pair **out, const char *certificate, const char
                           certificate, gnutls_strerror(bad));
         err = bad ? -EINVAL : fit_together(p, certificate, key);
     }
-    if (err) {
+    if (err)
         destroy(p);
-        return err;
-    }
-    *out = p;
-    return 0;
+    else
+        *out = p;
+    return err;
 }
 
 static bool same_pair(const struct http_pair *a, const struct http_pair *b)

@@ -201,8 +201,7 @@ static int open_files(struct download *o)
     if (o->content == CONTENT_PICTURE)
         return err ? err : open_picture(o, dir);
     o->tar = (struct tar){ .folder = -1, .fd = -1 };
-    if (!err)
-        err = tar_open(&o->tar, dir);
+    err = err ? err : tar_open(&o->tar, dir);
     o->d.bytes = o->tar.bytes;
     set_tag(o, o->tar.tag);
     return err;

@@ -68,8 +68,7 @@ int store_read(const char *dir, struct store_entry *e)
     size_t n;
     json_t *o;
 
-    if (!err)
-        err = read_small(path, text, &n);
+    err = err ? err : read_small(path, text, &n);
     if (err)
         return err;
     o = json_loadb(text, n, 0, NULL);
@@ -308,14 +307,12 @@ int store_repair(const char *dir, struct store_entry *e)
         sst_log_error("%s is missing: nothing else says what the segments hold", path);
         err = -EBADMSG;
     }
-    if (!err)
-        err = sst_recording_open(&r, dir);
+    err = err ? err : sst_recording_open(&r, dir);
     if (err)
         return err;
     err = remove_torn(dir, sst_recording_info(r));
     sst_recording_close(r);
-    if (!err)
-        err = sst_recording_open(&r, dir);
+    err = err ? err : sst_recording_open(&r, dir);
     if (err)
         return err;
     read_range(r, &made);

@@ -129,19 +129,16 @@ static int run_job(struct sst_storage *s, const struct store_job *job)
 
     if (!err && job->kept) {
         err = snprintf(raw, sizeof(raw), "%s.tmp-raw", out) < (int)sizeof(raw) ? 0 : -ENAMETOOLONG;
-        if (!err)
-            err = record_one(s, job, raw);
+        err = err ? err : record_one(s, job, raw);
         snprintf(source, sizeof(source), "%s", "the running service");
     } else if (!err) {
         err = sst_path_join(raw, s->folder[SST_STORE_RECORDING], job->recording);
         snprintf(source, sizeof(source), "%s", raw);
     }
-    if (!err)
-        err = sst_recording_open(&r, raw);
+    err = err ? err : sst_recording_open(&r, raw);
     if (!err && !job->kept)
         err = sst_recording_near(r, job->wall_ns, NEAR_NS, &set);
-    if (!err)
-        err = make_lightfield(job, r, set, source, out);
+    err = err ? err : make_lightfield(job, r, set, source, out);
     sst_recording_close(r);
     if (job->kept)
         sst_path_remove_tree(raw);
@@ -231,8 +228,7 @@ void *store_jobs_run(void *storage)
         err = s->stop ? -ECANCELED : 0;
         pthread_mutex_unlock(&s->lock);
         said[0] = 0;
-        if (!err)
-            err = run_job(s, job);
+        err = err ? err : run_job(s, job);
         end_job(s, job, err, said);
         pthread_mutex_lock(&s->lock);
     }
@@ -423,8 +419,7 @@ int sst_storage_hold(struct sst_storage *s, const char *recording, int64_t wall_
     struct store_entry *e = NULL;
     int err = find_recording(s, recording, wall_ns, name) > NEAR_NS ? -ENOENT : 0;
 
-    if (!err)
-        err = sst_path_join(dir, s->folder[SST_STORE_RECORDING], name);
+    err = err ? err : sst_path_join(dir, s->folder[SST_STORE_RECORDING], name);
     pthread_mutex_lock(&s->lock);
     if (!err)
         e = catalog_find(&s->catalog, name);

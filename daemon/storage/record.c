@@ -264,8 +264,7 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
     err = make_folder(a, k->set.wall_ns, p->why);
     if (!err) {
         err = store_write(a->dir, &a->entry);
-        if (!err)
-            err = open_recorder(a, &p->settings, &k->set);
+        err = err ? err : open_recorder(a, &p->settings, &k->set);
         if (err) {
             forget(a);
             sst_path_remove_tree(a->dir);

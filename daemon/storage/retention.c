@@ -533,8 +533,7 @@ static int pass(struct retention *r)
     }
     if (r->lock_fd < 0) {
         err = make_folders(r);
-        if (!err)
-            err = lock_folder(r);
+        err = err ? err : lock_folder(r);
         if (!err)
             remember_folder(r);
     }

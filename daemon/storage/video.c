@@ -203,8 +203,7 @@ int video_of_view(struct video *v, const char *dir)
     snprintf(v->title, sizeof(v->title), "%s, see-through", sst_path_base(dir));
     snprintf(v->track, sizeof(v->track), "see-through");
     v->format.fourcc = V4L2_PIX_FMT_MJPEG;
-    if (!err)
-        err = add_lines(v, f, &removed);
+    err = err ? err : add_lines(v, f, &removed);
     if (f)
         fclose(f);
     return err ? err : v->count ? read_size(v) : -ENODATA;

@@ -177,8 +177,7 @@ static int make(const struct work *w, int *fd)
 
     if (!err)
         err = f->row < 0 ? video_of_view(&v, dir) : video_of_camera(&v, dir, f->row, f->col);
-    if (!err)
-        err = reserve_room(w->s, w->f, v.bytes + (int64_t)v.count * FRAME_BYTES + (1 << 16));
+    err = err ? err : reserve_room(w->s, w->f, v.bytes + (int64_t)v.count * FRAME_BYTES + (1 << 16));
     if (!err)
         *fd = open_unnamed(w->s->dir);
     if (!err)

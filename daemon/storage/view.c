@@ -181,8 +181,7 @@ int view_begin(struct view_files *f, const char *dir)
     made.fd = err ? -1 : open(path, flags, 0666);
     if (!err && made.fd < 0)
         err = -errno;
-    if (!err)
-        err = sst_path_join(path, dir, SST_VIDEO_INDEX);
+    err = err ? err : sst_path_join(path, dir, SST_VIDEO_INDEX);
     if (!err && !(made.index = fopen(path, "wxe")))
         err = -errno;
     if (err) {

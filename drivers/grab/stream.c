@@ -186,12 +186,11 @@ int stream_open(struct grab_stream **out, struct sst_grab_device *device, const 
     }
     s->type = node_type(s->fd);
     err = set_up(s, device, cfg, cam, why, note);
-    if (err) {
+    if (err)
         stream_close(s);
-        return err;
-    }
-    *out = s;
-    return 0;
+    else
+        *out = s;
+    return err;
 }
 
 void stream_close(struct grab_stream *s)

@@ -212,8 +212,7 @@ int rig_drive_status(struct sst_rig *rig, int a)
     uint16_t words[2];
     int err = read_flags(rig, a, now.flag);
 
-    if (!err)
-        err = read_words(rig, a, &p->reg[p->position], words);
+    err = err ? err : read_words(rig, a, &p->reg[p->position], words);
     if (err)
         return err;
     now.um = um_of(rig, a, value_of(&p->reg[p->position], words) * p->reg[p->position].scale);

@@ -283,10 +283,8 @@ int rig_profile_read(struct rig_profile *out, const char *name)
     if (!p)
         return -ENOMEM;
     err = find_profile(p->path, name);
-    if (!err)
-        err = sst_file_read_text(p->path, PROFILE_MAX_BYTES, &text, &size);
-    if (!err)
-        err = sst_yaml_parse(&r.doc, (const char *)text, size, p->path);
+    err = err ? err : sst_file_read_text(p->path, PROFILE_MAX_BYTES, &text, &size);
+    err = err ? err : sst_yaml_parse(&r.doc, (const char *)text, size, p->path);
     if (!err) {
         read_all(&r);
         err = sst_yaml_finish(r.doc);

@@ -70,8 +70,7 @@ static int check_axis(struct sst_rig *rig, int a)
             rig->cfg.bus, rig_axis_name(rig, a, name), is, want, rig->profile.name);
         return -EPROTO;
     }
-    if (!err)
-        err = rig_drive_status(rig, a);
+    err = err ? err : rig_drive_status(rig, a);
     if (!err && rig->axis[a].now.flag[SST_RIG_ALARM]) {
         rig_profile_alarm(&rig->profile, rig->axis[a].now.alarm, alarm, sizeof(alarm));
         sst_log_warning("rig: %s has alarm %s; homing clears it", rig_axis_name(rig, a, name), alarm);
@@ -92,8 +91,7 @@ int sst_rig_open(struct sst_rig **out, const struct sst_rig_config *cfg)
     rig->cfg = *cfg;
     atomic_init(&rig->cancel, false);
     err = rig_profile_read(&rig->profile, cfg->profile);
-    if (!err)
-        err = rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms, &rig->count);
+    err = err ? err : rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms, &rig->count);
     for (int a = 0; !err && a < cfg->axes; a++)
         err = check_axis(rig, a);
     if (!err) {
@@ -252,14 +250,10 @@ static int home_axis(struct sst_rig *rig, int a, int64_t end_ns)
     rig->axis[a].has_target = false;
     if (!err && (rig->doubt || rig->axis[a].now.flag[SST_RIG_ALARM]))
         err = rig_drive_run(rig, a, SST_RIG_SEQ_RESET, 0);
-    if (!err)
-        err = rig_drive_status(rig, a);
-    if (!err)
-        err = enable(rig, a);
-    if (!err)
-        err = rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
-    if (!err)
-        err = rig_drive_run(rig, a, SST_RIG_SEQ_HOME, 0);
+    err = err ? err : rig_drive_status(rig, a);
+    err = err ? err : enable(rig, a);
+    err = err ? err : rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
+    err = err ? err : rig_drive_run(rig, a, SST_RIG_SEQ_HOME, 0);
     return err ? err : wait_home(rig, a, end_ns);
 }
 
@@ -306,16 +300,13 @@ static int move_axis(struct sst_rig *rig, int a, int32_t um)
 {
     int err = rig_drive_status(rig, a);
 
-    if (!err)
-        err = axis_fault(rig, a);
+    err = err ? err : axis_fault(rig, a);
     if (err || is_there(rig, a, um))
         return err;
     err = enable(rig, a);
-    if (!err)
-        err = rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
+    err = err ? err : rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
     rig->axis[a].has_target = false;
-    if (!err)
-        err = rig_drive_run(rig, a, SST_RIG_SEQ_MOVE, um);
+    err = err ? err : rig_drive_run(rig, a, SST_RIG_SEQ_MOVE, um);
     rig->axis[a].target_um = um;
     rig->axis[a].has_target = !err;
     return err;

@@ -156,8 +156,7 @@ static int open_device(struct sst_still *s, const struct sst_still_device *d)
 {
     int err = d->error == EACCES || d->error == EPERM ? -EACCES : 0;
 
-    if (!err)
-        err = still_lib_open(&s->lib, d->bus, d->address, s->cfg.response_ms);
+    err = err ? err : still_lib_open(&s->lib, d->bus, d->address, s->cfg.response_ms);
     if (!err) {
         s->bus = d->bus;
         s->address = d->address;

@@ -252,8 +252,7 @@ int still_settings_status(struct sst_still *s)
             state.battery_percent = sst_clamp_int((int)lround(fmin(percent, 100)), 0, 100);
     }
     err = err == -ENOENT ? 0 : err;
-    if (!err)
-        err = still_lib_storage(s->lib, &state);
+    err = err ? err : still_lib_storage(s->lib, &state);
     if (err)
         return still_failed(s, err, "asking for battery and card");
     s->state = state;

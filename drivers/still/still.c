@@ -83,8 +83,7 @@ static int expose(struct sst_still *s, int64_t *release_ns)
         if (!err)
             still_sleep_ms(s->cfg.mirror_ms);
     }
-    if (!err)
-        err = release(s, "releasing", release_ns);
+    err = err ? err : release(s, "releasing", release_ns);
     s->count.exposures += !err;
     return err;
 }
@@ -112,8 +111,7 @@ static int download(struct sst_still *s, const struct still_path *path, struct s
 
     snprintf(f.name, sizeof(f.name), "%s", path->name);
     err = still_lib_size(s->lib, path, &announced);
-    if (!err)
-        err = still_lib_download(s->lib, path, &f.data, &f.bytes);
+    err = err ? err : still_lib_download(s->lib, path, &f.data, &f.bytes);
     if (err)
         return still_failed(s, err, path->name);
     if (announced && f.bytes != announced) {
@@ -248,8 +246,7 @@ static int ready(struct sst_still *s)
 {
     int err = still_reopen(s);
 
-    if (!err)
-        err = still_settings_apply(s);
+    err = err ? err : still_settings_apply(s);
     return err ? err : check_state(s);
 }
 
@@ -258,8 +255,7 @@ static int shoot(struct sst_still *s, int64_t *release_ns)
 {
     int err = expose(s, release_ns);
 
-    if (!err)
-        err = still_wait_files(s, files_wanted(s), *release_ns);
+    err = err ? err : still_wait_files(s, files_wanted(s), *release_ns);
     s->unsure_ns = err ? sst_clock_now_ns() + s->cfg.quiet_ms * MS : 0;
     return err;
 }
@@ -270,17 +266,13 @@ int sst_still_capture(struct sst_still *s, struct sst_still_shot *shot)
     int err = ready(s);
 
     s->paths = 0;
-    if (!err)
-        err = shoot(s, &new.release_ns);
-    if (!err)
-        err = fetch_all(s, &new);
+    err = err ? err : shoot(s, &new.release_ns);
+    err = err ? err : fetch_all(s, &new);
     while (err == -EAGAIN) {
         err = still_wait_files(s, files_wanted(s), new.release_ns);
-        if (!err)
-            err = fetch_all(s, &new);
+        err = err ? err : fetch_all(s, &new);
     }
-    if (!err)
-        err = check_files(s, &new);
+    err = err ? err : check_files(s, &new);
     if (err) {
         sst_still_release_files(s, &new);
         return err;
@@ -317,10 +309,8 @@ static int lock_focus(struct sst_still *s)
     int64_t release_ns;
     int err = still_settings_focus(s, true);
 
-    if (!err)
-        err = check_state(s);
-    if (!err)
-        err = shoot(s, &release_ns);
+    err = err ? err : check_state(s);
+    err = err ? err : shoot(s, &release_ns);
     s->cfg.keep = false;
     sst_still_release_files(s, &none);
     s->cfg.keep = keep;
@@ -361,15 +351,12 @@ int sst_still_open(struct sst_still **out, const struct sst_still_config *cfg)
     copy_texts(s, cfg);
     err = still_find(s);
     s->unsure_ns = sst_clock_now_ns() + s->cfg.quiet_ms * MS;
-    if (!err)
-        err = still_settings_apply(s);
+    err = err ? err : still_settings_apply(s);
     if (!err && cfg->focus == SST_STILL_FOCUS_LOCKED && !cfg->focused) {
         err = lock_focus(s);
-        if (!err)
-            err = still_settings_apply(s);
+        err = err ? err : still_settings_apply(s);
     }
-    if (!err)
-        err = still_settings_status(s);
+    err = err ? err : still_settings_status(s);
     if (err) {
         sst_still_close(s);
         return err;

@@ -160,15 +160,13 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
     struct run run = { .command.signals = -1 };
     int err = sim_command_prepare(&run.command), status;
 
-    if (!err)
-        err = sim_simulator_start(sim, dir);
+    err = err ? err : sim_simulator_start(sim, dir);
     if (!err && argv)
         err = sim_session_enter(dir);
     if (!err && argv && sim_command_start(&run.command, argv))
         run.command.status = err = 127;
     run.server = sim_simulator_server(sim);
-    if (!err)
-        err = sim_watch(run.server, run.command.signals, signalled, &run);
+    err = err ? err : sim_watch(run.server, run.command.signals, signalled, &run);
     if (!err) {
         raise_limit();
         err = sim_server_run(run.server);

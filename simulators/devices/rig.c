@@ -19,8 +19,7 @@ int sim_rig_open(struct sst_sim_drive **out, const char *dir, int port, uint64_t
     char link[SST_PATH_MAX];
     int err = sst_path_join(link, dir, SST_SIM_RIG_LINK + 1);
 
-    if (!err)
-        err = sim_make_parents(link, strlen(dir));
+    err = err ? err : sim_make_parents(link, strlen(dir));
     return err ? err : sst_sim_drive_start(out, &(struct sst_sim_drive_config){ port, link, seed });
 }
 

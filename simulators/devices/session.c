@@ -135,8 +135,7 @@ int sim_session_enter(const char *dir)
     char preload[SST_PATH_MAX], all[2 * SST_PATH_MAX];
     int err = find_preload(preload);
 
-    if (!err)
-        err = name_preload(dir, preload);
+    err = err ? err : name_preload(dir, preload);
     if (err)
         return err;
     if (snprintf(all, sizeof(all), "%s%s%s", preload, old && *old ? ":" : "", old ? old : "") >= (int)sizeof(all))

@@ -195,18 +195,14 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
         return err;
     sim->options = *options;
     err = options->wires.rig ? check_rig(options) : 0;
-    if (!err)
-        err = sst_sim_world_open(&sim->world, options->world, options->cache);
-    if (!err)
-        err = sim_faults_create(&sim->faults);
-    if (!err)
-        err = add_world_faults(sim);
-    if (err) {
+    err = err ? err : sst_sim_world_open(&sim->world, options->world, options->cache);
+    err = err ? err : sim_faults_create(&sim->faults);
+    err = err ? err : add_world_faults(sim);
+    if (err)
         sim_simulator_close(sim);
-        return err;
-    }
-    *out = sim;
-    return 0;
+    else
+        *out = sim;
+    return err;
 }
 
 /* The wall clock of the programs, where it is not the machine's. */
@@ -229,8 +225,7 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
     const struct session_control control = { .arg = sim, .call = answer };
     int err = sim_server_open(&sim->server, dir, &control);
 
-    if (!err)
-        err = write_clock(sim, dir);
+    err = err ? err : write_clock(sim, dir);
     if (!err)
         err = sim_wires_open(&sim->wires, &(struct sim_wires_config){ .options = sim->options.wires,
                                                                       .server = sim->server,
@@ -242,10 +237,8 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
                                                                       .faults = sim->faults,
                                                                       .usb = sim->wires->usb->usb,
                                                                       .truth = sim->options.truth });
-    if (!err)
-        err = sim_wires_attach(sim->wires, sim->array);
-    if (!err)
-        err = set_faults(sim);
+    err = err ? err : sim_wires_attach(sim->wires, sim->array);
+    err = err ? err : set_faults(sim);
     if (err) {
         /* nothing was simulated: no figures */
         sim->options.quiet = true;

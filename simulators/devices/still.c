@@ -296,8 +296,7 @@ int sim_still_open(struct sim_still **out, const struct sim_still_config *cfg)
     s->exposing = (struct sim_timer){ .fire = exposing, .arg = s };
     s->plugging = (struct sim_timer){ .fire = plugging, .arg = s };
     err = check_plan(s->settings);
-    if (!err)
-        err = create(s);
+    err = err ? err : create(s);
     if (!err) {
         struct sim_fault_scope scope = sim_still_faults;
 

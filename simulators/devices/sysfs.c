@@ -214,12 +214,11 @@ int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
     /* libudev checks for this socket to detect whether udev runs. */
     sim_sysfs_bytes(fs, "/run/udev", "control", "", 0);
     err = fs->err ? fs->err : sim_events_open(fs);
-    if (err) {
+    if (err)
         sim_sysfs_close(fs);
-        return err;
-    }
-    *out = fs;
-    return 0;
+    else
+        *out = fs;
+    return err;
 }
 
 void sim_sysfs_close(struct sim_sysfs *fs)

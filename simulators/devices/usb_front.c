@@ -246,16 +246,13 @@ int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_co
         front->shown[i].front = front;
         front->shown[i].device = i;
     }
-    if (!err)
-        err = show_all(front);
-    if (!err)
-        err = add_faults(front);
-    if (err) {
+    err = err ? err : show_all(front);
+    err = err ? err : add_faults(front);
+    if (err)
         sim_usb_front_close(front);
-        return err;
-    }
-    *out = front;
-    return 0;
+    else
+        *out = front;
+    return err;
 }
 
 void sim_usb_front_close(struct sim_usb_front *front)

@@ -151,16 +151,14 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     usb.size_count = sst_sim_world_sizes(cfg->world, &usb.sizes);
     err = sim_sysfs_open(&w->sysfs, cfg->server);
     usb.sysfs = w->sysfs;
-    if (!err)
-        err = sim_usb_front_open(&w->usb, &usb);
+    err = err ? err : sim_usb_front_open(&w->usb, &usb);
     if (!err && (cfg->options.rig || usb.cameras == 1))
         err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, world->seed);
-    if (err) {
+    if (err)
         sim_wires_close(w);
-        return err;
-    }
-    *out = w;
-    return 0;
+    else
+        *out = w;
+    return err;
 }
 
 static int open_still(struct sim_wires *w)

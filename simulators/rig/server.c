@@ -391,8 +391,7 @@ int sst_sim_drive_start(struct sst_sim_drive **out, const struct sst_sim_drive_c
             err = open_serial(d);
         }
     }
-    if (!err)
-        err = start_thread(d);
+    err = err ? err : start_thread(d);
     if (err) {
         d->thread = 0;
         sst_sim_drive_stop(d);

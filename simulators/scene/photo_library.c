@@ -84,8 +84,7 @@ static int read_photo(struct photo *p, const struct sst_layers_config *cfg, cons
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, cfg->photos, name);
 
-    if (!err)
-        err = sst_image_read(&p->image, path);
+    err = err ? err : sst_image_read(&p->image, path);
     if (!err && (p->image.width < SIDE_MIN || p->image.height < SIDE_MIN)) {
         sst_log_error("%s: %dx%d pixels are too few for a texture; give pictures of at least %dx%d", path,
                       p->image.width, p->image.height, SIDE_MIN, SIDE_MIN);
@@ -148,8 +147,7 @@ static int paint_photo(struct photo *p, uint32_t seed)
 {
     int err = sst_image_init(&p->image, 480, 360);
 
-    if (!err)
-        err = sst_map_u8_init(&p->label, 480, 360);
+    err = err ? err : sst_map_u8_init(&p->label, 480, 360);
     for (int y = 0; !err && y < 360; y++) {
         for (int x = 0; x < 480; x++) {
             const int label = paint_label(x, y, seed);

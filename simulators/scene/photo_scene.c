@@ -364,9 +364,7 @@ static int add_layers(struct photo_scene *s, const struct sst_layers_config *cfg
     s->focus_px = focus;
     if (!err)
         err = wall ? add_wall(s, focus) : add_group(s, focus);
-    if (!err)
-        err = photo_occluder_add(s, cfg->kind, given_or(cfg->cover_percent, random_cover), near_px, spread);
-    return err;
+    return err ? err : photo_occluder_add(s, cfg->kind, given_or(cfg->cover_percent, random_cover), near_px, spread);
 }
 
 /* --- scene -------------------------------------------------------------------------------------------------------- */
@@ -404,8 +402,7 @@ int photo_scene_create(struct photo_scene **out, const struct sst_scene_config *
     s->gain_percent = given_or(cfg->layers.gain_percent, gain);
     s->jpeg = (int)given_or(cfg->layers.jpeg, quality < 85 ? 0 : quality);
     err = photo_library_init(&s->library, &cfg->layers, sst_random_u64(&s->rng));
-    if (!err)
-        err = add_layers(s, &cfg->layers);
+    err = err ? err : add_layers(s, &cfg->layers);
     for (int i = 0; i < s->count && !err; i++)
         err = photo_sprite_index(&s->sprites[i]);
     if (err) {

@@ -97,10 +97,8 @@ static int probe_view(const struct sst_scene *s, double bx, double by, unsigned 
     struct sst_scene_raster r;
     int err = sst_map_f32_init(&p->disp, PROBE_WIDTH, PROBE_HEIGHT);
 
-    if (!err)
-        err = sst_map_u8_init(&p->label, PROBE_WIDTH, PROBE_HEIGHT);
-    if (!err)
-        err = sst_map_u8_init(&p->owner, PROBE_WIDTH, PROBE_HEIGHT);
+    err = err ? err : sst_map_u8_init(&p->label, PROBE_WIDTH, PROBE_HEIGHT);
+    err = err ? err : sst_map_u8_init(&p->owner, PROBE_WIDTH, PROBE_HEIGHT);
     if (err)
         return err;
     scene_raster(s, bx, by, hidden, &r);
@@ -241,11 +239,9 @@ static int create_photo(struct sst_scene *s, const struct sst_scene_config *cfg)
 {
     int err = check(cfg);
 
-    if (!err)
-        err = check_photo(cfg);
+    err = err ? err : check_photo(cfg);
     s->world = (struct sst_scene_world){ .focal = 1200, .spacing_mm = 50, .occluder_count = 1 };
-    if (!err)
-        err = photo_scene_create(&s->photo, cfg, (cfg->rows - 1) / 2, (cfg->cols - 1) / 2);
+    err = err ? err : photo_scene_create(&s->photo, cfg, (cfg->rows - 1) / 2, (cfg->cols - 1) / 2);
     if (err)
         return err;
     s->world.occluders[0] = (struct sst_scene_occluder){ .name = "front",
@@ -269,12 +265,11 @@ int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_
     }
     if (!err && !photo)
         err = find_focus(s);
-    if (err) {
+    if (err)
         sst_scene_destroy(s);
-        return err;
-    }
-    *out = s;
-    return 0;
+    else
+        *out = s;
+    return err;
 }
 
 void sst_scene_destroy(struct sst_scene *s)

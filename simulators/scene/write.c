@@ -166,8 +166,7 @@ static int write_truth_json(const struct job *j, const char *name)
     if (root)
         text = json_dumps(root, JSON_INDENT(2));
     err = text ? path_of(path, j->dir, "truth", "truth.json") : -ENOMEM;
-    if (!err)
-        err = sst_file_write(path, text, strlen(text));
+    err = err ? err : sst_file_write(path, text, strlen(text));
     free(text);
     json_decref(root);
     return err;

@@ -554,12 +554,11 @@ int sst_sim_gpio_create(struct sst_sim_gpio **out, const struct sst_sim_gpio_con
     gpio->scratch = calloc(3, (size_t)gpio->nets + 1);
     if (!err && (!gpio->level || !gpio->scratch))
         err = -ENOMEM;
-    if (err) {
+    if (err)
         sst_sim_gpio_destroy(gpio);
-        return err;
-    }
-    *out = gpio;
-    return 0;
+    else
+        *out = gpio;
+    return err;
 }
 
 void sst_sim_gpio_destroy(struct sst_sim_gpio *gpio)

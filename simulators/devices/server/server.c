@@ -390,8 +390,7 @@ int sim_server_open(struct sim_server **out, const char *dir, const struct sessi
     s->timer_source.ready = timers_due;
     s->hangups_source.ready = hangups_ready;
     err = sst_path_join(s->dir, dir, NULL);
-    if (!err)
-        err = sim_dev_open(s);
+    err = err ? err : sim_dev_open(s);
     if (err)
         goto fail;
     err = listen_at(s);
@@ -405,12 +404,9 @@ int sim_server_open(struct sim_server **out, const char *dir, const struct sessi
     s->timerfd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
     if (s->epoll < 0 || s->hangups < 0 || s->timerfd < 0)
         err = -errno;
-    if (!err)
-        err = sim_source_add(s->epoll, s->listener, EPOLLIN, &s->listener_source);
-    if (!err)
-        err = sim_source_add(s->epoll, s->timerfd, EPOLLIN, &s->timer_source);
-    if (!err)
-        err = sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
+    err = err ? err : sim_source_add(s->epoll, s->listener, EPOLLIN, &s->listener_source);
+    err = err ? err : sim_source_add(s->epoll, s->timerfd, EPOLLIN, &s->timer_source);
+    err = err ? err : sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
     if (err) {
         sst_log_error("simulator: cannot create the event loop: %s", strerror(-err));
         goto fail;

@@ -192,10 +192,8 @@ static int prepare(const char *path, const uint8_t key[SST_SIM_KEY_BYTES], struc
     j->end = sizeof(struct head) + count * sizeof(struct entry);
     j->entries = calloc(count, sizeof(*j->entries));
     err = !j->entries ? -ENOMEM : fseeko(j->file, (off_t)j->end, SEEK_SET) ? -EIO : 0;
-    if (!err)
-        err = sst_parallel_for(j->cams, sst_thread_count(0), prepare_camera, j);
-    if (!err)
-        err = write_index(j, key);
+    err = err ? err : sst_parallel_for(j->cams, sst_thread_count(0), prepare_camera, j);
+    err = err ? err : write_index(j, key);
     free(j->entries);
     if (!err)
         return sst_outfile_commit(&file);
@@ -261,8 +259,7 @@ int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg)
         snprintf(file + 2 * i, 3, "%02x", key[i]);
     snprintf(file + SST_SIM_KEY_BYTES, 8, ".loop");
     err = sst_path_join(path, folder, file);
-    if (!err)
-        err = sst_path_make_dir(folder);
+    err = err ? err : sst_path_make_dir(folder);
     if (err)
         return err;
     err = map_file(out, path, key, cfg->cams, cfg->frames);

@@ -277,8 +277,7 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
         sim_board_seed_poses(&s->board, settings, &s->first);
     sst_scene_world_fini(&s->first);
     err = build(s, 0, 0, &s->first);
-    if (!err)
-        err = find_motion(s);
+    err = err ? err : find_motion(s);
     for (int cam = 0; cam < cams && !err; cam++) {
         const struct sst_sim_override *o = &settings->camera[cam];
 
@@ -287,11 +286,9 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
         if (o->given & SST_SIM_MOVES)
             sim_camera_move(o->moves_at ? &s->moved[cam] : &s->camera[cam], settings, cam);
         err = check_lens(s, &s->camera[cam], cam);
-        if (!err)
-            err = check_lens(s, &s->moved[cam], cam);
+        err = err ? err : check_lens(s, &s->moved[cam], cam);
     }
-    if (!err)
-        err = sim_photo_create(&s->photo, settings);
+    err = err ? err : sim_photo_create(&s->photo, settings);
     if (!err && settings->rig)
         err = make_warp(s, &s->camera[0], &s->warp);
     if (err)
@@ -439,16 +436,14 @@ static int shoot(const struct sim_stage *s, const struct shooting *t)
     struct sst_scene_raster r;
     int err = sst_image_init(&native, s->settings->width, s->settings->height);
 
-    if (!err)
-        err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
+    err = err ? err : sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
     if (!err) {
         aim(s, t, &fine, &r);
         err = sst_scene_layers_create(&layers, &r, s->moving, t->threads);
     }
     for (int i = t->first; i < t->last && !err; i++) {
         err = draw(s, layers, i);
-        if (!err)
-            err = draw_board(s, t, i, &fine);
+        err = err ? err : draw_board(s, t, i, &fine);
         if (err)
             break;
         expose(s, t, i, &fine, &native);

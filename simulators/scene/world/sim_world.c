@@ -194,8 +194,7 @@ int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache)
         err = sst_path_join(out, base, "sst-sim");
     } else if (home && *home) {
         err = sst_path_join(dot, home, ".cache");
-        if (!err)
-            err = sst_path_join(out, dot, "sst-sim");
+        err = err ? err : sst_path_join(out, dot, "sst-sim");
     } else {
         sst_log_error("no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
         return -EINVAL;
@@ -247,8 +246,7 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
     struct sst_sim_world *w = calloc(1, sizeof(*w));
     int err = w ? sst_sim_settings_read(&w->settings, world ? world : "pedestrian") : -ENOMEM;
 
-    if (!err)
-        err = sim_stage_open(&w->stage, &w->settings);
+    err = err ? err : sim_stage_open(&w->stage, &w->settings);
     if (err)
         goto fail;
     w->cams = w->settings.rig ? 1 : w->settings.rows * w->settings.cols;
@@ -320,8 +318,7 @@ int sst_sim_world_parameters(const char *world, const char *path)
     struct sim_stage *stage = NULL;
     int err = settings ? sst_sim_settings_read(settings, world ? world : "pedestrian") : -ENOMEM;
 
-    if (!err)
-        err = sim_stage_open(&stage, settings);
+    err = err ? err : sim_stage_open(&stage, settings);
     if (!err)
         err = yaml ? sim_truth_calib(settings, stage, path) : sim_truth_write(settings, stage, path);
     sim_stage_close(stage);
@@ -390,8 +387,7 @@ static int make(struct sst_sim_world *w, const struct sim_made_key *key, struct 
     struct sim_jpeg from;
     int err = native(w, key, &from);
 
-    if (!err)
-        err = sst_image_decode(&full, from.data, from.bytes, "a simulated frame");
+    err = err ? err : sst_image_decode(&full, from.data, from.bytes, "a simulated frame");
     if (!err && key->light != LIGHT_ONE)
         sim_light(&full, (double)key->light / LIGHT_ONE);
     if (!err && !native_size && !(err = sst_image_init(&small, key->width, key->height)))
@@ -408,8 +404,7 @@ static int make(struct sst_sim_world *w, const struct sim_made_key *key, struct 
         if (!err)
             sim_pack(native_size ? &full : &small, key->fourcc, out->data);
     }
-    if (!err)
-        err = made_keep(w->made, key, out);
+    err = err ? err : made_keep(w->made, key, out);
 
 done:
     sst_image_fini(&small);
