@@ -59,7 +59,7 @@ struct sst_gpu_clear {
 #define SST_GPU_CLEAR_GROUP_WIDTH  32
 #define SST_GPU_CLEAR_GROUP_HEIGHT 4
 
-/** What is known of a pixel's surface while its rays are sampled. */
+/** Surface of a pixel while its rays are sampled. */
 struct sst_gpu_clear_state {
     float level;     /* of the surface, as clear_surface of kernels.h has it; 0: there is none */
     float px;        /* its disparity */
@@ -75,7 +75,7 @@ struct sst_gpu_clear_sample {
     float bx, by;                 /* of the view, as of struct sst_gpu_clear_view */
     int32_t top, rows;            /* of the picture */
     int32_t cell_rows;            /* pieces of a column */
-    uint32_t view;                /* whose landed rays these are */
+    uint32_t view;                /* of these landed rays */
 };
 
 enum sst_gpu_clear_ray {

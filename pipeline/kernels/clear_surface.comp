@@ -1,5 +1,5 @@
-// The surface of each pixel of a clear picture whose rays are sampled from raw frames, for clear_sample. Buffers and
-// constants: pipeline/gpu/clear.h. Definition: clear_surface_ref.c.
+// The surface of each pixel of a clear picture with rays from raw frames, for clear_sample. Buffers and constants:
+// pipeline/gpu/clear.h. Definition: clear_surface_ref.c.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
