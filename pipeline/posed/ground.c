@@ -14,6 +14,7 @@
 #define WIDTH_PX   512   /* of the compared pictures, about */
 #define RATIO      1.03  /* of the distances of neighbouring planes */
 #define BEHIND     1.6   /* a peak's share over the least one behind it */
+#define LEAST_PX   100 /* ... and pixels above the mean behind it, in a wide sweep: patches of chance are smaller */
 #define BEFORE     1.3   /* and over the least one before it, up to a higher one */
 #define LEAST_FOUR 0.001 /* of the pixels */
 #define NEAREST    0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
@@ -155,10 +156,10 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
 
 /* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
  * peak before it. Far behind the ground chance makes the least share small: in a wide sweep the mean one counts as well.
- * @return -1: none */
-static int farthest_peak(const struct sst_posed_ground *g, bool wide)
+ * @param wide_px  pixels of the compared pictures; 0: the sweep is not wide @return -1: none */
+static int farthest_peak(const struct sst_posed_ground *g, double wide_px)
 {
-    double behind = INFINITY, sum = 0;
+    double behind = INFINITY, sum = 0, mean;
 
     for (int i = g->planes - 2; i > 0; i--) {
         double before = INFINITY;
@@ -166,8 +167,10 @@ static int farthest_peak(const struct sst_posed_ground *g, bool wide)
 
         behind = fmin(behind, g->four[i + 1]);
         sum += g->four[i + 1];
+        mean = sum / (g->planes - 1 - i);
         if (g->four[i] < g->four[i + 1] || g->four[i] < g->four[i - 1] || g->four[i] < LEAST_FOUR ||
-            g->four[i] < BEHIND * (wide ? fmax(behind, sum / (g->planes - 1 - i)) : behind))
+            g->four[i] < BEHIND * behind ||
+            (wide_px > 0 && (g->four[i] < BEHIND * mean || (g->four[i] - mean) * wide_px < LEAST_PX)))
             continue;
         for (; k >= 0 && g->four[k] <= g->four[i]; k--)
             before = fmin(before, g->four[k]);
@@ -268,7 +271,7 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
         err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
         err = err ? err : sweep(&g, &s, range);
         if (!err) {
-            g.chosen = farthest_peak(&g, range[1] > WIDE * range[0]);
+            g.chosen = farthest_peak(&g, range[1] > WIDE * range[0] ? (double)small.width * small.height : 0);
             err = g.chosen < 0 ? -ENODATA : refine(&g, &s, cfg->level);
         }
         agree_fini(&s.agree);
