@@ -1,4 +1,5 @@
-/* Poses of one light field whose moments are of one array: the world of all pictures, then the array's shape at each moment. */
+/* Poses of one light field whose moments are of one array: the world of all pictures, then the array's shape at each
+ * moment. */
 #include "cli/cli_internal.h"
 
 #include <errno.h>
@@ -36,8 +37,9 @@ static int check(struct moments *m, const char *dir)
     for (int k = 0; k < m->whole->count; k++) {
         m->count = sst_max_int(m->count, m->whole->view[k].moment);
         if (m->whole->view[k].moment < 1) {
-            sst_log_error("%s: %s is of no moment; --one-rig needs `sst import pictures --moments`, or several light fields",
-                          dir, m->whole->view[k].name);
+            sst_log_error(
+                "%s: %s is of no moment; --one-rig needs `sst import pictures --moments`, or several light fields", dir,
+                m->whole->view[k].name);
             return -EBADMSG;
         }
     }
@@ -51,7 +53,8 @@ static int check(struct moments *m, const char *dir)
     }
     if (m->count > 1 && m->views > 1)
         return 0;
-    sst_log_error("%s has %d moments of %d pictures; --one-rig needs two moments of two at least", dir, m->count, m->views);
+    sst_log_error("%s has %d moments of %d pictures; --one-rig needs two moments of two at least", dir, m->count,
+                  m->views);
     return -EBADMSG;
 }
 
@@ -84,9 +87,10 @@ static int split(struct moments *m, const char *dir)
             part->view[n++] = m->whole->view[k];
         }
         if (sst_posed_placed(part) < 2) {
-            sst_log_error("%s: the pictures of moment %d do not match those of the others, so its place is unknown; import "
-                          "each moment as a light field of its own and name them all",
-                          dir, i + 1);
+            sst_log_error(
+                "%s: the pictures of moment %d do not match those of the others, so its place is unknown; import "
+                "each moment as a light field of its own and name them all",
+                dir, i + 1);
             return -EDOM;
         }
     }
@@ -162,8 +166,9 @@ static int merge(struct moments *m, const struct sst_posed_solve_config *cfg, bo
     }
     out->spacing_mm = spacing * factor;
     whole->median_px = out->median_px;
-    snprintf(whole->history, sizeof(whole->history), "found %d of %d views by features of one rig at %d moments: median %.3f px",
-             out->placed, whole->count, m->count, out->median_px);
+    snprintf(whole->history, sizeof(whole->history),
+             "found %d of %d views by features of one rig at %d moments: median %.3f px", out->placed, whole->count,
+             m->count, out->median_px);
     return 0;
 }
 

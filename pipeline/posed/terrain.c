@@ -9,8 +9,8 @@
 #define MAP_MM   1e8   /* places beyond it are of a map */
 #define STEP_M   100.0 /* over which scale and turn of the map are measured */
 #define EARTH_MM 6.37e9
-#define ROUNDS   20    /* of the search for the light field's place on the map */
-#define AWAY_M   5e6   /* from where it does not converge: another zone or hemisphere */
+#define ROUNDS   20  /* of the search for the light field's place on the map */
+#define AWAY_M   5e6 /* from where it does not converge: another zone or hemisphere */
 
 /* East and north of the light field's origin, m, of a place on the map at its altitude. */
 static void local(double out[3], const struct sst_posed *posed, const struct sst_utm *utm, const double xy[2])
@@ -64,7 +64,8 @@ static void convert(struct sst_heights *h, const struct sst_posed *posed, const 
     }
 }
 
-int sst_terrain_place(struct sst_heights *h, bool *placed, const struct sst_posed *posed, const char *given, const char *path)
+int sst_terrain_place(struct sst_heights *h, bool *placed, const struct sst_posed *posed, const char *given,
+                      const char *path)
 {
     const bool map = fmax(fabs(h->x_mm), fabs(h->y_mm)) > MAP_MM;
     struct sst_utm utm = { 0 };
@@ -87,17 +88,20 @@ int sst_terrain_place(struct sst_heights *h, bool *placed, const struct sst_pose
         const int zone = (int)floor((posed->longitude + 180) / 6) % 60 + 1;
 
         if (h->epsg)
-            sst_log_error("%s is on the map EPSG:%d, which is no zone of UTM; convert it: gdalwarp -t_srs EPSG:%d IN OUT",
-                          path, h->epsg, (posed->latitude < 0 ? 32700 : 32600) + zone);
+            sst_log_error(
+                "%s is on the map EPSG:%d, which is no zone of UTM; convert it: gdalwarp -t_srs EPSG:%d IN OUT", path,
+                h->epsg, (posed->latitude < 0 ? 32700 : 32600) + zone);
         else
-            sst_log_error("%s has places of a map that it does not name; if they are of UTM, add its zone, as --utm %d%c",
-                          path, zone, posed->latitude < 0 ? 'S' : 'N');
+            sst_log_error(
+                "%s has places of a map that it does not name; if they are of UTM, add its zone, as --utm %d%c", path,
+                zone, posed->latitude < 0 ? 'S' : 'N');
         return -EBADMSG;
     }
     if (!find_origin(xy, posed, &utm)) {
-        sst_log_error("%s: the light field, at longitude %.4f and latitude %.4f, is not near UTM's zone %d%c; correct the "
-                      "zone",
-                      path, posed->longitude, posed->latitude, utm.zone, utm.south ? 'S' : 'N');
+        sst_log_error(
+            "%s: the light field, at longitude %.4f and latitude %.4f, is not near UTM's zone %d%c; correct the "
+            "zone",
+            path, posed->longitude, posed->latitude, utm.zone, utm.south ? 'S' : 'N');
         return -EBADMSG;
     }
     convert(h, posed, &utm, xy);

@@ -27,8 +27,8 @@ void sst_earth_at(struct sst_earth *out, double longitude, double latitude, doub
 /** Metres east, north and up of `from`. */
 void sst_earth_from(const struct sst_earth *from, const struct sst_earth *of, double out[3]);
 
-/** Zone of a map: EPSG:32601 to 32660, 32701 to 32760, and 25828 to 25838 (ETRS89, within a metre). @return false: another
- *  map */
+/** Zone of a map: EPSG:32601 to 32660, 32701 to 32760, and 25828 to 25838 (ETRS89, within a metre). @return false:
+ * another map */
 bool sst_utm_of_epsg(struct sst_utm *out, int epsg);
 
 /** "33N". @return false: no zone */
