@@ -19,7 +19,7 @@
 #include "pipeline/posed/array.h"
 
 #define SETS         2    /* of different pictures, one after the other */
-#define BLOB_PX      6    /* size of what is in the pictures: leaves */
+#define BLOB_PX      6    /* size of shapes in the pictures: leaves */
 #define JPEG_QUALITY 85
 #define CLEAR_HZ     1.0  /* rate at which clear pictures are worth showing */
 #define BUSY         1.5  /* time over processor time from which on other programs have it */

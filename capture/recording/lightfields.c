@@ -396,7 +396,7 @@ static int fill_posed(struct sst_posed *out, const struct job *job)
     return n;
 }
 
-/* Size, channels and bits of the light field are those of a view's file. */
+/* The light field has the size, channels and bits of a view's file. */
 static int kind_of_pictures(struct sst_posed *posed, const char *path)
 {
     struct sst_deep_size found;

@@ -118,7 +118,7 @@ bool sst_run_places(const struct sst_runner_user *user, const struct sst_step *s
 /** Items on the CPU, as the report counts them. */
 int64_t sst_run_on_cpu(const struct sst_runner_user *user, int counter);
 
-/** Keep planes of the views of a light field from step to step, none current but those of its colours; planes of
+/** Keep planes of the views of a light field from step to step, none current but its colours; planes of
  * another one are freed. @param pixels  [SST_PLANE_MAP + 1] of a view */
 void sst_run_claim(struct sst_runner_user *user, const void *of, int views, const size_t *pixels);
 

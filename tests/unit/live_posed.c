@@ -1,5 +1,5 @@
 /* pipeline/live/posed/: ten simulated cameras over a forest, tilted and at unequal heights; the ground is found, and
- * pictures are those of sst_posed_render(). */
+ * pictures equal results of sst_posed_render(). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

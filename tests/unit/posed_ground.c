@@ -212,7 +212,7 @@ static void clear_pictures_show_the_floor(void **state SST_UNUSED)
         cfg.method = (enum sst_posed_method)m;
         assert_int_equal(sst_posed_render(&made, &posed, test_path("clear.lf"), &cfg), 0);
         off[m] = difference(&made, &cfg.camera, &share[m]);
-        for (int i = 0; i < width * height; i++) /* levels are dimmed there, means are those of rays alone */
+        for (int i = 0; i < width * height; i++) /* levels are dimmed there, means are of rays alone */
             assert_int_equal(isnan(sst_map_f32_row(&made.mean[0], i / width)[i % width]),
                              !sst_map_u16_row(&made.views, i / width)[i % width]);
         sst_posed_rendered_fini(&made);

@@ -1,5 +1,5 @@
 /* A graph as dispatches of the shaders of pipeline/gpu/net.h: the same choices of 8 bits, scales and conversions as the
- * plan for the CPU (plan_dnnl.c, plan_conv.c), those of processors without VNNI included. */
+ * plan for the CPU (plan_dnnl.c, plan_conv.c), also of processors without VNNI. */
 #include "pipeline/method/network/device_internal.h"
 
 #include <errno.h>
@@ -205,7 +205,7 @@ static int in_type(struct building *b, int value, uint32_t type, float scale)
             continue;
         if (t->at.type == type && t->scale == scale)
             return i;
-        from = i; /* the oldest: what the others were made of */
+        from = i; /* the oldest: the source of the others */
     }
     to = add_tensor(b, value, type, scale);
     if (to < 0)
@@ -340,7 +340,7 @@ static int add_numbers_8(struct building *b, const struct sst_op *op, struct sst
     return err;
 }
 
-/* What is added before relu: to bytes of the result, or to floats. */
+/* Bias before relu: added to bytes of the result, or to floats. */
 static void set_residual(const struct building *b, struct step *s, int residual, bool to_bytes)
 {
     s->residual = residual;
@@ -437,7 +437,7 @@ static int add_to_floats(struct building *b, const struct sst_op *op, enum sst_g
     return err || shader != SST_GPU_NET_RESIZE ? err : add_taps(b, op);
 }
 
-/* Bytes are what the caller asks for. */
+/* The caller asks for bytes. */
 static int add_unit(struct building *b, const struct sst_op *op)
 {
     const int from = in_f32(b, op->in[0]);
@@ -543,7 +543,7 @@ static bool rounds_once(struct sst_run *r, bool by_parts)
     float fixed[WEIGHTS + OUTS] = { 0 }, values[(4 + OUTS) * PIXELS] = { 0 }, *const bias = fixed + WEIGHTS;
     struct sst_gpu_range weights, at;
 
-    for (int i = 0; i < OUTS; i++) { /* products that are nearly -bias: what is left shows how they were rounded */
+    for (int i = 0; i < OUTS; i++) { /* products that are nearly -bias: the rest shows how they were rounded */
         fixed[i] = 1 + (float)(i * i + 1) / 8192;
         bias[i] = i % 2 ? -fixed[i] : (float)(i - 16) / 3;
     }

@@ -50,7 +50,7 @@ struct sst_render_live {
 SST_MUST_CHECK int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
                                                 const struct sst_render_live *live);
 
-/** What a device has done. */
+/** Work of a device. */
 struct sst_render_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
     bool failing;              /* it failed at its last picture, or could not be opened, and is tried again later */

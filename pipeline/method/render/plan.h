@@ -129,7 +129,7 @@ struct sst_raw_view {
 struct sst_render_tap {
     int view;
     const struct sst_view *v;
-    const struct sst_raw_view *frame;  /* what shaders make its pixels from; NULL: from v's image */
+    const struct sst_raw_view *frame;  /* source of its pixels in shaders; NULL: v's image */
     const struct sst_sampler *sampler; /* of frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
     int ix, iy, nx, ny;
     double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */

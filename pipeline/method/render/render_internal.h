@@ -102,7 +102,7 @@ struct render_picture {
     int cols;
     struct sst_image *out;
     struct sst_map_u8 *valid;
-    render_rows_fn *pixels; /* sums of rays, or what dispatches have made */
+    render_rows_fn *pixels; /* sums of rays, or results of dispatches */
     bool voted;             /* these have verified rays, too */
     /* of the dispatches */
     struct render_runner *runner;
