@@ -10,8 +10,8 @@
 #include "base/text.h"
 #include "pipeline/posed/solve/solve.h"
 
-#define METRE_MM 1000.0
-#define MOST_LF  256 /* on one command line */
+#define METRE_MM   1000.0
+#define MOST_LF    256 /* on one command line */
 #define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
 
 struct poses_run {
@@ -55,13 +55,17 @@ static json_t *result_json(const struct poses_run *run, int i)
     const struct sst_posed *posed = &run->posed[i];
     const struct sst_posed_solved *r = &run->solved[i];
     json_t *free_focal = r->free_focal_px > 0 ? json_real(r->free_focal_px) : json_null();
+    json_t *json = json_pack("{s:s, s:i, s:i, s:o, s:o, s:f, s:o, s:i, s:b, s:f, s:o, s:o, s:o, s:s}", "lightfield",
+                             run->dir[i], "placed", r->placed, "views", posed->count, "median_px",
+                             cli_real_json(r->median_px), "p90_px", cli_real_json(r->p90_px), "focal_px", r->focal_px,
+                             "free_focal_px", free_focal, "given", run->given[i], "metric", (int)posed->metric,
+                             "spacing", r->spacing_mm / METRE_MM, "unplaced", names_json(posed, NULL), "doubtful",
+                             names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
 
-    return json_pack("{s:s, s:i, s:i, s:o, s:o, s:f, s:o, s:i, s:b, s:f, s:o, s:o, s:o, s:s}", "lightfield", run->dir[i], "placed",
-                     r->placed, "views", posed->count, "median_px", cli_real_json(r->median_px), "p90_px",
-                     cli_real_json(r->p90_px), "focal_px", r->focal_px, "free_focal_px", free_focal,
-                     "given", run->given[i], "metric", (int)posed->metric, "spacing",
-                     r->spacing_mm / METRE_MM, "unplaced", names_json(posed, NULL), "doubtful",
-                     names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
+    if (r->sharper > 0)
+        json_object_update_new(json,
+                               json_pack("{s:f, s:f}", "sharper", r->sharper, "ground_m", r->ground_mm / METRE_MM));
+    return json;
 }
 
 /* Results that are saved; there is one. */
@@ -107,14 +111,17 @@ static void print_text(const struct poses_run *run, int i, bool refine)
     printf("  mean distance of neighbours %.3f %s, %d points\n", r->spacing_mm / METRE_MM,
            posed->metric ? "m" : "(unit unknown)", posed->point_count);
     if (run->given[i] && !refine)
-        printf("  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
-               run->given[i], (int)strcspn(run->origin[i], ";"),
-               run->origin[i][0] ? run->origin[i] : "of unknown origin");
+        printf(
+            "  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
+            run->given[i], (int)strcspn(run->origin[i], ";"), run->origin[i][0] ? run->origin[i] : "of unknown origin");
     if (r->free_focal_px > 0 && fabs(r->free_focal_px / r->focal_px - 1) > FOCAL_MISS)
         printf("  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try without --focal, or with "
                "--lens\n",
                r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
                r->free_focal_px > r->focal_px ? "more" : "less");
+    if (r->sharper > 0)
+        printf("  %.2f times as sharp as with the given poses, on a ground %.2f %s in front of the middle view\n",
+               r->sharper, r->ground_mm / METRE_MM, posed->metric ? "m" : "(unit unknown)");
     print_names("  not placed, too few matches: ", posed, NULL);
     print_names("  doubtful, away from where its neighbours suggest: ", posed, r->doubtful);
 }

@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/camera/numbers.h"
+#include "pipeline/posed/find/sharpen.h"
 #include "simulators/flight/flight.h"
 #include "tests/folder.h"
 #include "tests/small.h"
@@ -124,6 +126,42 @@ static void thermal(void **state SST_UNUSED)
     fell(&f);
 }
 
+/* Root of the mean square of the angles between the views' rotations and others, rad. */
+static double off_by(const struct sst_posed *posed, const double (*rotation)[9])
+{
+    double square = 0, between[9], v[3];
+
+    for (int k = 0; k < posed->count; k++) {
+        sst_rotation_between(posed->view[k].camera.rotation, rotation[k], between);
+        sst_rotation_to_vector(between, v);
+        square += (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / posed->count;
+    }
+    return sqrt(square);
+}
+
+/* Warm places bring rotations back by which views were turned. */
+static void sharpened(void **state SST_UNUSED)
+{
+    const struct sst_sharpen_config cfg = { 0 };
+    struct sst_sharpened result;
+    double rotation[32][9], before;
+    struct forest f;
+
+    plant(&f, "flight", small_level() >= 2 ? 6 : 16, 320, 256);
+    for (int k = 0; k < f.posed.count; k++) {
+        double *own = f.posed.view[k].camera.rotation, turn[9];
+
+        memcpy(rotation[k], own, sizeof(rotation[k]));
+        sst_rotation_from_vector((double[]){ 0.009 * (k % 3 - 1), 0.009 * (k / 3 % 3 - 1), 0 }, turn);
+        sst_numbers_mul3(turn, rotation[k], own);
+    }
+    before = off_by(&f.posed, rotation);
+    assert_int_equal(sst_posed_sharpen(&f.posed, f.path, &cfg, &result), 0);
+    assert_true(small_level() >= 2 || off_by(&f.posed, rotation) < 0.75 * before);
+    assert_true(result.after >= result.before && result.moved <= f.posed.count);
+    fell(&f);
+}
+
 static void colour(void **state SST_UNUSED)
 {
     struct sst_find_config cfg = sst_find_defaults();
@@ -169,6 +207,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(thermal),
+        cmocka_unit_test(sharpened),
         serial_test(colour),
         cmocka_unit_test(nothing_to_search),
     };

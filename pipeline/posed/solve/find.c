@@ -66,6 +66,13 @@ static struct poses_adjust adjust_of(const struct search *s, enum start start)
     return how;
 }
 
+int poses_failed(const struct poses_scene *scene, const char *why)
+{
+    if (!scene->warm)
+        sst_log_error("%s: %s", scene->dir, why);
+    return -EDOM;
+}
+
 /* Poses of the start. @return false: there is none of this kind */
 static bool begin(struct poses_model *m, const struct search *s, enum start start)
 {
@@ -206,10 +213,8 @@ static int choose(struct search *s)
     int err;
 
     if (!best || (still && still->cost < STILL_FACTOR * best->cost)) {
-        sst_log_error(
-            "%s: the pictures show no parallax; poses need cameras at different places, and things near enough",
-            scene->dir);
-        return -EDOM;
+        return poses_failed(
+            scene, "the pictures show no parallax; poses need cameras at different places, and things near enough");
     }
     err = poses_model_init(&scene->model, scene->views, scene->few.tracks);
     if (err)
@@ -265,10 +270,8 @@ int poses_check_placed(const struct poses_scene *scene)
         placed += scene->placed[v];
     if (placed > 1)
         return 0;
-    sst_log_error("%s: too few matches of the pictures agree to place two views; poses need more overlap, or sharper "
-                  "pictures",
-                  scene->dir);
-    return -EDOM;
+    return poses_failed(scene, "too few matches of the pictures agree to place two views; poses need more overlap, or "
+                               "sharper pictures");
 }
 
 /* Groups of pictures that do not match each other are refined together: given poses hold them in one world. */
@@ -314,10 +317,8 @@ static int read_priors(struct search *s)
     poses_model_fini(&given);
     if (!s->prior)
         return -ENOMEM;
-    if (!(unit > 0)) {
-        sst_log_error("%s: the given positions are all the same; find poses without --refine", scene->dir);
-        return -EDOM;
-    }
+    if (!(unit > 0))
+        return poses_failed(scene, "the given positions are all the same; find poses without --refine");
     return 0;
 }
 
@@ -340,12 +341,10 @@ static int enough_views(const struct poses_scene *scene)
 {
     if (scene->used > 1)
         return 0;
-    if (scene->views == 1)
-        sst_log_error("%s: one picture alone has no pose; poses are found from two pictures on", scene->dir);
-    else
-        sst_log_error("%s: no two pictures show the same things; poses need pictures that overlap, with texture",
-                      scene->dir);
-    return -EDOM;
+    return poses_failed(scene, scene->views == 1
+                                   ? "one picture alone has no pose; poses are found from two pictures on"
+                                   : "no two pictures show the same things; poses need pictures that overlap, with "
+                                     "texture");
 }
 
 /* The focal length that the matches ask for, where a given one is kept: to say that it is wrong. */

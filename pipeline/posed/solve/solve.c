@@ -3,11 +3,14 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
+#include "pipeline/posed/find/sharpen.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
 /* Common focal length of ideal pixels and principal points: of the user, of lenses that are known, or none. */
@@ -81,9 +84,17 @@ static int solve_scenes(struct poses_scene *scene, int count, const struct sst_p
     return err;
 }
 
-int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
-                    const struct sst_posed_solve_config *cfg, struct sst_posed_solved *solved)
+/* May given poses be refined by warm places? */
+static bool is_warm(const struct sst_posed *posed, const struct sst_posed_solve_config *cfg)
 {
+    return cfg->refine && !cfg->free_lens && posed->channels == 1;
+}
+
+/* Poses by features. */
+static int solve(struct sst_posed *posed, const char *const *dir, int count, const struct sst_posed_solve_config *cfg,
+                 struct sst_posed_solved *solved)
+{
+    const bool warm = count == 1 && is_warm(posed, cfg);
     struct poses_scene *scene = calloc((size_t)count, sizeof(*scene));
     struct sst_posed_solve_config own = *cfg;
     int err = scene ? 0 : -ENOMEM;
@@ -93,6 +104,7 @@ int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
         err = check(&posed[i], dir[i], cfg);
         if (!err)
             err = scene_init(&scene[i], &posed[i], dir[i], cfg->focal_px);
+        scene[i].warm = warm;
     }
     if (!err)
         err = solve_scenes(scene, count, &own);
@@ -103,5 +115,111 @@ int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
     free(scene);
     if (err == -ENOMEM)
         sst_log_error("out of memory while poses are found");
+    return err;
+}
+
+/* --- refinement by warm places ----------------------------------------------------------------------------------- */
+
+#define PREFERENCE 1.25 /* sharpness without features, of that with them, from which on it is preferred */
+
+static int copy_posed(struct sst_posed *out, const struct sst_posed *in)
+{
+    const size_t points = (size_t)in->point_count * sizeof(*in->points);
+
+    *out = *in;
+    out->view = malloc((size_t)in->count * sizeof(*in->view));
+    out->points = points ? malloc(points) : NULL;
+    if (!out->view || (points && !out->points)) {
+        free(out->view);
+        free(out->points);
+        return -ENOMEM;
+    }
+    memcpy(out->view, in->view, (size_t)in->count * sizeof(*in->view));
+    if (points)
+        memcpy(out->points, in->points, points);
+    return 0;
+}
+
+/* Are views tilted against the given ones by more than these may be off? Few matches let flights bend like that. */
+static bool is_bent(const struct sst_posed *posed, const struct sst_posed *given, double sigma_deg)
+{
+    double square = 0, between[9], v[3];
+    int n = 0;
+
+    for (int k = 0; k < posed->count; k++) {
+        if (!posed->view[k].camera.known || !given->view[k].camera.known)
+            continue;
+        sst_rotation_between(posed->view[k].camera.rotation, given->view[k].camera.rotation, between);
+        sst_rotation_to_vector(between, v);
+        square += v[0] * v[0] + v[1] * v[1];
+        n++;
+    }
+    return sqrt(square / sst_max_int(n, 1)) > (sigma_deg > 0 ? sigma_deg : 2) * M_PI / 180;
+}
+
+/* The result without features, with its figures. */
+static int take_sharpened(struct sst_posed *posed, struct sst_posed *sharp, const struct sst_sharpened *by,
+                          struct sst_posed_solved *solved)
+{
+    const struct sst_posed features = *posed;
+    int err;
+
+    sst_posed_solved_fini(solved);
+    snprintf(sharp->history, sizeof(sharp->history), "refined %d of %d views by warm places: %.2f times as sharp",
+             by->moved, sharp->count, by->after / by->before);
+    err = sst_posed_judge(sharp, solved);
+    if (err)
+        return err;
+    solved->sharper = by->after / by->before;
+    solved->ground_mm = by->distance_mm;
+    *posed = *sharp;
+    *sharp = features; /* to be freed */
+    return 0;
+}
+
+/* Refine given poses by warm places, and keep that if it is better than the result of features.
+ * @param both  the result of features, and the given poses
+ * @param err  of features: 0 or -EDOM. @return 0, -EDOM (neither is better than the given poses), or an error */
+static int sharpen(struct sst_posed *const both[2], const char *dir, const struct sst_posed_solve_config *cfg,
+                   struct sst_posed_solved *solved, int err)
+{
+    struct sst_sharpen_config how = { .sigma_angle_deg = cfg->sigma_angle_deg, .threads = cfg->threads };
+    const bool bent = !err && is_bent(both[0], both[1], cfg->sigma_angle_deg);
+    struct sst_sharpened own, features = { 0 };
+    int r = sst_posed_sharpen(both[1], dir, &how, &own);
+
+    how.look = true;
+    if (!r && !err && !bent)
+        r = sst_posed_sharpen(both[0], dir, &how, &features);
+    if (r == -ENODATA || (!r && !(own.after > own.before)))
+        return err;
+    if (r)
+        return r;
+    return own.after > PREFERENCE * features.before ? take_sharpened(both[0], both[1], &own, solved) : 0;
+}
+
+int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
+                    const struct sst_posed_solve_config *cfg, struct sst_posed_solved *solved)
+{
+    const bool warm = count == 1 && is_warm(posed, cfg);
+    struct sst_posed given;
+    int err, r;
+
+    if (!warm)
+        return solve(posed, dir, count, cfg, solved);
+    err = copy_posed(&given, posed);
+    if (err)
+        return err;
+    err = solve(posed, dir, count, cfg, solved);
+    if (!err || (err == -EDOM && sst_posed_placed(&given) > 1)) {
+        r = sharpen((struct sst_posed *const[]){ posed, &given }, dir[0], cfg, solved, err);
+        if (r == -EDOM)
+            sst_log_error("%s: too few features match, and warm places show no better poses than the given ones",
+                          dir[0]);
+        err = r;
+    }
+    if (err)
+        sst_posed_solved_fini(solved);
+    sst_posed_fini(&given);
     return err;
 }

@@ -26,6 +26,8 @@ struct sst_posed_solved {
     double spacing_mm;        /* mean distance of neighbours in the order of names, in the light field's unit */
     bool *doubtful;           /* [views] placed, but not plausibly: its neighbours' distances or directions differ */
     double *view_px;          /* [views] median residual; NAN: not placed */
+    double sharper;           /* ratio of sharpness after and before, where warm places refined poses; else 0 */
+    double ground_mm;         /* distance of the plane on which they are sharp, along the middle view's axis */
 };
 
 void sst_posed_solved_fini(struct sst_posed_solved *solved);
@@ -36,6 +38,7 @@ void sst_posed_solved_fini(struct sst_posed_solved *solved);
  * Features of neighbours (SIFT) become tracks; a start by similarities of pictures is adjusted with a robust loss from
  * wide to narrow (docs/design/posed.md). The first placed view, or given positions, define the axes.
  * Views without enough matches are left unplaced. The same bytes for any number of threads.
+ * Given poses of one channel are also refined by warm places (find/sharpen.h); the sharper result is kept.
  *
  * @param posed   in and out [count]; unchanged on failure
  * @param dir     [count] folders of the pictures

@@ -62,6 +62,7 @@ struct poses_scene {
     bool focal_known;
     double free_focal; /* by matches alone, where the focal length is known; 0: not found */
     bool lenses; /* ideal px are of the views' own lenses, else of pinholes */
+    bool warm;   /* if features find no poses, warm places may refine given ones: failures are not logged */
 };
 
 /* --- matches.c ---------------------------------------------------------------------------------------------------- */
@@ -145,6 +146,9 @@ double poses_median(const struct poses_model *model, const struct poses_tracks *
 SST_MUST_CHECK int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *cfg);
 /** The last adjustments, from wide to narrow, of scene->model; then views that too few sights support are dropped. */
 SST_MUST_CHECK int poses_finish(struct poses_scene *scene, const struct poses_adjust *how, double widest_px);
+
+/** Log that features find no poses, unless warm places may do it. @return -EDOM */
+int poses_failed(const struct poses_scene *scene, const char *why);
 
 /** @return 0, -EDOM (fewer than two views are placed, which have neither axes nor a unit; logged) */
 SST_MUST_CHECK int poses_check_placed(const struct poses_scene *scene);

@@ -1,0 +1,31 @@
+/* pipeline/posed/find/sharpen.h - rotations of views refined by the sharpness of the integral of scores. */
+#ifndef SST_PIPELINE_POSED_FIND_SHARPEN_H
+#define SST_PIPELINE_POSED_FIND_SHARPEN_H
+
+#include "pipeline/posed/posed.h"
+
+struct sst_sharpen_config {
+    double sigma_angle_deg; /* of each view's rotation, about the axes across its direction; 0: 0.5 */
+    bool look;              /* only compute the sharpness of the poses as they are */
+    int threads;
+};
+
+struct sst_sharpened {
+    double before, after; /* sharpness: mean product of two views' scores where both look, on the sharpest plane */
+    double distance_mm;   /* of that plane along the middle view's axis */
+    int moved;            /* views whose rotation changed */
+};
+
+/**
+ * Refine rotations by warm places: the scores of each view above 1.5 spreads are
+ * registered with the other views on a plane, which is found, too. A view keeps its pose unless its agreement
+ * with the others rises significantly, and all do unless the sharpness rises.
+ *
+ * @param posed  in and out; positions and lenses stay
+ * @return 0, also where nothing is improved, -ENODATA (fewer than three views are placed, or they agree on no plane;
+ * not logged), -ENOMEM, or as sst_posed_picture(); logged
+ */
+SST_MUST_CHECK int sst_posed_sharpen(struct sst_posed *posed, const char *dir, const struct sst_sharpen_config *cfg,
+                                     struct sst_sharpened *out);
+
+#endif
