@@ -45,7 +45,7 @@ struct sharp {
     double normal[3], across[2][3];
     double at[3];             /* distance, two slopes of the plane */
     struct sst_map_f32 *seen; /* [n] scores on the plane */
-    struct sst_map_f32 total; /* sums of them */
+    struct sst_map_f32 total; /* sums of the scores */
     struct sst_map_u16 count;
     double sigma_px;
     int reach, least;
@@ -458,7 +458,7 @@ static void products(double sum[TILES * TILES], const struct sst_map_f32 *with, 
     }
 }
 
-/* Views whose gain against their given rotation may be chance get that again. */
+/* Views without a significant gain return to their given rotation. */
 static int keep_gains(struct sharp *s, int *moved)
 {
     const struct sst_surface surface = plane_at(s, s->at);

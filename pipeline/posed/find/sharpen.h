@@ -12,8 +12,8 @@ struct sst_sharpen_config {
 
 struct sst_sharpened {
     double before, after; /* sharpness: mean product of two views' scores where both look, on the sharpest plane */
-    double distance_mm;   /* of that plane along the middle view's axis */
-    int moved;            /* views whose rotation changed */
+    double distance_mm;   /* of the sharpest plane along the middle view's axis */
+    int moved;            /* views with a changed rotation */
 };
 
 /**

@@ -120,7 +120,7 @@ static int solve(struct sst_posed *posed, const char *const *dir, int count, con
 
 /* --- refinement by warm places ----------------------------------------------------------------------------------- */
 
-#define PREFERENCE 1.25 /* sharpness without features, of that with them, from which on it is preferred */
+#define PREFERENCE 1.25 /* least ratio of sharpness without and with features where the former is preferred */
 
 static int copy_posed(struct sst_posed *out, const struct sst_posed *in)
 {
