@@ -213,6 +213,11 @@ static void ground_is_found_and_kept(void **state SST_UNUSED)
     assert_true(report.ready);
     assert_int_equal(sst_live_refit(live), 0);
     feed(live, 3, 0, &report);
+    assert_int_equal(sst_live_refit(live), 0); /* while the ground is fitted: it is fitted once more */
+    while (!sst_live_unsettled(live))
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+    assert_true(sst_live_settle(live));
+    feed(live, 4, 0, &report);
     assert_true(sst_live_surface(live, &surface) && surface.fitting); /* closing ends it */
     sst_livepicture_destroy(p);
     sst_live_close(live);
@@ -234,6 +239,7 @@ static void points_are_limits(void **state SST_UNUSED)
 {
     struct sst_live_config cfg = config(0);
     struct sst_posed_point points[20] = { 0 };
+    struct sst_posed_sight sights[20] = { 0 }; /* stay the caller's */
     struct sst_livepicture *p;
     struct sst_live_report report;
     struct sst_live_surface surface;
@@ -243,10 +249,12 @@ static void points_are_limits(void **state SST_UNUSED)
     for (int i = 0; i < 20; i++) { /* from the crowns to the ground */
         points[i].at_mm[0] = 200 * i;
         points[i].at_mm[2] = 30000 + 500 * i;
+        points[i].views = 1;
     }
     cfg.posed.near_mm = cfg.posed.far_mm = 0;
     poses.points = points;
-    poses.point_count = 20;
+    poses.point_count = poses.sight_count = 20;
+    poses.sights = sights;
     assert_int_equal(sst_live_open(&live, &cfg), 0);
     assert_int_equal(sst_livepicture_create(&p, live), 0);
     feed(live, 1, 0, &report);
@@ -256,7 +264,8 @@ static void points_are_limits(void **state SST_UNUSED)
     assert_true(sst_live_settle(live) && sst_live_surface(live, &surface));
     assert_true(fabs(surface.distance_mm - 1000 * HIGH_M) < 1000);
     poses.points = NULL;
-    poses.point_count = 0;
+    poses.sights = NULL;
+    poses.point_count = poses.sight_count = 0;
     sst_livepicture_destroy(p);
     sst_live_close(live);
 }

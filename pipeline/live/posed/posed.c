@@ -28,6 +28,8 @@ static int copy_poses(struct sst_posed *out, const struct sst_posed *in)
     *out = *in;
     out->view = view;
     memcpy(view, in->view, (size_t)in->count * sizeof(*view));
+    out->sights = NULL; /* of no use here */
+    out->sight_count = 0;
     out->points = NULL;
     if (in->point_count) {
         out->points = malloc((size_t)in->point_count * sizeof(*out->points));
@@ -253,7 +255,8 @@ bool sst_liveposed_settle(struct sst_liveposed *p)
     p->reach_mm[0] = p->ground.at_mm[0];
     p->reach_mm[1] = p->ground.at_mm[p->ground.planes - 1];
     p->fitted_ns = sst_clock_now_ns();
-    p->due_ns = every_s > 0 ? p->fitted_ns + (int64_t)(every_s * 1e9) : INT64_MAX;
+    if (p->due_ns) /* 0: demanded again meanwhile */
+        p->due_ns = every_s > 0 ? p->fitted_ns + (int64_t)(every_s * 1e9) : INT64_MAX;
     p->known = true;
     p->serial++;
     return true;
