@@ -139,7 +139,7 @@ static int run_sets(struct trial *t, struct sst_live *live, const struct plan *p
 static int try_it(struct trial *t, struct plan *p)
 {
     const struct sst_array_config *a = &p->config->array;
-    const bool grey = a->fourcc == V4L2_PIX_FMT_GREY;
+    const bool grey = a->fourcc == V4L2_PIX_FMT_GREY || a->fourcc == V4L2_PIX_FMT_Y16;
     const struct sst_posed_array array = { a->rows, a->cols, t->width, t->height, grey ? 1 : 3 };
     struct sst_live *live = NULL;
     int err = sst_posed_array_read(&p->poses, p->config->live.poses, &array);

@@ -62,7 +62,9 @@ static void close_live(struct live_engine *v)
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->served_t_ns = 0;
-    v->state.ready = v->state.counted = false;
+    v->state.ready = v->state.counted = v->refit = false;
+    v->state.levels = (struct sst_samples){ 0, 0 };
+    v->state.surface = (struct sst_live_surface){ .distance_mm = NAN, .tilt_deg = NAN };
     v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     pthread_mutex_unlock(&v->lock);
     engine_tracks_follow(v);
@@ -158,6 +160,7 @@ static void open_live(struct live_engine *v)
         sst_live_cancel(live);
     if (live)
         v->classes = sst_live_lightfield(live)->classes;
+    v->state.posed = v->live_config.posed.poses;
     v->state.on_device = v->state.labels_on_device = false;
     v->state.device = (struct sst_render_device_report){ 0 };
     v->state.label_device = (struct sst_network_device_report){ 0 };

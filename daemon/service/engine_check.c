@@ -123,7 +123,7 @@ int engine_calibration_check(void *engine, struct sst_api_answer *out)
     bool ready, posed;
 
     pthread_mutex_lock(&v->lock);
-    posed = v->state.posed;
+    posed = v->state.posed && v->live;
     ready = v->state.ready || posed;
     v->refit |= posed;
     if (ready && !posed)

@@ -42,14 +42,13 @@ void engine_posed_follow(struct live_engine *v)
     refit = v->refit;
     v->refit = false;
     found = posed && surface.fitted_ns != v->state.surface.fitted_ns && surface.fitted_ns;
-    v->state.posed = posed;
     v->state.surface = surface;
     if (posed) {
         v->state.ready = surface.known;
         snprintf(v->state.reason, sizeof(v->state.reason), "%.510s", surface.why);
     }
     pthread_mutex_unlock(&v->lock);
-    if (refit && sst_live_refit(v->live))
+    if (refit && posed && sst_live_refit(v->live))
         sst_log_info("live: the plane is given by live: surface_m, nothing is fitted");
     if (found && v->events)
         sst_events_emit(v->events, SST_EVENT_INFO, "calibration",
