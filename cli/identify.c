@@ -48,7 +48,7 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
 
     if (sst_raw_is_jpeg(f->fourcc))
         return sst_image_decode(img, f->data, f->bytes, name);
-    err = sst_raw_to_image(img, &raw);
+    err = sst_raw_decode(img, &raw);
     if (err)
         sst_log_error("cannot decode the frame of %s: %s", name, strerror(-err));
     return err;
