@@ -71,8 +71,6 @@ struct service_replay {
     struct sst_frame frame[SST_CAMERAS_MAX];
 };
 
-/* --- the engine's source of layouts ------------------------------------------------------------------------------- */
-
 /* --- sets, thread only -------------------------------------------------------------------------------------------- */
 
 /* Frames that are damaged or gone are missing in the set. @return number of frames */

@@ -145,7 +145,7 @@ void live_zones_changed(const struct sst_live *live, const struct sst_liveframes
             if (!(live->tile_zones[i] & 1u << zone))
                 continue;
             all++;
-            n += (changes->whole || map[i]) &&
+            n += !changes->stretched && (changes->whole || map[i]) &&
                  (zone == ALL || within_depth(live, &live->cfg.zone[zone], i % changes->cols, i / changes->cols));
         }
         changed[zone] = all ? (double)n / all : 0;

@@ -649,6 +649,18 @@ static void levels_of_sixteen_bits_are_stretched(void **state)
         in->t_ns += STEP_NS;
         update(&k, in);
         assert_int_equal(k.changes.changed, 0);
+        for (int i = 0; !given && i < WIDTH * HEIGHT / 2; i++) /* warmer than what is shown: no motion */
+            for (int v = 0; v < VIEWS; v++)
+                ((uint8_t *)(uintptr_t)in->frame[v].data)[2 * i + 1] = 40;
+        for (int n = 0; !given && !k.changes.stretched; n++) {
+            assert_true(n < 20);
+            in->t_ns += STEP_NS;
+            update(&k, in);
+        }
+        assert_true(given || k.changes.whole);
+        in->t_ns += STEP_NS;
+        update(&k, in);
+        assert_true(!k.changes.stretched && !k.changes.changed);
         close_keeper(&k);
         free_set(in);
     }

@@ -248,7 +248,7 @@ static void begin_set(struct sst_liveframes *f, const struct sst_live_input *in,
             memset(changes->map[k], 0, (size_t)changes->cols * (size_t)changes->rows);
     }
     changes->changed = 0;
-    changes->whole = false;
+    changes->whole = changes->stretched = false;
 }
 
 /* Log once when the frames of a camera become unusable, and once when they are good again. */
@@ -334,6 +334,7 @@ static int run(struct sst_liveframes *f, struct sst_live_report *report)
 static int follow_levels(struct sst_liveframes *f)
 {
     const struct sst_live_config *cfg = f->cfg;
+    const bool first = f->stretch.white < 0;
     struct sst_raw frame[SST_MAX_VIEWS];
     int n = 0;
 
@@ -357,6 +358,7 @@ static int follow_levels(struct sst_liveframes *f)
     for (int i = 0; i < f->threads; i++)
         decoder_set_levels(f->decoder[i], f->stretch.white ? f->level : NULL);
     f->all = true;
+    f->changes->stretched = !first;
     f->watch.t_ns = INT64_MIN / 2; /* levels of the watched frame differ now */
     return 0;
 }

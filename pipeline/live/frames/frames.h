@@ -10,6 +10,7 @@ struct sst_liveframes_changes {
     uint8_t *map[SST_MAX_VIEWS]; /* [rows * cols] 1: changed; NULL: absent view */
     int64_t changed;             /* tiles of all views */
     bool whole;                  /* everything changed */
+    bool stretched;              /* ... but the cameras' frames: levels of 16 bits are shown otherwise */
 };
 
 /** All zero, with a map for each view that is present or has a picture. @return 0, -ENOMEM */
