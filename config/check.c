@@ -370,6 +370,10 @@ static void check_poses(const struct config_load *load)
 
     if (l->near_m > 0 && l->far_m > 0 && l->near_m >= l->far_m)
         fault(source(load, "live.near_m", "live.far_m"), NULL, "must be below far_m");
+    if (l->surface_m > 0 && l->near_m >= l->surface_m)
+        fault(source(load, "live.near_m", "live.surface_m"), NULL, "must be below surface_m");
+    if (l->surface_m > 0 && l->far_m > 0 && l->far_m <= l->surface_m)
+        fault(source(load, "live.far_m", "live.surface_m"), NULL, "must be above surface_m");
     if (!l->poses[0])
         return;
     if (l->calibration[0])

@@ -281,6 +281,8 @@ static void single_faults_are_told(void **state)
         { "live: { range_min_px: 3, range_max_px: 2 }\n", "range_min_px must not exceed" },
         { "live: { near_m: 30, far_m: 20 }\n", "near_m must be below far_m" },
         { "live: { surface_m: 0 }\n", "surface_m" },
+        { "live: { surface_m: 20, near_m: 30 }\n", "near_m must be below surface_m" },
+        { "live: { surface_m: 20, far_m: 20 }\n", "far_m must be above surface_m" },
         { "live: { poses: /a/pole.lf, calibration: /a/calib.yaml }\n", "poses is for cameras that stand anywhere" },
         { "live: { poses: /a/pole.lf }\nstorage: { record_on: [{ label: Car }] }\n", "record_on has a label or visit" },
         { "live: { poses: /a/pole.lf }\nzones: [{ name: a, near_px: 9 }]\n", "zones has a line or a depth" },
