@@ -65,7 +65,7 @@ static int check(const struct sst_liveposed *p)
     }
     if (!(c->plane_mm > 0) && p->all.point_count < 10 && !(c->near_mm > 0 && c->far_mm > c->near_mm)) {
         sst_log_error("live: the ground is sought between two distances; give both near_m and far_m, such as two "
-                      "thirds and one and a half of the height, or a plane: surface: plane:Z");
+                      "thirds and one and a half of the height, or a plane: surface_m");
         return -EINVAL;
     }
     return 0;
