@@ -388,6 +388,10 @@ static int fill_posed(struct sst_posed *out, const struct job *job)
     out->height = lf->height;
     out->metric = poses->metric;
     memcpy(out->up, poses->up, sizeof(out->up));
+    out->geographic = poses->geographic;
+    out->latitude = poses->latitude;
+    out->longitude = poses->longitude;
+    out->altitude_m = poses->altitude_m;
     out->points = poses->points;
     out->point_count = poses->point_count;
     out->median_px = poses->median_px;

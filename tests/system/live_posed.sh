@@ -31,6 +31,10 @@ YAML
   "$sst" capture array -q --config sstd.yaml -n 1 -o bare.rec >out 2>err || fail "capture: $(cat err)"
 "$sst" import recording bare.rec --sets first --poses poses.yaml -o bare.lf >out 2>err || fail "import: $(cat err)"
 grep -q "10 views of 256x256, colour of 8 bits, 10 placed" out || fail "import: $(cat out)"
+cp -r bare.lf earth.lf
+sed -i 's/^{/{"geographic": {"latitude": 48, "longitude": 14, "altitude_m": 300},/' earth.lf/lightfield.json
+"$sst" import recording bare.rec --sets first --poses earth.lf -o again.lf >out 2>err || fail "import: $(cat err)"
+grep -q '"longitude": 14' again.lf/lightfield.json || fail "the place on the earth is lost: $(head -c 600 again.lf/lightfield.json)"
 
 "$sst" plan --live --config sstd.yaml --json >plan.json 2>err || fail "plan: $(cat err)"
 "$python" -c 'import json, sys; p = json.load(open("plan.json")); sys.exit(not (p["cameras"] == 10 and "lear pictures" in p["advice"] and
