@@ -13,6 +13,7 @@
 #define METRE_MM   1000.0
 #define MOST_LF    256 /* on one command line */
 #define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
+#define WIDEST     110.0 /* degrees across the width of a plausible lens that is no fisheye */
 
 struct poses_run {
     int count;
@@ -101,6 +102,7 @@ static void print_text(const struct poses_run *run, int i, bool refine)
 {
     const struct sst_posed *posed = &run->posed[i];
     const struct sst_posed_solved *r = &run->solved[i];
+    const double across = 2 * atan(posed->width / (2 * r->focal_px)) * 180 / M_PI;
 
     printf("%s: %d of %d views placed", run->dir[i], r->placed, posed->count);
     if (isfinite(r->median_px))
@@ -114,9 +116,12 @@ static void print_text(const struct poses_run *run, int i, bool refine)
         printf(
             "  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
             run->given[i], (int)strcspn(run->origin[i], ";"), run->origin[i][0] ? run->origin[i] : "of unknown origin");
-    if (r->free_focal_px > 0 && fabs(r->free_focal_px / r->focal_px - 1) > FOCAL_MISS)
-        printf("  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try without --focal, or with "
-               "--lens\n",
+    if (across > WIDEST)
+        printf("  the focal length may be wrong: the picture would be %.0f degrees wide; it is in pixels, not mm: try "
+               "--focal 0, which searches it\n", across);
+    else if (r->free_focal_px > 0 && fabs(r->free_focal_px / r->focal_px - 1) > FOCAL_MISS)
+        printf("  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try --focal 0, which searches "
+               "it, or --lens\n",
                r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
                r->free_focal_px > r->focal_px ? "more" : "less");
     if (r->sharper > 0)
@@ -222,6 +227,8 @@ static int check(const struct cli_command *cmd, const struct poses_run *run, con
         return cli_usage_error(cmd, "--one-rig does not go with --refine or --with");
     if (cfg->refine && (with || cfg->spacing_mm > 0))
         return cli_usage_error(cmd, "--refine keeps the unit of given poses; it does not go with --spacing or --with");
+    if (cfg->search_focal && (cfg->refine || with))
+        return cli_usage_error(cmd, "--focal 0 searches the focal length; it does not go with --refine or --with");
     if (!cfg->refine && (cfg->sigma_position_mm > 0 || cfg->sigma_angle_deg > 0))
         return cli_usage_error(cmd, "--sigma-position and --sigma-angle are of given poses, with --refine");
     return CLI_GO_ON;
@@ -251,11 +258,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_posed_solve_config cfg = { .progress = cli_progress, .progress_arg = (char[]){ "poses" } };
     struct poses_run poses = { 0 };
+    double focal_px = -1;
     bool json = false;
     int with = 0, r;
     const struct cli_option options[] = {
-        { "focal", 0, CLI_DOUBLE, &cfg.focal_px, "PX",
-          "focal length of all views; default: the views' own, else searched", 1, 1e7 },
+        { "focal", 0, CLI_DOUBLE, &focal_px, "PX",
+          "focal length of all views; 0: searched; default: the views' own, else searched", 0, 1e7 },
         { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL,
           "adjust focal length and k1; views' own lenses are the start, and keep their other coefficients" },
         { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM", "mean distance of neighbours in the order of names", 1e-3,
@@ -273,6 +281,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, poses.dir, 1, MOST_LF);
     if (r != CLI_GO_ON)
         return r;
+    cfg.focal_px = fmax(focal_px, 0);
+    cfg.search_focal = focal_px == 0;
     while (poses.dir[poses.count])
         poses.count++;
     r = run_poses(cmd, &poses, &cfg, with, json);

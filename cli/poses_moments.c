@@ -187,6 +187,7 @@ int cli_poses_moments(struct sst_posed *posed, const char *dir, const struct sst
         err = split(&m, dir);
     one.one_rig = true;
     one.spacing_mm = one.focal_px = 0; /* in the world, and with the lens, of the whole */
+    one.search_focal = false;
     if (!err)
         err = sst_posed_solve(m.part, m.dir, m.count, &one, m.solved);
     if (!err)

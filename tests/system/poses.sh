@@ -38,7 +38,8 @@ PY
 "$sst" poses forest --spacing 500 --focal 250 >out 2>err || fail "again: $(cat err)"
 grep -q "these replace 5 given poses (found 5 of 5" out && grep -q "focal length may be wrong: the matches ask for" out || fail "again: $(cat out)"
 grep -q '"history": "found 5 of 5.*; before: found 5 of 5' forest/lightfield.json || fail "history: $(grep history forest/lightfield.json)"
-"$sst" poses forest --spacing 500 >out 2>err || fail "third: $(cat err)"
+"$sst" poses forest --spacing 500 --focal 0 >out 2>err || fail "third: $(cat err)"
+grep -q "focal length may be wrong" out && fail "--focal 0 keeps the focal length: $(cat out)"
 "$sst" poses forest --refine >out 2>err || fail "refine: $(cat err)"
 grep -q "5 of 5 views placed" out || fail "refine: $(cat out)"
 

@@ -14,8 +14,10 @@
 #include "pipeline/posed/solve/solve_internal.h"
 
 /* Common focal length of ideal pixels and principal points: of the user, of lenses that are known, or none. */
-static int scene_init(struct poses_scene *scene, struct sst_posed *posed, const char *dir, double focal_px)
+static int scene_init(struct poses_scene *scene, struct sst_posed *posed, const char *dir,
+                      const struct sst_posed_solve_config *cfg)
 {
+    const double focal_px = cfg->focal_px;
     const int n = posed->count;
     double *fx = malloc((size_t)n * sizeof(*fx));
     int known = 0;
@@ -28,7 +30,7 @@ static int scene_init(struct poses_scene *scene, struct sst_posed *posed, const 
     }
     for (int v = 0; v < n; v++) {
         const struct sst_calib_camera *cam = &posed->view[v].camera;
-        const bool own = !(focal_px > 0) && cam->fx > 0;
+        const bool own = !(focal_px > 0) && !cfg->search_focal && cam->fx > 0;
 
         if (own)
             fx[known++] = cam->fx;
@@ -103,7 +105,7 @@ static int solve(struct sst_posed *posed, const char *const *dir, int count, con
     for (int i = 0; !err && i < count; i++) {
         err = check(&posed[i], dir[i], cfg);
         if (!err)
-            err = scene_init(&scene[i], &posed[i], dir[i], cfg->focal_px);
+            err = scene_init(&scene[i], &posed[i], dir[i], cfg);
         scene[i].warm = warm;
     }
     if (!err)

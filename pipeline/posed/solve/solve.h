@@ -6,6 +6,7 @@
 
 struct sst_posed_solve_config {
     double focal_px;          /* of every view; 0: of the views' lenses, else it is searched */
+    bool search_focal;        /* the views' lenses count for nothing */
     bool free_lens;           /* focal length and k1, shared, are adjusted */
     bool refine;              /* start from the given poses, which are priors, in place of none */
     double sigma_position_mm; /* of given positions; 0: a tenth of the mean distance of neighbours */
