@@ -28,8 +28,9 @@ export class Overlays {
     this.reference = `r${(rows - 1) >> 1}c${(cols - 1) >> 1}`;
   }
 
-  /** Cameras that stand anywhere have neither labels nor depths. */
+  /** Cameras that stand anywhere have neither labels nor depths, nor things that a click removes. */
   setLattice(lattice) {
+    $("viewer").toggleAttribute("data-posed", !lattice);
     for (const radio of $("overlay").querySelectorAll("[value=labels], [value=disparity]")) radio.parentElement.hidden = !lattice;
   }
 
