@@ -435,6 +435,9 @@ void config_warn(const struct config_load *load)
                  c->storage.ring_mb);
         warn(source(load, "storage.preroll_s", "storage.ring_mb"), text);
     }
+    if (!c->live.poses[0] && (c->live.surface_m > 0 || c->live.near_m > 0 || c->live.far_m > 0))
+        warn(source(load, "live.surface_m", "live.near_m"),
+             "surface_m, near_m and far_m are of live: poses, which is not set; they change nothing");
     for (int i = 0; i < count; i++) {
         const char *file = (const char *)c + keys[i].offset;
 

@@ -379,6 +379,8 @@ static void what_is_odd_is_warned_of(void **state)
     assert_contains(said, "c.yaml:1:21: preroll_s 5 of 36 cameras needs about 174 MB, more than ring_mb (64)");
     accept("live: { calibration: /nonexistent/calib.yaml }\n");
     assert_contains(said, "/nonexistent/calib.yaml does not exist");
+    accept("live: { surface_m: 30 }\n");
+    assert_contains(said, "c.yaml:1:20: surface_m, near_m and far_m are of live: poses, which is not set");
     accept("storage: { quota_gb: 1 }\n");
     assert_string_equal(said, "");
 }
