@@ -89,6 +89,7 @@ static int limits(double range[2], const struct sst_posed *posed, const struct s
                   const struct sst_ground_config *cfg)
 {
     double *depth = NULL;
+    const char *by;
     int n = 0;
 
     range[0] = cfg->near_mm;
@@ -116,12 +117,14 @@ static int limits(double range[2], const struct sst_posed *posed, const struct s
     free(depth);
     if (n < 10)
         limits_of_baselines(range, posed, camera);
-    sst_log_info("the ground is sought from %.2f to %.2f m, limits by %s", range[0] * 1e-3, range[1] * 1e-3,
-                 n < 10 ? "the distances of views" : "the points of the scene");
-    if (range[0] > 0 && range[1] > range[0])
+    by = n < 10 ? "the distances of views" : "the points of the scene";
+    if (range[0] > 0 && range[1] > range[0]) {
+        sst_log_info("the ground is sought from %.2f to %.2f m, limits by %s", range[0] * 1e-3, range[1] * 1e-3, by);
         return 0;
-    sst_log_error("no points of the scene are known, and views are too few or at one place: give both --near and --far, "
-                  "such as two thirds and one and a half of the height, or --surface plane:Z");
+    }
+    sst_log_error("%s leave no distances between which the ground is sought (from %.2f to %.2f m): give both --near and "
+                  "--far, such as two thirds and one and a half of the height, or --surface plane:Z",
+                  by, range[0] * 1e-3, range[1] * 1e-3);
     return -EINVAL;
 }
 
