@@ -249,6 +249,8 @@ static int run_posed(const struct cli_command *cmd, const struct render_args *a,
     if (scene.posed.channels > 1 && cli_has_suffix(files[0], ".pfm"))
         r = cli_usage_error(cmd, "-o %s: a PFM has one channel, and the views are coloured; .tif has 16 bits",
                             files[0]);
+    else if (a->levels && !cli_has_suffix(files[0], ".jpg") && !cli_has_suffix(files[0], ".jpeg"))
+        r = cli_usage_error(cmd, "--levels: %s keeps all levels; a .jpg is stretched by them", files[0]);
     else
         r = cli_posed_render(&scene, a, files[0], files[1]);
     cli_posed_close(&scene);

@@ -50,6 +50,7 @@ refuse "nor a view of" forest.lf --surface plane:40 --view gone
 sed 's/^v \([^ ]*\) \([^ ]*\) .*/v \1 \2 500/' $terrain >high.obj
 refuse "all above the camera" forest.lf --surface high.obj
 refuse "not two ascending" flight.lf --surface plane:40 --levels 7300,7000
+refuse "keeps all levels" flight.lf --surface plane:40 --levels 7000,7300
 refuse "those of forest.lf have 8" forest.lf --surface plane:40 --levels 1,2
 refuse "is of --surface with a terrain" forest.lf --surface plane:40 --utm 33N
 refuse "not nearer than" forest.lf --near 50 --far 20
