@@ -282,6 +282,27 @@ static void start_on_a_line(void **state SST_UNUSED)
 }
 
 /* Features joined through a third picture are one track; one that sees a picture twice is none. */
+/* A view on the line matches little, one nothing; of names that are in order, neither is moved. */
+static void views_are_ordered(void **state SST_UNUSED)
+{
+    enum { N = 8, DULL = 4, BLIND = 2 };
+    static const int place[2][N] = { { 0, 1, 2, 3, 4, 5, 6, 7 }, { 5, 0, 7, 2, 4, 6, 1, 3 } };
+    static const int as_on_the_line[N] = { 1, 6, 7, 4, 0, 5, 2, 3 }; /* the blind one last */
+
+    for (int mixed = 0; mixed < 2; mixed++) {
+        int alike[N * N], order[N];
+
+        for (int i = 0; i < N * N; i++) {
+            const int a = place[mixed][i / N], b = place[mixed][i % N], apart = abs(a - b);
+            const int good = apart == 0 || a == BLIND || b == BLIND ? 0 : 200 / (apart * apart);
+
+            alike[i] = 30 + (a + b) % 5 + (a == DULL || b == DULL ? good / 3 : good);
+        }
+        assert_int_equal(poses_order(order, alike, N), 0);
+        assert_memory_equal(order, mixed ? as_on_the_line : place[0], sizeof(order));
+    }
+}
+
 static void tracks_join(void **state SST_UNUSED)
 {
     float at[2][2] = { { 1, 2 }, { 3, 4 } };
@@ -390,6 +411,7 @@ int main(void)
         cmocka_unit_test(compass_is_corrected),
         cmocka_unit_test(skyline_solves),
         cmocka_unit_test(start_on_a_line),
+        cmocka_unit_test(views_are_ordered),
         cmocka_unit_test(tracks_join),
         cmocka_unit_test(lenses_join),
         cmocka_unit_test(two_views_are_placed),

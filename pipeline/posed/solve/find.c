@@ -161,7 +161,7 @@ static int attempt(void *arg, int index, int worker)
     err = narrow(&a->model, &a->cost, s, a->start);
     if (!err && (a->start == START_LINE || a->start == START_PLANE))
         err = try_reversed(a, s);
-    a->done = !err && isfinite(a->cost) && (a->start == START_TURNS || poses_spacing(&a->model, s->scene->linked) > 0);
+    a->done = !err && isfinite(a->cost) && (a->start == START_TURNS || poses_spacing(&a->model, s->scene->linked, NULL) > 0);
     return err;
 }
 
@@ -301,7 +301,7 @@ static int read_priors(struct search *s)
     link_given(scene);
     for (int v = 0; v < scene->views; v++)
         memcpy(given.centre[v], scene->posed->view[v].camera.position_mm, sizeof(given.centre[v]));
-    unit = scene->unit_mm = poses_spacing(&given, scene->linked);
+    unit = scene->unit_mm = poses_spacing(&given, scene->linked, NULL);
     sigma = s->cfg->sigma_position_mm > 0 ? s->cfg->sigma_position_mm / unit : 0.1;
     for (int v = 0; s->prior && v < scene->views; v++) {
         struct poses_prior *p = s->prior + v;

@@ -11,7 +11,7 @@
 
 #define FEW_FEATURES 250 /* of a picture, the strongest, to find its neighbours */
 #define NEIGHBOURS   6   /* nearest views of each that are matched besides the next two in order */
-#define MANY_VIEWS   30  /* from here on, neighbours are searched */
+#define SOME_FEATURES 1000 /* to find the order of few pictures */
 #define MIN_RAW      20  /* matches before the epipolar geometry */
 #define MIN_COARSE   14  /* matches of few features; pictures of other things have up to 11 */
 #define SIMILAR_PX   12  /* of a similarity, of pictures that are 1024 px wide */
@@ -212,8 +212,9 @@ static int match_pairs(struct poses_scene *scene, struct poses_pair *more, int c
 
 struct nearness {
     const struct poses_scene *scene;
-    bool places;     /* pairs of two placed views are compared by their positions */
-    uint16_t *alike; /* [views][views] matches of few features, or nearness of given positions */
+    bool places; /* pairs of two placed views are compared by their positions */
+    int features;
+    uint16_t *alike; /* [views][views] matches of so many features, or nearness of given positions */
 };
 
 static bool by_places(const struct nearness *near, int a, int b)
@@ -228,17 +229,17 @@ static int compare_view(void *arg, int view, int worker)
     const struct nearness *near = arg;
     const struct poses_scene *scene = near->scene;
     struct cv_features a = scene->feature[view];
-    int(*match)[2] = malloc(FEW_FEATURES * sizeof(*match)), count, err = match ? 0 : -ENOMEM;
+    int(*match)[2] = malloc((size_t)near->features * sizeof(*match)), count, err = match ? 0 : -ENOMEM;
     char why[256] = "";
 
     (void)worker;
-    a.count = sst_min_int(a.count, FEW_FEATURES);
+    a.count = sst_min_int(a.count, near->features);
     for (int v = view + 1; !err && v < scene->views; v++) {
         struct cv_features b = scene->feature[v];
 
         if (by_places(near, view, v))
             continue;
-        b.count = sst_min_int(b.count, FEW_FEATURES);
+        b.count = sst_min_int(b.count, near->features);
         err = cv_features_match(&a, &b, match, &count, why);
         near->alike[(size_t)view * scene->views + v] = (uint16_t)count;
     }
@@ -285,13 +286,13 @@ static void compare_places(struct nearness *near)
     }
 }
 
-static int compare_views(struct nearness *near, const struct poses_scene *scene, int threads)
+static int compare_views(struct nearness *near, int threads)
 {
-    near->scene = scene;
+    const struct poses_scene *scene = near->scene;
+
     near->alike = calloc((size_t)scene->views * scene->views, sizeof(*near->alike));
     if (!near->alike)
         return -ENOMEM;
-    near->places = sst_posed_placed(scene->posed) > 1 && sst_posed_spacing(scene->posed) > 0;
     if (near->places)
         compare_places(near);
     return sst_parallel_for(scene->views, threads, compare_view, near);
@@ -300,9 +301,11 @@ static int compare_views(struct nearness *near, const struct poses_scene *scene,
 /* Match each view with its nearest, besides the next two. */
 static int match_near(struct poses_scene *scene, int threads)
 {
-    struct nearness near = { 0 };
+    struct nearness near = { .scene = scene,
+                             .places = sst_posed_placed(scene->posed) > 1 && sst_posed_spacing(scene->posed) > 0,
+                             .features = FEW_FEATURES };
     struct poses_pair *more = calloc((size_t)scene->views * NEIGHBOURS * 2, sizeof(*more));
-    int err = more ? compare_views(&near, scene, threads) : -ENOMEM, count = 0;
+    int err = more ? compare_views(&near, threads) : -ENOMEM, count = 0;
 
     for (int a = 0; !err && a < scene->views; a++) {
         for (int b = a + 3; b < scene->views; b++) {
@@ -364,23 +367,39 @@ static int link_views(struct poses_scene *scene)
     return scene->used ? 0 : -ENOMEM;
 }
 
-int poses_scene_match(struct poses_scene *scene, poses_levels_fn *levels, void *arg, int threads)
+int poses_scene_detect(struct poses_scene *scene, poses_levels_fn *levels, void *arg, int threads)
 {
     struct finding finding = { .scene = scene, .levels = levels, .arg = arg };
     const size_t n = (size_t)scene->views;
-    int err = -ENOMEM;
 
     scene->feature = calloc(n, sizeof(*scene->feature));
     scene->linked = calloc(n, sizeof(*scene->linked));
     scene->placed = calloc(n, sizeof(*scene->placed));
     scene->pair = calloc(n * (2 + 2 * NEIGHBOURS), sizeof(*scene->pair));
-    if (scene->feature && scene->linked && scene->placed && scene->pair)
-        err = sst_parallel_for(scene->views, threads, find_view, &finding);
-    if (!err)
-        err = match_next(scene, threads);
+    if (!scene->feature || !scene->linked || !scene->placed || !scene->pair)
+        return -ENOMEM;
+    return sst_parallel_for(scene->views, threads, find_view, &finding);
+}
+
+int poses_scene_compare(const struct poses_scene *scene, int *alike, int threads)
+{
+    struct nearness near = { .scene = scene, .features = SOME_FEATURES };
+    const size_t n = (size_t)scene->views;
+    const int err = compare_views(&near, threads);
+
+    for (size_t i = 0; !err && i < n * n; i++)
+        alike[i] += near.alike[i / n < i % n ? i : i % n * n + i / n];
+    free(near.alike);
+    return err;
+}
+
+int poses_scene_match(struct poses_scene *scene, int threads)
+{
+    int err = match_next(scene, threads);
+
     if (!err)
         err = link_views(scene);
-    if (!err && scene->views > 3 && (scene->views > MANY_VIEWS || scene->used < scene->views)) {
+    if (!err && scene->views > 3 && (scene->views > POSES_MANY_VIEWS || scene->used < scene->views)) {
         err = match_near(scene, threads);
         if (!err)
             err = link_views(scene);

@@ -29,13 +29,22 @@ static double distance(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
+/* By name. */
 static int first_placed(const struct poses_scene *scene)
 {
-    int v = 0;
+    for (int i = 0; i < scene->views; i++) {
+        const int v = scene->named ? scene->named[i] : i;
 
-    while (v < scene->views - 1 && !scene->placed[v])
-        v++;
-    return v;
+        if (scene->placed[v])
+            return v;
+    }
+    return 0;
+}
+
+/* Neighbours on a line are its own, others those in the order of names. */
+static double spacing_of(const struct poses_scene *scene)
+{
+    return poses_spacing(&scene->model, scene->placed, scene->line ? NULL : scene->named);
 }
 
 /* Axes of the first placed view, at it. */
@@ -386,7 +395,7 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
         w = (struct world){ .turn = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .unit = scene->unit_mm };
     } else if (cfg->spacing_mm > 0 || !world_of_given(&w, scene)) {
         world_of_first(&w, scene,
-                       (cfg->spacing_mm > 0 ? cfg->spacing_mm : UNIT_MM) / poses_spacing(&scene->model, scene->placed));
+                       (cfg->spacing_mm > 0 ? cfg->spacing_mm : UNIT_MM) / spacing_of(scene));
         posed->metric = cfg->spacing_mm > 0;
         posed->geographic = false;
         memset(posed->up, 0, sizeof(posed->up));
@@ -404,7 +413,7 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     posed->median_px = solved->median_px;
     solved->focal_px = posed->view[first_placed(scene)].camera.fx;
     solved->free_focal_px = scene->free_focal * solved->focal_px / scene->focal;
-    solved->spacing_mm = poses_spacing(&scene->model, scene->placed) * w.unit;
+    solved->spacing_mm = spacing_of(scene) * w.unit;
     write_history(scene, cfg, solved);
 done:
     free(px);
@@ -435,7 +444,7 @@ double sst_posed_spacing(const struct sst_posed *posed)
 {
     struct sst_posed copy = *posed; /* not changed */
     struct poses_scene scene = { 0 };
-    const double spacing = scene_of(&scene, &copy) ? 0 : poses_spacing(&scene.model, scene.placed);
+    const double spacing = scene_of(&scene, &copy) ? 0 : spacing_of(&scene);
 
     poses_scene_fini(&scene);
     return spacing;
@@ -457,7 +466,7 @@ int sst_posed_judge(const struct sst_posed *posed, struct sst_posed_solved *solv
     if (!err) {
         solved->median_px = posed->median_px;
         solved->focal_px = posed->view[first_placed(&scene)].camera.fx;
-        solved->spacing_mm = poses_spacing(&scene.model, scene.placed);
+        solved->spacing_mm = spacing_of(&scene);
     }
     poses_scene_fini(&scene);
     return err;

@@ -132,7 +132,7 @@ static void scale_prior(struct rig *rig)
         return;
     for (int v = 0; v < rig->views; v++)
         memcpy(all.centre[v], rig->prior[v].centre, sizeof(*all.centre));
-    unit = poses_spacing(&all, rig->known);
+    unit = poses_spacing(&all, rig->known, NULL);
     for (int v = 0; v < rig->views; v++) {
         for (int i = 0; i < 3; i++)
             rig->prior[v].centre[i] /= unit;

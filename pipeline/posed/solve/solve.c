@@ -68,14 +68,54 @@ static void report_progress(const struct sst_posed_solve_config *cfg, double don
         cfg->progress(cfg->progress_arg, done);
 }
 
+/* Views of scenes, if they are few, into one order along which pictures match; names may have any order. */
+static int arrange(struct poses_scene *scene, int count, const struct sst_posed_solve_config *cfg)
+{
+    const int n = scene->views;
+    int *alike, *order, err = 0;
+
+    if (cfg->refine || n < 3 || n > POSES_MANY_VIEWS)
+        return 0;
+    for (int i = 1; i < count; i++) {
+        if (scene[i].views != n)
+            return 0;
+    }
+    alike = calloc((size_t)n * (size_t)n, sizeof(*alike));
+    order = calloc((size_t)n, sizeof(*order));
+    if (!alike || !order)
+        err = -ENOMEM;
+    for (int i = 0; !err && i < count; i++)
+        err = poses_scene_compare(&scene[i], alike, cfg->threads);
+    if (!err)
+        err = poses_order(order, alike, n);
+    for (int v = 0; !err && v < n; v++) {
+        if (order[v] == v)
+            continue;
+        for (int i = 0; !err && i < count; i++)
+            err = poses_scene_arrange(&scene[i], order);
+        break;
+    }
+    free(alike);
+    free(order);
+    return err;
+}
+
 static int solve_scenes(struct poses_scene *scene, int count, const struct sst_posed_solve_config *cfg)
 {
     int err = 0;
 
     for (int i = 0; !err && i < count; i++) {
-        report_progress(cfg, (double)i / count);
-        err = poses_scene_match(&scene[i], poses_levels, &scene[i], cfg->threads);
-        report_progress(cfg, (i + 0.8) / count);
+        report_progress(cfg, 0.4 * i / count);
+        err = poses_scene_detect(&scene[i], poses_levels, &scene[i], cfg->threads);
+    }
+    if (!err && cfg->one_rig)
+        err = arrange(scene, count, cfg);
+    for (int i = 0; !err && !cfg->one_rig && i < count; i++)
+        err = arrange(&scene[i], 1, cfg);
+    for (int i = 0; !err && i < count; i++) {
+        report_progress(cfg, 0.4 + 0.6 * i / count);
+        err = poses_scene_match(&scene[i], cfg->threads);
+        report_progress(cfg, 0.4 + 0.6 * (i + 0.6) / count);
         if (!err)
             err = poses_find(&scene[i], cfg);
     }
@@ -102,6 +142,7 @@ static int solve(struct sst_posed *posed, const char *const *dir, int count, con
     int err = scene ? 0 : -ENOMEM;
 
     own.threads = sst_thread_count(cfg->threads);
+    memset(solved, 0, (size_t)count * sizeof(*solved));
     for (int i = 0; !err && i < count; i++) {
         err = check(&posed[i], dir[i], cfg);
         if (!err)
@@ -112,8 +153,12 @@ static int solve(struct sst_posed *posed, const char *const *dir, int count, con
         err = solve_scenes(scene, count, &own);
     for (int i = 0; !err && i < count; i++)
         err = poses_report(&scene[i], &own, &solved[i]);
-    for (int i = 0; scene && i < count; i++)
+    for (int i = 0; scene && i < count; i++) {
+        const int back = poses_scene_restore(&scene[i], &solved[i]);
+
+        err = err ? err : back;
         poses_scene_fini(&scene[i]);
+    }
     free(scene);
     if (err == -ENOMEM)
         sst_log_error("out of memory while poses are found");

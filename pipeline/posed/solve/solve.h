@@ -24,7 +24,7 @@ struct sst_posed_solved {
     double median_px, p90_px; /* residuals of all sights of points */
     double focal_px;          /* of the first placed view */
     double free_focal_px;     /* that the matches ask for, where a given one was kept; 0: none was */
-    double spacing_mm;        /* mean distance of neighbours in the order of names, in the light field's unit */
+    double spacing_mm;        /* mean distance of neighbours on a line, else by name, in the light field's unit */
     bool *doubtful;           /* [views] placed, but not plausibly: its neighbours' distances or directions differ */
     double *view_px;          /* [views] median residual; NAN: not placed */
     double sharper;           /* ratio of sharpness after and before, where warm places refined poses; else 0 */
@@ -37,7 +37,8 @@ void sst_posed_solved_fini(struct sst_posed_solved *solved);
  * Place the views of light fields by their pictures: poses, lens, points, history, and the kind of unit.
  *
  * Features of neighbours (SIFT) become tracks; a start by similarities of pictures is adjusted with a robust loss from
- * wide to narrow (docs/design/posed.md). The first placed view, or given positions, define the axes.
+ * wide to narrow (docs/design/posed.md). Neighbours follow each other by name; of up to 30 views, in the order
+ * along which pictures match. The first placed view by name, or given positions, define the axes.
  * Views without enough matches are left unplaced. The same bytes for any number of threads.
  * Given poses of one channel are also refined by warm places (find/sharpen.h); the sharper result is kept.
  *

@@ -9,6 +9,7 @@
 #define POSES_FEATURES   2500 /* of a picture */
 #define POSES_MIN_PAIR   25   /* matches of two pictures that one epipolar geometry explains */
 #define POSES_MIN_SIGHTS 12   /* of a placed view */
+#define POSES_MANY_VIEWS 30   /* up to here an order of views is sought, above, neighbours */
 
 /* Ideal pixels: of a pinhole with the common focal length, about its principal point; x right, y down. */
 
@@ -58,6 +59,9 @@ struct poses_scene {
     double unit_mm;           /* of the model, where poses are given */
     bool line;                /* the views stand on a line */
     bool *placed;             /* [views] by sights, or by the rig alone */
+    int *order, *named; /* [views] place in the order of names of each view, and the reverse, while views are in another
+                           order (poses_scene_arrange()); NULL: views are in the order of names */
+    struct sst_posed_view *in_names_order; /* meanwhile, the light field's own array */
     double focal;             /* of ideal px */
     bool focal_known;
     double free_focal; /* by matches alone, where the focal length is known; 0: not found */
@@ -70,11 +74,26 @@ struct poses_scene {
 /** Levels of a picture as floats, 0 to 255; free() them. */
 typedef int poses_levels_fn(void *arg, int view, float **level);
 
-/** Features of all pictures, pairs that match, and the group that they link. @return 0 or an error, logged */
-SST_MUST_CHECK int poses_scene_match(struct poses_scene *scene, poses_levels_fn *levels, void *arg, int threads);
+/** Features of all pictures. @return 0 or an error, logged */
+SST_MUST_CHECK int poses_scene_detect(struct poses_scene *scene, poses_levels_fn *levels, void *arg, int threads);
+/** Matches of the stronger features of all pairs, which are not verified. @param alike  out, [views][views], symmetric,
+ *  added to. @return 0 or an error, logged */
+SST_MUST_CHECK int poses_scene_compare(const struct poses_scene *scene, int *alike, int threads);
+/** Pairs that match, and the group that they link. @return 0 or an error, logged */
+SST_MUST_CHECK int poses_scene_match(struct poses_scene *scene, int threads);
 /** Levels of a light field's pictures; arg: its struct poses_scene. */
 int poses_levels(void *arg, int view, float **level);
 void poses_scene_fini(struct poses_scene *scene);
+
+/* --- order.c ------------------------------------------------------------------------------------------------------ */
+
+/** Order in which views match the next ones best; the order of names where this matches as well. Views without matches
+ *  are the last. @param order  out, [views]. @param alike  [views][views] matches, symmetric. @return 0, -ENOMEM */
+SST_MUST_CHECK int poses_order(int *order, const int *alike, int views);
+/** Bring the views of a scene with features into another order. @return 0, -ENOMEM */
+SST_MUST_CHECK int poses_scene_arrange(struct poses_scene *scene, const int *order);
+/** Back to the order of names, with the result, which may be empty. @return 0, -ENOMEM */
+SST_MUST_CHECK int poses_scene_restore(struct poses_scene *scene, struct sst_posed_solved *solved);
 
 /* --- tracks.c ----------------------------------------------------------------------------------------------------- */
 
@@ -91,7 +110,7 @@ SST_MUST_CHECK int poses_model_init(struct poses_model *model, int views, int tr
 SST_MUST_CHECK int poses_model_copy(struct poses_model *out, const struct poses_model *in);
 void poses_model_fini(struct poses_model *model);
 
-/** Linked views at equal distances on a line, in the order of names: shifts that differ from the common one are tilts.
+/** Linked views at equal distances on a line, in their order: shifts that differ from the common one are tilts.
  *  @return false: the pictures do not move along a line */
 bool poses_start_line(struct poses_model *model, const struct poses_scene *scene);
 /** Linked views at one place: shifts are tilts. */
@@ -107,7 +126,8 @@ void poses_triangulate(struct poses_model *model, const struct poses_tracks *tra
 bool poses_reverse(struct poses_model *model, const struct poses_tracks *tracks, const bool *linked);
 /** Scale the model so that the mean distance of neighbours is one. @return the mean distance before */
 double poses_normalise(struct poses_model *model, const bool *linked);
-double poses_spacing(const struct poses_model *model, const bool *linked);
+/** Mean distance of neighbours. @param order  [views] indices of views; NULL: as they are */
+double poses_spacing(const struct poses_model *model, const bool *linked, const int *order);
 
 /* --- adjust.c ----------------------------------------------------------------------------------------------------- */
 

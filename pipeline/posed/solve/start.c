@@ -46,28 +46,30 @@ int poses_model_copy(struct poses_model *out, const struct poses_model *in)
     return 0;
 }
 
-double poses_spacing(const struct poses_model *model, const bool *linked)
+double poses_spacing(const struct poses_model *model, const bool *linked, const int *order)
 {
     double sum = 0;
     int last = -1, steps = 0;
 
-    for (int v = 0; v < model->views; v++) {
+    for (int i = 0; i < model->views; i++) {
+        const int v = order ? order[i] : i;
+
         if (!linked[v])
             continue;
         if (last >= 0) {
-            const double *a = model->centre[last], *b = model->centre[v];
+            const double *a = model->centre[order ? order[last] : last], *b = model->centre[v];
 
             sum += sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
-            steps += v - last;
+            steps += i - last;
         }
-        last = v;
+        last = i;
     }
     return steps ? sum / steps : 0;
 }
 
 double poses_normalise(struct poses_model *model, const bool *linked)
 {
-    const double was = poses_spacing(model, linked);
+    const double was = poses_spacing(model, linked, NULL);
 
     if (!(was > 0))
         return was;
