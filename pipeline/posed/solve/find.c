@@ -161,7 +161,8 @@ static int attempt(void *arg, int index, int worker)
     err = narrow(&a->model, &a->cost, s, a->start);
     if (!err && (a->start == START_LINE || a->start == START_PLANE))
         err = try_reversed(a, s);
-    a->done = !err && isfinite(a->cost) && (a->start == START_TURNS || poses_spacing(&a->model, s->scene->linked, NULL) > 0);
+    a->done = !err && isfinite(a->cost) &&
+              (a->start == START_TURNS || poses_spacing(&a->model, s->scene->linked, NULL) > 0);
     return err;
 }
 
