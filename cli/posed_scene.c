@@ -8,7 +8,10 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "cli/posed_internal.h"
+#include "pipeline/posed/find/sharpen.h"
 
+#define FEW_AGREE    0.003 /* of the pixels: warm places may know the ground better ... */
+#define WARM_FARTHER 1.1   /* ... if they are sharpest at so many times the distance */
 #define METRE_MM     1000.0
 #define CELSIUS      273.15
 #define NADIR        "nadir"
@@ -203,6 +206,40 @@ static int read_terrain(struct posed_scene *scene, const char *path, const char 
     return err ? cli_exit_code(-EBADMSG) : check_terrain(scene, path);
 }
 
+/* Thermal pictures in which few pixels agree, and on a nearer plane, agree on the canopy: the plane on which warm places
+ * are sharpest, perpendicular to gravity or the camera's axis, is the ground. */
+static int prefer_warmth(struct posed_scene *scene, int threads)
+{
+    struct sst_posed_ground *ground = &scene->ground;
+    const struct sst_virtual *camera = &scene->cfg.camera;
+    const struct sst_calib_camera *middle = &scene->posed.view[sst_posed_middle(&scene->posed)].camera;
+    const double *up = scene->posed.up;
+    double normal[3], point[3], away = 0, along = 0;
+    struct sst_sharpened sharp;
+    int err;
+
+    if (ground->four[ground->chosen] >= FEW_AGREE || scene->posed.channels != 1)
+        return 0;
+    err = sst_posed_sharpen(&scene->posed, scene->path,
+                            &(struct sst_sharpen_config){ .look = true, .threads = threads }, &sharp);
+    if (err)
+        return err == -ENODATA ? 0 : err;
+    for (int i = 0; i < 3; i++)
+        along -= up[i] * camera->rotation[6 + i];
+    for (int i = 0; i < 3; i++) {
+        normal[i] = along > 0.5 ? up[i] : -camera->rotation[6 + i];
+        point[i] = middle->position_mm[i] + sharp.distance_mm * middle->rotation[6 + i];
+        away += normal[i] * (point[i] - camera->centre_mm[i]);
+    }
+    away /= along > 0.5 ? -along : -1;
+    if (away > WARM_FARTHER * ground->distance_mm) {
+        ground->plane = sst_surface_plane(normal, point);
+        ground->distance_mm = away;
+        ground->tilt_deg = 0;
+    }
+    return 0;
+}
+
 /* AOS's worlds have their ground at z = 0: the ground that is found far from there may be the canopy. */
 static void compare_with_zero(const struct posed_scene *scene)
 {
@@ -228,8 +265,10 @@ static int find_ground(struct posed_scene *scene, const struct render_args *a)
     const struct sst_ground_config cfg = { .near_mm = a->near_m * METRE_MM,
                                            .far_mm = a->far_m * METRE_MM,
                                            .threads = a->cfg.threads };
-    const int err = sst_posed_ground(&scene->ground, &scene->posed, scene->path, &scene->cfg.camera, &cfg);
+    int err = sst_posed_ground(&scene->ground, &scene->posed, scene->path, &scene->cfg.camera, &cfg);
 
+    if (!err && !(a->near_m > 0) && !(a->far_m > 0))
+        err = prefer_warmth(scene, a->cfg.threads);
     scene->cfg.surface = scene->ground.plane;
     if (!err)
         compare_with_zero(scene);
