@@ -6,6 +6,8 @@
 
 #if !WITH_VULKAN
 
+#include <errno.h>
+
 #include "base/log.h"
 
 int gpu_vulkan_list(struct sst_gpu_info info[SST_GPU_DEVICES] SST_UNUSED)

@@ -364,7 +364,8 @@ static void withdraw(struct mqtt *m)
     bool done = false;
 
     mqtt_withdraw(m);
-    while (!(done && !mosquitto_want_write(m->client)) && !m->stop && sst_clock_now_ns() < end_ns) {
+    /* Until the broker has them: the connection may be closed next, and what it has not read is lost then. */
+    while (!(done && !m->in_flight && !mosquitto_want_write(m->client)) && !m->stop && sst_clock_now_ns() < end_ns) {
         done = mqtt_announce_step(m);
         if (mosquitto_loop(m->client, 20, 1))
             return; /* the next loop logs the reason */
