@@ -31,12 +31,37 @@ grep -q "median ([-+0-9. to]* degrees); of views levels 7000 to 7400 (6.9 to 22.
 "$sst" find flight --surface flight/truth/ground.obj --view nadir >out 2>err || fail "nadir: $(cat err)"
 grep -q '^ *1 *score' out || fail "nothing is found from above: $(cat out)"
 
+# Three moments of an array: walkers have their speed and heading.
+"$sst" scene forest -o walk --size 384x384 --grid 1x6 --moments 3 --cover 3 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" find walk --surface walk/truth/ground.obj -o strip --json >walk.json 2>err || fail "find of moments: $(cat err)"
+"$python" - <<'PY' || fail "walkers have other paths: $(cat walk.json)"
+import json, math
+found, truth = json.load(open("walk.json")), json.load(open("walk/truth/truth.json"))
+at = {(w["walker"], w["moment"]): w for w in truth["walkers"]}
+assert [m["time_s"] for m in found["moments"]] == [0, 0.5, 1]
+seen = 0
+for k in {k for k, _ in at}:
+    steps = [at[k, m] for m in range(3)]
+    if any(s["views"] < 5 for s in steps):
+        continue
+    way = [b - a for a, b in zip(steps[0]["position_m"], steps[2]["position_m"])]
+    hit = [f for f in found["finds"] if all(math.dist(s["position_m"][:2], p["position_m"][:2]) < 0.8 for s, p in zip(steps, f["path"]))]
+    assert hit, steps
+    if math.hypot(*way[:2]) > 0.5:
+        turn = (hit[0]["heading_deg"] - math.degrees(math.atan2(way[0], way[1])) + 180) % 360 - 180
+        assert abs(hit[0]["speed_m_s"] - math.hypot(*way[:2])) < 0.5 and abs(turn) < 30, (hit[0], way)
+    seen += 1
+assert seen
+PY
+[ -s strip/find-01.png ] || fail "the strip is missing"
+
 refused() { # exit code, words of the sentence, arguments
   local code=$1 words=$2; shift 2
   "$sst" find "$@" >out 2>err; local r=$?
   [ $r -eq "$code" ] && [ "$(grep -c error: err)" -eq 1 ] && grep -q "$words" err || fail "find $*: $r, $(cat err)"
 }
 refused 2 "exclude each other" flight --threshold 5 --alarms 2
+refused 3 "channels" walk flight
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35

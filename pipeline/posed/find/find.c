@@ -14,44 +14,32 @@
 
 #define THRESHOLD_INTEGRAL 4.0
 #define THRESHOLD_VIEWS    7.0
+#define THRESHOLD_PATHS    2.0 /* times these: the highest of many sums along paths */
 #define TAIL_FROM          1.5 /* spreads: peaks from here on, in two steps of TAIL_STEP, are the background's ... */
 #define TAIL_STEP          1.0 /* ... and show how rare higher ones are */
 #define TAIL_LEAST         20  /* peaks */
 #define THRESHOLD_LEAST    3.0
 #define PIXEL_M            0.025 /* finer ones show parts of a person apart from each other */
 #define SMEARED_M          0.03  /* half of the width over which a view's scores are smoothed */
-#define GROW               0.5
-#define CLOSE_M            0.5       /* gaps between parts of a person */
-#define SHOWN              2.0       /* spreads by which a view shows a find */
 #define COVERED_MOST       0.95      /* quantile of the number of views that is their usual most */
 #define EARTH_A            6378137.0 /* WGS 84 */
 #define EARTH_E2           6.69437999014e-3
 #define RANKS              4
 #define KEPT_BYTES         ((size_t)1 << 30) /* of views' scores; the others are computed again where they are wanted */
 
-struct search {
-    const struct sst_posed *posed;
-    const char *dir;
-    const struct sst_virtual *camera;
-    const struct sst_surface *surface;
-    const struct sst_find_config *cfg;
-    enum sst_find_by by;
-    int threads, reach, close; /* px of the virtual picture */
-    double pixel_m, threshold;
-    struct sst_deep *scores;  /* [views], of placed ones that are kept: score levels in the view's pixels */
-    struct sst_integral *one; /* of one view at a time */
-    struct sst_finds *maps;
-};
-
 struct sst_find_config sst_find_defaults(void)
 {
     return (struct sst_find_config){
-        .sign = 1, .coverage = 0.5, .window_m = 4.2, .least_m = 0.15, .most_m = 3.5, .least_views = 3
+        .sign = 1, .coverage = 0.5, .window_m = 4.2, .least_m = 0.15, .most_m = 3.5, .least_views = 3, .speed_m_s = 2.5
     };
 }
 
 void sst_finds_fini(struct sst_finds *finds)
 {
+    for (int m = 0; finds->each && m < finds->moments; m++)
+        sst_finds_fini(&finds->each[m]);
+    free(finds->each);
+    free(finds->step);
     for (int c = 0; c < 3; c++)
         sst_map_f32_fini(&finds->integral[c]);
     sst_map_f32_fini(&finds->score);
@@ -62,8 +50,8 @@ void sst_finds_fini(struct sst_finds *finds)
 
 /* --- geometry ----------------------------------------------------------------------------------------------------- */
 
-static bool place_of(const struct sst_virtual *camera, const struct sst_surface *surface, double x, double y,
-                     double at_mm[3])
+bool find_place(const struct sst_virtual *camera, const struct sst_surface *surface, double x, double y,
+                double at_mm[3])
 {
     double ray[3], t;
 
@@ -84,8 +72,8 @@ static double pixel_size(const struct sst_virtual *camera, const struct sst_surf
         const double y = camera->height * (0.5 + 0.18 * (k / 5) - 0.36 * (k / 5 > 2)) - step / 2;
         double a[3], b[3], c[3], across = 0, down = 0;
 
-        if (!place_of(camera, surface, x, y, a) || !place_of(camera, surface, x + step, y, b) ||
-            !place_of(camera, surface, x, y + step, c))
+        if (!find_place(camera, surface, x, y, a) || !find_place(camera, surface, x + step, y, b) ||
+            !find_place(camera, surface, x, y + step, c))
             continue;
         for (int i = 0; i < 3; i++) {
             across += (b[i] - a[i]) * (b[i] - a[i]);
@@ -104,18 +92,18 @@ struct sst_virtual sst_find_camera(const struct sst_virtual *camera, const struc
 }
 
 /* Place of a find: of its middle, or where the surface has none there, of its highest score that has one. */
-static bool find_place(const struct search *s, struct sst_found *f)
+static bool blob_place(const struct find_search *s, struct sst_found *f)
 {
     const struct sst_rect box = f->blob.box;
     double best = -INFINITY, at[3];
 
-    if (place_of(s->camera, s->surface, f->blob.x, f->blob.y, f->at_mm))
+    if (find_place(s->camera, s->surface, f->blob.x, f->blob.y, f->at_mm))
         return true;
     for (int y = box.y0; y < box.y1; y++) {
         for (int x = box.x0; x < box.x1; x++) {
             const double score = (double)sst_map_f32_row(&s->maps->score, y)[x];
 
-            if (isgreater(score, best) && place_of(s->camera, s->surface, x, y, at)) {
+            if (isgreater(score, best) && find_place(s->camera, s->surface, x, y, at)) {
                 memcpy(f->at_mm, at, sizeof(at));
                 best = score;
             }
@@ -124,28 +112,33 @@ static bool find_place(const struct search *s, struct sst_found *f)
     return best > -INFINITY;
 }
 
-static void locate(const struct search *s, struct sst_found *f)
+void find_geographic(const struct sst_posed *p, const double at_mm[3], double *latitude, double *longitude)
 {
-    const struct sst_posed *p = s->posed;
     const double to_rad = M_PI / 180, sine = sin(p->latitude * to_rad), w = 1 - EARTH_E2 * sine * sine;
     const double meridian = EARTH_A * (1 - EARTH_E2) / (w * sqrt(w));
     const double parallel = EARTH_A / sqrt(w) * cos(p->latitude * to_rad);
-    const bool placed = find_place(s, f);
 
-    f->latitude = f->longitude = (double)NAN;
+    *latitude = *longitude = (double)NAN;
+    if (!isnan(at_mm[0]) && p->geographic) {
+        *latitude = p->latitude + at_mm[1] / 1000 / meridian / to_rad;
+        *longitude = p->longitude + at_mm[0] / 1000 / parallel / to_rad;
+    }
+}
+
+static void locate(const struct find_search *s, struct sst_found *f)
+{
+    const bool placed = blob_place(s, f);
+
     for (int i = 0; !placed && i < 3; i++)
         f->at_mm[i] = (double)NAN;
-    if (placed && p->geographic) {
-        f->latitude = p->latitude + f->at_mm[1] / 1000 / meridian / to_rad;
-        f->longitude = p->longitude + f->at_mm[0] / 1000 / parallel / to_rad;
-    }
+    find_geographic(s->posed, f->at_mm, &f->latitude, &f->longitude);
     f->size_m = 2 * sqrt(f->blob.pixels / M_PI) * s->pixel_m;
 }
 
 /* --- integrals ---------------------------------------------------------------------------------------------------- */
 
 /* Pixels of a view for one of the virtual picture, on the surface. */
-static double view_scale(const struct search *s, int k)
+static double view_scale(const struct find_search *s, int k)
 {
     const struct sst_calib_camera *cam = &s->posed->view[k].camera;
     const double far_mm = sst_surface_meet(s->surface, cam->position_mm, cam->rotation + 6);
@@ -153,7 +146,7 @@ static double view_scale(const struct search *s, int k)
     return isfinite(far_mm) ? s->pixel_m * 1000 * cam->fx / far_mm : 1;
 }
 
-static int compute_scores(const struct search *s, struct sst_deep *out, int k)
+static int compute_scores(const struct find_search *s, struct sst_deep *out, int k)
 {
     const double scale = view_scale(s, k);
     struct sst_deep picture = { 0 };
@@ -169,14 +162,13 @@ static int compute_scores(const struct search *s, struct sst_deep *out, int k)
 
 static int score_view(void *arg, int k, int worker SST_UNUSED)
 {
-    struct search *s = arg;
+    struct find_search *s = arg;
     const size_t each = 2 * (size_t)s->posed->width * (size_t)s->posed->height;
 
-    return s->posed->view[k].camera.known && (size_t)k < KEPT_BYTES / each ? compute_scores(s, &s->scores[k], k) : 0;
+    return s->posed->view[k].camera.known && (size_t)k < s->kept_bytes / each ? compute_scores(s, &s->scores[k], k) : 0;
 }
 
-/* Scores of a view on the surface; NAN where it shows nothing of it. */
-static int resample(struct search *s, struct sst_map_f32 *out, int k)
+int find_resample(struct find_search *s, struct sst_map_f32 *out, int k)
 {
     const struct sst_calib_camera *camera = &s->posed->view[k].camera;
     const struct sst_deep *scores = &s->scores[k];
@@ -195,7 +187,7 @@ static int resample(struct search *s, struct sst_map_f32 *out, int k)
 }
 
 /* The integral of all views, less each one's median where it has one channel. */
-static int integrate(struct search *s)
+static int integrate(struct find_search *s)
 {
     struct sst_integral *all = NULL;
     const int channels = s->posed->channels;
@@ -226,7 +218,7 @@ static int integrate(struct search *s)
 }
 
 /* Views by which a place counts: a share of the number that most places have. */
-static int least_coverage(const struct search *s)
+static int least_coverage(const struct find_search *s)
 {
     const struct sst_map_u16 *views = &s->maps->views;
     int64_t of[SST_POSED_MAX_VIEWS + 1] = { 0 }, seen = 0, above = 0;
@@ -249,7 +241,7 @@ static int least_coverage(const struct search *s)
 }
 
 /* Nothing counts where too few views look; `value` is NAN there. @return pixels that count */
-static int64_t cover(const struct search *s, struct sst_map_f32 *value, int least)
+static int64_t cover(const struct find_search *s, struct sst_map_f32 *value, int least)
 {
     int64_t pixels = 0;
 
@@ -266,7 +258,7 @@ static int64_t cover(const struct search *s, struct sst_map_f32 *value, int leas
 }
 
 /* The score that `rank` views reach at each pixel: a leaf that one or two see is not on the surface. */
-static int ranked(struct search *s, struct sst_map_f32 *out, int rank)
+static int ranked(struct find_search *s, struct sst_map_f32 *out, int rank)
 {
     struct sst_map_f32 top[RANKS] = { { 0 } };
     int err = 0;
@@ -278,7 +270,7 @@ static int ranked(struct search *s, struct sst_map_f32 *out, int rank)
 
         if (!s->posed->view[k].camera.known)
             continue;
-        err = resample(s, &map, k);
+        err = find_resample(s, &map, k);
         for (int y = 0; !err && y < map.height; y++) {
             for (int x = 0; x < map.width; x++) {
                 float v = sst_map_f32_row(&map, y)[x];
@@ -314,7 +306,7 @@ struct tail {
 
 /* Of two steps as long, the second one has exp(-slope * step) times the peaks of the first; higher ones may be
  * persons. */
-static int find_tail(const struct search *s, struct tail *tail)
+static int find_tail(const struct find_search *s, struct tail *tail)
 {
     const struct find_blob_config cfg = {
         .seed = TAIL_FROM, .grow = 1, .close_px = 1, .least_px = 1, .most_px = INT32_MAX
@@ -336,13 +328,14 @@ static int find_tail(const struct search *s, struct tail *tail)
     return err;
 }
 
-static int choose_threshold(struct search *s)
+int find_choose_threshold(struct find_search *s)
 {
     struct tail tail;
     const int err = find_tail(s, &tail);
     const double wanted = s->cfg->alarms * s->maps->hectares;
 
     s->threshold = s->by == SST_FIND_VIEWS ? THRESHOLD_VIEWS : THRESHOLD_INTEGRAL;
+    s->threshold *= s->maps->moments ? THRESHOLD_PATHS : 1;
     if (s->cfg->threshold > 0)
         s->threshold = s->cfg->threshold;
     else if (wanted > 0 && tail.slope > 0)
@@ -359,11 +352,16 @@ static int choose_threshold(struct search *s)
 
 /* --- finds -------------------------------------------------------------------------------------------------------- */
 
+bool find_shown(const struct sst_find_config *cfg, int views, int seen)
+{
+    return views >= sst_min_int(cfg->least_views, sst_max_int((seen + 1) / 2, 2));
+}
+
 /* How a view shows the blobs. */
-static int show(struct search *s, struct sst_found *found, int count, int k, double *best)
+static int show(struct find_search *s, struct sst_found *found, int count, int k, double *best)
 {
     struct sst_map_f32 map = { 0 };
-    int err = resample(s, &map, k);
+    int err = find_resample(s, &map, k);
 
     for (int i = 0; i < count && !err; i++) {
         const struct sst_rect box = found[i].blob.box;
@@ -373,7 +371,7 @@ static int show(struct search *s, struct sst_found *found, int count, int k, dou
             for (int x = box.x0; x < box.x1; x++) {
                 const double v = (double)sst_map_f32_row(&map, y)[x];
 
-                if (!isnan(v) && isgreaterequal((double)sst_map_f32_row(&s->maps->score, y)[x], GROW * s->threshold)) {
+                if (!isnan(v) && isgreaterequal((double)sst_map_f32_row(&s->maps->score, y)[x], FIND_GROW * s->threshold)) {
                     sum += v;
                     n++;
                 }
@@ -383,7 +381,7 @@ static int show(struct search *s, struct sst_found *found, int count, int k, dou
             continue;
         score = sum / n / SCORE_STEPS - SCORE_LOWEST;
         found[i].seen++;
-        found[i].views += score >= SHOWN;
+        found[i].views += score >= FIND_SHOWN;
         if (score > best[i]) {
             best[i] = score;
             found[i].best = k;
@@ -393,34 +391,51 @@ static int show(struct search *s, struct sst_found *found, int count, int k, dou
     return err;
 }
 
-static void see_best(const struct search *s, struct sst_found *f)
+bool find_in_view(const struct sst_posed *posed, int view, const double at_mm[3], double px[2])
 {
-    const struct sst_calib_camera *cam = f->best >= 0 ? &s->posed->view[f->best].camera : NULL;
+    const struct sst_calib_camera *cam = view >= 0 ? &posed->view[view].camera : NULL;
     double p[3];
 
-    if (!cam || isnan(f->at_mm[0])) {
+    if (!cam || isnan(at_mm[0]))
+        return false;
+    for (int i = 0; i < 3; i++)
+        p[i] = cam->rotation[3 * i] * (at_mm[0] - cam->position_mm[0]) +
+               cam->rotation[3 * i + 1] * (at_mm[1] - cam->position_mm[1]) +
+               cam->rotation[3 * i + 2] * (at_mm[2] - cam->position_mm[2]);
+    sst_camera_distort(cam, p[0] / p[2], p[1] / p[2], &px[0], &px[1]);
+    return true;
+}
+
+static void see_best(const struct find_search *s, struct sst_found *f)
+{
+    double px[2];
+
+    if (!find_in_view(s->posed, f->best, f->at_mm, px)) {
         f->best = -1;
         return;
     }
-    for (int i = 0; i < 3; i++)
-        p[i] = cam->rotation[3 * i] * (f->at_mm[0] - cam->position_mm[0]) +
-               cam->rotation[3 * i + 1] * (f->at_mm[1] - cam->position_mm[1]) +
-               cam->rotation[3 * i + 2] * (f->at_mm[2] - cam->position_mm[2]);
-    sst_camera_distort(cam, p[0] / p[2], p[1] / p[2], &f->best_x, &f->best_y);
+    f->best_x = px[0];
+    f->best_y = px[1];
     f->moment = s->posed->view[f->best].moment;
 }
 
-/* Blobs of the score become finds that enough views show. */
-static int judge(struct search *s)
+struct find_blob_config find_blob_sizes(const struct sst_find_config *cfg, double threshold, double pixel_m)
 {
-    const double area = s->pixel_m * s->pixel_m, quarter = M_PI / 4;
-    const struct find_blob_config cfg = {
-        .seed = s->threshold,
-        .grow = GROW,
-        .close_px = s->close,
-        .least_px = sst_max_int((int)(quarter * s->cfg->least_m * s->cfg->least_m / area), 4),
-        .most_px = (int)fmin(quarter * s->cfg->most_m * s->cfg->most_m / area, 1 << 30),
+    const double area = pixel_m * pixel_m, quarter = M_PI / 4;
+
+    return (struct find_blob_config){
+        .seed = threshold,
+        .grow = FIND_GROW,
+        .close_px = sst_max_int((int)(FIND_CLOSE_M / pixel_m), 1) | 1,
+        .least_px = sst_max_int((int)(quarter * cfg->least_m * cfg->least_m / area), 4),
+        .most_px = (int)fmin(quarter * cfg->most_m * cfg->most_m / area, 1 << 30),
     };
+}
+
+/* Blobs of the score become finds that enough views show. */
+static int judge(struct find_search *s)
+{
+    const struct find_blob_config cfg = find_blob_sizes(s->cfg, s->threshold, s->pixel_m);
     struct sst_blob *blob = NULL;
     struct sst_found *found;
     double *best;
@@ -442,7 +457,7 @@ static int judge(struct search *s)
     for (int i = 0; i < n && !err; i++) {
         struct sst_found f = found[i];
 
-        if (f.views < sst_min_int(s->cfg->least_views, sst_max_int((f.seen + 1) / 2, 2)))
+        if (!find_shown(s->cfg, f.views, f.seen))
             continue;
         see_best(s, &f);
         found[kept++] = f;
@@ -454,7 +469,7 @@ static int judge(struct search *s)
     return err;
 }
 
-static int search_init(struct search *s)
+static int search_init(struct find_search *s)
 {
     const int placed = sst_posed_placed(s->posed);
     const double per_px = pixel_size(s->camera, s->surface);
@@ -472,18 +487,17 @@ static int search_init(struct search *s)
     s->by = s->cfg->by != SST_FIND_CHOOSE ? s->cfg->by : s->posed->channels == 1 ? SST_FIND_INTEGRAL : SST_FIND_VIEWS;
     s->threads = sst_thread_count(s->cfg->threads);
     s->reach = sst_max_int((int)(s->cfg->window_m / 2 / per_px + 0.5), 2);
-    s->close = sst_max_int((int)(CLOSE_M / per_px), 1) | 1;
     s->scores = calloc((size_t)s->posed->count, sizeof(*s->scores));
     return s->scores ? sst_integral_create(&s->one, s->camera, s->surface, 1, s->threads) : -ENOMEM;
 }
 
-static int rank_of(const struct search *s)
+static int rank_of(const struct find_search *s)
 {
     return sst_clamp_int(sst_min_int(s->cfg->least_views, (sst_posed_placed(s->posed) + 1) / 2), 1, RANKS);
 }
 
 /* The map of values that are scored. */
-static int search_values(struct search *s, struct sst_map_f32 *value)
+static int search_values(struct find_search *s, struct sst_map_f32 *value)
 {
     const struct sst_map_f32 *from = &s->maps->integral[0];
     int err;
@@ -503,42 +517,61 @@ static int search_values(struct search *s, struct sst_map_f32 *value)
     return err;
 }
 
-int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene, const struct sst_find_config *cfg)
+struct find_search find_search_of(struct sst_finds *out, const struct sst_find_scene *scene,
+                                  const struct sst_find_config *cfg)
 {
-    struct search s = { .posed = scene->posed,
-                        .dir = scene->dir,
-                        .camera = scene->camera,
-                        .surface = scene->surface,
-                        .cfg = cfg,
-                        .maps = out };
+    *out = (struct sst_finds){ 0 };
+    return (struct find_search){ .posed = scene->posed,
+                                 .dir = scene->dir,
+                                 .camera = scene->camera,
+                                 .surface = scene->surface,
+                                 .cfg = cfg,
+                                 .kept_bytes = KEPT_BYTES,
+                                 .maps = out };
+}
+
+int find_maps(struct find_search *s)
+{
     struct find_score_config score = find_score_defaults();
     struct sst_map_f32 value = { 0 };
     int64_t covered = 0;
-    int err;
+    int err = search_init(s);
 
-    *out = (struct sst_finds){ 0 };
-    err = search_init(&s);
-    err = err ? err : sst_parallel_for(s.posed->count, s.threads, score_view, &s);
-    err = err ? err : integrate(&s);
-    err = err ? err : search_values(&s, &value);
+    err = err ? err : sst_parallel_for(s->posed->count, s->threads, score_view, s);
+    err = err ? err : integrate(s);
+    err = err ? err : search_values(s, &value);
     if (!err)
-        covered = cover(&s, &value, sst_max_int(least_coverage(&s), s.by == SST_FIND_VIEWS ? rank_of(&s) : 1));
-    score.reach = s.reach;
-    err = err ? err : find_score(&out->score, &value, &score, s.threads);
-    out->hectares = (double)covered * s.pixel_m * s.pixel_m / 1e4;
-    err = err ? err : choose_threshold(&s);
-    err = err ? err : judge(&s);
-    for (int k = 0; s.scores && k < s.posed->count; k++)
-        sst_deep_fini(&s.scores[k]);
-    free(s.scores);
+        covered = cover(s, &value, sst_max_int(least_coverage(s), s->by == SST_FIND_VIEWS ? rank_of(s) : 1));
+    score.reach = s->reach;
+    err = err ? err : find_score(&s->maps->score, &value, &score, s->threads);
+    s->maps->hectares = (double)covered * s->pixel_m * s->pixel_m / 1e4;
     sst_map_f32_fini(&value);
+    return err;
+}
+
+int find_search_end(struct find_search *s, int err)
+{
+    for (int k = 0; s->scores && k < s->posed->count; k++)
+        sst_deep_fini(&s->scores[k]);
+    free(s->scores);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory for a search of %dx%d pixels", scene->camera->width, scene->camera->height);
-    if (err == -EINVAL && s.one) {
-        sst_log_error("%s: its pictures, or the virtual one, have sizes that cannot be searched", scene->dir);
+        sst_log_error("not enough memory for a search of %dx%d pixels", s->camera->width, s->camera->height);
+    if (err == -EINVAL && s->one) {
+        sst_log_error("%s: its pictures, or the virtual one, have sizes that cannot be searched", s->dir);
         err = -EBADMSG;
     }
-    sst_integral_destroy(s.one);
+    sst_integral_destroy(s->one);
+    return err;
+}
+
+int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene, const struct sst_find_config *cfg)
+{
+    struct find_search s = find_search_of(out, scene, cfg);
+    int err = find_maps(&s);
+
+    err = err ? err : find_choose_threshold(&s);
+    err = err ? err : judge(&s);
+    err = find_search_end(&s, err);
     if (err)
         sst_finds_fini(out);
     return err;

@@ -43,6 +43,59 @@ struct find_blob_config {
 SST_MUST_CHECK int find_blobs(struct sst_blob **blob, int *count, const struct sst_map_f32 *score, int sign,
                               const struct find_blob_config *cfg);
 
+/* --- a search of one moment --------------------------------------------------------------------------------------- */
+
+#define FIND_GROW    0.5 /* of the threshold: pixels that belong to a find */
+#define FIND_CLOSE_M 0.5 /* gaps between parts of a person */
+#define FIND_SHOWN   2.0 /* spreads by which a view shows a find */
+
+struct find_search {
+    const struct sst_posed *posed;
+    const char *dir;
+    const struct sst_virtual *camera;
+    const struct sst_surface *surface;
+    const struct sst_find_config *cfg;
+    enum sst_find_by by;
+    int threads, reach; /* px of the virtual picture */
+    double pixel_m, threshold;
+    size_t kept_bytes;        /* of views' scores */
+    struct sst_deep *scores;  /* [views], of placed ones that are kept: score levels in the view's pixels */
+    struct sst_integral *one; /* of one view at a time */
+    struct sst_finds *maps;
+};
+
+/** A search that has not begun; `out` is initialised. find_search_end() frees its parts but `out`. */
+struct find_search find_search_of(struct sst_finds *out, const struct sst_find_scene *scene,
+                                  const struct sst_find_config *cfg);
+
+/** Integral, scores and hectares into s->maps. @return as sst_posed_find(), not logged where find_search_end() logs */
+SST_MUST_CHECK int find_maps(struct find_search *s);
+
+/** Free, and log errors that have no words yet. @return err, as callers of searches see it */
+int find_search_end(struct find_search *s, int err);
+
+/** The threshold for s->maps->score, and the false finds that are expected at it, into s and s->maps. @return 0, -ENOMEM */
+SST_MUST_CHECK int find_choose_threshold(struct find_search *s);
+
+/** Scores of a view on the surface; NAN where it shows nothing of it. @return 0, -ENOMEM, or as sst_posed_picture() */
+SST_MUST_CHECK int find_resample(struct find_search *s, struct sst_map_f32 *out, int k);
+
+/** Limits of blobs in a map with pixels of a size. */
+struct find_blob_config find_blob_sizes(const struct sst_find_config *cfg, double threshold, double pixel_m);
+
+/** Place of a pixel on the surface. @return false: it has none */
+bool find_place(const struct sst_virtual *camera, const struct sst_surface *surface, double x, double y,
+                double at_mm[3]);
+
+/** Degrees of a place; NAN where places are not geographic, or it is NAN. */
+void find_geographic(const struct sst_posed *posed, const double at_mm[3], double *latitude, double *longitude);
+
+/** Pixel of a place in a view. @return false: no view (below 0), or no place */
+bool find_in_view(const struct sst_posed *posed, int view, const double at_mm[3], double px[2]);
+
+/** True if as many views of the `seen` that look show a find as it needs. */
+bool find_shown(const struct sst_find_config *cfg, int views, int seen);
+
 /* --- scores of single pictures -------------------------------------------------------------------------------------
  */
 

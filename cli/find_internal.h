@@ -1,0 +1,29 @@
+/* cli/find_internal.h - moments of `sst find`: sets of views of one light field, or light fields of one world. */
+#ifndef SST_CLI_FIND_INTERNAL_H
+#define SST_CLI_FIND_INTERNAL_H
+
+#include "cli/posed_internal.h"
+#include "pipeline/posed/find/find.h"
+
+struct find_moments {
+    int count;                            /* 0: the light field is one set */
+    const char *path[SST_FIND_MOMENTS];   /* light field of each moment */
+    int number[SST_FIND_MOMENTS];         /* of the moment there; 0: the light field is one moment */
+    double time_s[SST_FIND_MOMENTS];      /* since the first one */
+    struct sst_posed part[SST_FIND_MOMENTS]; /* its views */
+};
+
+/**
+ * Moments of a search. One light field has some where its views have moments and two or more of these have two placed
+ * views or more; its own times are used where they rise. Several light fields are a moment each.
+ *
+ * @param scene       of the only light field
+ * @param path        [count]
+ * @param interval_s  between moments; 0: the light field's times, or 0.5
+ * @return exit code, CLI_GO_ON; errors are logged
+ */
+int cli_find_moments_open(struct find_moments *m, const struct posed_scene *scene, const char *const *path,
+                          double interval_s);
+void cli_find_moments_close(struct find_moments *m);
+
+#endif
