@@ -100,7 +100,7 @@ struct sst_virtual sst_find_camera(const struct sst_virtual *camera, const struc
 SST_MUST_CHECK int sst_posed_find(struct sst_finds *out, const struct sst_find_scene *scene,
                                   const struct sst_find_config *cfg);
 
-/** Moments that a search of walkers takes, and how far, m, one may walk between the first and the last of them. */
+/** Moments that a search of walkers takes, and how far, m, one may walk from the first to the last. */
 #define SST_FIND_MOMENTS 32
 #define SST_FIND_PATH_M  40.0
 

@@ -163,7 +163,7 @@ static double sample(const struct sst_map_f32 *map, double x, double y)
            fy * ((1 - fx) * (double)next[0] + fx * (double)next[1]);
 }
 
-/* Scores of the moments in a row of cells, means of four places in each; covered by half of them, a cell counts. */
+/* Scores of the moments in a row of cells, means of four places in each; cells covered by half of the moments count. */
 static int fill_row(void *arg, int y, int worker SST_UNUSED)
 {
     struct walk *w = arg;
@@ -392,7 +392,7 @@ static double box_sum(const struct walk *w, struct sst_rect box, struct velocity
     return sum;
 }
 
-/* The fine velocity around a coarse one. What moves by less than half a person stands. */
+/* The fine velocity around a coarse one; below half a person over the whole time it is 0. */
 static void refine(const struct walk *w, struct path *p)
 {
     const double whole_s = w->time_s[w->count - 1] - w->time_s[0];
@@ -586,7 +586,7 @@ static int show(struct walk *w, int m, int k, double *best)
     return err;
 }
 
-/* Views of a moment that show the finds, and the best of them; of all moments' best views the find has the best. */
+/* Views of a moment that show the finds, and the best view of each; the best of all moments is the find's. */
 static int show_moment(struct walk *w, int m, double *best, double *most)
 {
     const struct sst_posed *posed = w->moment[m].posed;
