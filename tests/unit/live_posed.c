@@ -13,6 +13,7 @@
 #include "pipeline/posed/array.h"
 #include "pipeline/posed/render.h"
 #include "simulators/flight/flight.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define SIDE   160
@@ -331,9 +332,9 @@ static void poses_come_from_calibrations(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pictures_are_those_of_render),
+        serial_test(pictures_are_those_of_render),
         cmocka_unit_test(ground_is_found_and_kept),
-        cmocka_unit_test(points_are_limits),
+        serial_test(points_are_limits),
         cmocka_unit_test(refuses_what_has_no_surface),
         cmocka_unit_test(poses_come_from_calibrations),
     };
