@@ -6,7 +6,7 @@
 #include "base/stats.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
-#define PREFERENCE 1.02 /* ratio of scores of the best path and of names up to which their order stays */
+#define PREFERENCE 1.25 /* ratio of scores of the best path and of names up to which their order stays */
 #define ALONE_SELF 1.7  /* a view whose most matches are below both, of its median and of all views' median most, ... */
 #define ALONE_ALL  0.5  /* ... matches nothing */
 
