@@ -10,8 +10,8 @@
 #include "cli/posed_internal.h"
 #include "pipeline/posed/find/sharpen.h"
 
-#define FEW_AGREE    0.003 /* of the pixels: warm places may know the ground better ... */
-#define WARM_FARTHER 1.1   /* ... if they are sharpest at so many times the distance */
+#define FEW_AGREE    0.003 /* share of pixels that agree, below which warm places may show the ground better */
+#define WARM_FARTHER 1.1   /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
 #define METRE_MM     1000.0
 #define CELSIUS      273.15
 #define NADIR        "nadir"

@@ -255,7 +255,7 @@ def same_maps(named):
         where = "all runs" if len(differing) == len(named) else ", ".join(differing)
         lines.append(f"maps of {kind} differ in {where}" if differing else f"maps of {kind} are equal")
     levels = len(named[0][1]["levels"])
-    return f"Errors are those of the best level; with AVX2 {' and '.join(lines)}.\n" if levels > 1 else ""
+    return f"Errors were measured at the best level; with AVX2 {' and '.join(lines)}.\n" if levels > 1 else ""
 
 
 def preset_part(scenes):
