@@ -242,12 +242,12 @@ static const int compared[] = { 256, 384, 512 };
 
 #define TRIALS (2 * (2 + ARRAY_LEN(compared)))
 
-/* Half the size first, since only the maximum of memory is known. @return number */
+/* Half the size first, since only the maximum of memory is known; sizes whose half is odd have none. @return number */
 static int choose(struct trial trial[TRIALS], const struct sst_config *c)
 {
     int n = 0;
 
-    for (int half = 1; half >= 0; half--) {
+    for (int half = c->array.width % 4 == 0 && c->array.height % 4 == 0; half >= 0; half--) {
         const struct trial t = { .method = SST_RENDER_REFOCUS,
                                  .width = c->array.width >> half,
                                  .height = c->array.height >> half };

@@ -202,6 +202,8 @@ static bool follow(struct live_engine *v)
     restart = v->config_seen != v->config_count;
     enabled = v->config.live.enabled;
     v->state.enabled = enabled;
+    if (!enabled)
+        v->state.reason[0] = 0;
     pthread_mutex_unlock(&v->lock);
     /* After `restart`: sets from before it are not processed again. */
     if (array_layout(v->source, v->layout.generation, &now) != v->layout.generation) {

@@ -110,7 +110,8 @@ export class Health {
     this.delay.add([p50, p99]);
     setText($("rate-now"), number(live.rate_hz, 1));
     setText($("delay-now"), `${number(p50)} / ${number(p99)}`);
-    const stages = Object.entries(live.stages_ms ?? {}).filter(([, stage]) => finite(stage.p50));
+    const stages = Object.entries(live.stages_ms ?? {}).filter(([name, stage]) => finite(stage.p50) &&
+      !(live.surface && ["disparity", "labels", "refine"].includes(name)));
     const words = stages.map(([name, stage]) => ({ name: `${STAGE_WORDS[name] ?? name}: ${number(stage.p50)} ms`, value: stage.p50 }));
     drawBar($("stages"), words);
     $("stages").setAttribute("aria-label", words.map((word) => word.name).join(", ") || "not known yet");

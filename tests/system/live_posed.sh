@@ -39,6 +39,8 @@ grep -q '"longitude": 14' again.lf/lightfield.json || fail "the place on the ear
 "$sst" plan --live --config sstd.yaml --json >plan.json 2>err || fail "plan: $(cat err)"
 "$python" -c 'import json, sys; p = json.load(open("plan.json")); sys.exit(not (p["cameras"] == 10 and "lear pictures" in p["advice"] and
   len(p["live"]) == 4 and all(t["rate_hz"] > 0 for t in p["live"]) and p["live"][-1]["width"] == 256))' || fail "plan: $(cat plan.json)"
+"$sst" plan --live --config sstd.yaml --size 254x254 --json >plan.json 2>err || fail "plan of a size without a half: $(cat err)"
+"$python" -c 'import json, sys; sys.exit(any(t["width"] != 254 for t in json.load(open("plan.json"))["live"]))' || fail "half sizes: $(cat plan.json)"
 "$sst" plan --live --format GREY >out 2>err && fail "--format of --live is not refused"
 
 trap 'kill -9 $daemon 2>/dev/null; rm -rf "$tmp"' EXIT
