@@ -1,8 +1,10 @@
 /* The automatic cut of clear pictures, and the histogram that the page draws it into.
  *
- * A cut is useful where other views see behind the removed surfaces. A known cut stays as long as its gap is open, also
- * when the foreground object has left: it waits for the next one. When its gap has been closed for a second, or a
- * useful cut that removes less has been found for a second, the new cut replaces it, or none does. */
+ * The cut lies at the near end of the gap behind the foreground, so that visitors in the gap stay in the picture, and is
+ * never behind a track that moves behind the foreground. A cut is useful where other views see behind the removed
+ * surfaces. A known cut stays while its foreground does, also when the foreground object has left: it waits for the next
+ * one. When its gap has been closed for a second, or a useful cut that removes less has been found for a second, the new
+ * cut replaces it, or none does. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -12,11 +14,24 @@
 #define FINE_SHIFT  3 /* of stored disparities, for the histogram */
 #define FINE_BINS   (1 << (16 - FINE_SHIFT))
 #define WAIT_NS     INT64_C(1000000000)
+#define FARTHER_NS  INT64_C(20000000000) /* farther, while its foreground is there: somebody may stand in the gap */
 #define MOVED_SHARE 0.05 /* of all rays between two cuts that are not the same */
+#define LEFT_SHARE  0.5  /* of the rays in front of the cut: the foreground has left */
+#define SAME_PX     1.0  /* apart: the same cut */
 #define CLOSE_PX    0.5  /* to both sides of a cut, where ... */
 #define CLOSE_SHARE 0.01 /* ... this fraction of the rays closes the gap */
 #define SEEN_SHARE  0.5  /* of the removed pixels: other views see behind them. In dense leaves the maps ... */
 #define DENSE       0.9  /* ... confirm a smaller fraction than this, and say little about that */
+/* Distance of the cut from the near side of its gap, of which maps place some rays too far. */
+#define MARGIN_PX 1.25
+#define MARGIN    0.25 /* of the gap, at most */
+/* Distance of the cut from a track behind it. */
+#define BEFORE        0.05 /* of its disparity */
+#define BEFORE_HIDDEN 0.15 /* depths of hidden things are less exact */
+#define BEFORE_PX     0.5
+#define VISITOR_SHARE 0.15 /* of all rays, at most: a visitor in the gap */
+#define FRONT_SHARE   0.05 /* of all rays, nearer than a track: it moves behind the foreground */
+#define GUARD_NS      INT64_C(3000000000) /* after the last track that needed another cut */
 
 /* Fraction of the counted rays with a disparity of from_px .. to_px. */
 static double share_between(const struct sst_live *live, double from_px, double to_px)
@@ -52,17 +67,64 @@ static bool sees_behind(const struct sst_live *live, double cut_px)
     return seen >= SEEN_SHARE * removed;
 }
 
-/* Next value of the cut: itself, while its gap is open; else the one found; NaN: none. */
-static double wanted(const struct sst_live *live, double found_px)
+static double share_nearer(const struct sst_live *live, double px)
 {
-    const double cut_px = live->cut.cut_px;
+    return share_between(live, px, INFINITY);
+}
 
+/* Is there a track in the open between two disparities? */
+static bool has_walker(const struct live_cut *c, double from_px, double to_px)
+{
+    for (int i = 0; i < c->tracks; i++)
+        if (!c->track[i].hidden && c->track[i].disp_px > from_px && c->track[i].disp_px < to_px)
+            return true;
+    return false;
+}
+
+/* Next value of the cut; NaN: none. @param wait_ns  out, how long it has to be found before it applies */
+static double wanted(const struct sst_live *live, double found_px, int64_t *wait_ns)
+{
+    const struct live_cut *c = &live->cut;
+    const double cut_px = c->gap_px;
     const bool open = !isnan(cut_px) && share_between(live, cut_px - CLOSE_PX, cut_px + CLOSE_PX) <= CLOSE_SHARE;
     const bool useful = !isnan(found_px) && (live->confirmed < DENSE || sees_behind(live, found_px));
+    const bool there = !isnan(cut_px) && share_nearer(live, cut_px) >= LEFT_SHARE * c->front;
 
-    if (open && !(useful && found_px > cut_px && share_between(live, cut_px, found_px) > MOVED_SHARE))
+    bool walker;
+
+    *wait_ns = WAIT_NS;
+    if (isnan(cut_px))
+        return useful ? found_px : NAN;
+    if (useful && fabs(found_px - cut_px) <= SAME_PX)
         return cut_px;
-    return useful ? found_px : NAN;
+    if (useful && found_px > cut_px) /* somebody in front of the foreground is removed with it */
+        return share_between(live, cut_px, found_px) > MOVED_SHARE && has_walker(c, found_px, INFINITY) ? cut_px
+                                                                                                        : found_px;
+    walker = useful && has_walker(c, found_px, cut_px); /* the foreground, when the former has left */
+    if (there || !walker) /* somebody may stand just behind it */
+        *wait_ns = FARTHER_NS;
+    if (!useful)
+        return open ? cut_px : NAN;
+    return there == walker && (open || walker) ? cut_px : found_px;
+}
+
+void live_cut_init(struct live_cut *c)
+{
+    c->cut_px = c->gap_px = c->guard_px = NAN;
+}
+
+static void apply(struct live_cut *c)
+{
+    c->cut_px = c->guard_px > c->gap_px ? c->guard_px : c->gap_px;
+}
+
+static void set_gap(struct sst_live *live, double px)
+{
+    struct live_cut *c = &live->cut;
+
+    c->gap_px = px;
+    c->front = isnan(px) ? 0 : share_nearer(live, px);
+    c->since_ns = 0;
 }
 
 static bool same(double a, double b)
@@ -73,23 +135,72 @@ static bool same(double a, double b)
 int live_cut_follow(struct sst_live *live, int64_t t_ns)
 {
     struct live_cut *c = &live->cut;
+    struct sst_render_gap gap;
     double found_px = NAN, to_px;
-    int err = sst_render_find_cut(live->renderer, &found_px);
+    int64_t wait_ns;
+    int err = sst_render_find_gap(live->renderer, VISITOR_SHARE, &gap);
 
     if (err && err != -ENODATA)
         return err;
-    to_px = wanted(live, err ? NAN : found_px);
-    if (same(to_px, c->cut_px)) {
+    if (!err)
+        found_px = gap.near_px - fmin(MARGIN * (gap.near_px - gap.far_px), MARGIN_PX);
+    to_px = wanted(live, found_px, &wait_ns);
+    if (same(to_px, c->gap_px)) {
         c->since_ns = 0;
-    } else if (isnan(c->cut_px)) {
-        c->cut_px = to_px;
+        c->front = isnan(to_px) ? 0 : fmax(c->front, share_nearer(live, to_px));
+    } else if (isnan(c->gap_px)) {
+        set_gap(live, to_px);
     } else if (!c->since_ns) {
         c->since_ns = t_ns;
-    } else if (t_ns - c->since_ns >= WAIT_NS) {
-        c->cut_px = to_px;
-        c->since_ns = 0;
+    } else if (t_ns - c->since_ns >= wait_ns) {
+        set_gap(live, to_px);
     }
+    apply(c);
     return 0;
+}
+
+/* Nearest cut in front of all tracks that move behind the foreground; NaN: there is none. */
+static double before_tracks(const struct sst_live *live)
+{
+    const struct live_cut *c = &live->cut;
+    double most = NAN;
+
+    for (int i = 0; i < c->tracks; i++) {
+        const struct sst_live_track *t = &c->track[i];
+        const double px = sst_live_before(t->disp_px, t->hidden);
+
+        if (t->hidden || share_nearer(live, sst_live_before(t->disp_px, true)) >= FRONT_SHARE)
+            most = fmax(most, px);
+    }
+    return most;
+}
+
+double sst_live_before(double disp_px, bool hidden)
+{
+    return disp_px + (hidden ? BEFORE_HIDDEN : BEFORE) * fabs(disp_px) + BEFORE_PX;
+}
+
+void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, int n, int64_t t_ns)
+{
+    struct live_cut *c = &live->cut;
+    double need_px;
+
+    if (n)
+        memcpy(c->track, track, (size_t)n * sizeof(*track));
+    c->tracks = n;
+    if (t_ns < c->guarded_ns) /* a recording that begins again */
+        c->guard_px = NAN;
+    need_px = before_tracks(live);
+    if (need_px > c->gap_px && !(c->guard_px >= need_px)) {
+        c->guard_px = need_px + BEFORE_PX; /* not again with each step that comes nearer */
+        c->guarded_ns = t_ns;
+    } else if (need_px > c->gap_px && need_px >= c->guard_px - 2 * BEFORE_PX) {
+        c->guarded_ns = t_ns;
+    } else if (t_ns - c->guarded_ns >= GUARD_NS) {
+        c->guard_px = need_px > c->gap_px ? need_px + BEFORE_PX : NAN;
+        c->guarded_ns = t_ns;
+    }
+    apply(c);
 }
 
 double sst_live_cut(const struct sst_live *live)

@@ -83,7 +83,8 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     int err = check_config(cfg);
 
     sst_render_focus_init(&live->focus);
-    live->min_px = live->max_px = live->cut.cut_px = NAN;
+    live->min_px = live->max_px = NAN;
+    live_cut_init(&live->cut);
     live->confirmed = 1;
     live->cfg = *cfg;
     live->cfg.threads = sst_thread_count(cfg->threads);

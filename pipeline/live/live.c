@@ -96,6 +96,7 @@ static void set_zones(const struct sst_live *live, const double changed[SST_LIVE
 
 static int update_scene(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
 {
+    struct sst_live_track track[SST_LIVE_TRACKS];
     int err = sst_livescene_update(live->scene, &live->changes, in, done);
 
     live->ready = err ? live->ready : done->ready;
@@ -105,7 +106,10 @@ static int update_scene(struct sst_live *live, const struct sst_live_input *in, 
         live->low_confidence = done->confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
     err = err ? err : live_ingest(live, &live->changes);
     err = err ? err : live_summarize(live, in->t_ns);
-    return err ? err : live_watch_update(live, in->t_ns);
+    err = err ? err : live_watch_update(live, in->t_ns);
+    if (!err)
+        live_cut_guard(live, track, sst_live_tracks(live, track), in->t_ns);
+    return err;
 }
 
 static int update_posed(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
@@ -160,11 +164,26 @@ int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struc
     return 0;
 }
 
+void live_track_hold(struct sst_live_track *t)
+{
+    t->x0 = t->at[0];
+    t->y0 = t->at[1];
+    t->x1 = t->at[2];
+    t->y1 = t->at[3];
+    t->vx_px_s = t->vy_px_s = 0;
+}
+
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS])
 {
+    int n;
+
     if (live->posed)
         return 0;
-    return live->watch ? live_watch_tracks(live, out) : sst_livescene_tracks(live->scene, out);
+    n = live->watch ? live_watch_tracks(live, out) : sst_livescene_tracks(live->scene, out);
+    for (int i = 0; i < n; i++)
+        if (out[i].state == SST_LIVE_TRACK_COVERED)
+            live_track_hold(&out[i]);
+    return n;
 }
 
 int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4])

@@ -110,7 +110,7 @@ struct sst_live_report {
 
 enum sst_live_track_state {
     SST_LIVE_TRACK_SEEN = 0,
-    SST_LIVE_TRACK_COVERED = 1, /* not seen in this set, or hidden by something nearer: its place is predicted */
+    SST_LIVE_TRACK_COVERED = 1, /* not seen in this set, or hidden by something nearer: its place is the last one */
     SST_LIVE_TRACK_STILL = 2,   /* it stands where it was */
 };
 
@@ -225,9 +225,12 @@ double sst_live_default_focus(const struct sst_live *live);
  *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
 SST_MUST_CHECK int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
-/** The cut behind the foreground, as sst_render_find_cut() finds it and as long as it separates the same surfaces; px
- *  per spacing; NaN: none known. */
+/** The cut of clear pictures, just behind the foreground: at the near end of the gap of sst_render_find_gap(), as long as
+ *  that foreground is there, and in front of all tracks behind the foreground; px per spacing; NaN: none known. */
 double sst_live_cut(const struct sst_live *live);
+
+/** A cut just in front of a thing, px per spacing. @param hidden  behind leaves, where depths are less exact */
+double sst_live_before(double disp_px, bool hidden);
 
 #define SST_LIVE_HISTOGRAM 64
 
@@ -257,8 +260,14 @@ SST_MUST_CHECK int sst_livepicture_render(struct sst_livepicture *p, const struc
 
 #define SST_LIVEPICTURE_OBJECTS 8
 
-/** Draw outlines of removed objects, and a tint over pixels that were last seen more than a second ago. */
-void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint);
+enum sst_livepicture_outline {
+    SST_OUTLINE_NONE = 0,
+    SST_OUTLINE_ALL = 1,    /* of all that is removed */
+    SST_OUTLINE_MOVING = 2, /* of removed tracks */
+};
+
+/** Draw outlines, and a tint over pixels that were last seen more than a second ago. */
+void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint);
 
 /** About the last picture; all NaN or 0 for other methods. */
 struct sst_livepicture_clear {

@@ -9,10 +9,16 @@
 #include "pipeline/method/render/focus.h"
 #include "pipeline/method/render/plan.h"
 
-/** The automatic cut: it stays while it separates the same rays. */
+/** The automatic cut: it stays while its foreground does. */
 struct live_cut {
     double cut_px;    /* NaN: unknown */
+    double gap_px;    /* by the gap alone */
+    double front;     /* fraction of the rays in front of that, most ever */
     int64_t since_ns; /* another one has been found since then; 0: none */
+    double guard_px;  /* before tracks that move behind the foreground; NaN: the gap is */
+    int64_t guarded_ns;
+    struct sst_live_track track[SST_LIVE_TRACKS]; /* of the last set */
+    int tracks;
 };
 
 struct sst_live {
@@ -146,10 +152,20 @@ void live_identities_update(struct live_identities *w, const struct live_seen *s
 /** As of the last set. @return number */
 int live_identities_tracks(const struct live_identities *w, struct sst_live_track track[SST_LIVE_TRACKS]);
 
+/* --- live.c --- */
+
+/** A track that is not seen is reported where it was seen last: its predicted place is for finding it again alone. */
+void live_track_hold(struct sst_live_track *t);
+
 /* --- cut.c --- */
 
-/** Find the cut in the renderer's new counts. @return 0, -ENOMEM (logged) */
+void live_cut_init(struct live_cut *c);
+
+/** Find the gap in the renderer's new counts. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int live_cut_follow(struct sst_live *live, int64_t t_ns);
+
+/** Keep the cut in front of the tracks of the set that move behind the foreground. @param track  in, [n] */
+void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, int n, int64_t t_ns);
 
 /* --- pick.c --- */
 

@@ -17,6 +17,8 @@
 #define TINT_SHARE    64 /* of 256 */
 #define OUTLINE_SHARE 110
 #define OUTLINE_REACH 5 /* px to each side: outlines follow the mean of the removed pixels over them */
+#define TRACK_PX      2.0 /* disparities of a track about its mean, or ... */
+#define TRACK         0.2 /* ... this part of that */
 #define BAND          16
 #define SAME_PX       1.0 /* disparities of one surface */
 #define AIM_REACH     48  /* px around a click on something hidden */
@@ -29,7 +31,8 @@ struct picture_clear {
     struct sst_live *live;
     bool rendered;
     struct sst_render_config cfg; /* of the picture */
-    bool outline, tint;
+    enum sst_livepicture_outline outline;
+    bool tint;
     unsigned objects_shown, objects_version;
     uint64_t serial, present_serial;
     double disp_min_px;
@@ -193,6 +196,36 @@ static void mark_cut(struct picture_clear *c, const struct sst_view *v)
     }
 }
 
+/* Pixels of a removed track in its box become 2. */
+static void mark_track(struct picture_clear *c, const struct sst_view *v, const struct sst_live_track *t)
+{
+    const double reach = fmax(TRACK_PX, TRACK * t->disp_px);
+    const int from = cut_q6(c->live, t->disp_px - reach), to = cut_q6(c->live, t->disp_px + reach);
+    const int x0 = sst_clamp_int((int)t->at[0], 0, c->cut.width), x1 = sst_clamp_int((int)t->at[2], 0, c->cut.width);
+    const int y0 = sst_clamp_int((int)t->at[1], 0, c->cut.height), y1 = sst_clamp_int((int)t->at[3], 0, c->cut.height);
+
+    for (int y = y0; y < y1; y++) {
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+        uint8_t *cut = sst_map_u8_row(&c->cut, y);
+
+        for (int x = x0; x < x1; x++)
+            cut[x] = cut[x] && disp[x] >= from && disp[x] <= to ? 2 : cut[x];
+    }
+}
+
+/* Of the removed pixels, only those of tracks stay marked. */
+static void mark_moving(struct picture_clear *c, const struct sst_view *v)
+{
+    const struct live_cut *cut = &c->live->cut;
+
+    for (int i = 0; i < cut->tracks; i++)
+        if (cut->track[i].state != SST_LIVE_TRACK_COVERED)
+            mark_track(c, v, &cut->track[i]);
+    for (int y = 0; y < c->cut.height; y++)
+        for (int x = 0; x < c->cut.width; x++)
+            sst_map_u8_row(&c->cut, y)[x] = sst_map_u8_row(&c->cut, y)[x] == 2;
+}
+
 /* Removed pixels of a window around each pixel: along rows, then along columns. */
 static void sum_windows(struct picture_clear *c)
 {
@@ -265,6 +298,8 @@ static int draw_outlines(struct picture_clear *c)
     if (err)
         return err;
     mark_cut(c, v);
+    if (c->outline == SST_OUTLINE_MOVING)
+        mark_moving(c, v);
     sum_windows(c);
     err = sst_parallel_for(bands, threads, inside_band, c);
     return err ? err : sst_parallel_for(bands, threads, outline_band, c);

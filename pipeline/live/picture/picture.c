@@ -22,7 +22,8 @@ struct sst_livepicture {
     int cols, rows;
     struct picture_clear *clear; /* NULL until the first clear picture */
     bool is_clear;               /* the image */
-    bool outline, tint;
+    enum sst_livepicture_outline outline;
+    bool tint;
     struct sst_liveposed_picture posed; /* in place of all above */
 };
 
@@ -294,7 +295,7 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
-void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint)
+void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint)
 {
     p->outline = outline;
     p->tint = tint;

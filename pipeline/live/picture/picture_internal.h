@@ -191,7 +191,8 @@ void picture_clear_destroy(struct picture_clear *c);
 
 struct picture_look {
     bool whole; /* the image shows something else */
-    bool outline, tint;
+    enum sst_livepicture_outline outline;
+    bool tint;
 };
 
 /** As sst_livepicture_render(), and with outlines and tint. @param image  out, of the light field's size */

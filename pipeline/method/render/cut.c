@@ -92,10 +92,16 @@ static double gap_score(const struct density *d, int from, int to)
     return emptiness * sqrt(fmin(d->nearer[to], 1 - d->nearer[from]));
 }
 
-/* Column of the cut; negative: no gap. Of all gaps at least half as good as the best, the nearest. */
-static double find_gap(const struct density *d)
+struct gap {
+    int from, to; /* columns from .. to-1 */
+};
+
+/* Of all gaps at least half as good as the best, the nearest; also a nearer one if at most the share of a visitor is
+ * between the two. @return false: no gap */
+static bool find_gap(const struct density *d, double visitor, struct gap *out)
 {
-    double best = 0, cut = -1;
+    double best = 0;
+    bool found = false;
 
     for (int end = d->columns, from; end > 0; end = from - 1) {
         double score;
@@ -103,18 +109,23 @@ static double find_gap(const struct density *d)
         for (from = end; from > 0 && is_sparse(d, from - 1); from--)
             ;
         score = gap_score(d, from, end);
-        if (score > best * (cut < 0 ? 1 : 2)) {
+        if (score > best * (found ? 2 : 1)) {
+            if (found && d->nearer[end] - d->nearer[out->from] <= visitor)
+                continue;
             best = score;
-            cut = emptiest(d, from, end);
+            *out = (struct gap){ from, end };
+            found = true;
         }
     }
-    return cut;
+    return found;
 }
 
-int sst_render_find_cut(struct sst_renderer *r, double *cut_px)
+int sst_render_find_gap(struct sst_renderer *r, double visitor, struct sst_render_gap *gap)
 {
     struct density d = { 0 };
-    double column = -1;
+    struct gap at = { 0, 0 };
+    double column[3];
+    bool found = false;
     int err = sst_renderer_count(r);
 
     if (err)
@@ -122,14 +133,27 @@ int sst_render_find_cut(struct sst_renderer *r, double *cut_px)
     err = r->histogram.bins ? measure(&d, &r->histogram) : 0;
     if (err)
         sst_log_error("not enough memory for the histogram of disparities");
-    else if (d.columns)
-        column = find_gap(&d);
+    else if (d.columns && find_gap(&d, visitor, &at)) {
+        column[0] = at.from;
+        column[1] = emptiest(&d, at.from, at.to);
+        column[2] = at.to;
+        found = true;
+    }
     sst_mem_free(d.smooth);
-    if (err)
-        return err;
-    if (column < 0)
-        return -ENODATA;
-    *cut_px = r->lf->disp_min_px + column * COLUMN_Q6 / SST_DISP_SCALE;
-    sst_border_doubles("cut of a clear picture", cut_px, 1);
+    if (err || !found)
+        return err ? err : -ENODATA;
+    for (int i = 0; i < 3; i++)
+        column[i] = r->lf->disp_min_px + column[i] * COLUMN_Q6 / SST_DISP_SCALE;
+    sst_border_doubles("cut of a clear picture", column, 3);
+    *gap = (struct sst_render_gap){ .far_px = column[0], .emptiest_px = column[1], .near_px = column[2] };
     return 0;
+}
+
+int sst_render_find_cut(struct sst_renderer *r, double *cut_px)
+{
+    struct sst_render_gap gap;
+    const int err = sst_render_find_gap(r, 0, &gap);
+
+    *cut_px = err ? *cut_px : gap.emptiest_px;
+    return err;
 }

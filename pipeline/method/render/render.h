@@ -188,9 +188,24 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
 SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
                               struct sst_map_u8 *valid);
 
+/** Gap in the disparities of all views, between the foreground and the rest; px per spacing. */
+struct sst_render_gap {
+    double far_px, near_px; /* its ends: the rest is farther, the foreground nearer */
+    double emptiest_px;     /* middle of its emptiest part */
+};
+
 /**
- * Find the cut between what stands in front and the rest: the middle of the emptiest part of the widest gap in the
- * disparities of all views.
+ * Find the widest gap.
+ *
+ * @param visitor  fraction of the rays: a gap that so many rays divide is the part nearer than they are. 0: none
+ * @param gap      out; untouched on failure
+ * @return as sst_render_find_cut()
+ */
+SST_MUST_CHECK int sst_render_find_gap(struct sst_renderer *r, double visitor, struct sst_render_gap *gap);
+
+/**
+ * Find the cut between the foreground and the rest of a still scene: the middle of the emptiest part of
+ * sst_render_find_gap(), where wrong disparities are fewest. Live pictures cut at the near end (live/cut.c).
  *
  * @param cut_px  out, px per spacing; untouched on failure
  * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities; not logged), -ENOMEM
