@@ -93,6 +93,8 @@ struct sst_live_settings { /* live: */
     enum sst_live_method method;           /* of the main view, and at first of the others, as all below */
     double cut_px;                         /* clear: nearer surfaces are removed; NaN: found automatically */
     char remove_label[32];                 /* clear: surfaces with this label, too; "": none */
+    bool outline_moving, keep_moving;      /* clear: outlines of removed tracks; no track is removed */
+    bool demo_labels;                      /* labels of simulated scenes alone are offered, too */
     bool outline, tint;                    /* clear: outlines of removed objects; old pixels tinted */
     double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */

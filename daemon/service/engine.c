@@ -62,7 +62,8 @@ static void close_live(struct live_engine *v)
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->served_t_ns = 0;
-    v->state.ready = v->state.counted = v->refit = false;
+    v->state.ready = v->state.counted = v->refit = v->state.too_slow = false;
+    v->pace_from_s = v->losts = v->sizeds = 0;
     v->state.levels = (struct sst_samples){ 0, 0 };
     v->state.surface = (struct sst_live_surface){ .distance_mm = NAN, .tilt_deg = NAN };
     v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
@@ -333,6 +334,9 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
     int err = -ENOTSUP;
 
     fill_input(v, kept);
+    pthread_mutex_lock(&v->lock);
+    engine_note_passed_locked(v, dropped);
+    pthread_mutex_unlock(&v->lock);
     if (demand != ENGINE_PICTURES)
         err = watch(v, kept, demand);
     if (err == -ENOTSUP) /* also of frames with changes that only decoding shows */
@@ -466,6 +470,7 @@ static void *run(void *arg)
             serve_clients(v, step(v));
             if (v->events)
                 engine_check_by_time(v);
+            engine_pace_follow(v);
         } else {
             engine_serve(v);
             nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);

@@ -13,6 +13,8 @@ struct view_settings {
     uint32_t follow_track;                 /* ... or this track, as long as it is there; 0: none */
     char remove_label[SST_CLASS_NAME_MAX]; /* of clear pictures; their cut_px NaN: the automatic one */
     bool outline, tint;                    /* of clear pictures */
+    bool outline_moving;                   /* of clear pictures: of removed tracks */
+    bool keep_moving;                      /* clear pictures remove no track */
 };
 
 void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
@@ -87,6 +89,7 @@ struct request {
 struct second {
     int64_t s;
     uint64_t sets, tiles, changed;
+    uint64_t taken, passed; /* sets processed or watched, and passed over for newer ones */
     int64_t cpu_ns;
 };
 
@@ -117,6 +120,7 @@ struct visit {
     bool there;  /* in this set */
     bool hidden; /* it was seen behind the foreground */
     int label;
+    bool by_size;   /* the label is by size and motion */
     bool announced; /* its first event has been emitted */
     unsigned zones; /* that it has been in, and lines that it has crossed */
     struct visit_line line[SST_ZONES_MAX];
@@ -126,12 +130,34 @@ struct visit {
     double nearest_px;
     struct visit_point path[VISIT_POINTS], last; /* where it stood */
     int points;
+    double height_px; /* in the last set */
     double box[4]; /* fractions of the picture, in the set of its best picture */
     double best;   /* share of the picture that it took there */
     int pictures;
     bool of_camera; /* one picture is the reference camera's */
     int64_t picture_ns;
 };
+
+/** Size and motion of a track. */
+struct sized {
+    uint32_t id;
+    double height_m, speed_m_s; /* NaN: not known */
+    int sets, fits;             /* in which its height was known, was a person's */
+    bool walked, ran;
+    bool by_size; /* its label is by these */
+    double from_m; /* where its walk is measured from, since ... */
+    int64_t from_ns;
+};
+
+/** A visit, or its end, that a line may be crossed after: a new track may go on where it was last. */
+struct visit_lost {
+    struct visit_point last;
+    struct visit_line line[SST_ZONES_MAX];
+    int label;
+    double height_px;
+};
+
+#define VISITS_LOST 8
 
 struct live_engine {
     /* fixed after open */
@@ -167,6 +193,11 @@ struct live_engine {
     int64_t notice_due_ns; /* when the next one is */
     struct visit visit[SST_LIVE_TRACKS];
     int visits;
+    struct visit_lost lost[VISITS_LOST];
+    int losts;
+    struct sized sized[SST_LIVE_TRACKS]; /* changed under lock, too */
+    int sizeds;
+    int64_t pace_s, pace_from_s, pace_turn_s; /* last looked at; not before; another state is seen since; 0: none */
     struct sst_livepicture *visit_picture; /* NULL until the first */
     struct sst_jpeg_encoder *encoder;      /* NULL until the first picture */
     struct sst_image overlay_image;        /* of labels or disparities; empty until the first */
@@ -203,6 +234,8 @@ struct live_engine {
 void engine_follow_device(struct live_engine *v);
 /** Count processed sets, 0 or 1, and their processor time in their second. */
 void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets);
+/** Count sets that were passed over for newer ones. */
+void engine_note_passed_locked(struct live_engine *v, uint64_t sets);
 /** Note the results of a set. @param wait_ns  from its trigger until it was processed */
 void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
 /** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
@@ -230,6 +263,22 @@ void engine_tracks_follow(struct live_engine *v);
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
 const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);
 json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_live_track *t);
+
+/* engine_names.c; the first on the live thread */
+/** Label the tracks of a set that the network has not labelled. */
+void engine_names_follow(struct live_engine *v, struct sst_live_track *track, int n);
+/** NULL: not known */
+const struct sized *engine_sized(const struct live_engine *v, uint32_t id);
+/** "network", "size and motion"; "": it has no label */
+const char *engine_named_by(const struct live_engine *v, const struct sst_live_track *t);
+/** Note the tracks that the automatic cut removes. */
+void engine_removed_locked(struct live_engine *v);
+
+/* engine_pace.c */
+/** Notice whether the machine is too slow. Live thread. */
+void engine_pace_follow(struct live_engine *v);
+/** Is it, at these rates of processed and due sets? @param slow  it was */
+bool engine_pace_slow(double done_hz, double due_hz, bool slow);
 
 /* engine_visits.c */
 /** Visits of these tracks, their events and pictures. Live thread. */

@@ -53,14 +53,28 @@ void engine_follow_device(struct live_engine *v)
         emit_device(v, "labels", "computed", labels.step.name, labels.step.failing ? labels.step.failure : NULL);
 }
 
-void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets)
+/* Counts of the present second. */
+static struct second *second_now(struct live_engine *v)
 {
     const int64_t s = sst_clock_now_ns() / 1000000000;
     struct second *at = &v->second[s % RATE_SLOTS];
 
     if (at->s != s)
         *at = (struct second){ .s = s };
+    return at;
+}
+
+void engine_note_passed_locked(struct live_engine *v, uint64_t sets)
+{
+    second_now(v)->passed += sets;
+}
+
+void engine_note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets)
+{
+    struct second *at = second_now(v);
+
     at->sets += (uint64_t)sets;
+    at->taken++;
     at->tiles += (uint64_t)r->tiles;
     at->changed += (uint64_t)r->tiles_changed;
     at->cpu_ns += r->cpu_ns;
@@ -169,6 +183,17 @@ void engine_state(struct live_engine *v, struct engine_state *out)
     out->cpu_percent = (double)cpu_ns / 1e8;
 }
 
+/* Classes of the networks that ship, of things in simulated scenes alone. */
+static bool is_of_demo(const char *name)
+{
+    static const char *const names[] = { "Toy", "Case", "Poster", "Cat", "Hen", "Membrane", "Nucleus" };
+    bool found = false;
+
+    for (size_t i = 0; i < ARRAY_LEN(names); i++)
+        found |= !strcmp(name, names[i]);
+    return found;
+}
+
 int engine_labels(void *engine, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
@@ -180,8 +205,9 @@ int engine_labels(void *engine, struct sst_api_answer *out)
         char colour[8];
 
         snprintf(colour, sizeof(colour), "#%02x%02x%02x", palette[i][0], palette[i][1], palette[i][2]);
-        json_array_append_new(list, json_pack("{s:i, s:s, s:s, s:f}", "label", i, "name", v->classes.names[i - 1],
-                                              "colour", colour, "share", (double)v->share[i]));
+        json_array_append_new(list, json_pack("{s:i, s:s, s:s, s:f, s:b}", "label", i, "name", v->classes.names[i - 1],
+                                              "colour", colour, "share", (double)v->share[i], "offered",
+                                              v->config.live.demo_labels || !is_of_demo(v->classes.names[i - 1])));
     }
     pthread_mutex_unlock(&v->lock);
     out->body = json_pack("{s:o}", "labels", list);

@@ -24,6 +24,16 @@ static const struct sst_field skip_fields[] = {
 };
 #undef IN
 
+#define IN struct engine_removed
+static const struct sst_field removed_fields[] = {
+    ROW("track", INTEGER, track, "Its number in /api/v1/tracks"),
+    ROW("name", TEXT, name, "Its label, or \"\""),
+    ROW("distance_m", REAL, distance_m, "Its distance; null: not calibrated", .nullable = true),
+    ROW("disparity_px", REAL, disparity_px, "Its disparity"),
+    { 0 },
+};
+#undef IN
+
 #define IN struct live_now
 const struct sst_field engine_live_fields[] = {
     ROW("enabled", BOOL, engine.enabled, "It is configured"),
@@ -33,6 +43,12 @@ const struct sst_field engine_live_fields[] = {
     ROW("reason", TEXT, engine.reason, "Reason why it is not ready, or \"\""),
     ROW("rate_hz", REAL, engine.rate_hz, "Sets per second, over the last ten seconds", "live_rate_hz"),
     ROW("sets", INTEGER, engine.sets, "Sets taken into the live picture", "live_sets_total"),
+    ROW("too_slow", BOOL, engine.too_slow,
+        "Fewer than 2 sets a second are processed, or half of them are passed over, for seconds: visits and crossings are "
+        "missed",
+        "live_too_slow"),
+    ROW("due_hz", REAL, engine.due_hz, "Sets per second that should be processed, over the last five seconds",
+        "live_due_hz"),
     ROW("dropped", INTEGER, engine.dropped, "Sets passed over for newer ones", "live_sets_dropped_total"),
     ROW("idle", INTEGER, engine.idle, "Sets in which nothing had changed", "live_sets_idle_total"),
     ROW(NULL, INTEGER, not_finite, "NaN and infinity where results leave a module: faults", "values_not_finite_total"),
@@ -105,6 +121,10 @@ const struct sst_field engine_live_fields[] = {
         "The automatic cut of clear pictures, px per camera spacing; null: there is no "
         "gap between something in front and the rest",
         .nullable = true),
+    ROW("removed", LIST, engine.removed, "Moving things that clear pictures with the automatic cut are without", .of = removed_fields,
+        .stride = sizeof(struct engine_removed), .count_at = offsetof(struct live_now, engine.removed_count)),
+    ROW(NULL, INTEGER, engine.removed_count, "Moving things that clear pictures with the automatic cut are without",
+        "live_removed"),
     GROUP("histogram", "Of the reference view's disparities over range_px",
           ROW("min_px", REAL, engine.share_min_px, "Its least disparity; null: not known yet", .nullable = true),
           ROW("max_px", REAL, engine.share_max_px, "Its largest one", .nullable = true),

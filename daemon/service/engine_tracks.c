@@ -14,10 +14,12 @@ void engine_tracks_follow(struct live_engine *v)
     const int n = v->live ? sst_live_tracks(v->live, track) : 0;
 
     pthread_mutex_lock(&v->lock);
+    engine_names_follow(v, track, n);
     v->tracks = n;
     memcpy(v->track, track, (size_t)n * sizeof(track[0]));
     v->tracks_set = v->set_index;
     v->tracks_t_ns = v->set_t_ns;
+    engine_removed_locked(v);
     pthread_mutex_unlock(&v->lock);
     if (v->kept)
         engine_visits_follow(v, track, n);
@@ -49,12 +51,16 @@ const struct sst_live_track *engine_track_at_locked(const struct live_engine *v,
 json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_live_track *t)
 {
     static const char *const states[] = { "seen", "covered", "still" };
+    const struct sized *a = engine_sized(v, t->id);
 
     return json_pack(
-        "{s:I, s:s, s:b, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id, "state",
-        states[t->state], "hidden", t->hidden, "label", t->label, "name", engine_label_name(v, t->label), "box", t->x0,
-        t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px, "distance_m",
-        sst_api_real(engine_distance_m(v, t->disp_px)), "seconds", (double)(v->tracks_t_ns - t->first_ns) / 1e9);
+        "{s:I, s:s, s:b, s:i, s:s, s:s, s:b, s:[f, f, f, f], s:[f, f], s:f, s:o, s:o, s:o, s:f}", "track",
+        (json_int_t)t->id, "state", states[t->state], "hidden", t->hidden, "label", t->label, "name",
+        engine_label_name(v, t->label), "label_by", engine_named_by(v, t), "removed", t->disp_px > v->state.cut_px,
+        "box", t->x0, t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px,
+        "distance_m", sst_api_real(engine_distance_m(v, t->disp_px)), "height_m",
+        sst_api_real(a ? a->height_m : (double)NAN), "speed_m_s", sst_api_real(a ? a->speed_m_s : (double)NAN),
+        "seconds", (double)(v->tracks_t_ns - t->first_ns) / 1e9);
 }
 
 int engine_tracks(void *engine, struct sst_api_answer *out)

@@ -234,6 +234,19 @@ void engine_forget_pictures(struct live_engine *v)
     }
 }
 
+/** The cut in front of all tracks. */
+static void keep_moving(struct live_engine *v, struct sst_render_config *render)
+{
+    double cut_px = isnan(render->cut_px) ? sst_live_cut(v->live) : render->cut_px;
+
+    pthread_mutex_lock(&v->lock);
+    for (int i = 0; i < v->tracks; i++)
+        if (v->track[i].disp_px > cut_px)
+            cut_px = sst_live_before(v->track[i].disp_px, v->track[i].hidden);
+    pthread_mutex_unlock(&v->lock);
+    render->cut_px = cut_px;
+}
+
 /** Settings for the renderer, resolved for the present scene. */
 static void resolve(struct live_engine *v, struct view *e, const struct view_settings *s,
                     struct sst_render_config *render)
@@ -243,6 +256,8 @@ static void resolve(struct live_engine *v, struct view *e, const struct view_set
     *render = s->render;
     render->remove_label = s->remove_label[0] ? sst_classes_find(classes, s->remove_label) : 0;
     render->focus_label = s->focus_label[0] ? sst_classes_find(classes, s->focus_label) : 0;
+    if (s->keep_moving && render->method == SST_RENDER_CLEAR)
+        keep_moving(v, render);
     if (s->follow && render->focus_label) {
         double disp_px;
 
@@ -306,7 +321,11 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     if (!e->picture)
         err = sst_livepicture_create(&e->picture, v->live);
     if (!err) {
-        sst_livepicture_decorate(e->picture, settings->outline, settings->tint);
+        sst_livepicture_decorate(e->picture,
+                                 settings->outline          ? SST_OUTLINE_ALL
+                                 : settings->outline_moving ? SST_OUTLINE_MOVING
+                                                            : SST_OUTLINE_NONE,
+                                 settings->tint);
         err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
     }
     if (err == -ENODATA && e->picture && render.method != SST_RENDER_REFOCUS) {

@@ -20,6 +20,11 @@
 #define DEEPER          0.15 /* logarithm of a ratio of distances: nearer or farther by this, a visitor has moved */
 #define DEEPER_HIDDEN   0.45 /* behind leaves depths come from a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
+/* A visit that begins goes on from one that was lost at most so long ago, at about the same distance, if it then has gone
+ * at most so many of its heights a second: people run at 2 to 3. */
+#define JOIN_S         12.0
+#define JOIN_RATIO     1.4
+#define JOIN_HEIGHTS_S 2.5
 #define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)
@@ -203,9 +208,13 @@ static json_t *visit_json_locked(const struct live_engine *v, const struct visit
     visit_page(page, &v->config, name);
     sst_clock_text(from, a->from_wall_ns);
     sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o}",
+    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o}",
                      "visit", name, "page", page, "active", active, "hidden", a->hidden, "label",
-                     engine_label_name(v, a->label), "from", from, "to", to, "seconds",
+                     engine_label_name(v, a->label), "label_by",
+                     !a->label    ? ""
+                     : a->by_size ? "size and motion"
+                                  : "network",
+                     "from", from, "to", to, "seconds",
                      round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction", direction(a), "zones",
                      zones_json(v, a), "crossed", crossings_json(v, a), "distance_m",
                      sst_api_real(engine_distance_m(v, a->last.disp_px)), "nearest_m",
@@ -278,10 +287,11 @@ static void take_pictures(struct live_engine *v, struct visit *a, const struct s
     a->picture_ns = v->set_t_ns;
     a->pictures++;
     memcpy(a->box, box, sizeof(box));
-    if (t->hidden && !t->label) { /* no view's labels show it */
+    if (t->hidden && (!t->label || a->by_size)) { /* no view's labels show it */
         const int label = sst_live_recognise(v->live, image, t->at);
 
         a->label = label ? label : a->label;
+        a->by_size &= !label;
     }
     store(v, a, SST_VISIT_SEEN, image);
     if (is_fresh(v, lf->ref_view)) {
@@ -368,24 +378,99 @@ static struct visit *find(struct live_engine *v, uint32_t id)
     return NULL;
 }
 
+/* The network's label counts before one by size and motion. */
+static void set_label(const struct live_engine *v, struct visit *a, const struct sst_live_track *t)
+{
+    const struct sized *size = engine_sized(v, t->id);
+    const bool by_size = size && size->by_size;
+
+    if (!t->label || (by_size && a->label && !a->by_size))
+        return;
+    a->label = t->label;
+    a->by_size = by_size;
+}
+
+/* --- visits that go on as another track --------------------------------------------------------------------------- */
+
+static struct visit_lost lost_of(const struct visit *a)
+{
+    struct visit_lost lost = { .last = a->last, .label = a->label, .height_px = a->height_px };
+
+    memcpy(lost.line, a->line, sizeof(lost.line));
+    return lost;
+}
+
+static void lose(struct live_engine *v, const struct visit *a)
+{
+    if (v->losts == VISITS_LOST)
+        memmove(v->lost, v->lost + 1, sizeof(*v->lost) * (size_t)--v->losts);
+    v->lost[v->losts++] = lost_of(a);
+}
+
+/* How far a thing would have gone from where another was last, in its own heights a second; infinite: it is another. */
+static double way_between(const struct live_engine *v, const struct visit_lost *from, const struct visit *to,
+                          const struct visit_point *at)
+{
+    const double dt_s = (double)(at->t_ns - from->last.t_ns) / 1e9, far = at->disp_px / from->last.disp_px;
+    const double dx = (at->x - from->last.x) * v->state.width, dy = (at->y - from->last.y) * v->state.height;
+    const double height_px = fmax(from->height_px, to->height_px);
+
+    if (!(dt_s > 0 && dt_s <= JOIN_S) || !(far < JOIN_RATIO && far > 1 / JOIN_RATIO) || !(height_px > 0) ||
+        (from->label && to->label && from->label != to->label))
+        return INFINITY;
+    return hypot(dx, dy) / height_px / dt_s;
+}
+
+/* A track that begins where another was lost, or is not seen now, as things go: lines between the two places are crossed.
+ * The last place, and the sides of lines there, go over to the new visit. @param from  out @return it does */
+static bool join_lost(struct live_engine *v, struct visit *a, const struct visit_point *at, struct visit_point *from)
+{
+    struct visit_lost lost, best = { .height_px = 0 };
+    double least = JOIN_HEIGHTS_S;
+    int at_best = -1;
+
+    for (int i = 0; i < v->losts + v->visits; i++) {
+        struct visit *other = i < v->losts ? NULL : &v->visit[i - v->losts];
+
+        if (other == a || (other && (!other->points || other->last.t_ns >= v->set_t_ns)))
+            continue;
+        lost = other ? lost_of(other) : v->lost[i];
+        if (way_between(v, &lost, a, at) >= least)
+            continue;
+        least = way_between(v, &lost, a, at);
+        best = lost;
+        at_best = i;
+    }
+    if (at_best < 0)
+        return false;
+    *from = best.last;
+    memcpy(a->line, best.line, sizeof(a->line));
+    if (at_best >= v->losts) /* it crosses no line for a second time */
+        memset(v->visit[at_best - v->losts].line, 0, sizeof(a->line));
+    else
+        memmove(&v->lost[at_best], &v->lost[at_best + 1], sizeof(best) * (size_t)(--v->losts - at_best));
+    return true;
+}
+
 static void follow_visit(struct live_engine *v, struct visit *a, const struct sst_live_track *t, int64_t t_ns)
 {
     struct visit_crossing crossing[SST_ZONES_MAX];
-    const struct visit_point from = a->last;
+    struct visit_point from = a->last;
     int crossings = 0;
     unsigned before;
     bool masked;
 
     a->there = true;
     a->hidden |= t->hidden;
-    a->label = t->label ? t->label : a->label;
+    set_label(v, a, t);
     if (t->state == SST_LIVE_TRACK_COVERED)
         return;
     a->last = foot(v, t, t_ns);
+    a->height_px = t->y1 - t->y0;
     a->nearest_px = fmax(a->nearest_px, t->disp_px);
     before = a->zones;
     a->zones |= zones_at(v, a->last, a->label, &masked);
-    if (a->points)
+    if (a->points || join_lost(v, a, &a->last, &from))
         crossings = engine_lines_follow(v, a, &from, t->y1 - t->y0, crossing);
     add_point(a, a->last);
     take_pictures(v, a, t);
@@ -400,6 +485,7 @@ void engine_visits_forget_zones(struct live_engine *v)
     for (int i = 0; i < v->visits; i++) {
         v->visit[i].zones = 0;
         v->visit[i].crossings = 0;
+        v->losts = 0;
         memset(v->visit[i].line, 0, sizeof(v->visit[i].line));
     }
 }
@@ -410,6 +496,12 @@ void engine_visits_follow(struct live_engine *v, const struct sst_live_track *tr
 
     for (int i = 0; i < v->visits; i++)
         v->visit[i].there = false;
+    for (int i = 0; i < n; i++)
+        if (find(v, track[i].id))
+            find(v, track[i].id)->there = true;
+    for (int i = 0; i < v->visits; i++)
+        if (!v->visit[i].there)
+            lose(v, &v->visit[i]); /* before others begin */
     for (int i = 0; i < n; i++) {
         struct visit *a = find(v, track[i].id);
         bool masked = false;

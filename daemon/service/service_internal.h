@@ -175,6 +175,13 @@ extern const char *const engine_demand_names[];
 /** "wait", "change" ... */
 extern const char *const engine_stage_names[ENGINE_STAGES];
 
+/** A track that the automatic cut removes from clear pictures. */
+struct engine_removed {
+    uint32_t track;
+    char name[SST_CLASS_NAME_MAX];
+    double distance_m, disparity_px; /* NaN: not known */
+};
+
 struct engine_state {
     bool enabled, ready;          /* ready: see-through pictures can be made */
     char reason[512];             /* why not */
@@ -211,6 +218,12 @@ struct engine_state {
     bool misaligned;                 /* which was that cameras have moved, or worse */
     struct sst_notices noticed;      /* of the pictures, without views that are late */
     int noticed_views;               /* that it is of; 0: not measured yet */
+    bool too_slow;                   /* for the sets that come: */
+    double done_hz, due_hz;          /* sets processed, and that should be, over the last seconds */
+    char slow_text[320];
+    struct engine_removed removed[SST_LIVE_TRACKS];
+    int removed_count;
+    char removed_text[192];
 };
 
 /** Pictures come, but the range of disparities or the cut has only just been found. */

@@ -1,6 +1,7 @@
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stddef.h>
@@ -45,6 +46,8 @@ void view_settings_defaults(struct view_settings *s, const struct sst_live_setti
     snprintf(s->remove_label, sizeof(s->remove_label), "%s", config->remove_label);
     s->outline = config->outline;
     s->tint = config->tint;
+    s->outline_moving = config->outline_moving;
+    s->keep_moving = config->keep_moving;
     s->render.focus_px = config->focus_px;
     s->render.sigma_px = config->sigma_px;
     s->render.c1 = config->c1;
@@ -67,6 +70,10 @@ static void follow_clear(struct view_settings *s, const struct sst_live_settings
         s->outline = to->outline;
     if (from->tint != to->tint)
         s->tint = to->tint;
+    if (from->outline_moving != to->outline_moving)
+        s->outline_moving = to->outline_moving;
+    if (from->keep_moving != to->keep_moving)
+        s->keep_moving = to->keep_moving;
 }
 
 void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
@@ -127,10 +134,30 @@ static int parse_label(char label[SST_CLASS_NAME_MAX], const char *key, const js
     return 0;
 }
 
+/* Switches. */
+static const struct {
+    const char *key;
+    size_t member; /* of struct view_settings */
+} flags[] = {
+    { "follow", offsetof(struct view_settings, follow) },
+    { "outline", offsetof(struct view_settings, outline) },
+    { "tint", offsetof(struct view_settings, tint) },
+    { "outline_moving", offsetof(struct view_settings, outline_moving) },
+    { "keep_moving", offsetof(struct view_settings, keep_moving) },
+};
+
+static bool *flag_of(struct view_settings *s, size_t i)
+{
+    return (bool *)((char *)s + flags[i].member);
+}
+
 static int parse_flag(struct view_settings *s, const char *key, const json_t *value, char error[512])
 {
-    bool *flag = !strcmp(key, "follow") ? &s->follow : !strcmp(key, "outline") ? &s->outline : &s->tint;
+    bool *flag = NULL;
 
+    for (size_t i = 0; i < ARRAY_LEN(flags); i++)
+        flag = strcmp(key, flags[i].key) != 0 ? flag : flag_of(s, i);
+    assert(flag); /* all keys are known */
     if (!json_is_boolean(value))
         return sst_api_refuse(error, -EINVAL, "%s must be true or false", key);
     *flag = json_is_true(value);
@@ -167,7 +194,8 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
 {
     static const char *const known[] = { "method",   "cut_px",       "remove_label", "outline",      "tint",
                                          "focus_px", "focus_label",  "follow",       "sigma_px",     "c1",
-                                         "c2",       "label_factor", "aperture",     "follow_track", NULL };
+                                         "c2",       "label_factor", "aperture",     "follow_track", "outline_moving",
+                                         "keep_moving", NULL };
     struct view_settings to = *s;
     const char *key;
     json_t *value;
@@ -191,9 +219,11 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
 
 json_t *view_settings_json(const struct view_settings *s)
 {
-    json_t *o = json_pack("{s:s, s:s, s:s, s:b, s:b, s:b, s:I}", "method", methods[s->render.method], "focus_label",
-                          s->focus_label, "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline,
-                          "tint", s->tint, "follow_track", (json_int_t)s->follow_track);
+    json_t *o = json_pack("{s:s, s:s, s:s, s:I}", "method", methods[s->render.method], "focus_label", s->focus_label,
+                          "remove_label", s->remove_label, "follow_track", (json_int_t)s->follow_track);
+
+    for (size_t i = 0; i < ARRAY_LEN(flags) && o; i++)
+        json_object_set_new(o, flags[i].key, json_boolean(*flag_of((struct view_settings *)s, i)));
 
     for (size_t i = 0; i < ARRAY_LEN(numbers) && o; i++) {
         const double v = *member_of((struct view_settings *)s, i);

@@ -21,7 +21,8 @@
 static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
 static const char *const source_names[] = { "gpio", "software", "free-run", "external" };
 static const char *const notice_names[] = { "noise",         "blur",        "soft-views", "jpeg",
-                                            "missing-views", "blank-views", "misaligned", "time-offsets" };
+                                            "missing-views", "blank-views", "misaligned", "time-offsets",
+                                            "too-slow",      "removed" };
 static const char *const level_names[] = { "info", "warning", "error" };
 static const char *const versions[] = { SST_VERSION };
 
@@ -51,7 +52,7 @@ struct status_now {
     int64_t until_ns;
     double days, cpu_percent, cpu_s;
     int descriptors, notices;
-    struct notice notice[SST_NOTICES + 2];
+    struct notice notice[SST_NOTICES + 4];
     bool noticed[ARRAY_LEN(notice_names)];
     struct hosts_now hosts, *node, *head; /* of node and head one, or none */
 };
@@ -128,7 +129,8 @@ const struct sst_field sst_service_status_fields[] = {
           ROW("descriptors", INTEGER, descriptors, "Open descriptors", "process_open_fds"),
           ROW(NULL, REAL, cpu_s, "CPU time", "process_cpu_seconds_total")),
     ROW("noticed", LIST, notice,
-        "Faults of the pictures now; of all views once after the start, then of one view every ten seconds",
+        "Faults of the pictures now (of all views once after the start, then of one view every ten seconds), and what a "
+        "clear picture does not show",
         .of = notice_fields, .stride = sizeof(struct notice), .count_at = offsetof(struct status_now, notices)),
     ROW(NULL, MAP, noticed, "Fault of the pictures", "noticed", .label = "what", .item = SST_FIELD_BOOL,
         NAMES(notice_names), sizeof(bool)),
@@ -217,6 +219,10 @@ static void gather_notices(struct status_now *now)
         add_notice(now, "misaligned", v->check);
     if (sst_notice_skew(now->skew_text, now->skew_us.p50))
         add_notice(now, "time-offsets", now->skew_text);
+    if (v->too_slow)
+        add_notice(now, "too-slow", v->slow_text);
+    if (v->removed_count)
+        add_notice(now, "removed", v->removed_text);
 }
 
 /** Resident memory and open descriptors of this process. */

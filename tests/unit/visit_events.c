@@ -314,6 +314,191 @@ static void lines_count_what_is_wanted(void **state)
     expect_line("drive", "forward");
 }
 
+/* --- names by size and motion, removed things, pace ---------------------------------------------------------------- */
+
+/* Somebody of a size walks to the right, in 2 sets a second; named as on the live thread. @return the label of the visit,
+ * "": none */
+static const char *named(double width_m, double height_m, double m_s, bool hidden)
+{
+    static char label[SST_CLASS_NAME_MAX];
+    const double px_m = 10 / 0.1; /* at 10 px: 5 m away */
+
+    for (int i = 0; i <= 12; i++) {
+        struct sst_live_track t = { .id = 9, .hidden = hidden, .disp_px = 10, .first_ns = v->set_t_ns };
+
+        t.x0 = 60 + m_s * 0.5 * i * px_m;
+        t.x1 = t.x0 + width_m * px_m;
+        t.y1 = 460;
+        t.y0 = 460 - height_m * px_m;
+        v->set_t_ns += SET_NS;
+        if (t.x1 > WIDTH - 5) /* it leaves the picture */
+            break;
+        engine_names_follow(v, &t, 1);
+        engine_visits_follow(v, &t, 1);
+        snprintf(label, sizeof(label), "%s", engine_label_name(v, t.label));
+        assert_string_equal(engine_named_by(v, &t), t.label ? "size and motion" : "");
+    }
+    engine_names_follow(v, NULL, 0);
+    engine_visits_follow(v, NULL, 0);
+    return label;
+}
+
+static void persons_are_named_by_size_and_motion(void **state)
+{
+    struct sst_live_track t = { .id = 11, .label = 9, .disp_px = 10, .x0 = 100, .x1 = 150, .y0 = 200, .y1 = 380 };
+    json_t *o, *found = NULL;
+
+    (void)state;
+    v->live = (struct sst_live *)v; /* not looked into */
+    assert_string_equal(named(0.6, 1.8, 0.6, true), "Pedestrian");
+    while ((o = next("visit"))) {
+        json_decref(found);
+        found = o;
+    }
+    assert_string_equal(text_of(found, "label"), "Pedestrian");
+    assert_string_equal(text_of(found, "label_by"), "size and motion");
+    json_decref(found);
+    assert_string_equal(named(0.9, 1.3, 0.5, false), "Pedestrian");
+    assert_string_equal(named(0.6, 2.6, 0.6, true), "");   /* too tall */
+    assert_string_equal(named(0.5, 0.6, 0.6, false), "");  /* a dog */
+    assert_string_equal(named(1.9, 1.5, 0.5, false), "");  /* not upright */
+    assert_string_equal(named(0.6, 1.8, 0.1, true), "");   /* it stands, or sways */
+    assert_string_equal(named(0.6, 1.8, 6.0, false), "");  /* faster than anybody walks */
+    v->live_config.calibration = NULL; /* sizes are not known */
+    assert_string_equal(named(0.6, 1.8, 0.6, true), "");
+    engine_names_follow(v, &t, 1);
+    assert_int_equal(t.label, 9); /* the network's stays */
+    assert_string_equal(engine_named_by(v, &t), "network");
+    v->live = NULL;
+}
+
+static void removed_tracks_are_reported(void **state)
+{
+    (void)state;
+    v->state.cut_px = 8;
+    v->track[0] = (struct sst_live_track){ .id = 3, .label = sst_classes_find(&v->classes, "Pedestrian"), .disp_px = 11.4 };
+    v->track[1] = (struct sst_live_track){ .id = 4, .disp_px = 7 };
+    v->tracks = 2;
+    engine_removed_locked(v);
+    assert_int_equal(v->state.removed_count, 1);
+    assert_int_equal(v->state.removed[0].track, 3);
+    assert_string_equal(v->state.removed[0].name, "Pedestrian");
+    assert_near(v->state.removed[0].distance_m, 4.4, 0.05);
+    assert_contains(v->state.removed_text, "1 person removed, 4.4 m");
+    v->state.cut_px = 6;
+    engine_removed_locked(v);
+    assert_contains(v->state.removed_text, "2 moving things removed, the nearest 4.4 m");
+    v->state.cut_px = NAN; /* nothing is cut */
+    engine_removed_locked(v);
+    assert_true(!v->state.removed_count && !v->state.removed_text[0]);
+}
+
+/* Seconds with so many processed and passed sets, up to now. */
+static void pace(uint64_t taken, uint64_t passed)
+{
+    const int64_t now_s = sst_clock_now_ns() / 1000000000;
+
+    for (int i = 0; i < RATE_SLOTS; i++)
+        v->second[(now_s - i) % RATE_SLOTS] = (struct second){ .s = now_s - i, .taken = taken, .passed = passed };
+    v->pace_s = 0;
+    engine_pace_follow(v);
+}
+
+static void too_slow_is_noticed(void **state)
+{
+    json_t *o;
+
+    (void)state;
+    assert_true(engine_pace_slow(0.3, 5, false));   /* below 2 a second */
+    assert_true(engine_pace_slow(4, 10, false));    /* more than half are passed over */
+    assert_false(engine_pace_slow(6, 10, false));
+    assert_true(engine_pace_slow(6, 10, true));     /* that ends later than it begins */
+    assert_false(engine_pace_slow(7, 10, true));
+    assert_false(engine_pace_slow(1, 1, false));    /* no more come */
+    v->live = (struct sst_live *)v;                 /* not looked into */
+    v->state.ready = true;
+    pace(1, 4);
+    assert_false(v->state.too_slow); /* it has only started */
+    v->pace_from_s = 1;
+    pace(1, 4);
+    assert_false(v->state.too_slow); /* not at once */
+    v->pace_turn_s -= 5;
+    pace(1, 4);
+    assert_true(v->state.too_slow);
+    assert_contains(v->state.slow_text, "1.0 of 5.0 sets a second");
+    o = next("too-slow");
+    assert_non_null(o);
+    assert_true(json_is_true(json_object_get(json_object_get(o, "data"), "active")));
+    assert_string_equal(json_string_value(json_object_get(o, "level")), "warning");
+    json_decref(o);
+    pace(5, 0);
+    v->pace_turn_s -= 9;
+    pace(5, 0);
+    assert_true(v->state.too_slow); /* nor does it end at once */
+    v->pace_turn_s -= 2;
+    pace(5, 0);
+    assert_false(v->state.too_slow);
+    v->config.live.rate_hz = 3; /* as the service was told */
+    pace(3, 7);
+    v->pace_turn_s -= v->pace_turn_s ? 9 : 0;
+    pace(3, 7);
+    assert_false(v->state.too_slow);
+    v->live = NULL;
+}
+
+/* --- crossings over a gap ------------------------------------------------------------------------------------------ */
+
+/* A track of its own, whose foot is at a point. */
+static void stand_as(uint32_t id, double x, double disp_px)
+{
+    const struct sst_live_track t = { .id = id,
+                                      .x0 = x - 20,
+                                      .x1 = x + 20,
+                                      .y0 = 400 - TALL,
+                                      .y1 = 400,
+                                      .disp_px = disp_px,
+                                      .first_ns = v->set_t_ns,
+                                      .seen_ns = v->set_t_ns };
+
+    engine_visits_follow(v, &t, 1);
+    v->set_t_ns += SET_NS;
+    v->set_wall_ns += SET_NS;
+}
+
+/* @return crossings of somebody who is lost at one place and found at another, some sets later */
+static int crossed(double lost_x, double found_x, double found_px, int sets)
+{
+    int n = 0;
+
+    for (int i = 0; i < 4; i++)
+        stand_as(21, lost_x - 60 + 20 * i, 10);
+    for (int i = 0; i < sets; i++) {
+        engine_visits_follow(v, NULL, 0);
+        v->set_t_ns += SET_NS;
+    }
+    for (int i = 0; i < 4; i++)
+        stand_as(22, found_x + 20 * i, found_px);
+    engine_visits_follow(v, NULL, 0);
+    v->losts = 0;
+    for (json_t *o; (o = next("line")); n++) {
+        assert_string_equal(text_of(o, "direction"), "backward");
+        json_decref(o);
+    }
+    return n;
+}
+
+static void who_is_lost_at_a_line_crosses_it(void **state)
+{
+    (void)state;
+    add_zone("gate", "0.5,0 0.5,1");
+    assert_int_equal(crossed(200, 440, 10, 2), 1);
+    assert_int_equal(crossed(200, 440, 11.5, 2), 1);
+    assert_int_equal(crossed(200, 440, 16, 2), 0);  /* another one, elsewhere */
+    assert_int_equal(crossed(200, 240, 10, 2), 0);  /* before the line */
+    assert_int_equal(crossed(200, 600, 10, 0), 0);  /* 400 px in half a second */
+    assert_int_equal(crossed(200, 440, 10, 40), 0); /* 20 s later */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -323,6 +508,10 @@ int main(void)
         cmocka_unit_test_setup_teardown(lines_are_crossed_with_a_direction, setup, teardown),
         cmocka_unit_test_setup_teardown(who_stands_on_a_line_crosses_it_once, setup, teardown),
         cmocka_unit_test_setup_teardown(lines_count_what_is_wanted, setup, teardown),
+        cmocka_unit_test_setup_teardown(persons_are_named_by_size_and_motion, setup, teardown),
+        cmocka_unit_test_setup_teardown(removed_tracks_are_reported, setup, teardown),
+        cmocka_unit_test_setup_teardown(too_slow_is_noticed, setup, teardown),
+        cmocka_unit_test_setup_teardown(who_is_lost_at_a_line_crosses_it, setup, teardown),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
