@@ -28,7 +28,7 @@
 
 #define STEP_MS   200
 #define READY_S   600 /* a slow machine prepares a world of leaves for minutes */
-#define SETTLED_S 30  /* from the first picture */
+#define SETTLED_S 60  /* from the first picture: it is saved again until it has settled */
 #define END_MS    3000
 #define REPORT_NS INT64_C(10000000000)
 
@@ -45,7 +45,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "  height: %d\n"
                                   "  check_frozen: false # moments of the simulated scene come again\n"
                                   "  controls: {trigger_mode: 1, auto_exposure: 1, exposure_time_absolute: 50}\n"
-                                  "live: {calibration: \"%s\"%s%s%s} # the simulator's truth: distances in metres\n"
+                                  "live: {demo_labels: true, calibration: \"%s\"%s%s%s} # the simulator's truth: distances in metres\n"
                                   "trigger:\n"
                                   "  source: gpio\n"
                                   "  chip: sst-trigger\n"
@@ -70,6 +70,7 @@ struct site {
     int port;
     pid_t pid;                              /* of sst-sim, and group; 0: does not run */
     pid_t publisher[ARRAY_LEN(publishers)]; /* 0: not built, or ended */
+    bool settled;                           /* the service does not expect the saved picture to become better */
     char world[SST_PATH_MAX], config[SST_PATH_MAX], calibration[SST_PATH_MAX], socket[SST_PATH_MAX],
         token[SST_PATH_MAX], zones[SST_PATH_MAX], storage[SST_PATH_MAX], log[SST_PATH_MAX], picture[SST_PATH_MAX];
 };
@@ -223,7 +224,8 @@ static int need_program(char out[SST_PATH_MAX], const char *name)
 static int start(struct site *s)
 {
     char sim[SST_PATH_MAX], daemon[SST_PATH_MAX], program[SST_PATH_MAX];
-    const char *const service[] = { sim, "--world", s->world, "--", daemon, "--config", s->config, NULL };
+    const char *const service[] = { sim,  "--at-once", "--world",  s->world,  "--",
+                                    daemon, "--config",  s->config, NULL };
     const char *const publisher[] = { program, "--config", s->config, NULL };
     int err = need_program(sim, "sst-sim");
 
@@ -337,14 +339,14 @@ static int64_t folder_bytes(const char *path)
     return sum;
 }
 
-static void print_address(const struct site *s, double seconds, bool settled)
+static void print_address(const struct site *s, double seconds)
 {
     char token[128], cache[SST_PATH_MAX];
 
-    printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s%s\n"
+    printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s\n"
            "  status         sst status --socket %s\n  configuration  %s, kept when edited\n",
            s->scene, seconds, s->port, sst_file_line(token, sizeof(token), s->token), s->picture,
-           settled ? "" : ", not yet as good as the page's will be: the scene does not settle", s->socket, s->config);
+           s->socket, s->config);
     if (!sst_sim_world_cache(cache, NULL))
         printf("  prepared       %s, %.0f MB for all scenes seen so far; may be deleted\n", cache,
                (double)folder_bytes(cache) / 1e6);
@@ -356,34 +358,43 @@ static void print_address(const struct site *s, double seconds, bool settled)
     fflush(stdout);
 }
 
-/** Start a site and wait for a picture that has settled. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT
- * (logged) */
+/** Cameras of the world that are prepared, by the simulator's messages. @return 0..1; 1: also if it was in the cache */
+static double prepared(const struct site *s)
+{
+    char line[256], name[128];
+    FILE *f = fopen(s->log, "re");
+    int done = 0, all = 0, now, of;
+
+    while (f && fgets(line, sizeof(line), f))
+        if (sscanf(line, "preparing the world %127[^:]: %d of %d cameras", name, &now, &of) == 3 && of > 0) {
+            done = sst_max_int(done, now);
+            all = of;
+        }
+    if (f)
+        fclose(f);
+    return all ? (double)done / all : 1;
+}
+
+/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
 static int bring_up(struct site *s)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    int64_t reported_ns = start_ns, first_ns = 0;
-    bool settled = false;
+    int64_t reported_ns = start_ns, now_ns = start_ns;
     int err = start(s);
 
     if (err)
         return err;
-    printf("%s: starting the simulated cameras and the service (a world that is new here is prepared first)\n",
-           s->scene);
+    printf("%s: starting the simulated cameras and the service\n", s->scene);
     fflush(stdout);
-    for (;;) {
-        const bool saved = !save_picture(s, &settled);
-        const int64_t now_ns = sst_clock_now_ns();
-
-        first_ns = saved && !first_ns ? now_ns : first_ns;
-        if (saved && (settled || now_ns - first_ns > SETTLED_S * INT64_C(1000000000)))
-            break;
+    while (save_picture(s, &s->settled)) {
+        now_ns = sst_clock_now_ns();
         if (interrupted)
             return -EINTR;
         if (!runs(s)) {
             report_end(s);
             return -ECHILD;
         }
-        if (!saved && now_ns - start_ns > READY_S * INT64_C(1000000000)) {
+        if (now_ns - start_ns > READY_S * INT64_C(1000000000)) {
             sst_log_error("no picture of %s within %d s: see %s", s->scene, READY_S, s->log);
             return -ETIMEDOUT;
         }
@@ -397,21 +408,48 @@ static int bring_up(struct site *s)
         }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
     }
-    print_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9, settled);
+    print_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9);
     return 0;
+}
+
+/** Show how far a new world is, and save the picture until it is as good as the page's. */
+static void follow_start(struct site *s, double *done)
+{
+    static char title[] = "preparing the rest of the scene";
+    const double before = *done;
+
+    if (*done < 1) {
+        *done = prepared(s);
+        cli_progress(title, *done);
+    }
+    if (before < 1 && *done >= 1) {
+        cli_progress_end();
+        printf("The scene is prepared: it moves now.\n");
+        fflush(stdout);
+    }
+    if (*done >= 1 && !s->settled)
+        (void)save_picture(s, &s->settled);
 }
 
 static int watch(struct site *s)
 {
-    printf("Ctrl-C ends it.\n");
+    const int64_t start_ns = sst_clock_now_ns();
+    double done = prepared(s);
+    const bool is_new = done < 1;
+
+    printf("%sCtrl-C ends it.\n", is_new ? "The scene stands still until all of it is prepared, once.\n" : "");
     fflush(stdout);
     while (!interrupted) {
         if (!runs(s)) {
             report_end(s);
             return CLI_INTERNAL;
         }
+        if (done < 1 || sst_clock_now_ns() - start_ns < SETTLED_S * INT64_C(1000000000))
+            follow_start(s, &done);
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
     }
+    if (done < 1)
+        cli_progress_end();
     return CLI_OK;
 }
 

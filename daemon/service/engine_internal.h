@@ -221,7 +221,8 @@ struct live_engine {
     struct shared overlay[2], camera[SST_CAMERAS_MAX];
     struct request request;
     struct sst_classes classes;
-    float share[256]; /* of the reference view, by label */
+    float share[256];      /* of the reference view, by label */
+    int64_t share_ns[256]; /* since when it is worth a chip; 0: it is not */
     struct sst_live_track track[SST_LIVE_TRACKS];
     int tracks;
     uint64_t tracks_set; /* the set that they are of, and its time */

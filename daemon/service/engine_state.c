@@ -11,6 +11,10 @@
 
 /* How long the range of disparities and the cut have to stay until the picture counts as settled. */
 #define SETTLE_NS INT64_C(3000000000)
+/* Labels that are offered for removal have had this part of the picture for so long, and not less than that since. */
+#define OFFERED_SHARE 0.01
+#define OFFERED_LEAST 0.008
+#define OFFERED_NS    INT64_C(60000000000)
 
 const char *const engine_stage_names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
                                                        "labels", "refine", "render", "encode" };
@@ -109,8 +113,13 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
     window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6, now_ns);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
         window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6, now_ns);
-    for (int i = 0; i < 256; i++)
+    for (int i = 0; i < 256; i++) {
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
+        if ((double)v->share[i] < (v->share_ns[i] ? OFFERED_LEAST : OFFERED_SHARE))
+            v->share_ns[i] = 0;
+        else if (!v->share_ns[i])
+            v->share_ns[i] = now_ns;
+    }
 }
 
 bool engine_settling(const struct engine_state *v)
@@ -194,6 +203,15 @@ static bool is_of_demo(const char *name)
     return found;
 }
 
+/* Is a class worth a chip? */
+static bool is_offered_locked(const struct live_engine *v, int label)
+{
+    const int64_t since_ns = v->share_ns[label];
+
+    return (v->config.live.demo_labels || !is_of_demo(v->classes.names[label - 1])) && since_ns &&
+           sst_clock_now_ns() - since_ns >= (v->config.live.demo_labels ? 0 : OFFERED_NS);
+}
+
 int engine_labels(void *engine, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
@@ -207,7 +225,7 @@ int engine_labels(void *engine, struct sst_api_answer *out)
         snprintf(colour, sizeof(colour), "#%02x%02x%02x", palette[i][0], palette[i][1], palette[i][2]);
         json_array_append_new(list, json_pack("{s:i, s:s, s:s, s:f, s:b}", "label", i, "name", v->classes.names[i - 1],
                                               "colour", colour, "share", (double)v->share[i], "offered",
-                                              v->config.live.demo_labels || !is_of_demo(v->classes.names[i - 1])));
+                                              is_offered_locked(v, i)));
     }
     pthread_mutex_unlock(&v->lock);
     out->body = json_pack("{s:o}", "labels", list);

@@ -28,7 +28,7 @@ const SLOW = 2; // cameras and labels: every second status request
 const SLOWER = 5; // recordings, while they are shown
 const OWN_AGAIN = 30; // retry interval while the main view is shown instead
 
-const KEPT = ["method", "focus_px", "focus_label", "cut_px", "remove_label", "outline", "tint", "follow"]; // not reset by the drawer
+const KEPT = ["method", "focus_px", "focus_label", "cut_px", "remove_label", "outline", "tint", "keep_moving", "follow"]; // not reset by the drawer
 
 let status = null;
 let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset that the service processed, and whether anything moved
@@ -197,7 +197,7 @@ async function adopt(id) {
 /** The controls show settings. */
 function show(settings) {
   showMode(settings.method === "clear" ? "clear" : "sst");
-  for (const part of [app.focus, app.clear, app.labels]) part.adopt(settings);
+  for (const part of [app.focus, app.clear, app.labels, app.stage?.boxes]) part?.adopt(settings);
 }
 
 function showMode(mode) {

@@ -6,7 +6,7 @@ export const NOTHING_PX = 9999; // nearer than anything: a cut that removes noth
 const HEIGHT = 32; // of the histogram's drawing, which is stretched over the slider
 
 /** Shown beside the clear picture: the reference camera's picture, pixel by pixel. */
-export const CAMERA = { method: "clear", cut_px: NOTHING_PX, remove_label: "", outline: false, tint: false };
+export const CAMERA = { method: "clear", cut_px: NOTHING_PX, remove_label: "", outline: false, outline_moving: false, tint: false };
 
 export class Clear {
   /** @param focus     knows the range of depths, and words for them; @param onChange  called with settings

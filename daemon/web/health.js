@@ -20,6 +20,7 @@ const STAGE_WORDS = {
 const NOTICED_WORDS = {
   noise: "Noise", blur: "Blurred", "soft-views": "Soft views", jpeg: "JPEG", "missing-views": "Missing views",
   "blank-views": "Dark views", misaligned: "Misaligned", "time-offsets": "Exposed apart",
+  "too-slow": "Too slow", removed: "Removed",
 };
 
 function saved(skip, digits, unit) {
@@ -84,14 +85,15 @@ export class Health {
   }
 
   update(status) {
-    const [word, kind] = STATES[status.state] ?? [status.state, "warn"];
-    this.showState(word, kind, status.reason ?? "");
     const { capture = {}, live = {}, storage = {} } = status;
+    const slow = status.state === "capturing" && live.too_slow === true;
+    const [word, kind] = slow ? ["Too slow", "warn"] : STATES[status.state] ?? [status.state, "warn"];
+    this.showState(word, kind, slow ? "visits and crossings may be missed" : status.reason ?? "");
     const absent = capture.cameras - capture.present;
     setText($("v-cameras"), finite(capture.present) ? `${capture.present} / ${capture.cameras}` : "–");
     $("v-cameras").dataset.kind = absent > 0 ? "warn" : "";
-    setText($("v-rate"), live.enabled ? `${number(live.rate_hz, 1)} /s` : "off");
-    setText($("v-delay"), finite(live.latency_ms?.p50) ? `${number(live.latency_ms.p50)} ms` : "–");
+    setText($("v-rate"), !live.enabled ? "off" : `${number(live.rate_hz, 1)}${slow ? ` of ${number(live.due_hz, 1)}` : ""} /s`);
+    $("v-rate").dataset.kind = slow ? "warn" : "";
     const quota = storage.quota_bytes > 0;
     const share = quota ? `${bytes(storage.used_bytes)} of ${bytes(storage.quota_bytes)}` : "";
     setText($("v-free-name"), quota ? "Quota" : "Free");

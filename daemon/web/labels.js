@@ -72,6 +72,11 @@ export class Labels {
     return this.all.filter((entry) => entry.share >= SHOWN_SHARE || entry.name === this.chosen);
   }
 
+  /** Labels worth a chip: the service offers what has been there for a while. */
+  offered() {
+    return this.present().filter((entry) => entry.offered !== false || entry.name === this.chosen);
+  }
+
   async refresh() {
     this.all = (await get(`${source.base}/api/v1/labels`)).labels;
     for (const [key, name] of Object.entries(this.names))
@@ -83,7 +88,7 @@ export class Labels {
   }
 
   show() {
-    const present = this.present();
+    const present = this.offered();
     const words = WORDS[this.key];
     setText($("labels-caption"), words.caption);
     setText(this.none.querySelector("span"), words.none);

@@ -46,6 +46,7 @@ export class Overlays {
     this.stream = null;
     this.camera = "";
     this.kind = kind;
+    this.app.stage?.boxes?.show();
     $("canvas-overlay").hidden = $("canvas-camera").hidden = true;
     $("opacity-box").hidden = $("legend").hidden = kind === "" || kind === "camera";
     if (kind === "camera") this.startCamera(camera);

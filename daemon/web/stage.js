@@ -1,5 +1,6 @@
 // The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
 
+import { Boxes } from "/web/boxes.js";
 import { CAMERA } from "/web/clear.js";
 import { Overlays } from "/web/overlays.js";
 import { $, complain, el, finite, number, setText, storage, swatch, toast } from "/web/ui.js";
@@ -15,6 +16,7 @@ const CARD_MS = 12000;
 const RING_MS = 1200;
 const SAME_PX = 1.5; // of the object in front before
 const OLD_MS = 2500;
+const DELAYS = 15; // of the last pictures, of which the median is shown
 const APART_MS = 1500; // of a recording: pictures that are not of one moment are not compared
 
 const WORDS = {
@@ -42,6 +44,8 @@ export class Stage {
     this.draws = null; // tool of taps and drags while a zone is drawn
     this.zoom = new Zoom(this.frame, () => this.zoomed());
     this.overlays = new Overlays(app);
+    this.boxes = new Boxes(app, this);
+    this.delays_ms = []; // of the last pictures, when they were drawn
     this.listen();
     this.compare();
     $("hint-close").addEventListener("click", () => {
@@ -76,7 +80,7 @@ export class Stage {
   }
 
   down(event) {
-    if (event.target.closest("#pick, #divider, .corner") || event.button > 0) return;
+    if (event.target.closest("#pick, #divider, #removed, .corner") || event.button > 0) return;
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY, x0: event.clientX, y0: event.clientY,
       at: event.timeStamp, many: false });
     if (this.pointers.size > 1) for (const pointer of this.pointers.values()) pointer.many = true;
@@ -269,6 +273,7 @@ export class Stage {
 
   zoomed() {
     for (const [node, at] of this.placed) if (!node.hidden) this.place(node, at);
+    this.boxes.show();
     this.clip();
   }
 
@@ -368,6 +373,7 @@ export class Stage {
   /** The pictures are of another source. */
   sourceChanged() {
     this.closePick();
+    this.delays_ms = [];
     this.lost = null;
     this.frame.classList.remove("stale");
     this.plain?.move(this.compared());
@@ -417,6 +423,8 @@ export class Stage {
     if (what === "picture") {
       this.lost = null;
       this.refused = "";
+      this.boxes.picture();
+      this.delays_ms = [...this.delays_ms, this.app.view.stream.age_ms()].slice(-DELAYS);
       $("stage-box").style.setProperty("--ratio", this.canvas.width / this.canvas.height);
       this.frame.dataset.pictures = this.app.view.stream.pictures;
       this.app.replay.picture();
@@ -440,18 +448,27 @@ export class Stage {
     if (this.plain) $("canvas-plain").hidden = $("tag-right").hidden = !this.plain.stream.pictures || apart_ms > APART_MS;
   }
 
+  /** Delay of the picture on the screen: of the last ones when they were drawn; of one that is late, its age. */
+  showDelay(age_ms, late) {
+    const drawn = [...this.delays_ms].sort((a, b) => a - b)[this.delays_ms.length >> 1] ?? NaN;
+    const ms = late ? age_ms : drawn;
+    setText($("v-delay"), !finite(ms) ? "–" : late || ms >= 1000 ? ageText(ms) : `${number(Math.max(0, ms))} ms`);
+    $("v-delay").dataset.kind = late ? "warn" : "";
+  }
+
   showAge() {
     this.showMethod();
     const age_ms = this.app.view.stream.age_ms();
     const tag = $("age");
     if (this.app.replay.open) {
+      setText($("v-delay"), "–");
       this.showPlayback(tag);
       return;
     }
-    const s = finite(age_ms) ? Math.max(0, age_ms / 1000) : 0;
-    const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
+    const old = ageText(age_ms);
     const still = age_ms > OLD_MS && !this.lost && this.app.still(); // only changes are rendered
     const late = age_ms > OLD_MS && !still;
+    this.showDelay(age_ms, this.lost !== null || late);
     const settling = !this.lost && !late && this.app.settling();
     tag.hidden = !(this.lost || still || late || settling); // of a fresh picture the delay above says it all
     tag.dataset.kind = this.lost || late ? "late" : "";
@@ -472,6 +489,11 @@ export class Stage {
     box.replaceChildren(el("h2", {}, what.title), el("p", {}, what.text),
       what.todo?.length ? el("ul", {}, ...what.todo.map((line) => el("li", {}, ...codes(line)))) : "");
   }
+}
+
+function ageText(ms) {
+  const s = finite(ms) ? Math.max(0, ms / 1000) : 0;
+  return s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
 }
 
 /** `word` becomes code. */

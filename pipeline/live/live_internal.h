@@ -157,6 +157,11 @@ int live_identities_tracks(const struct live_identities *w, struct sst_live_trac
 /** A track that is not seen is reported where it was seen last: its predicted place is for finding it again alone. */
 void live_track_hold(struct sst_live_track *t);
 
+/* --- extent.c --- */
+
+/** Refine a track behind leaves by what the reference view sees of it: disparity, and a box from head to foot. */
+void live_track_grow(const struct sst_lightfield *lf, struct sst_live_track *t);
+
 /* --- cut.c --- */
 
 void live_cut_init(struct live_cut *c);

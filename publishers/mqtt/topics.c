@@ -48,6 +48,9 @@ static json_t *short_status(const json_t *status)
         { "skew_us", "capture.skew_us.p99" },
         { "live", "live.ready" },
         { "live_hz", "live.rate_hz" },
+        { "too_slow", "live.too_slow" },
+        { "removed", "live.removed" },
+        { "noticed", "noticed" },
         { "latency_ms", "live.latency_ms.p50" },
         { "focus_px", "live.focus_px" },
         { "storage", "storage.state" },
@@ -166,7 +169,8 @@ static bool changes_state(const char *type)
 {
     static const char *const types[] = { "state",     "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
                                          "storage",   "record-start", "record-stop",  "reload",       "skew",
-                                         "host-lost", "host-found",   "device-lost",  "device-found" };
+                                         "host-lost", "host-found",   "device-lost",  "device-found",
+                                         "too-slow",  "visit" };
 
     for (size_t i = 0; i < ARRAY_LEN(types); i++)
         if (!strcmp(types[i], type))

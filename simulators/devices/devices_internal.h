@@ -439,6 +439,7 @@ struct sim_options {
     const char *const *faults; /* [fault_count] initial "NAME=VALUE" */
     int fault_count;
     bool quiet;
+    bool at_once; /* a world that is not in the cache is prepared in the background */
 };
 
 struct sim_simulator; /* opaque */

@@ -49,7 +49,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
     struct sim_options *o = &a->options;
     const char **const texts[] = { &o->world, &o->cache, &o->wires.usb, &o->truth,     &o->stats,
                                    &a->serve, &a->join,  &a->dir,       &a->parameters };
-    bool *const flags[] = { &o->wires.rig, &o->quiet, &a->list, &a->json };
+    bool *const flags[] = { &o->wires.rig, &o->quiet, &a->list, &a->json, &o->at_once };
     static const struct option options[] = {
         { "world", required_argument }, /* the texts above */
         { "cache", required_argument },
@@ -64,6 +64,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
         { "quiet", no_argument },
         { "list", no_argument },
         { "json", no_argument },
+        { "at-once", no_argument },
         { "fault", required_argument, NULL, 'f' },
         { "rig-port", required_argument, NULL, 'p' },
         { "triggers", required_argument, NULL, 'T' },

@@ -195,7 +195,10 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
         return err;
     sim->options = *options;
     err = options->wires.rig ? check_rig(options) : 0;
-    err = err ? err : sst_sim_world_open(&sim->world, options->world, options->cache);
+    if (!err && options->at_once)
+        err = sst_sim_world_open_at_once(&sim->world, options->world, options->cache);
+    else if (!err)
+        err = sst_sim_world_open(&sim->world, options->world, options->cache);
     err = err ? err : sim_faults_create(&sim->faults);
     err = err ? err : add_world_faults(sim);
     if (err)

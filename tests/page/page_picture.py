@@ -229,6 +229,43 @@ def test_follow(b, fake):
     check(count() == asked, "what is gone is followed")
 
 
+def test_boxes(b, fake):
+    """What moves has a box with label and distance in every mode; who is removed is said, and comes back by one click."""
+    size = b.js("[document.getElementById('canvas').width, document.getElementById('canvas').height]")
+    walker = {"track": 9, "state": "seen", "hidden": False, "label": 10, "name": "Pedestrian", "label_by": "network", "removed": True,
+              "box": [0.2 * size[0], 0, 0.4 * size[0], size[1]], "at": [0.25 * size[0], 0.5 * size[1], 0.5 * size[0], size[1]],
+              "speed_px_s": [0, 0], "disparity_px": 8.5, "distance_m": 4.44, "height_m": 1.7, "speed_m_s": 1.2, "seconds": 2.0}
+    other = {**walker, "track": 11, "hidden": True, "label": 0, "name": "", "removed": False, "distance_m": 7.71, "disparity_px": 4.0}
+    said = "[...document.querySelectorAll('.box:not([hidden]) span')].map((n) => n.textContent).join()"
+    badge = "document.getElementById('removed')"
+    fake.set(tracks=[walker, other])
+    b.wait(f"{said} === 'Person · 4.4 m,Moving thing · 7.7 m'")  # see-through: nothing is removed by a cut
+    check(b.js(f"{badge}.hidden"), "see-through removes somebody")
+    check(b.js("(({left, top, width, height}) => [left, top, width, height].join())(document.querySelector('.box').style)") ==
+          "25%,50%,25%,50%", "the box is elsewhere")
+    b.click("#mode label:nth-child(1)")
+    b.wait(f"{said} === 'Person · 4.4 m · removed,Moving thing · 7.7 m'")
+    b.wait(f"!{badge}.hidden && {badge}.firstElementChild.textContent === '1 person removed, 4.4 m'")
+    b.click("#removed")
+    check(expect(lambda: last(fake, "keep_moving") is True), "nobody is brought back")
+    b.wait(f"{badge}.textContent.includes('1 person brought back, 4.4 m') && {badge}.getAttribute('aria-pressed') === 'true'")
+    b.wait(f"{said} === 'Person · 4.4 m,Moving thing · 7.7 m'")
+    b.click("#removed")
+    check(expect(lambda: last(fake, "keep_moving") is False), "nobody is removed again")
+    b.wait(f"{badge}.firstElementChild.textContent === '1 person removed, 4.4 m'")
+    b.js("document.querySelector('#overlay [value=camera]').click()")
+    b.wait(f"{badge}.hidden && {said} === 'Person · 4.4 m,Moving thing · 7.7 m'")  # the camera removes nobody
+    b.js("document.querySelector('#overlay [value=\"\"]').click()")
+    b.click("#boxes-on")
+    b.wait("document.getElementById('boxes').hidden && document.getElementById('boxes-on').getAttribute('aria-pressed') === 'false'")
+    check(b.js("localStorage.getItem('sst-boxes')") == "off", "not remembered")
+    b.wait(f"!{badge}.hidden")  # who is removed is said all the same
+    b.click("#boxes-on")
+    fake.set(tracks=[])
+    b.wait(f"{badge}.hidden && document.querySelectorAll('.box').length === 0")
+    b.click("#mode label:nth-child(2)")
+
+
 def test_label(b, fake):
     b.wait("document.querySelectorAll('.chip').length > 3")
     b.click("#chips .chip:nth-child(2)")
@@ -356,5 +393,5 @@ def test_adjust(b, fake):
 
 
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera,
-         test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep,
+         test_unknown, test_mode, test_focus, test_pick, test_follow, test_boxes, test_label, test_compare, test_sweep,
          test_overlay, test_camera_large, test_zoom, test_light, test_adjust]

@@ -107,6 +107,12 @@ def test_states(b, fake):
     b.wait("!document.getElementById('age').hidden && document.getElementById('age').textContent === 'Settling'")
     fake.set(status={"live": {"settling": False}})
     b.wait("document.getElementById('age').textContent !== 'Settling'")
+    fake.set(status={"live": {"too_slow": True, "rate_hz": 0.3, "due_hz": 5.0},
+                     "noticed": [{"what": "too-slow", "text": "too slow: 0.3 of 5.0 sets a second are processed"}]})
+    b.wait("document.getElementById('state-word').textContent === 'Too slow' && document.getElementById('state').dataset.kind === 'warn'")
+    b.wait("document.getElementById('v-rate').textContent === '0.3 of 5.0 /s' && document.getElementById('v-rate').dataset.kind === 'warn'")
+    fake.set(status={"live": {"too_slow": False, "rate_hz": 5.0}, "noticed": []})
+    b.wait("document.getElementById('state-word').textContent === 'Live' && document.getElementById('v-rate').dataset.kind === ''")
 
 
 def test_storage(b, fake):

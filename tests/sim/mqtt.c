@@ -58,6 +58,7 @@ static void home_assistant_finds_the_array(void **state)
                                        "switch/sst/record",
                                        "camera/sst/picture",
                                        "sensor/sst/latency",
+                                       "sensor/sst/removed",
                                        "sensor/sst/free",
                                        "binary_sensor/sst/camera_r0c1",
                                        "sensor/sst/storage",
@@ -86,6 +87,8 @@ static void home_assistant_finds_the_array(void **state)
         topic = json_string_value(json_object_get(o, strncmp(ids[i], "camera/", 7) ? "state_topic" : "topic"));
         assert_non_null(topic);
         assert_int_equal(strncmp(topic, "sst/", 4), 0);
+        if (!strcmp(ids[i], "binary_sensor/sst/problem"))
+            assert_contains(json_string_value(json_object_get(o, "value_template")), "not value_json.too_slow");
         if (!strcmp(ids[i], "binary_sensor/sst/problem")) /* not of a loop of recordings that fills its quota */
             assert_non_null(strstr(json_string_value(json_object_get(o, "value_template")),
                                    "value_json.storage == 'LOW' and value_json.storage_limit == 'quota'"));

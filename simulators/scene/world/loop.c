@@ -8,6 +8,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -43,6 +44,8 @@ struct sim_loop {
     size_t bytes;
     const struct entry *entries;
     uint32_t cams, frames;
+    struct early *early;             /* until all frames are there; NULL: they were */
+    _Atomic(struct sim_loop *) whole; /* prepared in the background; NULL: not yet */
 };
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
@@ -111,6 +114,7 @@ done:
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
 struct job {
+    bool background;
     FILE *file;
     const char *name;
     int cams, frames;
@@ -139,7 +143,9 @@ static int store_locked(struct job *j, int cam, const struct sim_jpeg *frames)
         j->end += f->bytes;
     }
     j->done++;
-    if (isatty(STDERR_FILENO))
+    if (j->background)
+        fprintf(stderr, SIM_LOOP_PROGRESS "\n", j->name, j->done, j->cams);
+    else if (isatty(STDERR_FILENO))
         fprintf(stderr, "\rpreparing the world %s: %d of %d cameras%s", j->name, j->done, j->cams,
                 j->done == j->cams ? "\n" : "");
     return 0;
@@ -149,7 +155,11 @@ static int prepare_camera(void *arg, int cam, int worker SST_UNUSED)
 {
     struct job *j = arg;
     struct sim_jpeg *frames = calloc((size_t)j->frames, sizeof(*frames));
-    int err = frames ? j->render(j->arg, cam, frames) : -ENOMEM;
+    int err;
+
+    if (j->background)
+        sst_thread_nice(19);
+    err = frames ? j->render(j->arg, cam, frames) : -ENOMEM;
 
     if (!err) {
         pthread_mutex_lock(&j->lock);
@@ -245,6 +255,78 @@ static void tidy(const char *folder)
         closedir(dir);
 }
 
+static int render_all(const char *path, const uint8_t key[SST_SIM_KEY_BYTES], struct job *j, struct sim_loop **out)
+{
+    int err;
+
+    pthread_mutex_init(&j->lock, NULL);
+    err = prepare(path, key, j);
+    pthread_mutex_destroy(&j->lock);
+    if (!err && (err = map_file(out, path, key, j->cams, j->frames)) == -ENOENT) {
+        sst_log_error("the prepared world %s vanished; choose another folder for the cache", path);
+        err = -EIO;
+    }
+    return err;
+}
+
+/* --- at once ------------------------------------------------------------------------------------------------------ */
+
+struct early {
+    struct job job;
+    uint8_t key[SST_SIM_KEY_BYTES];
+    char path[SST_PATH_MAX];
+    sim_render_fn *render;
+    struct sim_jpeg *first; /* [cams] */
+    pthread_t thread;
+    bool runs;
+};
+
+static int render_first(void *arg, int cam, int worker SST_UNUSED)
+{
+    struct early *e = arg;
+
+    return e->render(e->job.arg, cam, &e->first[cam]);
+}
+
+static void *render_rest(void *arg)
+{
+    struct sim_loop *l = arg, *whole = NULL;
+
+    sst_thread_name("sst-prepare");
+    if (!render_all(l->early->path, l->early->key, &l->early->job, &whole)) /* logged, or ended */
+        atomic_store(&l->whole, whole);
+    return NULL;
+}
+
+static int open_at_once(struct sim_loop **out, const char *path, const struct sim_loop_config *cfg, const struct job *j)
+{
+    struct sim_loop *l = calloc(1, sizeof(*l));
+    struct early *e = l ? calloc(1, sizeof(*e)) : NULL;
+    int err;
+
+    if (!e) {
+        free(l);
+        return -ENOMEM;
+    }
+    l->early = e;
+    l->cams = (uint32_t)cfg->cams;
+    l->frames = (uint32_t)cfg->frames;
+    e->job = *j;
+    e->job.background = true;
+    e->render = cfg->render_first;
+    memcpy(e->key, cfg->key, sizeof(e->key));
+    snprintf(e->path, sizeof(e->path), "%s", path);
+    e->first = calloc((size_t)cfg->cams, sizeof(*e->first));
+    err = e->first ? sst_parallel_for(cfg->cams, sst_thread_count(0), render_first, e) : -ENOMEM;
+    err = err ? err : -pthread_create(&e->thread, NULL, render_rest, l);
+    e->runs = !err;
+    if (err)
+        sim_loop_close(l);
+    else
+        *out = l;
+    return err;
+}
+
 int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg)
 {
     struct job j = {
@@ -268,29 +350,46 @@ int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg)
     if (err != -ENOENT)
         return err;
     tidy(folder);
-    pthread_mutex_init(&j.lock, NULL);
-    err = prepare(path, key, &j);
-    pthread_mutex_destroy(&j.lock);
-    if (!err && (err = map_file(out, path, key, cfg->cams, cfg->frames)) == -ENOENT) {
-        sst_log_error("the prepared world %s vanished; choose another folder for the cache", path);
-        err = -EIO;
-    }
-    return err;
+    return cfg->render_first && cfg->frames > 1 ? open_at_once(out, path, cfg, &j) : render_all(path, key, &j, out);
+}
+
+static void close_early(struct early *e, uint32_t cams)
+{
+    if (!e)
+        return;
+    if (e->runs)
+        pthread_join(e->thread, NULL);
+    for (uint32_t i = 0; e->first && i < cams; i++)
+        free(e->first[i].data);
+    free(e->first);
+    free(e);
 }
 
 void sim_loop_close(struct sim_loop *l)
 {
     if (!l)
         return;
+    close_early(l->early, l->cams);
+    sim_loop_close(atomic_load(&l->whole));
     if (l->map)
         munmap((void *)(uintptr_t)l->map, l->bytes);
     free(l);
 }
 
+bool sim_loop_whole(const struct sim_loop *l)
+{
+    return !l->early || atomic_load(&l->whole);
+}
+
 struct sim_jpeg sim_loop_frame(const struct sim_loop *l, int cam, int frame)
 {
-    const struct entry *e = &l->entries[(size_t)cam * l->frames + (size_t)frame];
+    const struct entry *e;
 
+    if (l->early && !atomic_load(&l->whole))
+        return l->early->first[cam];
+    if (l->early)
+        l = atomic_load(&l->whole);
+    e = &l->entries[(size_t)cam * l->frames + (size_t)frame];
     return (struct sim_jpeg){
         .data = (uint8_t *)(uintptr_t)(l->map + e->offset),
         .bytes = e->bytes,

@@ -138,6 +138,7 @@ struct sst_sim_world {
     struct sst_sim_settings settings;
     struct sim_stage *stage;
     struct sim_loop *loop; /* NULL on a rig */
+    SST_ATOMIC(bool) ending; /* a loop that is being prepared is given up */
     struct sim_made *made;
     int cams, size_count;
     int held; /* the loop's frame that is held; -1: by time */
@@ -215,15 +216,40 @@ static int encode(void *arg, int frame, const struct sst_image *image)
     return sim_jpeg_encode(image, e->settings->quality, e->settings->strip, &e->frames[frame - e->first]);
 }
 
+struct preparing {
+    struct encoding e;
+    const struct sst_sim_world *world;
+    int most; /* frames */
+};
+
+#define ENOUGH (-ECANCELED)
+
+static int encode_loop(void *arg, int frame, const struct sst_image *image)
+{
+    const struct preparing *p = arg;
+    const int err = p->world->ending ? -EINTR : frame >= p->most ? ENOUGH : 0;
+
+    return err ? err : encode((void *)(uintptr_t)&p->e, frame, image);
+}
+
 static int render_camera(void *arg, int cam, struct sim_jpeg *frames)
 {
     const struct sst_sim_world *w = arg;
-    struct encoding e = { &w->settings, frames, 0 };
+    struct preparing p = { { &w->settings, frames, 0 }, w, sim_stage_frames(w->stage) };
 
-    return sim_stage_loop(w->stage, cam, encode, &e);
+    return sim_stage_loop(w->stage, cam, encode_loop, &p);
 }
 
-static int open_loop(struct sst_sim_world *w, const char *cache)
+static int render_first(void *arg, int cam, struct sim_jpeg *frames)
+{
+    const struct sst_sim_world *w = arg;
+    struct preparing p = { { &w->settings, frames, 0 }, w, 1 };
+    const int err = sim_stage_loop(w->stage, cam, encode_loop, &p);
+
+    return err == ENOUGH ? 0 : err;
+}
+
+static int open_loop(struct sst_sim_world *w, const char *cache, bool at_once)
 {
     uint8_t key[SHA256_DIGEST_LENGTH];
     const int version = VERSION;
@@ -238,10 +264,11 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
     SHA256Update(&hash, (const uint8_t *)&w->settings, offsetof(struct sst_sim_settings, host));
     SHA256Final(key, &hash);
     return sim_loop_open(&w->loop, &(struct sim_loop_config){ folder, key, w->settings.scene, w->cams,
-                                                              sim_stage_frames(w->stage), render_camera, w });
+                                                              sim_stage_frames(w->stage), render_camera, w,
+                                                              at_once ? render_first : NULL });
 }
 
-int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
+static int open_world(struct sst_sim_world **out, const char *world, const char *cache, bool at_once)
 {
     struct sst_sim_world *w = calloc(1, sizeof(*w));
     int err = w ? sst_sim_settings_read(&w->settings, world ? world : "pedestrian") : -ENOMEM;
@@ -255,7 +282,7 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
     err = w->luma ? made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
     if (!err && !w->settings.rig)
-        err = open_loop(w, cache);
+        err = open_loop(w, cache, at_once);
     if (err)
         goto fail;
     *out = w;
@@ -266,10 +293,21 @@ fail:
     return err;
 }
 
+int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
+{
+    return open_world(out, world, cache, false);
+}
+
+int sst_sim_world_open_at_once(struct sst_sim_world **out, const char *world, const char *cache)
+{
+    return open_world(out, world, cache, true);
+}
+
 void sst_sim_world_close(struct sst_sim_world *w)
 {
     if (!w)
         return;
+    w->ending = true;
     sim_loop_close(w->loop);
     made_destroy(w->made);
     sim_stage_close(w->stage);
@@ -341,6 +379,8 @@ static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
     const int frame = sim_stage_frame_at(w->stage, (int)(((now % steps) + steps) % steps));
     const size_t slot = e->trigger % TRIGGERS;
 
+    if (w->loop && !sim_loop_whole(w->loop))
+        return 0;
     if (w->held >= 0)
         return w->held;
 

@@ -37,6 +37,13 @@ struct sst_sim_exposure {
  * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, -EIO, -ENOSPC; logged.
  */
 SST_MUST_CHECK int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache);
+/** Line on standard error for each camera of a loop that is prepared in the background: world, done, all. */
+#define SIM_LOOP_PROGRESS "preparing the world %s: %d of %d cameras"
+
+/** The same, but a loop that is not in the cache is prepared in the background: until it is there, each camera delivers
+ *  the first picture of the loop. */
+SST_MUST_CHECK int sst_sim_world_open_at_once(struct sst_sim_world **out, const char *world, const char *cache);
+
 /** Folder of prepared loops, which is created. @param cache  as for sst_sim_world_open() @return 0, -EINVAL, -EIO;
  * logged */
 SST_MUST_CHECK int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache);

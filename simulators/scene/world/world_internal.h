@@ -197,7 +197,8 @@ SST_MUST_CHECK int sim_jpeg_encode(const struct sst_image *img, int quality, boo
 SST_MUST_CHECK int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure,
                                  struct sst_sim_room out, size_t *bytes);
 
-/* --- loop: prepared frames of all cameras: rendered once, cached in a file, mapped into memory. --- */
+/* --- loop: prepared frames of all cameras: rendered once, cached in a file, mapped into memory. At once: the first frame
+ * of each camera is there after open, and the others are rendered in the background. --- */
 
 #define SST_SIM_KEY_BYTES 32
 
@@ -218,6 +219,7 @@ struct sim_loop_config {
     int cams, frames;
     sim_render_fn *render;
     void *arg;
+    sim_render_fn *render_first; /* of one frame; NULL: all frames are rendered before open returns */
 };
 
 /**
@@ -226,7 +228,11 @@ struct sim_loop_config {
  * @return 0, -ENOMEM, -EIO/-ENOSPC/-EROFS/-EACCES (cache), or the error of render; logged
  */
 SST_MUST_CHECK int sim_loop_open(struct sim_loop **out, const struct sim_loop_config *cfg);
+/** Wait for the render functions, which the caller makes return early. */
 void sim_loop_close(struct sim_loop *loop);
+
+/** Are all frames there? Until then only the first one of each camera is. Thread: any */
+bool sim_loop_whole(const struct sim_loop *loop);
 
 /** A frame; its data is borrowed and read-only. */
 struct sim_jpeg sim_loop_frame(const struct sim_loop *loop, int cam, int frame);

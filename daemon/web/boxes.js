@@ -1,0 +1,121 @@
+// Boxes around all that moves, with label and distance, in every mode; and the badge that says who is removed from the clear picture.
+
+import { NOTHING_PX } from "/web/clear.js";
+import { $, el, finite, number, setText, storage, visible } from "/web/ui.js";
+
+const ASK_MS = 400;   // without a picture that asks before; a camera's picture does not
+const LEAST_MS = 80;
+const REST_MS = 1000; // while nothing moves
+const KEY = "sst-boxes";
+const PERSONS = ["Pedestrian", "Person", "person"];
+
+const word = ({ name }) => (PERSONS.includes(name) ? "person" : name ? name.toLowerCase() : "moving thing");
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const metres = ({ distance_m }) => (finite(distance_m) ? `${number(distance_m, 1)} m` : "");
+
+export class Boxes {
+  /** @param app  {view, mode, clear, change()}; @param stage  {canvas, zoom, overlays} */
+  constructor(app, stage) {
+    this.app = app;
+    this.stage = stage;
+    this.tracks = [];
+    this.nodes = new Map(); // by number of the track
+    this.wake = () => {};
+    this.keeps = false;     // nothing that moves is removed
+    this.on = storage(KEY) !== "off";
+    $("boxes-on").addEventListener("click", () => {
+      this.on = !this.on;
+      storage(KEY, this.on ? "on" : "off");
+      this.show();
+    });
+    $("removed").addEventListener("click", () => {
+      this.keeps = !this.keeps;
+      app.change({ keep_moving: this.keeps });
+      this.show();
+    });
+    this.show();
+    this.follow();
+  }
+
+  adopt({ keep_moving: keeps }) {
+    this.keeps = keeps === true;
+    this.show();
+  }
+
+  async follow() {
+    for (;;) {
+      await visible();
+      this.tracks = await this.app.view.tracks().catch(() => []); // the next status request reports why not
+      this.show();
+      await new Promise((done) => setTimeout(done, LEAST_MS));
+      await new Promise((done) => {
+        this.wake = done;
+        setTimeout(done, this.tracks.length ? ASK_MS : REST_MS);
+      });
+    }
+  }
+
+  /** A new picture is drawn: its tracks are known. */
+  picture() {
+    this.wake();
+  }
+
+  /** Does the cut of this page's picture remove a track, unless it is told to keep it? */
+  isCut({ removed, disparity_px: px }) {
+    const { cut_px: cut } = this.app.clear;
+    return cut === null ? removed === true : cut !== NOTHING_PX && px > cut;
+  }
+
+  show() {
+    const cut = this.app.mode === "clear" && !this.stage.overlays.camera ? this.tracks.filter((track) => this.isCut(track)) : [];
+    $("boxes-on").setAttribute("aria-pressed", this.on);
+    $("boxes").hidden = !this.on;
+    this.showBadge(cut);
+    for (const [track, node] of this.nodes)
+      if (!this.tracks.some((other) => other.track === track)) {
+        node.remove();
+        this.nodes.delete(track);
+      }
+    for (const track of this.tracks) this.showBox(track, cut.includes(track) && !this.keeps);
+  }
+
+  /** "1 person removed, 4.4 m"; pressed, it brings them back. */
+  showBadge(cut) {
+    const badge = $("removed");
+    badge.hidden = cut.length === 0;
+    if (badge.hidden) return;
+    const nearest = cut.reduce((best, track) => (track.disparity_px > best.disparity_px ? track : best));
+    const same = cut.every((track) => word(track) === word(nearest)) ? word(nearest) : "moving thing";
+    const many = cut.length > 1;
+    setText(badge.firstElementChild, `${cut.length} ${same}${many ? "s" : ""} ${this.keeps ? "brought back" : "removed"}${
+      metres(nearest) ? `, ${many ? "nearest " : ""}${metres(nearest)}` : ""}`);
+    setText(badge.lastElementChild, this.keeps ? "Remove again" : "Bring back");
+    badge.setAttribute("aria-pressed", this.keeps);
+  }
+
+  showBox(track, removed) {
+    if (!this.nodes.has(track.track)) {
+      const node = el("div", { class: "box" }, el("span", {}));
+      this.nodes.set(track.track, node);
+      $("boxes").append(node);
+    }
+    const node = this.nodes.get(track.track);
+    node.dataset.state = removed ? "removed" : track.state === "covered" ? "covered" : track.hidden ? "hidden" : "";
+    setText(node.firstElementChild, [capital(word(track)), metres(track), removed ? "removed" : ""].filter(Boolean).join(" · "));
+    node.title = track.label_by === "size and motion" ? "By size and motion" : "";
+    this.place(node, track.at ?? track.box);
+  }
+
+  /** The part of the box that is in sight; its caption stays inside the picture. */
+  place(node, [x0, y0, x1, y1]) {
+    const { canvas, zoom } = this.stage;
+    const corners = [zoom.toFrame([x0 / canvas.width, y0 / canvas.height]), zoom.toFrame([x1 / canvas.width, y1 / canvas.height])];
+    const [[left, top], [right, bottom]] = corners.map((at) => at.map((v) => Math.min(Math.max(v, 0), 1)));
+    node.hidden = right <= left || bottom <= top;
+    node.style.left = `${100 * left}%`;
+    node.style.top = `${100 * top}%`;
+    node.style.width = `${100 * (right - left)}%`;
+    node.style.height = `${100 * (bottom - top)}%`;
+    node.dataset.side = `${top < 0.08 ? "in" : "above"} ${left > 0.75 ? "right" : "left"}`;
+  }
+}
