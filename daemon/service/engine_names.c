@@ -1,7 +1,7 @@
 /* Names of tracks that the network has not labelled: a person by size and motion. And the tracks that clear pictures
  * remove.
  *
- * Height at disparity d: h = h_px * B / d, B the camera spacing (from Z = f * B / d). Speeds likewise. */
+ * Height at disparity d: h = h_px * B / d, B the camera spacing (from Z = f * B / d). Speeds by the same factor. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -17,7 +17,7 @@
 #define FAST_M_S  3.0
 #define LEAST_NS  INT64_C(1000000000) /* of the walk that a speed is measured on */
 #define LEAST     4                   /* sets that fit */
-#define SHARE     0.5                 /* of all whose size is known */
+#define SHARE     0.5                 /* of all sets with a known size */
 #define EDGE_PX   3                   /* a box at an edge of the picture has no known size */
 #define GAIN      0.3                 /* of a new size against the mean of the former */
 
@@ -74,7 +74,7 @@ static bool is_person(const struct sized *a)
     return a->walked && !a->ran && a->fits >= LEAST && a->fits >= SHARE * a->sets;
 }
 
-/* Forget those whose track has gone. */
+/* Remove the sizes of tracks that have gone. */
 static void forget_gone(struct live_engine *v, const struct sst_live_track *track, int n)
 {
     int kept = 0;

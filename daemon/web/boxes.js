@@ -1,4 +1,4 @@
-// Boxes around all that moves, with label and distance, in every mode; and the badge that says who is removed from the clear picture.
+// Boxes around all that moves, with label and distance, in every mode; and the badge of things that the clear picture is without.
 
 import { NOTHING_PX } from "/web/clear.js";
 import { $, el, finite, number, setText, storage, visible } from "/web/ui.js";

@@ -72,7 +72,7 @@ export class Labels {
     return this.all.filter((entry) => entry.share >= SHOWN_SHARE || entry.name === this.chosen);
   }
 
-  /** Labels worth a chip: the service offers what has been there for a while. */
+  /** Labels worth a chip, which the service offers after a minute in the picture. */
   offered() {
     return this.present().filter((entry) => entry.offered !== false || entry.name === this.chosen);
   }

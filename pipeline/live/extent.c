@@ -10,7 +10,7 @@
 #include "pipeline/live/live_internal.h"
 
 #define REACH_PX  1.0 /* of disparities about the track's, or ... */
-#define REACH     0.1 /* ... this part of that */
+#define REACH     0.1 /* ... this fraction of it */
 #define FARTHER   0.3 /* of its disparity: behind the search's depth, ... */
 #define NEARER    0.1 /* ... and before it: a thing is there, since the search places things too near */
 #define BINS      64

@@ -13,7 +13,7 @@
 struct live_cut {
     double cut_px;    /* NaN: unknown */
     double gap_px;    /* by the gap alone */
-    double front;     /* fraction of the rays in front of that, most ever */
+    double front;     /* fraction of the rays in front of the gap, most ever */
     int64_t since_ns; /* another one has been found since then; 0: none */
     double guard_px;  /* before tracks that move behind the foreground; NaN: the gap is */
     int64_t guarded_ns;
@@ -159,7 +159,7 @@ void live_track_hold(struct sst_live_track *t);
 
 /* --- extent.c --- */
 
-/** Refine a track behind leaves by what the reference view sees of it: disparity, and a box from head to foot. */
+/** Refine a track behind leaves by its pixels in the reference view: disparity, and a box from head to foot. */
 void live_track_grow(const struct sst_lightfield *lf, struct sst_live_track *t);
 
 /* --- cut.c --- */

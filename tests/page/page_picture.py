@@ -259,7 +259,7 @@ def test_boxes(b, fake):
     b.click("#boxes-on")
     b.wait("document.getElementById('boxes').hidden && document.getElementById('boxes-on').getAttribute('aria-pressed') === 'false'")
     check(b.js("localStorage.getItem('sst-boxes')") == "off", "not remembered")
-    b.wait(f"!{badge}.hidden")  # who is removed is said all the same
+    b.wait(f"!{badge}.hidden")  # the badge does not depend on boxes
     b.click("#boxes-on")
     fake.set(tracks=[])
     b.wait(f"{badge}.hidden && document.querySelectorAll('.box').length === 0")

@@ -228,7 +228,7 @@ static void who_moves_behind_the_hedge_stays(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* Somebody whom nobody has noticed yet stands just behind the leaves. */
+/* Somebody without a track yet stands just behind the leaves. */
 static void who_is_not_noticed_yet_stays(void **state SST_UNUSED)
 {
     const struct walker who = { 50, HEDGE - 2.2 };

@@ -448,7 +448,7 @@ static void too_slow_is_noticed(void **state)
 
 /* --- crossings over a gap ------------------------------------------------------------------------------------------ */
 
-/* A track of its own, whose foot is at a point. */
+/* A new track with its foot at a point. */
 static void stand_as(uint32_t id, double x, double disp_px)
 {
     const struct sst_live_track t = { .id = id,
@@ -465,7 +465,7 @@ static void stand_as(uint32_t id, double x, double disp_px)
     v->set_wall_ns += SET_NS;
 }
 
-/* @return crossings of somebody who is lost at one place and found at another, some sets later */
+/* @return crossings of a walker lost at one place and found at another, some sets later */
 static int crossed(double lost_x, double found_x, double found_px, int sets)
 {
     int n = 0;

@@ -18,7 +18,7 @@
 #define OUTLINE_SHARE 110
 #define OUTLINE_REACH 5 /* px to each side: outlines follow the mean of the removed pixels over them */
 #define TRACK_PX      2.0 /* disparities of a track about its mean, or ... */
-#define TRACK         0.2 /* ... this part of that */
+#define TRACK         0.2 /* ... this fraction of it */
 #define BAND          16
 #define SAME_PX       1.0 /* disparities of one surface */
 #define AIM_REACH     48  /* px around a click on something hidden */
@@ -213,7 +213,7 @@ static void mark_track(struct picture_clear *c, const struct sst_view *v, const 
     }
 }
 
-/* Of the removed pixels, only those of tracks stay marked. */
+/* Unmark removed pixels that belong to no track. */
 static void mark_moving(struct picture_clear *c, const struct sst_view *v)
 {
     const struct live_cut *cut = &c->live->cut;
