@@ -88,7 +88,7 @@ export class Health {
     const { capture = {}, live = {}, storage = {} } = status;
     const slow = status.state === "capturing" && live.too_slow === true;
     const [word, kind] = slow ? ["Too slow", "warn"] : STATES[status.state] ?? [status.state, "warn"];
-    this.showState(word, kind, slow ? "visits and crossings may be missed" : status.reason ?? "");
+    this.showState(word, kind, slow ? "visits may be missed" : status.reason ?? "");
     const absent = capture.cameras - capture.present;
     setText($("v-cameras"), finite(capture.present) ? `${capture.present} / ${capture.cameras}` : "–");
     $("v-cameras").dataset.kind = absent > 0 ? "warn" : "";

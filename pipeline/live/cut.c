@@ -27,7 +27,8 @@
 #define MARGIN    0.25 /* of the gap, at most */
 /* Distance of the cut from a track behind it. */
 #define BEFORE        0.05 /* of its disparity */
-#define BEFORE_HIDDEN 0.15 /* depths of hidden things are less exact */
+#define BEFORE_HIDDEN 0.08 /* depths of hidden things are less exact */
+#define STEADY_PX     0.25 /* in addition: not again with each step that comes nearer */
 #define BEFORE_PX     0.5
 #define VISITOR_SHARE 0.15 /* of all rays, at most: a visitor in the gap */
 #define FRONT_SHARE   0.05 /* of all rays, nearer than a track: it moves behind the foreground */
@@ -192,12 +193,12 @@ void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, i
         c->guard_px = NAN;
     need_px = before_tracks(live);
     if (need_px > c->gap_px && !(c->guard_px >= need_px)) {
-        c->guard_px = need_px + BEFORE_PX; /* not again with each step that comes nearer */
+        c->guard_px = need_px + STEADY_PX;
         c->guarded_ns = t_ns;
-    } else if (need_px > c->gap_px && need_px >= c->guard_px - 2 * BEFORE_PX) {
+    } else if (need_px > c->gap_px && need_px >= c->guard_px - 2 * STEADY_PX) {
         c->guarded_ns = t_ns;
     } else if (t_ns - c->guarded_ns >= GUARD_NS) {
-        c->guard_px = need_px > c->gap_px ? need_px + BEFORE_PX : NAN;
+        c->guard_px = need_px > c->gap_px ? need_px + STEADY_PX : NAN;
         c->guarded_ns = t_ns;
     }
     apply(c);

@@ -11,8 +11,9 @@
 
 #define REACH_PX  1.0 /* of disparities about the track's, or ... */
 #define REACH     0.1 /* ... this fraction of it */
-#define FARTHER   0.3 /* of its disparity: behind the search's depth, ... */
+#define FARTHER   0.25 /* of its disparity: behind the search's depth, ... */
 #define NEARER    0.1 /* ... and before it: a thing is there, since the search places things too near */
+#define BEHIND    0.5 /* of the way from the farthest surfaces to the track: surfaces behind this are no part of it */
 #define BINS      64
 #define AROUND    0.5 /* of the box's width, to each side: columns that are counted */
 #define ROW_LEAST 2   /* pixels of a row that is part of the thing */
@@ -78,10 +79,12 @@ static void find_columns(const struct extent *e, int y0, int y1, double *left, d
 }
 
 /* The disparity that most pixels of the box have, around the track's. @return pixels that have it */
-static int find_disparity(const struct sst_lightfield *lf, const struct sst_live_track *t, double *disp_px)
+static int find_disparity(const struct sst_live *live, const struct sst_live_track *t, double *disp_px)
 {
+    const struct sst_lightfield *lf = &live->lf;
     const struct sst_map_u16 *disp = &lf->views[lf->ref_view].disp;
-    const double from_px = (1 - FARTHER) * t->disp_px, to_px = (1 + NEARER) * t->disp_px;
+    const double far_px = live->min_px + BEHIND * (t->disp_px - live->min_px);
+    const double from_px = fmax((1 - FARTHER) * t->disp_px, far_px), to_px = (1 + NEARER) * t->disp_px;
     const int x0 = sst_clamp_int((int)t->x0, 0, disp->width), x1 = sst_clamp_int((int)t->x1, 0, disp->width);
     const int y0 = sst_clamp_int((int)t->y0, 0, disp->height), y1 = sst_clamp_int((int)t->y1, 0, disp->height);
     int bin[BINS + 2] = { 0 }, best = 1;
@@ -98,18 +101,19 @@ static int find_disparity(const struct sst_lightfield *lf, const struct sst_live
     for (int i = 1; i <= BINS; i++)
         best = bin[i - 1] + 2 * bin[i] + bin[i + 1] > bin[best - 1] + 2 * bin[best] + bin[best + 1] ? i : best;
     *disp_px = from_px + (best - 0.5) * (to_px - from_px) / BINS;
-    return bin[best - 1] + bin[best] + bin[best + 1];
+    return best == 1 ? 0 : bin[best - 1] + bin[best] + bin[best + 1]; /* the first: the flank of another surface */
 }
 
-void live_track_grow(const struct sst_lightfield *lf, struct sst_live_track *t)
+void live_track_grow(const struct sst_live *live, struct sst_live_track *t)
 {
+    const struct sst_lightfield *lf = &live->lf;
     const struct sst_map_u16 *disp = &lf->views[lf->ref_view].disp;
     const double around = AROUND * (t->x1 - t->x0);
     struct extent e = { .disp = disp };
     double reach_px, disp_px;
     int y0, y1;
 
-    if (!disp->data || !(t->disp_px > 0) || find_disparity(lf, t, &disp_px) < LEAST)
+    if (!disp->data || !(t->disp_px > fmax(live->min_px, 0)) || find_disparity(live, t, &disp_px) < LEAST)
         return;
     t->disp_px = disp_px;
     reach_px = fmax(REACH_PX, REACH * disp_px);

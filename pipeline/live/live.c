@@ -184,7 +184,7 @@ int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_L
         if (out[i].state == SST_LIVE_TRACK_COVERED)
             live_track_hold(&out[i]);
         else if (out[i].hidden)
-            live_track_grow(&live->lf, &out[i]);
+            live_track_grow(live, &out[i]);
     return n;
 }
 

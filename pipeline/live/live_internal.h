@@ -160,7 +160,7 @@ void live_track_hold(struct sst_live_track *t);
 /* --- extent.c --- */
 
 /** Refine a track behind leaves by its pixels in the reference view: disparity, and a box from head to foot. */
-void live_track_grow(const struct sst_lightfield *lf, struct sst_live_track *t);
+void live_track_grow(const struct sst_live *live, struct sst_live_track *t);
 
 /* --- cut.c --- */
 

@@ -243,7 +243,7 @@ def test_boxes(b, fake):
     check(b.js(f"{badge}.hidden"), "see-through removes somebody")
     check(b.js("(({left, top, width, height}) => [left, top, width, height].join())(document.querySelector('.box').style)") ==
           "25%,50%,25%,50%", "the box is elsewhere")
-    b.click("#mode label:nth-child(1)")
+    mode(b, "clear")
     b.wait(f"{said} === 'Person · 4.4 m · removed,Moving thing · 7.7 m'")
     b.wait(f"!{badge}.hidden && {badge}.firstElementChild.textContent === '1 person removed, 4.4 m'")
     b.click("#removed")
@@ -263,7 +263,7 @@ def test_boxes(b, fake):
     b.click("#boxes-on")
     fake.set(tracks=[])
     b.wait(f"{badge}.hidden && document.querySelectorAll('.box').length === 0")
-    b.click("#mode label:nth-child(2)")
+    mode(b, "sst")
 
 
 def test_label(b, fake):

@@ -278,6 +278,26 @@ static void somebody_before_the_hedge_leaves_it_removed(void **state SST_UNUSED)
     hide(&s);
 }
 
+/* The search behind leaves reports a part of a body, at a rough depth. */
+static void the_box_reaches_from_head_to_foot(void **state SST_UNUSED)
+{
+    const struct walker who = { 50, 10 };
+    struct sst_live_track t = { .hidden = true, .disp_px = 11, .x0 = 44, .x1 = 54, .y0 = 30, .y1 = 42 }, far = t;
+    struct shown s;
+
+    (void)begin(&s, &who, 1, HEDGE);
+    live_track_grow(s.live, &t);
+    assert_float_equal(t.disp_px, who.disp_px, 0.2);
+    assert_true(t.x0 >= 44 && t.x0 <= 48 && t.x1 >= 53 && t.x1 <= 56); /* 46 to 54 are its columns */
+    assert_true(t.y0 >= 11 && t.y0 <= 14 && t.y1 >= HEIGHT - 3);
+    assert_true(t.at[1] == t.y0 && t.at[3] == t.y1);
+    far.x0 += 30; /* nobody is there: the box stays */
+    far.x1 += 30;
+    live_track_grow(s.live, &far);
+    assert_true(far.disp_px == 11 && far.y0 == 30 && far.y1 == 42);
+    hide(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -288,6 +308,7 @@ int main(void)
         cmocka_unit_test(who_is_not_noticed_yet_stays),
         cmocka_unit_test(the_foremost_is_removed_and_the_next_is_not),
         cmocka_unit_test(somebody_before_the_hedge_leaves_it_removed),
+        cmocka_unit_test(the_box_reaches_from_head_to_foot),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
