@@ -9,20 +9,13 @@
 
 #include "base/jpeg_slot.h"
 #include "config/sstd.h"
+#include "publishers/login.h"
 
-#define RTSP_SLICE_MS       50  /* longest wait in one piece: how fast a stop is noticed */
-#define RTSP_NAME_MAX       63  /* characters of the name of a view or camera */
-#define RTSP_PASSWORD       129 /* bytes, with the NUL */
-#define RTSP_PASSWORD_LEAST 8   /* characters: 22,000 guesses a day are looked at, from one address */
-
-struct rtsp_login {
-    char user[64], password[RTSP_PASSWORD]; /* user "": no password is required */
-};
+#define RTSP_SLICE_MS 50 /* longest wait in one piece: how fast a stop is noticed */
+#define RTSP_NAME_MAX 63 /* characters of the name of a view or camera */
 
 /* --- main.c: reports to the service ------------------------------------------------------------------------------- */
 
-/** A client sent a wrong password. Thread: any */
-void rtsp_report_refused(const char *address);
 /** The number of clients that watch. Thread: any */
 void rtsp_report_clients(int clients);
 
@@ -51,13 +44,6 @@ void rtsp_picture_unref(struct rtsp_picture *picture); /* NULL is fine */
 /** True while its stream is open. */
 bool rtsp_picture_is_open(enum rtsp_kind kind, const char *name);
 
-/* --- listen.c ----------------------------------------------------------------------------------------------------- */
-
-/** Read the password. @param config  checked @return 0, -ENOENT, -EACCES, -EBADMSG; logged */
-SST_MUST_CHECK int rtsp_read_login(struct rtsp_login *out, const struct sst_config *config);
-/** @return a listening socket, or -errno; logged */
-SST_MUST_CHECK int rtsp_listen(const struct sst_config *config);
-
 /* --- server.c ----------------------------------------------------------------------------------------------------- */
 
 struct rtsp_server {
@@ -73,9 +59,9 @@ struct rtsp_server {
 
 /** Load the plugins of GStreamer. @return 0, -ENOTSUP (one is missing; logged) */
 SST_MUST_CHECK int rtsp_load_plugins(enum sst_rtsp_codec codec);
-/** A server on a listening socket, which it owns from then on. @return 0, -EIO; logged */
+/** A server on a listening socket, which it owns from then on. @param login  must outlive it @return 0, -EIO; logged */
 SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
-                                    const struct rtsp_login *login, int fd);
+                                    struct sst_login *login, int fd);
 /** Until *stop; then hang up on all clients, and wait for their end until some time later. */
 void rtsp_server_run(struct rtsp_server *server, const atomic_bool *stop);
 
@@ -86,8 +72,9 @@ void rtsp_set_busy(GstRTSPClient *client);
 
 /* --- auth.c ------------------------------------------------------------------------------------------------------- */
 
-/** Require the user and the password of clients. @return 0, -EIO, -ENOSYS (no random numbers; logged) */
-SST_MUST_CHECK int rtsp_set_login(GstRTSPServer *server, const struct rtsp_login *login);
+/** Require the user and the password of clients. @param login  read; must outlive the server; its password is erased
+ *  @return 0, -EIO, -ENOSYS (no random numbers; logged) */
+SST_MUST_CHECK int rtsp_set_login(GstRTSPServer *server, struct sst_login *login);
 
 /* --- feed.c ------------------------------------------------------------------------------------------------------- */
 

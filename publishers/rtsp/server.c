@@ -310,7 +310,7 @@ static int listen_on(struct rtsp_server *rtsp, int fd)
     return 0;
 }
 
-int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct rtsp_login *login, int fd)
+int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, struct sst_login *login, int fd)
 {
     GstRTSPThreadPool *threads;
     GSource *reaper;
