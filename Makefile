@@ -44,10 +44,12 @@ WITH_CURL ?= $(call have,libcurl)
 WITH_DOGLEG ?= $(shell echo '$(hash)include <dogleg.h>' | $(CC) -I$(SYSROOT)/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # The loader is opened at run time: building needs headers, and glslangValidator for the shaders.
 WITH_VULKAN ?= $(shell command -v glslangValidator >/dev/null && echo '$(hash)include <vulkan/vulkan_core.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
-# sst-rtsp and sst-mqtt are clients of the service.
+# sst-rtsp, sst-mqtt and sst-onvif are clients of the service.
+WITH_ONVIF ?= $(if $(filter 11,$(WITH_HTTPD)$(call have,expat)),1,0)
 ifneq (1,$(WITH_CURL))
 override WITH_RTSP := 0
 override WITH_MQTT := 0
+override WITH_ONVIF := 0
 endif
 # Which API libgpiod has: 1, 2 or 0 for none.
 WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { $(PKG_CONFIG) --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
@@ -104,7 +106,7 @@ endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
-        -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
+        -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) -DWITH_ONVIF=$(WITH_ONVIF) \
         -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
@@ -145,9 +147,10 @@ WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simul
              simulators/devices/ptp/*.c simulators/devices/usb/*.c))
 CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
 # Programs beside the service, and what they alone link.
-PUBLISHERS := $(if $(filter 1,$(WITH_RTSP)),rtsp) $(if $(filter 1,$(WITH_MQTT)),mqtt)
+PUBLISHERS := $(if $(filter 1,$(WITH_RTSP)),rtsp) $(if $(filter 1,$(WITH_MQTT)),mqtt) $(if $(filter 1,$(WITH_ONVIF)),onvif)
 PACKAGES_rtsp := gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0
 PACKAGES_mqtt := libmosquitto
+PACKAGES_onvif := expat
 publisher_obj = $(patsubst %.c,$(BUILD)/obj/%.o,$(sort $(wildcard publishers/*.c publishers/$(1)/*.c)))
 # What starts no thread of its own is nothing for the thread sanitizer.
 NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
@@ -174,7 +177,7 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 .PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
-all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
+all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
 
 # Objects of other flags or optional parts are rebuilt.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
@@ -200,6 +203,7 @@ endif
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 $(BUILD)/obj/simulators/scene/models.o: simulators/scene/models.txt
 $(BUILD)/obj/publishers/mqtt/discovery.o: publishers/mqtt/entities.json
+$(BUILD)/obj/publishers/onvif/answers.o: publishers/onvif/answers.txt
 $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
 $(BUILD)/obj/cli/status.o: cli/status.txt
 # libcurl is loaded when it is first used.
@@ -288,6 +292,11 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 
 ifeq (1,$(WITH_RTSP))
 $(BUILD)/tests/unit/rtsp_jpeg: $(BUILD)/obj/publishers/rtsp/jpeg.o
+endif
+# All of sst-onvif but its HTTP server and main().
+ifeq (1,$(WITH_ONVIF))
+$(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: $(filter-out %/http.o %/main.o,$(call publisher_obj,onvif))
+$(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: private LIBS := $(BUILD)/libsst.a $(LIBS) $(shell $(PKG_CONFIG) --libs $(PACKAGES_onvif))
 endif
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))

@@ -63,7 +63,7 @@ static const char watched_text[] = ", mode: event, record_on: [{visit: true}], p
 static const char world_text[] = "# A scene of simulated devices: sst-sim --world %s\nscene: %s\nstrip: false\n";
 
 /* Clients of the service. They wait while they are disabled in its configuration. */
-static const char *const publishers[] = { "sst-rtsp", "sst-mqtt" };
+static const char *const publishers[] = { "sst-rtsp", "sst-mqtt", "sst-onvif" };
 
 struct site {
     const char *scene;

@@ -314,6 +314,38 @@ static bool is_any(const char *address)
     return !strcmp(address, "0.0.0.0") || !strcmp(address, "::");
 }
 
+static bool share_port(const char *a, int a_port, const char *b, int b_port)
+{
+    return a_port && a_port == b_port && (!strcmp(a, b) || is_any(a) || is_any(b));
+}
+
+/* Recorders ask for the picture here and fetch it from rtsp, with one account. */
+static void check_onvif(const struct config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+
+    if (!c->onvif.user[0] != !c->onvif.password_file[0])
+        fault(source(load, "onvif.user", "onvif.password_file"), NULL, "needs both user and password_file");
+    if (!c->onvif.enabled)
+        return;
+    if (!c->rtsp.enabled)
+        fault(source(load, "onvif.enabled", NULL), NULL, "needs rtsp: enabled: true, whose stream it offers");
+    else if (!c->rtsp.port)
+        fault(source(load, "rtsp.port", "onvif.enabled"), NULL, "must be a fixed one, which onvif names to recorders");
+    if (!is_loopback(c->onvif.address) && !c->onvif.user[0] && !c->rtsp.user[0] && !c->rtsp.insecure)
+        fault(source(load, "onvif.address", NULL), NULL,
+              "%s is open to the network: set rtsp: user and password_file, or rtsp: insecure: true",
+              c->onvif.address);
+    if (c->rtsp.enabled && share_port(c->onvif.address, c->onvif.port, c->rtsp.address, c->rtsp.port))
+        fault(source(load, "onvif.port", "rtsp.port"), NULL, "%d is the port of both onvif and rtsp; choose different ones",
+              c->onvif.port);
+    if (c->web.enabled && share_port(c->onvif.address, c->onvif.port, c->web.address, c->web.port))
+        fault(source(load, "onvif.port", "web.port"), NULL, "%d is the port of both onvif and web; choose different ones",
+              c->onvif.port);
+    if (c->onvif.host[strcspn(c->onvif.host, " /@?#<>&\"'")])
+        fault(source(load, "onvif.host", NULL), NULL, "must be an address or a name, without scheme and path");
+}
+
 static void check_sockets(const struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
@@ -340,8 +372,7 @@ static void check_sockets(const struct config_load *load)
               "%.100s is another machine: pictures, commands and the password would go there unencrypted; set ca_file "
               "(TLS), or insecure: true",
               c->mqtt.host);
-    if (c->web.enabled && c->rtsp.enabled && c->web.port && c->web.port == c->rtsp.port &&
-        (!strcmp(c->web.address, c->rtsp.address) || is_any(c->web.address) || is_any(c->rtsp.address)))
+    if (c->web.enabled && c->rtsp.enabled && share_port(c->web.address, c->web.port, c->rtsp.address, c->rtsp.port))
         fault(source(load, "rtsp.port", "web.port"), NULL, "%d is the port of both web and rtsp; choose different ones",
               c->rtsp.port);
     if (c->web.streams > c->web.clients)
@@ -398,6 +429,7 @@ void config_check_service(struct config_load *load)
     check_triggers(load);
     check_hooks(load);
     check_sockets(load);
+    check_onvif(load);
     check_poses(load);
     if (c->live.white_level ? c->live.black_level >= c->live.white_level : c->live.black_level > 0)
         fault(source(load, "live.black_level", "live.white_level"), NULL, "must be below white_level");

@@ -229,6 +229,15 @@ static const struct sst_key keys[] = {
     { KEY("rtsp", "password_file", TEXT, rtsp.password_file, "", LIVE), KIND(FILE) },
     { KEY("rtsp", "insecure", BOOL, rtsp.insecure, "false", LIVE) },
 
+    { KEY("onvif", "enabled", BOOL, onvif.enabled, "false", LIVE) },
+    { KEY("onvif", "address", TEXT, onvif.address, "127.0.0.1", LIVE), KIND(ADDRESS) },
+    { KEY("onvif", "port", INT, onvif.port, "8000", LIVE), RANGE(0, 65535) },
+    { KEY("onvif", "host", TEXT, onvif.host, "", LIVE) },
+    { KEY("onvif", "name", TEXT, onvif.name, "See-through array", LIVE) },
+    { KEY("onvif", "user", TEXT, onvif.user, "", LIVE) },
+    { KEY("onvif", "password_file", TEXT, onvif.password_file, "", LIVE), KIND(FILE) },
+    { KEY("onvif", "discovery", BOOL, onvif.discovery, "true", LIVE) },
+
     { KEY("storage", "dir", TEXT, storage.dir, "/var/lib/sst", DAEMON), KIND(PATH) },
     { KEY("storage", "mode", CHOICE, storage.mode, "off", LIVE), CHOICE(modes) },
     { KEY("storage", "record_view", BOOL, storage.record_view, "true", LIVE) },

@@ -135,6 +135,15 @@ struct sst_config {
         bool insecure; /* allow a non-loopback address without a password */
         char user[64], password_file[SST_CONFIG_TEXT_MAX];
     } rtsp;
+    struct { /* onvif: */
+        bool enabled;
+        char address[64];
+        int port;
+        char host[256]; /* that its answers name; "": the address at which the client has reached it */
+        char name[64];
+        char user[64], password_file[SST_CONFIG_TEXT_MAX]; /* "": those of rtsp */
+        bool discovery;
+    } onvif;
     struct {                           /* storage: */
         char dir[SST_CONFIG_TEXT_MAX]; /* /var/lib/sst */
         enum sst_record_mode mode;

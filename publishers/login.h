@@ -44,7 +44,7 @@ struct sst_login_client {
     const char *agent;   /* its User-Agent; NULL: none */
 };
 
-/** Read user and password. @param user  "": no password @param file  whose first line is the password
+/** Read user and password. @param user  "": no password @param file  the password is its first line
  *  @return 0, -ENOENT, -EACCES, -EBADMSG (too short or long); logged */
 SST_MUST_CHECK int sst_login_read(struct sst_login *login, const char *section, const char *user, const char *file);
 

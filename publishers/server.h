@@ -34,7 +34,7 @@ int sst_server_begin(struct sst_server *s, int argc, char **argv);
  * waits for another configuration. @return 0 or -errno; logged */
 SST_MUST_CHECK int sst_server_start(struct sst_server *s, bool enabled, void *(*serve)(void *));
 
-/** Try until it succeeds, or the program is to end: what fails is logged once, and part of the service's status.
+/** Try until it succeeds, or the program is to end: a failure is logged once, and part of the service's status.
  *  @param open  0 or -errno, logged @return false: the program is to end */
 bool sst_server_open(struct sst_server *s, int (*open)(struct sst_server *s));
 

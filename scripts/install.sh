@@ -46,7 +46,7 @@ for f in sst sst-sim sstd; do put 644 completions/$f "$p/share/bash-completion/c
 
 filled systemd/sstd.service.in "$p/lib/systemd/system/sstd.service"
 # Enabled: started with the service. They wait while they are disabled in the configuration.
-for name in rtsp mqtt; do
+for name in rtsp mqtt onvif; do
   [ "$verb" = install ] && [ ! -e "$BUILD/sst-$name" ] && continue # built without
   put 755 "$BUILD/sst-$name" "$p/sbin/sst-$name"
   filled systemd/sst-$name.service.in "$p/lib/systemd/system/sst-$name.service"

@@ -20,7 +20,7 @@ import sys
 
 ROOTS = "base capture cli client config daemon drivers pipeline publishers simulators".split()
 PARAMETERS, LINES, HEADER, CIRCLE = 5, 80, 500, 8
-LIMITS = {"parameters": 98, "lines": 0, "headers": 1, "circles": 0}
+LIMITS = {"parameters": 97, "lines": 0, "headers": 1, "circles": 0}
 TOKEN = re.compile(r'"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'|//[^\n]*|/\*.*?\*/', re.S)
 DIRECTIVE = re.compile(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.M)
 PROTOTYPE = re.compile(r"^[A-Za-z][\w *]*?(\w+)\([^{};]*\)[^;{}]*;", re.M)

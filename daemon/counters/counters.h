@@ -1,4 +1,4 @@
-/* daemon/counters/counters.h - counters and problems of the publishers (HTTP, RTSP), for status and metrics. */
+/* daemon/counters/counters.h - counters and problems of the publishers (HTTP, RTSP, ONVIF), for status and metrics. */
 #ifndef SST_DAEMON_COUNTERS_COUNTERS_H
 #define SST_DAEMON_COUNTERS_COUNTERS_H
 
@@ -10,7 +10,8 @@
 enum sst_counters_publisher {
     SST_COUNTERS_HTTP = 0, /* part of the service */
     SST_COUNTERS_RTSP = 1, /* a separate program, which reports to the service */
-    SST_COUNTERS_PUBLISHERS = 2,
+    SST_COUNTERS_ONVIF = 2, /* the same */
+    SST_COUNTERS_PUBLISHERS = 3,
 };
 
 #define SST_COUNTERS_PROBLEM 256

@@ -60,7 +60,7 @@ struct sst_api {
     int (*recordings)(void *arg, struct sst_api_answer *out);
     int (*export_)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*delete_)(void *arg, const json_t *request, struct sst_api_answer *out);
-    /** A report of sst-rtsp or sst-mqtt. */
+    /** A report of sst-rtsp or sst-onvif. */
     int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*calibration_check)(void *live, struct sst_api_answer *out);
     /** Get a reference to the JPEG slot of a picture stream. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */

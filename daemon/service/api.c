@@ -158,7 +158,7 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
 }
 
 /* Rate-limited: a recorder with a wrong password tries again for ever. */
-static void report_refused(struct sst_service *s, const char *address)
+static void report_refused(struct sst_service *s, const char *address, const char *over)
 {
     const int64_t now_ns = sst_clock_now_ns();
     bool report;
@@ -172,7 +172,7 @@ static void report_refused(struct sst_service *s, const char *address)
     if (report)
         sst_events_emit(s->events, SST_EVENT_WARNING, "client",
                         json_pack("{s:s, s:s}", "reason", "wrong password", "address", address),
-                        "%.64s sent a wrong user or password over RTSP", address);
+                        "%.64s sent a wrong user or password over %s", address, over);
 }
 
 static int publisher(void *arg, const json_t *request, struct sst_api_answer *out)
@@ -184,14 +184,16 @@ static int publisher(void *arg, const json_t *request, struct sst_api_answer *ou
     const char *problem = json_string_value(json_object_get(request, "problem"));
     const json_int_t pid = json_integer_value(json_object_get(request, "pid"));
     const json_int_t clients = json_integer_value(json_object_get(request, "clients"));
+    const bool onvif = name && !strcmp(name, "onvif");
     const int err = sst_api_members(request, known, out->error);
 
     if (err)
         return err;
-    if (!name || strcmp(name, "rtsp") != 0 || pid < 1 || pid > INT32_MAX || clients < 0 || clients > INT32_MAX)
-        return sst_api_refuse(out->error, -EINVAL, "name must be \"rtsp\", pid and clients whole numbers");
-    sst_counters_report(&s->counters, SST_COUNTERS_RTSP, (int)pid, (int)clients, problem ? problem : "");
-    report_refused(s, refused ? refused : "");
+    if (!name || (!onvif && strcmp(name, "rtsp") != 0) || pid < 1 || pid > INT32_MAX || clients < 0 || clients > INT32_MAX)
+        return sst_api_refuse(out->error, -EINVAL, "name must be \"rtsp\" or \"onvif\", pid and clients whole numbers");
+    sst_counters_report(&s->counters, onvif ? SST_COUNTERS_ONVIF : SST_COUNTERS_RTSP, (int)pid, (int)clients,
+                        problem ? problem : "");
+    report_refused(s, refused ? refused : "", onvif ? "ONVIF" : "RTSP");
     out->body = json_object();
     return out->body ? 0 : -ENOMEM;
 }

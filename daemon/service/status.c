@@ -45,8 +45,8 @@ struct status_now {
     struct sst_spread skew_us, delay_ms;
     struct live_now live;
     struct sst_storage_report storage;
-    int http, streams, listeners, rtsp;
-    unsigned rtsp_restarts;
+    int http, streams, listeners, rtsp, onvif;
+    unsigned rtsp_restarts, onvif_restarts;
     uint64_t requests, refused, skipped, slow, sent_bytes, events[3], rss_bytes;
     bool certificate;
     int64_t until_ns;
@@ -109,11 +109,14 @@ const struct sst_field sst_service_status_fields[] = {
         ROW("recovery", MAP, array.report.grab.rung, "Attempts to recover a camera, by their kind", COUNTS(rung_keys))),
     ROW("live", OBJECT, live, "The live picture", .of = engine_live_fields),
     ROW("storage", OBJECT, storage, "Recordings, snapshots and exports", .of = sst_storage_fields),
-    GROUP("clients", "Clients of HTTP and RTSP", ROW("http", INTEGER, http, "Connections", "http_clients"),
+    GROUP("clients", "Clients of HTTP, RTSP and ONVIF", ROW("http", INTEGER, http, "Connections", "http_clients"),
           ROW("streams", INTEGER, streams, "Moving pictures that are watched over HTTP", "http_streams"),
           ROW("listeners", INTEGER, listeners, "Listeners of the event stream"),
           ROW("rtsp", INTEGER, rtsp, "Clients that watch over RTSP", "rtsp_clients"),
           ROW("rtsp_restarts", INTEGER, rtsp_restarts, "Times that sst-rtsp was started again", "rtsp_restarts_total"),
+          ROW("onvif", INTEGER, onvif, "Clients that are subscribed to events over ONVIF", "onvif_clients"),
+          ROW("onvif_restarts", INTEGER, onvif_restarts, "Times that sst-onvif was started again",
+              "onvif_restarts_total"),
           ROW("requests", INTEGER, requests, "Requests", "http_requests_total"),
           ROW("refused", INTEGER, refused, "Requests that were refused", "http_refused_total"),
           ROW(NULL, INTEGER, sent_bytes, "Bytes sent", "http_sent_bytes_total"),
@@ -256,6 +259,7 @@ static void gather_clients(struct status_now *now, struct sst_counters *c)
     now->slow = atomic_load(&c->slow);
     now->sent_bytes = atomic_load(&c->bytes);
     now->rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &now->rtsp_restarts);
+    now->onvif = sst_counters_clients(c, SST_COUNTERS_ONVIF, &now->onvif_restarts);
     now->until_ns = atomic_load(&c->certificate_until_s) * 1000000000;
     now->certificate = now->until_ns != 0;
     now->days = now->certificate ? (double)(now->until_ns - now->wall_ns) / 86400e9 : NAN;

@@ -49,7 +49,7 @@ static bool is_too_large(struct mqtt *m, const char *topic, size_t bytes)
     return true;
 }
 
-bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
+bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how)
 {
     const bool large = bytes >= LARGE_BYTES;
     int id = 0;
@@ -60,7 +60,8 @@ bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, siz
         return true; /* it is not tried again */
     m->in_flight++;  /* on_publish() may come before the return */
     /* Only acknowledged messages have arrived. */
-    if (mosquitto_publish(m->client, &id, topic, (int)bytes, payload, large ? 1 : qos, retain)) {
+    if (mosquitto_publish(m->client, &id, topic, (int)bytes, payload, large || how & MQTT_SURE ? 1 : 0,
+                          (how & MQTT_RETAIN) != 0)) {
         m->in_flight--;
         return false;
     }
@@ -71,13 +72,13 @@ bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, siz
     return true;
 }
 
-bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
+bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how)
 {
     char whole[MQTT_TOPIC_MAX];
 
     if (snprintf(whole, sizeof(whole), "%s/%s", m->config->mqtt.topic, topic) >= (int)sizeof(whole))
         return true; /* never: it is not tried again */
-    return mqtt_publish_at(m, whole, payload, bytes, qos, retain);
+    return mqtt_publish_at(m, whole, payload, bytes, how);
 }
 
 static void on_publish(struct mosquitto *client SST_UNUSED, void *arg, int id, int code,
@@ -382,7 +383,7 @@ static void disconnect_politely(struct mqtt *m)
         return;
     m->in_flight = 0; /* this one is always let through */
     m->large = 0;
-    if (!mqtt_publish(m, "available", "offline", 7, 0, true))
+    if (!mqtt_publish(m, "available", "offline", 7, MQTT_RETAIN))
         return;
     m->in_flight += before;
     /* A connection that is closed with receipts unread is reset, and the broker publishes the last will, too. */

@@ -121,10 +121,16 @@ bool mqtt_step(struct mqtt *m, bool wanted);
 /** Follow another configuration, which it owns from then on. */
 void mqtt_configure(struct mqtt *m, struct sst_config *next);
 
-/** Publish a message. @param topic  below mqtt.topic @return false: not accepted; try again later */
-bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+/** How a message is published: flags. */
+enum mqtt_how {
+    MQTT_RETAIN = 1,
+    MQTT_SURE = 2, /* the broker acknowledges it */
+};
+
+/** Publish a message. @param topic  below mqtt.topic @param how  flags of enum mqtt_how @return false: not accepted; try again later */
+bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how);
 /** Publish a message by its whole topic, as mqtt_publish(). */
-bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how);
 /** Subscribe to the retained announcements: mqtt_on_announced() gets them. @return false: try again later */
 bool mqtt_subscribe(struct mqtt *m, const char *pattern);
 

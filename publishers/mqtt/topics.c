@@ -83,7 +83,7 @@ static json_t *short_status(const json_t *status)
 static bool publish_json(struct mqtt *m, const char *topic, const json_t *o)
 {
     char *text = json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6));
-    bool done = text && mqtt_publish(m, topic, text, strlen(text), 1, true);
+    bool done = text && mqtt_publish(m, topic, text, strlen(text), MQTT_SURE | MQTT_RETAIN);
 
     free(text);
     return done;
@@ -91,7 +91,7 @@ static bool publish_json(struct mqtt *m, const char *topic, const json_t *o)
 
 static bool publish_text(struct mqtt *m, const char *topic, const char *text)
 {
-    return mqtt_publish(m, topic, text, strlen(text), 1, true);
+    return mqtt_publish(m, topic, text, strlen(text), MQTT_SURE | MQTT_RETAIN);
 }
 
 /* The setting, not its value now: `auto` stays `auto`. @return false: not known now, or not accepted */
@@ -198,7 +198,7 @@ static bool publish_event(struct mqtt *m, const char *text)
 
     if (type) {
         snprintf(topic, sizeof(topic), "event/%.48s", type);
-        done = mqtt_publish(m, topic, text, strlen(text), 1, false);
+        done = mqtt_publish(m, topic, text, strlen(text), MQTT_SURE);
         if (done && !strcmp(type, "motion"))
             publish_motion(m, json_object_get(o, "data"));
         if (done && !strcmp(type, "visit"))
@@ -240,7 +240,7 @@ static void publish_picture(struct mqtt *m, int64_t now_ns)
         !mqtt_fetch_picture(m, "", &data, &bytes))
         return;
     m->picture_ns = now_ns + PICTURE_QUIET_NS;
-    if (data && mqtt_publish(m, "picture", data, bytes, 0, true))
+    if (data && mqtt_publish(m, "picture", data, bytes, MQTT_RETAIN))
         m->picture_ns = now_ns + (int64_t)(m->config->mqtt.picture_s * 1e9);
     free(data);
 }
@@ -276,7 +276,7 @@ bool mqtt_announce_step(struct mqtt *m)
     while (m->announced < m->announcements) {
         const struct mqtt_message *h = &m->announcement[m->announced];
 
-        if (!mqtt_publish_at(m, h->topic, h->payload, strlen(h->payload), 1, true))
+        if (!mqtt_publish_at(m, h->topic, h->payload, strlen(h->payload), MQTT_SURE | MQTT_RETAIN))
             return false;
         m->announced++;
     }
@@ -331,7 +331,7 @@ void mqtt_on_announced(struct mqtt *m, const char *topic)
             return;
     if (!m->announcements || (!m->cameras && !strncmp(id, "camera_", 7)))
         return; /* which cameras there are is not known yet */
-    if (!mqtt_publish_at(m, topic, "", 0, 1, true))
+    if (!mqtt_publish_at(m, topic, "", 0, MQTT_SURE | MQTT_RETAIN))
         m->asked = false; /* once more, later */
     for (size_t i = 0; i < ARRAY_LEN(states); i++) {
         const size_t n = strlen(states[i][0]);
@@ -339,7 +339,7 @@ void mqtt_on_announced(struct mqtt *m, const char *topic)
         if (strncmp(id, states[i][0], n) != 0)
             continue;
         snprintf(state, sizeof(state), states[i][1], id + n);
-        (void)mqtt_publish(m, state, "", 0, 1, true);
+        (void)mqtt_publish(m, state, "", 0, MQTT_SURE | MQTT_RETAIN);
     }
 }
 

@@ -51,7 +51,7 @@ bool mqtt_visits_step(struct mqtt *m)
     while (m->laters) {
         struct mqtt_later *l = &m->later[m->first_later];
 
-        if (!mqtt_publish(m, l->topic, l->payload, strlen(l->payload), 1, l->retain))
+        if (!mqtt_publish(m, l->topic, l->payload, strlen(l->payload), MQTT_SURE | (l->retain ? MQTT_RETAIN : 0)))
             return false;
         free(l->topic);
         free(l->payload);
@@ -203,13 +203,13 @@ bool mqtt_visits_picture(struct mqtt *m)
     if (!m->wanteds || m->in_flight >= MQTT_IN_FLIGHT_MAX / 2 || !mqtt_fetch_picture(m, m->wanted[0].visit, &data, &bytes))
         return m->wanteds > 0;
     if (data)
-        (void)mqtt_publish(m, "visit/picture", data, bytes, 0, true);
+        (void)mqtt_publish(m, "visit/picture", data, bytes, MQTT_RETAIN);
     for (int i = 0; data && i < m->config->zones; i++) {
         char topic[96];
 
         snprintf(topic, sizeof(topic), "zone/%.31s/picture", m->config->zone[i].name);
         if (m->wanted[0].zones & 1u << i)
-            (void)mqtt_publish(m, topic, data, bytes, 0, true);
+            (void)mqtt_publish(m, topic, data, bytes, MQTT_RETAIN);
     }
     free(data);
     memmove(m->wanted, m->wanted + 1, (size_t)--m->wanteds * sizeof(m->wanted[0]));

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# sst-rtsp beside the service: its clients are in the status; the end of one does not touch the other; a reload is followed.
+# sst-rtsp and sst-onvif beside the service: their clients are in the status; the end of one does not touch the others; a reload is
+# followed; what recorders ask of sst-onvif leads them to the stream.
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/service_lib.sh"
 log=sstd.log
@@ -20,35 +21,39 @@ trigger: {source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1, TRIG2, TRIG3, T
 control: {socket: $tmp/c.sock, group: ""}
 web: {enabled: false}
 storage: {dir: $tmp/store, ring_mb: 16, min_free_gb: 0, mode: continuous}
-rtsp: {enabled: true, port: $1, codec: $2}
+zones: [{name: gate, x0: 0, y0: 0, x1: 1, y1: 1}]
+rtsp: {enabled: true, port: $1, codec: $2, user: nvr, password_file: $tmp/password}
+onvif: {enabled: $([ -x "$build/sst-onvif" ] && echo true || echo false), port: $onvif_port}
 YAML
 }
 port=$((10000 + $$ % 20000))
+onvif_port=$((port + 2))
+(umask 077 && echo 'sesame seed' >password)
 configure $port mjpeg
-rtsp= viewer=
-trap 'kill -9 $daemon $rtsp $viewer 2>/dev/null; rm -rf "$tmp"' EXIT
+rtsp= viewer= onvif=
+trap 'kill -9 $daemon $rtsp $viewer $onvif 2>/dev/null; rm -rf "$tmp"' EXIT
 "$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" -- \
   sh -c 'echo $$ >pid; exec "$0" --config sstd.yaml' "$build/sstd" >sstd.log 2>&1 &
 session=$!
 written pid
 daemon=$(cat pid)
 serve() { "$build/sst-rtsp" --config sstd.yaml 2>>rtsp.log & rtsp=$!; }
-# play PORT PATH: some frames
+# play ADDRESS [TRANSPORT]: some frames
 play() {
   for _ in $(seq 20); do
-    timeout 60 ffmpeg -nostdin -loglevel error -rtsp_transport tcp -i "rtsp://127.0.0.1:$1/$2" -frames:v 3 -f null - 2>err && return
+    timeout 60 ffmpeg -nostdin -loglevel error -rtsp_transport "${2-tcp}" -i "rtsp://nvr:sesame%20seed@${1#rtsp://}" -frames:v 3 -f null - 2>err && return
     sleep 0.5
   done
-  fail "rtsp://127.0.0.1:$1/$2: $(cat err)"
+  fail "$1: $(cat err)"
 }
 serve
 until_is 60 state 'v == "capturing"'
 [ $failed -eq 0 ] || exit 1
-play $port main
-play $port camera/r2c3
+play 127.0.0.1:$port/main
+play 127.0.0.1:$port/camera/r2c3
 
 # A client is in the status; a program that is killed and started again is counted.
-ffmpeg -nostdin -loglevel quiet -rtsp_transport tcp -i rtsp://127.0.0.1:$port/main -f null - &
+ffmpeg -nostdin -loglevel quiet -rtsp_transport tcp -i rtsp://nvr:sesame%20seed@127.0.0.1:$port/main -f null - &
 viewer=$!
 until_is 20 clients.rtsp 'v == 1'
 until_is 20 storage.recording.active 'v'
@@ -60,15 +65,29 @@ wait $viewer 2>/dev/null
 serve
 until_is 15 clients.rtsp_restarts 'v == 1'
 until_is 15 clients.rtsp 'v == 0'
-play $port main
+play 127.0.0.1:$port/main
 until_is 5 storage.recording.sets "v > $sets + 10"
 until_is 1 storage.recording.name "v == $recording"
 until_is 1 capture.frames.unexplained 'v == 0'
 
-# Another port, without a restart of the service.
+# Another port and compression, without a restart of the service.
 configure $((port + 1)) h264
 "$sst" reload >/dev/null 2>&1 || fail "the reload is refused"
-play $((port + 1)) main
+play 127.0.0.1:$((port + 1))/main
+
+# Recorders search, ask, and are handed that port; one that is subscribed is in the status.
+if [ -x "$build/sst-onvif" ]; then
+  "$build/sst-onvif" --config sstd.yaml 2>>onvif.log & onvif=$!
+  if /usr/bin/python3 "$root/tests/onvif_client.py" $onvif_port nvr 'sesame seed' >asked; then
+    play "$(cat asked)" udp
+    play "$(cat asked)" tcp
+  else
+    fail "sst-onvif: $(cat asked): $(tail -n 3 onvif.log)"
+  fi
+  until_is 15 clients.onvif_restarts 'v == 0'
+  kill -TERM $onvif
+  gone $onvif 2000
+fi
 
 kill -STOP $rtsp # one that hangs holds up nothing
 kill -TERM "$daemon"

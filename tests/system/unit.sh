@@ -13,7 +13,7 @@ for f in usr/bin/sst usr/sbin/sstd usr/lib/systemd/system/sstd.service usr/lib/s
     usr/share/doc/sst/examples/lan.conf; do
   [ -s "dest/$f" ] || fail "$f is not installed"
 done
-for name in rtsp mqtt; do
+for name in rtsp mqtt onvif; do
   [ -x "$build/sst-$name" ] || continue
   [ -x "dest/usr/sbin/sst-$name" ] && [ -e "dest/usr/lib/systemd/system/sstd.service.wants/sst-$name.service" ] ||
     fail "sst-$name is not installed and enabled"
@@ -57,14 +57,15 @@ if command -v systemd-sysusers >/dev/null; then
   mkdir -p image/etc
   systemd-sysusers --root="$tmp/image" "$root/systemd/sysusers.conf" >out 2>&1 || fail "sysusers: $(cat out)"
   grep -q '^sst:.*:/var/lib/sst:' image/etc/passwd || fail "no user sst: $(cat image/etc/passwd)"
-  for name in rtsp mqtt; do
+  declare -A groups=([rtsp]=sst-view [mqtt]=sst [onvif]="sst-view sst-rtsp")
+  for name in rtsp mqtt onvif; do
     unit=$root/systemd/sst-$name.service.in
     grep -q "^sst-$name:" image/etc/passwd && grep -qx "User=sst-$name" "$unit" || fail "no user sst-$name of its own"
     # Groups of a unit are its rights.
-    [ "$(sed -n 's/^SupplementaryGroups=//p' "$unit")" = "$([ $name = rtsp ] && echo sst-view || echo sst)" ] ||
+    [ "$(sed -n 's/^SupplementaryGroups=//p' "$unit")" = "${groups[$name]}" ] ||
       fail "$name: $(grep Groups "$unit")"
   done
-  grep -qx 'sst-view:[^:]*:[^:]*:sst-rtsp' image/etc/group || fail "sst-view: $(cat image/etc/group)"
+  grep -qx 'sst-view:[^:]*:[^:]*:sst-onvif,sst-rtsp' image/etc/group || fail "sst-view: $(cat image/etc/group)"
   for group in video gpio dialout plugdev sst sst-view; do grep -q "^$group:" image/etc/group || fail "no group $group"; done
 fi
 for p in systemd-analyze systemd-sysusers; do
