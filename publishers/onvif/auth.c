@@ -166,13 +166,9 @@ static enum sst_login_verdict judge_token(struct auth *a, const struct auth_requ
     const struct soap *s = r->soap;
     const char *user = soap_text(s, token, "Username"), *nonce = soap_text(s, token, "Nonce"),
                *created = soap_text(s, token, "Created"), *password = soap_text(s, token, "Password");
-    const int at = soap_child(s, token, "Password");
     int64_t at_ns;
 
     if (!user || !nonce || !created || !password || !*nonce)
-        return SST_LOGIN_WRONG;
-    /* A password in plain text is refused, also the right one. */
-    if (s->node[at].type && !strstr(s->node[at].type, "#PasswordDigest"))
         return SST_LOGIN_WRONG;
     if (!sst_login_equal(user, a->login->user) || !is_token_right(a, nonce, created, password) ||
         !value_time(created, &at_ns))
@@ -187,16 +183,28 @@ static enum sst_login_verdict judge_token(struct auth *a, const struct auth_requ
     return SST_LOGIN_RIGHT;
 }
 
+/* Neither a password in plain text nor one of nobody is looked at, so that they are no guesses: clients try them before
+ * they know better. */
+static int find_token(const struct soap *s)
+{
+    const int token = soap_child(s, soap_child(s, s->header, "Security"), "UsernameToken");
+    const int at = soap_child(s, token, "Password");
+    const char *user = soap_text(s, token, "Username");
+
+    if (user && !*user)
+        return -1;
+    return at >= 0 && s->node[at].type && !strstr(s->node[at].type, "#PasswordDigest") ? -1 : token;
+}
+
 enum sst_login_verdict auth_judge(struct auth *a, const struct auth_request *r, int64_t wall_ns)
 {
-    int token = -1;
+    const bool digest = r->authorization && !strncasecmp(r->authorization, "Digest ", strlen("Digest "));
+    int token;
 
     if (!a->login->user[0])
         return SST_LOGIN_RIGHT;
-    if (r->authorization)
-        return strncasecmp(r->authorization, "Digest ", strlen("Digest ")) ? SST_LOGIN_WRONG
-                                                                           : judge_digest(a, r, wall_ns);
-    if (r->soap)
-        token = soap_child(r->soap, soap_child(r->soap, r->soap->header, "Security"), "UsernameToken");
+    if (digest)
+        return judge_digest(a, r, wall_ns);
+    token = r->soap ? find_token(r->soap) : -1;
     return token < 0 ? SST_LOGIN_NONE : judge_token(a, r, token, wall_ns);
 }
