@@ -18,7 +18,7 @@ static void on_connected(void *arg SST_UNUSED, bool connected)
 {
     json_t *zones = NULL;
 
-    picture_forget();
+    picture_connected(connected);
     if (connected && sst_publisher_ask(&server.publisher, "/api/v1/zones", NULL, &zones, NULL))
         zones = NULL;
     events_connected(connected, zones);
@@ -85,7 +85,8 @@ int main(int argc, char **argv)
         return done;
     picture_init(&server);
     events_init(&server);
-    if (sst_server_start(&server, server.config.onvif.enabled, serve))
+    if (sst_server_start(&server, server.config.onvif.enabled, serve) ||
+        (server.config.onvif.enabled && sst_publisher_start(&server.publisher, picture_run, &server)))
         return EXIT_FAILURE;
     sst_server_wait(&server);
     events_stop();

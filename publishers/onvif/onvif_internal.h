@@ -121,9 +121,11 @@ enum sst_login_verdict auth_judge(struct auth *a, const struct auth_request *r, 
 SST_MUST_CHECK int picture_get(uint8_t **data, size_t *bytes);
 /** Size of the pictures, as the service sends them; before it does, of the cameras. */
 void picture_size(int *width, int *height, size_t *bytes);
-/** The service is another one, or ends. */
-void picture_forget(void);
+/** The service is there, perhaps another one, or has gone. */
+void picture_connected(bool connected);
 void picture_init(struct sst_server *server);
+/** Thread that asks for a picture until its size is known. @param server  struct sst_server */
+void *picture_run(void *server);
 
 /* --- answers.c: calls and their answers --------------------------------------------------------------------------- */
 
