@@ -139,13 +139,15 @@ OPTIONAL_VULKAN := $(filter-out pipeline/gpu/vulkan.c,$(wildcard pipeline/gpu/vu
 LEFT_OUT := $(foreach x,AVFORMAT DEFLATE DNNL HTTPD ISAL TIFF UDEV VULKAN,$(if $(filter 1,$(WITH_$(x))),,$(OPTIONAL_$(x)))) \
             $(filter-out drivers/trigger/gpio_$(if $(filter 1 2,$(WITH_GPIOD)),v$(WITH_GPIOD),none).c,$(wildcard drivers/trigger/gpio_*.c)) \
             $(if $(filter 1,$(WITH_TIFF)),pipeline/image/tiff_none.c) $(if $(filter 1,$(WITH_UDEV)),drivers/grab/sysfs.c)
-LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
+# libsst-video.so
+VIDEO_SRC := pipeline/video/mp4_libav.c
+LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(VIDEO_SRC) $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/flight/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
              simulators/devices/ptp/*.c simulators/devices/usb/*.c))
-CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
+CLI_SRC := $(sort $(wildcard cli/*.c))
 # Programs beside the service, and what they alone link.
 PUBLISHERS := $(if $(filter 1,$(WITH_RTSP)),rtsp) $(if $(filter 1,$(WITH_MQTT)),mqtt) $(if $(filter 1,$(WITH_ONVIF)),onvif)
 PACKAGES_rtsp := gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0
@@ -252,15 +254,15 @@ $(BUILD)/libsst.a: $(LIB_OBJ)
 $(BUILD)/libsst-sim.a: $(WORLD_OBJ)
 	@rm -f $@
 	@$(AR) rcs $@ $^
-# libsst-video.so writes files and logs by functions of the program.
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) -Wl,--export-dynamic-symbol='sst_log*' -Wl,--export-dynamic-symbol='sst_outfile_*' $^ $(LIBS) -o $@
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 $(BUILD)/libsst-opencv.so: $(SHIM_OBJ)
 	@echo "  LD   $@"
 	@$(CXX) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(OPENCV_LIBS) -o $@
-$(BUILD)/obj/cli/video_libav.o: private CFLAGS_ALL += -fPIC
-$(BUILD)/libsst-video.so: $(BUILD)/obj/cli/video_libav.o
+VIDEO_OBJ := $(VIDEO_SRC:%.c=$(BUILD)/obj/%.o)
+$(VIDEO_OBJ): private CFLAGS_ALL += -fPIC
+$(BUILD)/libsst-video.so: $(VIDEO_OBJ)
 	@echo "  LD   $@"
 	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(AV_LIBS) -o $@
 $(BUILD)/obj/drivers/still/lib_gphoto.o: private CFLAGS_ALL += -fPIC $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libgphoto2))
@@ -541,4 +543,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

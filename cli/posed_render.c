@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "cli/posed_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/video/mp4.h"
 
 #define CELSIUS      273.15
 #define USUAL_SWEEP  0.1 /* of the surface's distance, to both sides */
@@ -150,7 +151,7 @@ static int render_height(struct sst_posed_rendered *made, const struct posed_sce
 }
 
 /* Frames have the stretch of the first one, so that they do not flicker. */
-static int write_frames(const struct posed_scene *scene, struct posed_sweep *s, const char *dir, struct video *video)
+static int write_frames(const struct posed_scene *scene, struct posed_sweep *s, const char *dir, struct sst_mp4 *video)
 {
     struct sst_samples stretch = { 0, 0 };
     int err = 0;
@@ -167,7 +168,7 @@ static int write_frames(const struct posed_scene *scene, struct posed_sweep *s, 
 
             stretch = i ? stretch : stretch_of(scene, &made);
             err = sst_deep_to_image(&image, &made.levels, stretch);
-            err = err ? err : video_add(video, &image);
+            err = err ? err : sst_mp4_add(video, &image);
             sst_image_fini(&image);
         } else if (!err) {
             err = sst_path_join(path, dir, name);
@@ -215,14 +216,17 @@ static int write_folder(const struct posed_scene *scene, struct posed_sweep *s, 
 
 static int write_video(const struct posed_scene *scene, struct posed_sweep *s)
 {
-    struct video *v = NULL;
-    int err = video_open(&v, s->out, scene->cfg.camera.width, scene->cfg.camera.height, s->fps);
+    const struct sst_mp4_config cfg = {
+        .width = scene->cfg.camera.width, .height = scene->cfg.camera.height, .rate_hz = s->fps
+    };
+    struct sst_mp4 *v = NULL;
+    int err = sst_mp4_open(&v, s->out, &cfg);
 
     if (!err)
         err = write_frames(scene, s, NULL, v);
     if (!err)
-        err = video_commit(v);
-    video_close(v);
+        err = sst_mp4_commit(v);
+    sst_mp4_close(v);
     return err;
 }
 

@@ -9,6 +9,7 @@
 #include "cli/cli_internal.h"
 #include "cli/posed_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/video/mp4.h"
 
 /* Setting that changes from picture to picture. */
 enum over { OVER_FOCUS, OVER_CUT, OVER_VIEW_X, OVER_VIEW_Y, OVERS };
@@ -98,15 +99,16 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
 
 static int write_video(const struct sweep *s, struct sst_image *img)
 {
-    struct video *v = NULL;
-    int err = video_open(&v, s->out, img->width, img->height, s->fps);
+    const struct sst_mp4_config cfg = { .width = img->width, .height = img->height, .rate_hz = s->fps };
+    struct sst_mp4 *v = NULL;
+    int err = sst_mp4_open(&v, s->out, &cfg);
 
     for (int i = 0; i < frame_count(s) && !err; i++) {
         err = render_frame(s, i, img);
-        err = err ? err : video_add(v, img);
+        err = err ? err : sst_mp4_add(v, img);
     }
-    err = err ? err : video_commit(v);
-    video_close(v);
+    err = err ? err : sst_mp4_commit(v);
+    sst_mp4_close(v);
     return err;
 }
 
