@@ -1,7 +1,10 @@
+#define _XOPEN_SOURCE 700 /* strptime */
 #include "base/clock.h"
 
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 static int64_t read_ns(clockid_t id)
@@ -50,4 +53,23 @@ void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns)
     gmtime_r(&t, &tm);
     strftime(day, sizeof(day), "%Y-%m-%dT%H:%M:%S", &tm);
     snprintf(out, SST_CLOCK_TEXT, "%s.%03dZ", day, (int)(ns / 1000000));
+}
+
+bool sst_clock_read(const char *text, int64_t *wall_ns)
+{
+    struct tm tm = { 0 };
+    const char *end = text ? strptime(text, "%Y-%m-%dT%H:%M:%S", &tm) : NULL;
+    double fraction = 0;
+    char *after;
+
+    if (!end)
+        return false;
+    if (*end == '.') {
+        fraction = strtod(end, &after);
+        end = after;
+    }
+    if (strcmp(end, "Z") || !(fraction >= 0 && fraction < 1) || tm.tm_year < 70 || tm.tm_year > 200)
+        return false;
+    *wall_ns = (int64_t)timegm(&tm) * 1000000000 + (int64_t)(fraction * 1e9);
+    return true;
 }

@@ -2,6 +2,8 @@
 #ifndef SST_BASE_CLOCK_H
 #define SST_BASE_CLOCK_H
 
+#include <stdbool.h>
+
 #include "base/base.h"
 
 /** CLOCK_MONOTONIC in nanoseconds. */
@@ -19,5 +21,7 @@ int64_t sst_clock_wall_ns(void);
 #define SST_CLOCK_TEXT 32
 /** "2026-11-21T18:05:00.123Z". */
 void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns);
+/** Read "2026-11-21T18:05:00Z", with a fraction if need be. @param text  NULL is none @return false: no such time */
+bool sst_clock_read(const char *text, int64_t *wall_ns);
 
 #endif

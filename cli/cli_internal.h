@@ -148,7 +148,7 @@ void cli_progress_end(void);
 extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
     cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_poses, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
-    cli_find, cli_stereo, cli_sweep, cli_topology, cli_version;
+    cli_find, cli_stereo, cli_sweep, cli_topology, cli_verify, cli_version;
 
 /* --- child: programs that a command starts. --- */
 

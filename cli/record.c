@@ -142,12 +142,94 @@ static int export_moment(const struct args *a)
     return sst_client_save(a->client, path, "application/x-tar", a->output);
 }
 
+/* --- video for others --- */
+
+static json_t *video_request(const struct args *a)
+{
+    char from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT];
+    int64_t at_ns = a->ago_s >= 0 ? sst_clock_wall_ns() - (int64_t)(a->ago_s * 1e9) : 0;
+
+    if (a->name)
+        return json_pack("{s:[s]}", "visits", a->name);
+    if (a->time && !sst_clock_read(a->time, &at_ns)) {
+        sst_log_error("--time %.40s is not a time; write 2026-11-21T18:05:00Z", a->time);
+        return NULL;
+    }
+    sst_clock_text(from, at_ns);
+    sst_clock_text(to, at_ns + (int64_t)(a->duration_s * 1e9));
+    return json_pack("{s:s, s:s, s:s*}", "from", from, "to", to, "recording", a->recording);
+}
+
+/* Wait until it is made. @return 0, or why it is not; logged */
+static int wait_for_video(const struct args *a, const char *name)
+{
+    for (;;) {
+        const json_t *one;
+        json_t *answer;
+        char state[16] = "", other[100], why[300] = "";
+        size_t i;
+        int err = sst_client_json(a->client, "/api/v1/videos", NULL, &answer);
+
+        if (err)
+            return err;
+        json_array_foreach(cli_member(answer, "videos"), i, one)
+        {
+            if (strcmp(cli_text(one, "name", other, sizeof(other)), name) != 0)
+                continue;
+            cli_text(one, "state", state, sizeof(state));
+            cli_text(one, "error", why, sizeof(why));
+            cli_progress((void *)"video", cli_number(one, "progress"));
+        }
+        json_decref(answer);
+        if (strcmp(state, "waiting") != 0 && strcmp(state, "running") != 0) {
+            cli_progress_end();
+            if (!strcmp(state, "done"))
+                return 0;
+            sst_log_error("the video was not made: %s", *why ? why : "it was cancelled");
+            return -ENODATA;
+        }
+        sst_clock_sleep_until(sst_clock_now_ns() + 300000000);
+    }
+}
+
+/* FILE.mp4 and beside it FILE.json, the manifest; or FILE.zip. */
+static int video(const struct args *a)
+{
+    const bool zip = sst_text_ends(a->output, ".zip");
+    json_t *request = video_request(a), *answer;
+    char name[100], path[200], manifest[SST_PATH_MAX];
+    int err = request ? sst_client_json(a->client, "/api/v1/videos", request, &answer) : -EINVAL;
+
+    json_decref(request);
+    if (err)
+        return err;
+    cli_text(answer, "name", name, sizeof(name));
+    json_decref(answer);
+    err = wait_for_video(a, name);
+    snprintf(path, sizeof(path), "/api/v1/download/%s%s", name, zip ? ".zip" : ".mp4");
+    err = err ? err : sst_client_save(a->client, path, zip ? "application/zip" : "video/mp4", a->output);
+    if (!err && !zip) {
+        snprintf(path, sizeof(path), "/api/v1/download/%s.json", name);
+        snprintf(manifest, sizeof(manifest), "%.*s.json", (int)strlen(a->output) - 4, a->output);
+        err = sst_client_save(a->client, path, "application/json", manifest);
+    }
+    if (!err)
+        printf("%s\n", name);
+    return err;
+}
+
+static int save_key(const struct args *a)
+{
+    return sst_client_save(a->client, "/api/v1/signing-key.pem", "application/x-pem-file", a->output);
+}
+
 static const struct {
     const char *name;
     int (*run)(const struct args *a);
     bool named; /* of something that is kept */
 } actions[] = { { "start", start, false },          { "stop", stop, false },        { "list", list, false },
-                { "export", export_moment, false }, { "download", download, true }, { "delete", delete_one, true } };
+                { "export", export_moment, false }, { "download", download, true }, { "delete", delete_one, true },
+                { "video", video, false },          { "key", save_key, false } };
 
 /* Can it stand in an address? */
 static bool is_name(const char *text)
@@ -156,17 +238,38 @@ static bool is_name(const char *text)
            strspn(text, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_") == strlen(text);
 }
 
+/* Options of a video, or of the key of its manifest. */
+static int check_video(const struct cli_command *cmd, const struct args *a, bool key)
+{
+    const bool span = (a->time || a->ago_s >= 0) && a->duration_s > 0;
+
+    if (a->camera || a->json || (key && (a->time || a->ago_s >= 0 || a->recording || a->duration_s > 0)))
+        return cli_usage_error(cmd, key ? "key takes -o FILE.pem alone" : "--camera and --json do not belong to video");
+    if (key)
+        return a->output ? CLI_GO_ON : cli_usage_error(cmd, "missing -o FILE.pem");
+    if (!a->output || (!sst_text_ends(a->output, ".mp4") && !sst_text_ends(a->output, ".zip")))
+        return cli_usage_error(cmd, "missing -o FILE.mp4, or FILE.zip with a page and the manifest");
+    if (!a->name == !span || (a->time && a->ago_s >= 0))
+        return cli_usage_error(cmd, "missing what to show: a visit's name, or --time T (or --ago S) and --duration S");
+    if (a->name && !is_name(a->name))
+        return cli_usage_error(cmd, "%.64s is not the name of a visit", a->name);
+    return CLI_GO_ON;
+}
+
 /* Options that do not go with the action. */
 static int check(const struct cli_command *cmd, const struct args *a, const char *action)
 {
     const bool exports = !strcmp(action, "export"), downloads = !strcmp(action, "download");
+    const bool videos = !strcmp(action, "video"), key = !strcmp(action, "key");
 
+    if (videos || key)
+        return check_video(cmd, a, key);
     if (a->duration_s > 0 && strcmp(action, "start") != 0)
-        return cli_usage_error(cmd, "--duration belongs to start, not to %s", action);
+        return cli_usage_error(cmd, "--duration belongs to start and video, not to %s", action);
     if (!exports && (a->time || a->ago_s >= 0 || a->recording))
-        return cli_usage_error(cmd, "--time, --ago and --recording belong to export, not to %s", action);
+        return cli_usage_error(cmd, "--time, --ago and --recording belong to export and video, not to %s", action);
     if (!exports && !downloads && a->output)
-        return cli_usage_error(cmd, "-o belongs to export and download, not to %s", action);
+        return cli_usage_error(cmd, "-o belongs to export, download, video and key, not to %s", action);
     if (!downloads && a->camera)
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
@@ -187,13 +290,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct args a = { .ago_s = -1 };
     const char *words[2], *names[ARRAY_LEN(actions) + 1] = { NULL }, *action;
     const struct cli_option options[] = {
-        { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
-        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z" },
-        { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
+        { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds; video: its length", 0.1, 1e7 },
+        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z; video: its beginning" },
+        { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export, video: the same, this many seconds ago", 0, 1e9 },
         { "recording", 0, CLI_STRING, &a.recording, "NAME",
-          "export: of this recording; default: the one that has the moment" },
+          "export, video: of this recording; default: the one that has the moment" },
         { "output", 'o', CLI_FILE, &a.output, "FILE",
-          "export: also fetch the light field; download: the file to write" },
+          "export: also fetch the light field; download, video, key: the file to write" },
         { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view" },
         { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)" },
         CLI_SERVICE_OPTIONS(where),
@@ -207,7 +310,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     for (size_t i = 0; i < ARRAY_LEN(actions); i++) {
         if (strcmp(action, actions[i].name) != 0)
             continue;
-        if (actions[i].named ? !a.name || !is_name(a.name) : a.name != NULL)
+        if (actions[i].named ? !a.name || !is_name(a.name) : a.name && strcmp(action, "video") != 0)
             return actions[i].named
                        ? cli_usage_error(cmd, "%s needs a NAME; `sst record list` prints the names", action)
                        : cli_usage_error(cmd, "%s takes no name: %s", action, a.name);
@@ -223,7 +326,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     }
     for (size_t i = 0; i < ARRAY_LEN(actions); i++)
         names[i] = actions[i].name;
-    return cli_usage_error(cmd, "unknown action %s;%s use start, stop, list, export, download or delete", action,
+    return cli_usage_error(cmd, "unknown action %s;%s use start, stop, list, export, download, delete, video or key", action,
                            sst_edit_hint(action, names));
 }
 

@@ -84,6 +84,7 @@ static const struct sst_key hook_keys[] = {
 
 static const struct sst_key keys[] = {
     { KEY("", "role", CHOICE, array.role, "single", DAEMON), CHOICE(roles) },
+    { KEY("", "site", TEXT, site, "", LIVE) },
 
     { KEY("array", "rows", INT, array.rows, "6", CAMERAS), RANGE(1, SST_CAMERAS_MAX) },
     { KEY("array", "cols", INT, array.cols, "6", CAMERAS), RANGE(1, SST_CAMERAS_MAX) },

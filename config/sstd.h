@@ -105,6 +105,7 @@ struct sst_live_settings { /* live: */
 
 struct sst_config {
     struct sst_array_config array; /* array: cameras: trigger: sets: rig: */
+    char site[128];                /* name of the place, burnt into videos; "": the machine's name */
     struct sst_live_settings live;
     int zones; /* zones: */
     struct sst_zone zone[SST_ZONES_MAX];

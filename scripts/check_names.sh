@@ -34,7 +34,8 @@ done)
   }
   { sub(/:$/, "", $1); f = folder($1) }
   $3 ~ /^[TDBR]$/ { home[$2] = f }
-  $3 == "U" { used[f, $2] = $1 }
+  # libsst-video.so is linked to the libraries of FFmpeg themselves.
+  $3 == "U" && !($1 ~ /_libav\.o$/ && $2 ~ /^(av|sws)/) { used[f, $2] = $1 }
   $3 == "T" && match($2, /^sst_[a-z0-9]+/) { p = substr($2, 5, RLENGTH - 4); owners[p] = owners[p] " " f; }
   END {
     for (u in used) {

@@ -60,6 +60,12 @@ struct sst_api {
     int (*recordings)(void *arg, struct sst_api_answer *out);
     int (*export_)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*delete_)(void *arg, const json_t *request, struct sst_api_answer *out);
+    /** Videos for others, made one after the other. */
+    int (*cases)(void *arg, struct sst_api_answer *out);
+    int (*case_create)(void *arg, const json_t *request, struct sst_api_answer *out);
+    /** {"delete": true}: also ends one that is being made. */
+    int (*case_change)(void *arg, const char *name, const json_t *request, struct sst_api_answer *out);
+    int (*signing_key)(void *arg, char **pem); /* public key of their manifests; to free with free() */
     /** A report of sst-rtsp or sst-onvif. */
     int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*calibration_check)(void *live, struct sst_api_answer *out);

@@ -51,6 +51,10 @@
     X("POST", "/api/v1/record", CONTROL, "Start or stop recording", record)                                            \
     X("GET", "/api/v1/recordings", VIEW, "Stored recordings, snapshots and exports", recordings)                       \
     X("POST", "/api/v1/export", CONTROL, "A light field of a moment of a recording", export)                           \
+    X("GET", "/api/v1/videos", VIEW, "Videos for others: their state", cases)                                          \
+    X("POST", "/api/v1/videos", CONTROL, "Make a video of visits or of a span of a recording", case_create)            \
+    X("POST", "/api/v1/videos/{name}", CONTROL, "Cancel or delete a video", case_change)                               \
+    X("GET", "/api/v1/signing-key.pem", VIEW, "Public key of the manifests of videos", signing_key)                    \
     X("GET", "/api/v1/download/{name}", VIEW, "Download a recording, snapshot or export as a file", http_do_download)  \
     X("GET", "/api/v1/replay", VIEW, "The recording that is played", replay)                                           \
     X("POST", "/api/v1/replay", VIEW, "Play a recording from a moment on, pause, close", replay_change)                \
@@ -133,6 +137,7 @@ PLAIN(tracks, tracks, q->live, "tracks")
 PLAIN(views, views, q->live, "views")
 PLAIN(zones, zones, api_of(q)->arg, "zones")
 PLAIN(recordings, recordings, api_of(q)->arg, "recordings")
+PLAIN(cases, cases, api_of(q)->arg, "videos")
 PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
 /* With the role of the client, which the service itself does not know. */
@@ -171,6 +176,7 @@ WITH_BODY(record, record, api_of(q)->arg, "record")
 WITH_BODY(export, export_, api_of(q)->arg, "export")
 WITH_BODY(zones_change, zones_change, api_of(q)->arg, "zones")
 WITH_BODY(delete, delete_, api_of(q)->arg, "delete")
+WITH_BODY(case_create, case_create, api_of(q)->arg, "video")
 WITH_BODY(replay_change, replay_change, api_of(q)->replayed, "replay")
 
 /* A program of this machine: a token that may view is meant for others. */
@@ -294,6 +300,24 @@ static int visit_change(struct http_request *q)
     const int err = api_of(q)->visit_change(api_of(q)->arg, q->name, q->body, &out);
 
     return http_reply_answer(q, err, &out, "visit");
+}
+
+static int case_change(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    const int err = api_of(q)->case_change(api_of(q)->arg, q->name, q->body, &out);
+
+    return http_reply_answer(q, err, &out, "video");
+}
+
+static int signing_key(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    char *text = NULL;
+    const int err = api_of(q)->signing_key(api_of(q)->arg, &text);
+
+    return err ? http_reply_answer(q, err, &out, "signing key")
+               : http_reply_text(q, MHD_HTTP_OK, "application/x-pem-file", text);
 }
 
 static int visit_camera(struct http_request *q)

@@ -1,10 +1,8 @@
 /* Functions of struct sst_api: the service's own, and calls of the live engine passed on. */
-#define _XOPEN_SOURCE 700 /* strptime */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/clock.h"
 #include "daemon/service/engine_internal.h"
@@ -94,25 +92,6 @@ static int recordings(void *arg, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-bool service_read_time(const char *text, int64_t *wall_ns)
-{
-    struct tm tm = { 0 };
-    const char *end = text ? strptime(text, "%Y-%m-%dT%H:%M:%S", &tm) : NULL;
-    double fraction = 0;
-    char *after;
-
-    if (!end)
-        return false;
-    if (*end == '.') {
-        fraction = strtod(end, &after);
-        end = after;
-    }
-    if (strcmp(end, "Z") || !(fraction >= 0 && fraction < 1) || tm.tm_year < 70 || tm.tm_year > 200)
-        return false;
-    *wall_ns = (int64_t)timegm(&tm) * 1000000000 + (int64_t)(fraction * 1e9);
-    return true;
-}
-
 static int export_moment(void *arg, const json_t *request, struct sst_api_answer *out)
 {
     static const char *const known[] = { "time", "recording", NULL };
@@ -124,7 +103,7 @@ static int export_moment(void *arg, const json_t *request, struct sst_api_answer
 
     if (err)
         return err;
-    if (!service_read_time(json_string_value(json_object_get(request, "time")), &wall_ns))
+    if (!sst_clock_read(json_string_value(json_object_get(request, "time")), &wall_ns))
         return sst_api_refuse(out->error, -EINVAL, "time must be like \"2026-11-21T18:05:00.5Z\"");
     err = sst_storage_export(s->storage, recording && recording[0] ? recording : NULL, wall_ns, name);
     if (err == -ENOENT)
@@ -200,7 +179,11 @@ static int publisher(void *arg, const json_t *request, struct sst_api_answer *ou
 
 static int download(void *arg, const char *name, struct sst_download **out)
 {
-    return sst_storage_download(((struct sst_service *)arg)->storage, name, out);
+    struct sst_service *s = arg;
+
+    if (!strncmp(name, SST_CASE_PREFIX, strlen(SST_CASE_PREFIX)))
+        return sst_cases_download(s->cases, name, out);
+    return sst_storage_download(s->storage, name, out);
 }
 
 static int list_visits(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out)
@@ -271,6 +254,10 @@ void service_api(struct sst_service *s)
         .export_ = export_moment,
         .delete_ = delete_kept,
         .publisher = publisher,
+        .cases = service_cases,
+        .case_create = service_case_create,
+        .case_change = service_case_change,
+        .signing_key = service_signing_key,
         .calibration_check = engine_calibration_check,
         .slot = engine_outlet,
         .download = download,

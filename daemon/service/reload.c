@@ -47,6 +47,7 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     engine_configure(s->engine, to, c->picture);
     replay_configure(s->replay, to);
     sst_visits_configure(s->visits, to->storage.visits_days);
+    service_configure_cases(s, to);
     service_limit_visits(s);
     service_record_view(s);
     sst_hooks_configure(s->hooks, to->hook, to->hooks);

@@ -601,7 +601,7 @@ static int read_order(const json_t *request, struct order *o, char error[512])
     *o = (struct order){ .id = json_string_value(json_object_get(request, "replay")) };
     if (json_object_get(request, "recording") && (!recording || !recording[0] || strlen(recording) > 63))
         return sst_api_refuse(error, -EINVAL, "recording must be the name of one; GET /api/v1/recordings lists them");
-    if (time && !service_read_time(json_string_value(time), &o->wish.wall_ns))
+    if (time && !sst_clock_read(json_string_value(time), &o->wish.wall_ns))
         return sst_api_refuse(error, -EINVAL, "time must be like \"2026-11-21T18:05:00.5Z\"");
     if ((playing && !json_is_boolean(playing)) || (end && !json_is_boolean(end)))
         return sst_api_refuse(error, -EINVAL, "playing and close must be true or false");

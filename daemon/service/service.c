@@ -100,7 +100,7 @@ void service_record_view(struct sst_service *s)
 
 static void count_visits(void *storage, int64_t bytes)
 {
-    sst_storage_aside(storage, bytes);
+    sst_storage_aside(storage, SST_STORAGE_ASIDE_VISITS, bytes);
 }
 
 void service_limit_visits(struct sst_service *s)
@@ -138,6 +138,7 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     c->array.bound = bound;
     err = err ? err : array_open(&s->array, &c->array, s->ring, s->events);
     err = err ? err : open_visits(s);
+    err = err ? err : service_open_cases(s);
     struct engine_config viewer = {
         .config = c, .ring = s->ring, .storage = s->storage, .visits = s->visits, .events = s->events
     };
@@ -402,6 +403,7 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
         replay_stop(s->replay);
     if (s->array)
         array_stop(s->array);
+    sst_cases_stop(s->cases);
     sst_hooks_stop(s->hooks);
     sst_http_stop(s->http);
     if (s->array)
@@ -441,7 +443,8 @@ bool sst_service_stop(struct sst_service *s)
         sst_events_shut(s->events); /* its listeners end */
     sst_http_close(s->http);
     note(took, sizeof(took), "HTTP", &since_ns);
-    storage = sst_storage_finish(s->storage, left_ms(until_ns));
+    storage = sst_cases_close(s->cases, until_ns);
+    storage = sst_storage_finish(s->storage, left_ms(until_ns)) && storage;
     note(took, sizeof(took), "disk", &since_ns);
     if (s->engine)
         viewer = engine_join(s->engine, since_ns < free_ns ? free_ns : since_ns);

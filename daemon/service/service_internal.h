@@ -20,6 +20,8 @@
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/http.h"
 #include "daemon/service/service.h"
+#include "capture/evidence/evidence.h"
+#include "daemon/storage/cases.h"
 #include "daemon/storage/storage.h"
 #include "daemon/visits/visits.h"
 #include "pipeline/live/live.h"
@@ -308,6 +310,7 @@ struct sst_service {
     struct sst_ring *ring;
     struct sst_storage *storage;
     struct sst_visits *visits;
+    struct sst_cases *cases;
     struct service_array *array;
     struct live_engine *engine;
     struct service_replay *replay;
@@ -336,9 +339,6 @@ struct sst_service {
 
 /* api.c */
 void service_api(struct sst_service *s);
-
-/** "2026-11-21T18:05:00Z", with a fraction if need be. */
-bool service_read_time(const char *text, int64_t *wall_ns);
 
 /* engine_status.c */
 /** A skip of the live picture (design.md, 5.5). */
@@ -389,6 +389,14 @@ int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 /* zones.c: zones drawn on the page, kept in web.zones_file */
 int service_zones(void *arg, struct sst_api_answer *out);
 int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
+
+/* cases.c: videos for others */
+int service_open_cases(struct sst_service *s);
+void service_configure_cases(struct sst_service *s, const struct sst_config *to);
+int service_cases(void *arg, struct sst_api_answer *out);
+int service_case_create(void *arg, const json_t *request, struct sst_api_answer *out);
+int service_case_change(void *arg, const char *name, const json_t *request, struct sst_api_answer *out);
+int service_signing_key(void *arg, char **pem);
 
 /** Pass the JPEG slot of the main view to storage, once there is one. */
 void service_record_view(struct sst_service *s);

@@ -73,8 +73,10 @@ int64_t video_files_bytes_locked(const struct sst_storage *s)
 
 int64_t store_used_locked(const struct sst_storage *s)
 {
-    int64_t used = s->aside_bytes + video_files_bytes_locked(s);
+    int64_t used = video_files_bytes_locked(s);
 
+    for (int i = 0; i < SST_STORAGE_ASIDES; i++)
+        used += s->aside_bytes[i];
     for (int i = 0; i < s->catalog.count; i++)
         used += s->catalog.entry[i].bytes;
     return used;

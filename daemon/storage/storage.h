@@ -48,8 +48,13 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
 /** Apply changed settings of `storage:` and `zones:`, except the folder and the size of the ring. @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst_config *config);
 
-/** Bytes below the folder that are not the storage's own and count in the quota: visits. */
-void sst_storage_aside(struct sst_storage *s, int64_t bytes);
+/** Bytes below the folder that are not the storage's own and count in the quota. */
+enum sst_storage_aside {
+    SST_STORAGE_ASIDE_VISITS = 0,
+    SST_STORAGE_ASIDE_CASES = 1, /* videos for others */
+    SST_STORAGE_ASIDES = 2,
+};
+void sst_storage_aside(struct sst_storage *s, enum sst_storage_aside of, int64_t bytes);
 
 /** Set the see-through view that is recorded beside the sets (storage.record_view); only the first call has effect.
  *  @param slot  of the main view; referenced */

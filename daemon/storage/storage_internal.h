@@ -254,7 +254,7 @@ struct sst_storage {
     bool limit_quota;          /* it is the quota's, not the free space's */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
-    int64_t aside_bytes;                        /* of others, in the quota */
+    int64_t aside_bytes[SST_STORAGE_ASIDES];    /* of others, in the quota */
     int64_t manual_bytes;                       /* up to this entries made by hand are removed last */
     uint64_t removed[SST_STORE_KINDS], deleted; /* because of the limits; by hand */
     uint64_t trimmed;                           /* segments removed from recordings because of the limits */

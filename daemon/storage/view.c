@@ -153,10 +153,10 @@ void *store_view_run(void *storage)
     return NULL;
 }
 
-void sst_storage_aside(struct sst_storage *s, int64_t bytes)
+void sst_storage_aside(struct sst_storage *s, enum sst_storage_aside of, int64_t bytes)
 {
     pthread_mutex_lock(&s->lock);
-    s->aside_bytes = bytes;
+    s->aside_bytes[of] = bytes;
     pthread_mutex_unlock(&s->lock);
 }
 

@@ -16,6 +16,7 @@ import { Sessions } from "/web/sessions.js";
 import { Stage } from "/web/stage.js";
 import { Timeline } from "/web/timeline.js";
 import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
+import { Videos } from "/web/video.js";
 import { View } from "/web/view.js";
 import { Visits } from "/web/visits.js";
 import { Zones } from "/web/zones.js";
@@ -114,6 +115,7 @@ const visits = new Visits(async (visit) => {
   await app.replay.start({ time: momentOf(visit) });
   keepVisitor(visit);
 });
+new Videos(app.replay, visits);
 const timeline = new Timeline(app, (time) => app.replay.start({ time }));
 new Notify((visit) => visits.wants(visit), openVisit);
 const events = new Events((event) => {

@@ -3,7 +3,8 @@
 import { clock, get, post } from "/web/api.js";
 import { $, bytes, complain, duration, el, icon, localTime, number, onUse, setText, stopwatch, toast } from "/web/ui.js";
 
-function save(href, name) {
+/** Saves a file as a click on a link to it does. */
+export function save(href, name) {
   const link = el("a", { href, download: name });
   document.body.append(link);
   link.click();

@@ -3,7 +3,7 @@
 #include <ctype.h>
 #include <string.h>
 
-#define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXYJQWZ-.:_"
+#define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXYJQWZ-.:_+,/()"
 
 /* Seven rows of five dots, the leftmost dot is bit 4. */
 static const uint8_t glyphs[][7] = {
@@ -21,6 +21,8 @@ static const uint8_t glyphs[][7] = {
     { 7, 2, 2, 2, 2, 18, 12 },      { 14, 17, 17, 17, 21, 18, 13 }, { 17, 17, 17, 21, 21, 21, 10 },
     { 31, 1, 2, 4, 8, 16, 31 },     { 0, 0, 0, 14, 0, 0, 0 },       { 0, 0, 0, 0, 0, 12, 12 },
     { 0, 12, 12, 0, 12, 12, 0 },    { 0, 0, 0, 0, 0, 0, 31 },
+    { 0, 4, 4, 31, 4, 4, 0 },       { 0, 0, 0, 0, 12, 4, 8 },       { 1, 1, 2, 4, 8, 16, 16 },
+    { 2, 4, 8, 8, 8, 4, 2 },        { 8, 4, 2, 2, 2, 4, 8 },
 };
 
 bool sst_font_dot(const char *text, int x, int y)

@@ -10,8 +10,8 @@
 #define SST_FONT_HEIGHT 7
 
 /**
- * True if the dot in column x, row y of the text is set. Capitals, digits, space and - . : _ have glyphs; small letters
- * are drawn as capitals, anything else as space.
+ * True if the dot in column x, row y of the text is set. Capitals, digits, space and - . : _ + , / ( ) have glyphs; small
+ * letters are drawn as capitals, anything else as space.
  */
 bool sst_font_dot(const char *text, int x, int y);
 

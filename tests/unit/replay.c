@@ -100,7 +100,7 @@ static int64_t wall_of(const json_t *state, const char *key)
 {
     int64_t wall_ns;
 
-    assert_true(service_read_time(json_string_value(json_object_get(state, key)), &wall_ns));
+    assert_true(sst_clock_read(json_string_value(json_object_get(state, key)), &wall_ns));
     return wall_ns;
 }
 

@@ -281,7 +281,7 @@ static void what_others_take_counts(void **state)
     }
     bench_wait(&b, NULL, "snapshots", 2);
     assert_int_equal(bench_number(&b, NULL, "removed"), 0);
-    sst_storage_aside(b.storage, 995000);
+    sst_storage_aside(b.storage, SST_STORAGE_ASIDE_VISITS, 995000);
     bench_wait(&b, NULL, "removed", 1);
     bench_wait(&b, NULL, "used_bytes", 995000);
     bench_fini(&b);
