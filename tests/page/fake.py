@@ -59,6 +59,7 @@ class World:
         self.data = {name[:-4]: open(f"{folder}/{name}", "rb").read()
                      for name in sorted(os.listdir(folder)) if name.endswith(".jpg")}
         self.steps = sum(name.startswith("sst_") for name in self.data)
+        self.clip = open(f"{folder}/clip.mp4", "rb").read()
         self.labels = Image.open(f"{folder}/02_02.png")
         self.size = self.labels.size
         raw = open(f"{folder}/02_02.pfm", "rb").read()
@@ -117,7 +118,7 @@ class Service:
         self.lock = threading.RLock()
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
-        self.computing = self.stall = False
+        self.computing = self.stall = self.hold_videos = False
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
@@ -126,6 +127,7 @@ class Service:
         self.hour = now().replace(minute=0, second=0, microsecond=0)
         self.deleted, self.played, self.plays, self.kept_visits = set(), None, 0, set()
         self.kept = []
+        self.videos = []  # newest first
         self.sessions = [{"session": f"{n:012x}", "role": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
                          for n, role, address, agent in ((1, "control", "127.0.0.1", "Mozilla/5.0 (X11; Linux x86_64) Chrome/140.0"),
                                                          (2, "view", "192.168.1.7", "Mozilla/5.0 (iPhone; CPU iPhone OS 18) Safari/605"))]
@@ -277,6 +279,15 @@ class Service:
         self.played.update({key: body[key] for key in ("playing", "speed") if key in body})
         return self.replay()
 
+    def videos_json(self):
+        """Each look at a video is a quarter of its making."""
+        for video in [v for v in self.videos if v["state"] in ("waiting", "running")][-1:]:
+            video["progress"] = min(video["progress"] + 0.25, 1)
+            video["left_s"] = 4 * (1 - video["progress"])
+            video["state"] = "done" if video["progress"] == 1 and not self.hold_videos else "running"
+            video["bytes"] = len(self.world.clip) if video["state"] == "done" else 0
+        return self.videos
+
     def view_json(self, name):
         view = self.views[name]
         clear = view["method"] == "clear"
@@ -379,7 +390,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "tracks"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "hold_videos", "tracks"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -407,6 +418,11 @@ class Handler(http.server.BaseHTTPRequestHandler):
             wanted = lambda v: (query.get("label") in (None, v["label"]) and (query.get("zone") is None or query["zone"] in v["zones"])
                                 and query.get("from", "") <= v["to"] and v["from"] <= query.get("to", "9"))
             self.answer(200, {"visits": [v for v in s.visits() if wanted(v)][:int(query.get("limit", 100))]})
+        elif path == "/api/v1/videos":
+            with s.lock:
+                self.answer(200, {"videos": s.videos_json()})
+        elif len(part) == 4 and part[2] == "download" and part[3].endswith((".mp4", ".zip")):
+            self.answer(200, s.world.clip, "video/mp4")
         elif len(part) == 5 and part[2] == "visits" and part[4] in ("camera", "seen"):
             self.answer(200, s.world.data["refocus_00" if part[4] == "camera" else "sst_05"], "image/jpeg")
         elif path == "/api/v1/tracks":
@@ -552,6 +568,20 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 else:
                     s.kept_visits.discard(part[3])
             self.answer(200, {"visit": part[3], **body})
+            return
+        if path == "/api/v1/videos":
+            if "2000" in str(body.get("from", "")):
+                raise Refused(404, "no recording has that moment")
+            with s.lock:
+                name = f"video-{now():%Y-%m-%dT%H-%M-%S}-{len(s.videos):03d}Z"
+                s.videos.insert(0, {"name": name, "title": "Pedestrian", "state": "waiting", "progress": 0, "left_s": None,
+                                    "videos": len(body.get("visits", [1])), "bytes": 0, "error": ""})
+            self.answer(200, {"name": name})
+            return
+        if part[:3] == ["api", "v1", "videos"]:
+            with s.lock:
+                s.videos = [v for v in s.videos if v["name"] != part[3]]
+            self.answer(200, {"deleted": part[3]})
             return
         if path == "/api/v1/record":
             if body.get("action") == "start":

@@ -446,4 +446,52 @@ def test_zones(b, fake):
     b.js("document.getElementById('toasts').replaceChildren()")
 
 
-TESTS = [test_cameras, test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_replay_waits, test_zones]
+def test_video(b, fake):
+    """Videos for others: two clicks from a card to a file; a span of what is played; cancelled ones are not saved."""
+    saved = lambda: [r["path"] for r in fake.log() if r["method"] == "GET" and ".mp4" in r["path"]]
+    b.click("#tab-visits")
+    b.wait("document.querySelectorAll('#visits .visit').length > 1")
+    b.click("#visits .visit:nth-child(1)")
+    b.wait("document.getElementById('visit').open")
+    name = b.js("document.getElementById('visit-title').textContent") and fake.visits()[0]["visit"]
+    b.click("#visit-video")
+    check(expect(lambda: fake.posts("/api/v1/videos")) == [{"visits": [name]}], "another visit than the card's")
+    b.wait("/\\d+ %, \\d+ s left/.test(document.getElementById('visit-videos').textContent)")
+    b.wait("document.querySelectorAll('#visit-videos a').length === 3")
+    check(len(expect(saved)) == 1, f"saved: {saved()}")
+    played = b.js("""(async () => { const v = document.createElement('video'); v.muted = true; v.src = document.querySelector('#visit-videos a').href;
+      await new Promise((done, fail) => { v.onloadeddata = done; v.onerror = () => fail(new Error(v.error.message)); }); return v.videoWidth; })()""")
+    check(played == 160, f"the browser plays it {played} px wide")
+    b.click("#visit-close")
+    b.wait("document.querySelectorAll('#visit-videos > *').length === 0")
+    # A span of a recording, cancelled while it is made.
+    fake.set(hold_videos=True)
+    b.click("#tab-recordings")
+    b.wait("document.querySelectorAll('#videos .card').length === 1 && !document.getElementById('signing-key').hidden")
+    b.wait("document.querySelectorAll('.recording').length === 4")
+    if not b.js("document.querySelector('.recording').open"):
+        b.click(".recording summary")
+    b.click(".recording .take button")
+    b.wait("!document.getElementById('replay').hidden && document.getElementById('replay-time').textContent !== '–'")
+    b.click("#replay-video")
+    b.wait("document.getElementById('replay-video').getAttribute('aria-pressed') === 'true'")
+    b.click("#replay-on")
+    b.wait("document.getElementById('replay-video-text').textContent.includes('to here')")
+    drawn = b.js("document.getElementById('replay-time').textContent")
+    b.wait(f"document.getElementById('replay-time').textContent !== {drawn!r}")
+    b.click("#replay-video")
+    posts = expect(lambda: fake.posts("/api/v1/videos")[1:])
+    check(posts[0]["from"] < posts[0]["to"] and posts[0]["recording"], f"the span is {posts}")
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden")
+    b.wait("document.querySelector('#videos .card progress')?.hidden === false")
+    b.click("#videos .card button")
+    b.wait("document.querySelectorAll('#videos .card').length === 1")
+    b.click("#videos .card button")
+    b.wait("document.querySelectorAll('#videos .card').length === 0 && document.getElementById('h-videos').hidden")
+    fake.set(hold_videos=False)
+    b.js("document.getElementById('toasts').replaceChildren()")
+    b.click("#tab-overview")
+
+
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_video, test_timeline, test_notify, test_replay, test_replay_waits, test_zones]

@@ -17,6 +17,7 @@ read -r far near <<<"$range"
 for method in sst refocus; do
   "$sst" sweep "$tmp/lf" --from "$far" --to "$near" --steps "$steps" --method "$method" -o "$tmp/$method" -q >/dev/null
 done
+"$sst" sweep "$tmp/lf" --from "$far" --to "$near" --steps "$steps" --method refocus -o "$out/clip.mp4" -q >/dev/null
 cut=$(/usr/bin/python3 -c 'import sys; far, near = map(float, sys.argv[1:]); print(far + 0.2 * (near - far))' "$far" "$near")
 "$sst" sweep "$tmp/lf" --from "$cut" --to "$near" --steps "$steps" --method clear -o "$tmp/clear" -q >/dev/null
 "$sst" render "$tmp/lf" --focus "$far" --explain "$tmp/why" -o "$tmp/far.png" -q >/dev/null
