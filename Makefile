@@ -41,6 +41,8 @@ WITH_SYSTEMD ?= $(call have,libsystemd)
 WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0)
 WITH_MQTT ?= $(call have,libmosquitto)
 WITH_CURL ?= $(call have,libcurl)
+# Notifications of browsers: agreement on keys by Nettle, beside GnuTLS.
+WITH_PUSH ?= $(if $(filter 11,$(WITH_HTTPD)$(WITH_CURL)),$(call have,nettle hogweed),0)
 WITH_DOGLEG ?= $(shell echo '$(hash)include <dogleg.h>' | $(CC) -I$(SYSROOT)/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # The loader is opened at run time: building needs headers, and glslangValidator for the shaders.
 WITH_VULKAN ?= $(shell command -v glslangValidator >/dev/null && echo '$(hash)include <vulkan/vulkan_core.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
@@ -57,7 +59,7 @@ WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_DEFLATE)),libdeflate) $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
-            $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) \
+            $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) $(if $(filter 1,$(WITH_PUSH)),hogweed nettle) \
             $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod) $(if $(filter 1,$(WITH_ISAL)),libisal)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
@@ -107,7 +109,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) -DWITH_ONVIF=$(WITH_ONVIF) \
-        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DWITH_PUSH=$(WITH_PUSH) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
@@ -116,7 +118,7 @@ CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
 CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags opencv4 2>/dev/null)) $(CXXFLAGS)
-LIBS = $(PACKAGE_LIBS) -lmd -lm \
+LIBS = $(PACKAGE_LIBS) $(if $(filter 1,$(WITH_PUSH)),-lgmp) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack)
 OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_features2d -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
@@ -210,7 +212,7 @@ $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
 $(BUILD)/obj/cli/status.o: cli/status.txt
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
-$(BUILD)/obj/client/client.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+$(BUILD)/obj/client/client.o $(BUILD)/obj/daemon/publish/push_send.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
 endif
 # So is LibRaw.
 ifeq (1,$(WITH_RAW))

@@ -271,6 +271,13 @@ static const struct sst_key keys[] = {
     { KEY("mqtt", "discovery", TEXT, mqtt.discovery, "homeassistant", LIVE), KIND(TOPIC), .optional = true },
     { KEY("mqtt", "picture_s", DOUBLE, mqtt.picture_s, "1", LIVE), RANGE(0, 3600) },
 
+    { KEY("push", "enabled", BOOL, push.enabled, "true", LIVE) },
+    { KEY("push", "hosts", TEXTS, push.host, "[]", LIVE), COUNT(push.hosts), STRIDE(push.host) },
+    { KEY("push", "private_hosts", BOOL, push.private_hosts, "false", LIVE) },
+    { KEY("push", "ca_file", TEXT, push.ca_file, "", LIVE), KIND(FILE) },
+    { KEY("push", "contact", TEXT, push.contact, "", LIVE) },
+    { KEY("push", "cool_down_s", DOUBLE, push.cool_down_s, "30", LIVE), RANGE(0, 86400) },
+
     { KEY("", "hooks", LIST, hook, "[]", LIVE), COUNT(hooks), STRIDE(hook), FIELDS(hook_keys) },
 };
 

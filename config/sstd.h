@@ -103,6 +103,19 @@ struct sst_live_settings { /* live: */
     int jpeg_quality;
 };
 
+#define SST_PUSH_HOSTS 16
+
+/** Notifications of browsers without an open page. */
+struct sst_push_settings {
+    bool enabled;
+    int hosts; /* push services that are allowed; 0: the known ones */
+    char host[SST_PUSH_HOSTS][128];
+    bool private_hosts;                 /* may have addresses of private networks */
+    char ca_file[SST_CONFIG_TEXT_MAX];  /* ""; the system's authorities */
+    char contact[128];                  /* mailto: or https:, for the push services; "" */
+    double cool_down_s;                 /* between messages to a browser */
+};
+
 struct sst_config {
     struct sst_array_config array; /* array: cameras: trigger: sets: rig: */
     char site[128];                /* name of the place, burnt into videos; "": the machine's name */
@@ -171,6 +184,7 @@ struct sst_config {
         char discovery[128]; /* homeassistant; "": none */
         double picture_s;    /* minimum time between pictures of the main view; 0: none */
     } mqtt;
+    struct sst_push_settings push;
     int hooks; /* hooks: */
     struct sst_hook hook[SST_HOOKS_MAX];
 };

@@ -66,6 +66,9 @@ struct sst_api {
     /** {"delete": true}: also ends one that is being made. */
     int (*case_change)(void *arg, const char *name, const json_t *request, struct sst_api_answer *out);
     int (*signing_key)(void *arg, char **pem); /* public key of their manifests; to free with free() */
+    /** Notifications of browsers: what a page needs to subscribe; a subscription. */
+    int (*push)(void *arg, struct sst_api_answer *out);
+    int (*push_change)(void *arg, const json_t *request, struct sst_api_answer *out);
     /** A report of sst-rtsp or sst-onvif. */
     int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*calibration_check)(void *live, struct sst_api_answer *out);

@@ -59,6 +59,9 @@
     X("GET", "/api/v1/replay", VIEW, "The recording that is played", replay)                                           \
     X("POST", "/api/v1/replay", VIEW, "Play a recording from a moment on, pause, close", replay_change)                \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
+    X("GET", "/push-worker.js", VIEW, "Service worker of the page: notifications", push_worker)                         \
+    X("GET", "/api/v1/push", VIEW, "Notifications: key, number of subscriptions", push)                                \
+    X("POST", "/api/v1/push", VIEW, "Subscribe this browser to notifications, or end that", push_change)               \
     X("GET", "/api/v1/zones", VIEW, "Zones of the picture that are watched or ignored", zones)                         \
     X("POST", "/api/v1/zones", CONTROL, "Other zones: the whole list", zones_change)                                   \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
@@ -117,6 +120,12 @@ static int web(struct http_request *q)
     return http_do_web(q, q->name, true);
 }
 
+/* At the root: its scope is the whole page. */
+static int push_worker(struct http_request *q)
+{
+    return http_do_web(q, "push-worker.js", false);
+}
+
 static int openapi(struct http_request *q)
 {
     return http_do_web(q, "openapi.json", false);
@@ -137,6 +146,7 @@ PLAIN(tracks, tracks, q->live, "tracks")
 PLAIN(views, views, q->live, "views")
 PLAIN(zones, zones, api_of(q)->arg, "zones")
 PLAIN(recordings, recordings, api_of(q)->arg, "recordings")
+PLAIN(push, push, api_of(q)->arg, "notifications")
 PLAIN(cases, cases, api_of(q)->arg, "videos")
 PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
@@ -176,6 +186,7 @@ WITH_BODY(record, record, api_of(q)->arg, "record")
 WITH_BODY(export, export_, api_of(q)->arg, "export")
 WITH_BODY(zones_change, zones_change, api_of(q)->arg, "zones")
 WITH_BODY(delete, delete_, api_of(q)->arg, "delete")
+WITH_BODY(push_change, push_change, api_of(q)->arg, "notifications")
 WITH_BODY(case_create, case_create, api_of(q)->arg, "video")
 WITH_BODY(replay_change, replay_change, api_of(q)->replayed, "replay")
 

@@ -258,6 +258,8 @@ void service_api(struct sst_service *s)
         .case_create = service_case_create,
         .case_change = service_case_change,
         .signing_key = service_signing_key,
+        .push = service_push,
+        .push_change = service_push_change,
         .calibration_check = engine_calibration_check,
         .slot = engine_outlet,
         .download = download,

@@ -1,4 +1,4 @@
-/* Verbs of struct sst_api about videos for others. */
+/* Verbs of struct sst_api about videos for others, and notifications. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,8 +12,7 @@
 #define LEAD_NS  INT64_C(3000000000) /* of a visit's video before its beginning and after its end */
 #define KEY_FILE "signing-key.pem"   /* beside the control token */
 
-/* The place that is burnt in: the configuration's, else the name of this machine. */
-static void site_of(char out[256], const struct sst_config *c)
+void service_site(char out[256], const struct sst_config *c)
 {
     out[0] = out[255] = 0;
     if (c->site[0])
@@ -37,7 +36,7 @@ int service_open_cases(struct sst_service *s)
     int err;
 
     snprintf(key, sizeof(key), "%.*s" KEY_FILE, (int)(sst_path_base(token) - token), token);
-    site_of(site, &s->config);
+    service_site(site, &s->config);
     err = sst_cases_open(&s->cases, &cfg);
     if (!err)
         sst_cases_report(s->cases, count_cases, s->storage);
@@ -48,7 +47,7 @@ void service_configure_cases(struct sst_service *s, const struct sst_config *to)
 {
     char site[256];
 
-    site_of(site, to);
+    service_site(site, to);
     sst_cases_configure(s->cases, site);
 }
 
@@ -238,4 +237,23 @@ int service_signing_key(void *arg, char **pem)
         return -ENOMEM;
     sprintf(*pem, "# Ed25519; SHA-256 of the key: %s\n%s", print, text);
     return 0;
+}
+
+int service_push(void *arg, struct sst_api_answer *out)
+{
+    out->body = sst_push_state(((struct sst_service *)arg)->push);
+    return out->body ? 0 : -ENOMEM;
+}
+
+int service_push_change(void *arg, const json_t *request, struct sst_api_answer *out)
+{
+    static const char *const known[] = { "endpoint", "p256dh", "auth", "labels", "zones", "cool_down_s", "delete", "test",
+                                         NULL };
+    int err = sst_api_members(request, known, out->error);
+
+    err = err ? err : sst_push_change(((struct sst_service *)arg)->push, request, out->error);
+    if (err)
+        return err;
+    out->body = json_pack("{s:b}", "subscribed", !json_is_true(json_object_get(request, "delete")));
+    return out->body ? 0 : -ENOMEM;
 }

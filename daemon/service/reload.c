@@ -32,6 +32,8 @@ static json_t *changes_json(const struct sst_config_change *c, int n, struct con
 static int apply(struct sst_service *s, struct sst_config *to, const struct sst_config *from,
                  const struct consequences *c)
 {
+    char site[256];
+
     pthread_mutex_lock(&s->parts);
     if (!s->open) {
         pthread_mutex_unlock(&s->parts);
@@ -48,6 +50,8 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     replay_configure(s->replay, to);
     sst_visits_configure(s->visits, to->storage.visits_days);
     service_configure_cases(s, to);
+    service_site(site, to);
+    sst_push_configure(s->push, &to->push, site);
     service_limit_visits(s);
     service_record_view(s);
     sst_hooks_configure(s->hooks, to->hook, to->hooks);

@@ -119,6 +119,17 @@ static int open_visits(struct sst_service *s)
     return err;
 }
 
+static int open_push(struct sst_service *s)
+{
+    char site[256];
+    const struct sst_push_config push = {
+        .events = s->events, .beside = s->config.web.token_file, .settings = &s->config.push, .site = site
+    };
+
+    service_site(site, &s->config);
+    return sst_push_open(&s->push, &push);
+}
+
 static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)
 {
     struct sst_config *c = &s->config;
@@ -150,6 +161,7 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     err = err ? err : replay_open(&s->replay, s->storage, c);
     if (!err)
         service_record_view(s);
+    err = err ? err : open_push(s);
     service_api(s);
     err = err ? err : open_http(s, cfg);
     const struct sst_hooks_config hooks = { .events = s->events, .hook = c->hook, .hooks = c->hooks };
@@ -404,6 +416,7 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
     if (s->array)
         array_stop(s->array);
     sst_cases_stop(s->cases);
+    sst_push_stop(s->push);
     sst_hooks_stop(s->hooks);
     sst_http_stop(s->http);
     if (s->array)
@@ -443,6 +456,7 @@ bool sst_service_stop(struct sst_service *s)
         sst_events_shut(s->events); /* its listeners end */
     sst_http_close(s->http);
     note(took, sizeof(took), "HTTP", &since_ns);
+    sst_push_close(s->push);
     storage = sst_cases_close(s->cases, until_ns);
     storage = sst_storage_finish(s->storage, left_ms(until_ns)) && storage;
     note(took, sizeof(took), "disk", &since_ns);

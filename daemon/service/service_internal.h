@@ -19,6 +19,7 @@
 #include "daemon/publish/api.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/http.h"
+#include "daemon/publish/push.h"
 #include "daemon/service/service.h"
 #include "capture/evidence/evidence.h"
 #include "daemon/storage/cases.h"
@@ -316,6 +317,7 @@ struct sst_service {
     struct service_replay *replay;
     struct sst_http *http; /* set under lock: its clients send requests before it is open */
     struct sst_hooks *hooks;
+    struct sst_push *push; /* set before http is open */
     struct sst_counters counters;
     /* main thread */
     unsigned generation;    /* of the layout that was passed to storage */
@@ -390,7 +392,11 @@ int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 int service_zones(void *arg, struct sst_api_answer *out);
 int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
 
-/* cases.c: videos for others */
+/* cases.c: videos for others, notifications */
+/** The place in videos and notifications: the configuration's, else the name of this machine. */
+void service_site(char out[256], const struct sst_config *c);
+int service_push(void *arg, struct sst_api_answer *out);
+int service_push_change(void *arg, const json_t *request, struct sst_api_answer *out);
 int service_open_cases(struct sst_service *s);
 void service_configure_cases(struct sst_service *s, const struct sst_config *to);
 int service_cases(void *arg, struct sst_api_answer *out);

@@ -10,6 +10,7 @@ import { Health } from "/web/health.js";
 import { Labels } from "/web/labels.js";
 import { Light } from "/web/light.js";
 import { Notify } from "/web/notify.js";
+import { Push } from "/web/push.js";
 import { Recordings } from "/web/recordings.js";
 import { Replay } from "/web/replay.js";
 import { Sessions } from "/web/sessions.js";
@@ -118,6 +119,7 @@ const visits = new Visits(async (visit) => {
 new Videos(app.replay, visits);
 const timeline = new Timeline(app, (time) => app.replay.start({ time }));
 new Notify((visit) => visits.wants(visit), openVisit);
+new Push(openVisit);
 const events = new Events((event) => {
   if (event.type === "visit" && !$("panel-visits").hidden) visits.refresh().catch(complain);
   if (event.type === "visit" && !$("timeline").hidden) timeline.refresh();

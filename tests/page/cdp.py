@@ -54,6 +54,7 @@ class Browser:
         self.out = os.fdopen(down_w, "wb", buffering=0)
         self.inp = os.fdopen(up_r, "rb")
         self.answers, self.problems, self.next, self.session = {}, [], 0, None
+        self.workers = []
         self.lock = threading.Lock()
         threading.Thread(target=self.listen, daemon=True).start()
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -85,6 +86,8 @@ class Browser:
                 waiting.put(message)
             return
         kind, what = message["method"], message.get("params", {})
+        if kind == "ServiceWorker.workerRegistrationUpdated":
+            self.workers = [r["registrationId"] for r in what["registrations"] if not r["isDeleted"]]
         if kind == "Runtime.exceptionThrown":
             details = what["exceptionDetails"]
             self.problems.append((time.time(), "exception", details.get("exception", {}).get("description", details["text"])))
@@ -114,6 +117,16 @@ class Browser:
             text = answer["error"]["message"]
             raise (Gone if text.startswith(GONE) else Failed)(f"{method}: {text}")
         return answer["result"]
+
+    def worker(self, seconds=60):
+        """Id of the registered service worker."""
+        self.call("ServiceWorker.enable")
+        end = time.time() + seconds
+        while not self.workers and time.time() < end:
+            time.sleep(0.02)
+        if not self.workers:
+            raise Failed("no service worker is registered")
+        return self.workers[-1]
 
     def scheme(self, light):
         self.call("Emulation.setEmulatedMedia",

@@ -112,6 +112,9 @@ class World:
                 "front_px": round(front, 2), "front_label": label, "front_name": name}
 
 
+VAPID = "BP4z9KsN6nGRTbVYI_c7VJSPQTBtkgcy27mlmlMoZIIgDll6e3vCYLocInmYWAmS6TlzAC8wEqKK6PBru3jl7A8"
+
+
 class Service:
     def __init__(self, world, age_s):
         self.world = world
@@ -418,6 +421,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
             wanted = lambda v: (query.get("label") in (None, v["label"]) and (query.get("zone") is None or query["zone"] in v["zones"])
                                 and query.get("from", "") <= v["to"] and v["from"] <= query.get("to", "9"))
             self.answer(200, {"visits": [v for v in s.visits() if wanted(v)][:int(query.get("limit", 100))]})
+        elif path == "/push-worker.js":
+            self.file("push-worker.js")
+        elif path == "/api/v1/push":
+            self.answer(200, {"supported": True, "reason": "", "key": VAPID, "subscriptions": 0, "cool_down_s": 30, "sent": 0, "failed": 0})
         elif path == "/api/v1/videos":
             with s.lock:
                 self.answer(200, {"videos": s.videos_json()})
@@ -568,6 +575,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 else:
                     s.kept_visits.discard(part[3])
             self.answer(200, {"visit": part[3], **body})
+            return
+        if path == "/api/v1/push":
+            self.answer(200, {"subscribed": "delete" not in body})
             return
         if path == "/api/v1/videos":
             if "2000" in str(body.get("from", "")):

@@ -494,4 +494,38 @@ def test_video(b, fake):
     b.click("#tab-overview")
 
 
-TESTS = [test_cameras, test_events, test_recordings, test_visits, test_video, test_timeline, test_notify, test_replay, test_replay_waits, test_zones]
+def test_push(b, fake):
+    """Notifications without a page: the browser subscribes with the filters of the panel; the service worker shows what comes."""
+    b.call("Browser.grantPermissions", permissions=["notifications"], origin=fake.url.rstrip("/"))
+    b.js("""PushManager.prototype.getSubscription = async () => window.pushed ?? null;
+      PushManager.prototype.subscribe = async function (options) {
+        window.pushed = { endpoint: "https://fcm.googleapis.com/x", options, toJSON: () => ({ endpoint: "https://fcm.googleapis.com/x", keys: { p256dh: "B", auth: "C" } }),
+          unsubscribe: async () => { window.pushed = null; } };
+        return window.pushed; }""")
+    b.click("#tab-visits")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.add(new Option('Pedestrian')); s.value = 'Pedestrian'; })()")
+    b.click("#notify-push")
+    posts = expect(lambda: len(fake.posts("/api/v1/push")) == 2 and fake.posts("/api/v1/push"))
+    check(posts[0] == {"endpoint": "https://fcm.googleapis.com/x", "p256dh": "B", "auth": "C", "labels": ["Pedestrian"], "zones": []}, f"it sends {posts}")
+    check(posts[1].get("test") is True, "no example")
+    check(b.js("window.pushed.options.applicationServerKey[0]") == 4, "the key is no point")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    check(expect(lambda: fake.posts("/api/v1/push")[-1].get("labels") == []), "another filter is not sent")
+    # What the push service brings, as the worker shows it.
+    visit = fake.visits()[0]["visit"]
+    message = {"title": "Pedestrian in gate", "body": "Yard: Pedestrian came", "tag": visit, "url": f"/#visit={visit}", "picture": f"/api/v1/visits/{visit}/seen", "time": ""}
+    b.js("navigator.serviceWorker.ready.then(() => true)")
+    b.call("ServiceWorker.deliverPushMessage", origin=fake.url.rstrip("/"), registrationId=b.worker(), data=json.dumps(message))
+    notes = "navigator.serviceWorker.ready.then((r) => r.getNotifications()).then((all) => all.map((n) => [n.title, n.body, n.tag, (n.image ?? '').slice(0, 15), n.data.url]))"
+    shown = expect(lambda: b.js(notes))
+    check(shown == [[message["title"], message["body"], visit, "data:image/jpeg", message["url"]]], f"the worker shows {shown}")
+    b.js("window.dispatchEvent(new Event('focus'))")
+    b.click("#notify-push")
+    check(expect(lambda: fake.posts("/api/v1/push")[-1].get("delete") is True), "the subscription is not ended")
+    b.wait("window.pushed === null")
+    b.js("navigator.serviceWorker.getRegistration('/').then((r) => r.unregister())")
+    b.js("document.getElementById('toasts').replaceChildren()")
+    b.click("#tab-overview")
+
+
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_video, test_timeline, test_notify, test_push, test_replay, test_replay_waits, test_zones]
