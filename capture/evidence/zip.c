@@ -1,4 +1,4 @@
-/* Reader of ZIP archives whose entries are stored, as daemon/storage/zip.c writes them (APPNOTE.TXT 6.3, without ZIP64). */
+/* Reader of ZIP archives without compression, as daemon/storage/zip.c writes them (APPNOTE.TXT 6.3, without ZIP64). */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -241,9 +241,14 @@ static bool may_go_on(void *arg)
     return !stop;
 }
 
-/* @return status of the answer, or -errno */
-static int send_message(struct sst_push *p, const struct message *m, const struct push_receiver *to,
-                        const struct sst_push_settings *settings, int *retry_s, char why[160])
+/* Result of a try. */
+struct outcome {
+    int status, retry_s; /* status: of the answer, or -errno */
+    char why[160];
+};
+
+static void send_message(struct sst_push *p, const struct message *m, const struct push_receiver *to,
+                         const struct sst_push_settings *settings, struct outcome *o)
 {
     const int64_t until_s = sst_clock_wall_ns() / 1000000000 + TOKEN_S;
     char origin[300], error[512] = "", token[PUSH_TOKEN], public[PUSH_BASE64(PUSH_POINT)], authorization[PUSH_TOKEN + 200];
@@ -256,13 +261,14 @@ static int send_message(struct sst_push *p, const struct message *m, const struc
     n = n ? n : push_token(p->key_path, origin, settings->contact, until_s, token);
     n = n ? n : push_encrypt(to, m->text, NULL, NULL, body);
     if (n < 0) {
-        snprintf(why, 160, "%.150s", error[0] ? error : strerror(-n));
-        return n;
+        snprintf(o->why, sizeof(o->why), "%.150s", error[0] ? error : strerror(-n));
+        o->status = n;
+        return;
     }
     push_base64(public, key, PUSH_POINT);
     snprintf(authorization, sizeof(authorization), "vapid t=%s, k=%s", token, public);
     out.bytes = (size_t)n;
-    return push_send(&out, retry_s, why);
+    o->status = push_send(&out, &o->retry_s, o->why);
 }
 
 static void log_failure(struct sst_push *p, const char *endpoint, int status, const char *why)
@@ -282,8 +288,9 @@ static void log_failure(struct sst_push *p, const char *endpoint, int status, co
 }
 
 /* The result of a try: gone subscriptions are removed, the rest is tried again while that helps. */
-static void judge(struct sst_push *p, struct message *m, int status, int retry_s, const char *why)
+static void judge(struct sst_push *p, struct message *m, const struct outcome *o)
 {
+    const int status = o->status;
     const bool again = (status == 429 || status >= 500 || status == -EIO) && m->tries < TRIES;
     int i;
 
@@ -296,7 +303,7 @@ static void judge(struct sst_push *p, struct message *m, int status, int retry_s
         if (save_locked(p))
             sst_log_warning("notifications: %s cannot be written", p->list_path);
     } else if (again && i >= 0 && p->queued < QUEUE && !p->stop) {
-        m->due_ns = sst_clock_now_ns() + (retry_s ? (int64_t)(retry_s < RETRY_S ? retry_s : RETRY_S) * 1000000000
+        m->due_ns = sst_clock_now_ns() + (o->retry_s  ? (int64_t)(o->retry_s < RETRY_S ? o->retry_s : RETRY_S) * 1000000000
                                           : m->tries > 1 ? 10 * BACK_OFF_NS
                                                          : BACK_OFF_NS);
         p->queue[p->queued++] = *m;
@@ -306,7 +313,7 @@ static void judge(struct sst_push *p, struct message *m, int status, int retry_s
     }
     pthread_mutex_unlock(&p->lock);
     if (m->text && !(status >= 200 && status < 300) && status != 404 && status != 410 && status != -ECANCELED)
-        log_failure(p, m->endpoint, status, why);
+        log_failure(p, m->endpoint, status, o->why);
     free(m->text);
 }
 
@@ -333,8 +340,8 @@ static bool send_next(struct sst_push *p, int64_t *next_ns)
 {
     struct sst_push_settings settings;
     struct push_receiver to;
-    int i, retry_s = 0, status;
-    char why[160] = "";
+    struct outcome o = { .status = -ECANCELED };
+    int i;
     struct message m;
     bool taken;
 
@@ -347,8 +354,9 @@ static bool send_next(struct sst_push *p, int64_t *next_ns)
     if (!taken)
         return false;
     m.tries++;
-    status = i < 0 ? -ECANCELED : send_message(p, &m, &to, &settings, &retry_s, why);
-    judge(p, &m, status, retry_s, why);
+    if (i >= 0)
+        send_message(p, &m, &to, &settings, &o);
+    judge(p, &m, &o);
     return true;
 }
 

@@ -8,7 +8,7 @@
 #include "daemon/publish/publish_internal.h"
 #include "daemon/publish/push_internal.h"
 
-/* Those of Chrome, Edge and Opera, of Firefox, Safari, and Edge on Windows. */
+/* Push services of Chrome, Edge and Opera, Firefox, Safari, Edge on Windows. */
 static const char *const known[] = { "fcm.googleapis.com", "push.services.mozilla.com", "push.apple.com",
                                      "notify.windows.com" };
 

@@ -214,7 +214,7 @@ int push_token(const char *key_path, const char *audience, const char *contact, 
 static void random_bytes(void *arg SST_UNUSED, size_t n, uint8_t *out)
 {
     if (gnutls_rnd(GNUTLS_RND_KEY, out, n) < 0)
-        abort(); /* the library has no source of them: nothing may be sent */
+        abort(); /* no source of randomness: nothing may be sent */
 }
 
 static void put_point(uint8_t out[PUSH_POINT], const struct ecc_point *p)

@@ -60,7 +60,7 @@ struct push_subscription {
     char visit[64];     /* of the last message */
 };
 
-/** @param list  [SST_PUSH_MAX] @return number; what cannot be read is left out, logged */
+/** @param list  [SST_PUSH_MAX] @return number; damaged entries are left out, logged */
 int push_read(const char *path, struct push_subscription *list);
 SST_MUST_CHECK int push_write(const char *path, const struct push_subscription *list, int count);
 /** {endpoint, p256dh, auth, labels, zones, cool_down_s} @return false: `error` is a sentence */

@@ -1,4 +1,4 @@
-/* Subscriptions in a file: whoever reads it can send to those browsers, so that it is the service's alone. */
+/* Subscriptions in a file that the service alone reads: its content suffices to send to the browsers. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

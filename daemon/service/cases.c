@@ -51,7 +51,7 @@ void service_configure_cases(struct sst_service *s, const struct sst_config *to)
     sst_cases_configure(s->cases, site);
 }
 
-/* --- what a video is of ------------------------------------------------------------------------------------------- */
+/* --- spans of a request ------------------------------------------------------------------------------------------- */
 
 static void title_of(char out[128], const char *what, int64_t wall_ns)
 {

@@ -1,4 +1,4 @@
-/* Video of a span: each picture stays until the next one comes, at a constant rate that shows all of them. The caption has the
+/* Video of a span: each picture stays until the next one comes, at a constant rate, without losses. The caption has the
  * time of the camera's picture; a see-through picture of another time names its own. */
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,5 @@
-/* Cases: a queue, one thread that makes them, and their folder. A case appears in its folder whole; that of a process which was
- * killed is removed at the next start. */
+/* Cases: a queue, one thread that makes them, and their folder. A case appears in its folder whole; the rest of a killed
+ * process is removed at the next start. */
 #include "daemon/storage/cases.h"
 
 #include <dirent.h>

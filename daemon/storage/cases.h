@@ -33,7 +33,7 @@ struct sst_case_span {
     json_t *visit; /* data of the visit that it shows, for the manifest; NULL: none. Its owner releases it */
 };
 
-/** Remove what a killed process left, and start the thread. @return 0, -ENOMEM, -EAGAIN */
+/** Remove the rest of a killed process, and start the thread. @return 0, -ENOMEM, -EAGAIN */
 SST_MUST_CHECK int sst_cases_open(struct sst_cases **out, const struct sst_cases_config *cfg);
 void sst_cases_configure(struct sst_cases *c, const char *site);
 

@@ -2,7 +2,7 @@
 
 const PICTURE_MOST = 1 << 20;
 
-/** Fetched here, with the session of this browser: who has none gets the text alone. */
+/** The picture is fetched here, with the session of this browser; without a session the text is shown alone. */
 async function pictureOf(address) {
   if (!address) return undefined;
   try {

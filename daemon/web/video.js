@@ -8,7 +8,7 @@ const POLL_MS = 500; // while one is made
 const download = (file) => `/api/v1/download/${encodeURIComponent(file)}`;
 const link = (file, text) => el("a", { class: "button small", href: download(file), download: file }, icon("down"), ` ${text}`);
 
-/** What is saved of a finished one: of several the archive. */
+/** Name of the saved file: the video, or the archive of several. */
 const fileOf = ({ name, videos }) => (videos === 1 ? `${name}.mp4` : `${name}.zip`);
 
 function progress({ state, progress: done, left_s: left }) {

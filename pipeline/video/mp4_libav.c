@@ -160,7 +160,7 @@ int video_encoder_open(struct video_encoder **out, const char *path, const struc
     v = calloc(1, sizeof(*v));
     if (!v)
         return -ENOMEM;
-    /* The name, too: the index is moved to the beginning in the file of that name. */
+    /* The path is needed for moving the index to the beginning, for which the muxer opens the file again. */
     err = avformat_alloc_output_context2(&v->format, NULL, "mp4", path) < 0 ? failed(why, "cannot set up", 0) : 0;
     err = err ? err : open_codec(v, cfg, why);
     err = err ? err : open_frame(v, why);

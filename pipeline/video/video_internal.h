@@ -1,5 +1,5 @@
 /* pipeline/video/video_internal.h - functions of libsst-video.so, which FFmpeg's libraries come with. They log nothing and call
- * nothing of the program: any of them can load it. */
+ * nothing of the program: every program can load the part. */
 #ifndef SST_PIPELINE_VIDEO_VIDEO_INTERNAL_H
 #define SST_PIPELINE_VIDEO_VIDEO_INTERNAL_H
 

@@ -511,7 +511,7 @@ def test_push(b, fake):
     check(b.js("window.pushed.options.applicationServerKey[0]") == 4, "the key is no point")
     b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
     check(expect(lambda: fake.posts("/api/v1/push")[-1].get("labels") == []), "another filter is not sent")
-    # What the push service brings, as the worker shows it.
+    # A message of the push service, as the worker shows it.
     visit = fake.visits()[0]["visit"]
     message = {"title": "Pedestrian in gate", "body": "Yard: Pedestrian came", "tag": visit, "url": f"/#visit={visit}", "picture": f"/api/v1/visits/{visit}/seen", "time": ""}
     b.js("navigator.serviceWorker.ready.then(() => true)")

@@ -31,7 +31,7 @@ static struct sst_cases *cases;
 static int64_t first_wall_ns; /* of the recording */
 static char key[SST_PATH_MAX], videos[SST_PATH_MAX];
 
-/* Pictures of the view, light; those of the camera are dark. */
+/* Pictures of the view, light; the camera's are dark. */
 static void write_view(const char *recording)
 {
     FILE *pictures = fopen(in(recording, SST_VIDEO_PICTURES), "wb"), *index = fopen(in(recording, SST_VIDEO_INDEX), "w");
@@ -205,7 +205,7 @@ static double mean(const AVFrame *f, int x0, int x1, int y0, int y1)
     return sum / ((x1 - x0) * (y1 - y0));
 }
 
-/* What players of telephones and of Windows have in hardware. @param dark_left  no see-through view was recorded @return
+/* Limits of players of telephones and of Windows in hardware. @param dark_left  no see-through view was recorded @return
  * number of pictures */
 static int check_file(const char *path, bool dark_left)
 {
@@ -359,7 +359,7 @@ static void several_are_a_case(void **state)
     }
     assert_int_equal(sst_cases_remove(cases, name), -EBUSY);
     d->close(d);
-    /* What is added, removed or changed in the archive. */
+    /* Files added to the archive, removed from it or changed in it. */
     snprintf(line, sizeof(line), "cd %s && cp case.zip other.zip && echo x >x && zip -q0 other.zip x 2>/dev/null || /usr/bin/python3 -c 'import zipfile; zipfile.ZipFile(\"other.zip\", \"a\").write(\"x\")'", top);
     assert_int_equal(system(line), 0);
     assert_verdict(in(top, "other.zip"), NULL, false, "x was added");
@@ -367,7 +367,7 @@ static void several_are_a_case(void **state)
     assert_verdict(in(top, "case.zip"), NULL, false, "-1.mp4 was changed");
     assert_int_equal(unlink(in(top, "case/index.html")), 0);
     assert_verdict(in(top, "case/manifest.json"), NULL, false, "index.html is missing");
-    /* The next process has it, and removes what one that was killed left. */
+    /* The next process has it, and removes the rest of a killed one. */
     close_cases();
     assert_int_equal(mkdir(in(videos, ".making"), 0777), 0);
     open_cases("x");
@@ -398,7 +398,7 @@ static void what_cannot_be_made_says_why(void **state)
     free(wait_for(name, "done"));
     save(name, ".mp4", "video/mp4", in(top, "alone.mp4"));
     assert_int_equal(check_file(in(top, "alone.mp4"), true), 10); /* from the recording's beginning */
-    /* The queue is bounded; who waits can be taken out of it. */
+    /* The queue is bounded; a waiting case can be taken out of it. */
     for (int i = 0, err = 0; i < 200 && !err; i++) {
         one = span(0, 5);
         err = sst_cases_add(cases, &one, 1, name);
