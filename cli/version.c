@@ -15,7 +15,7 @@ static const struct {
 } parts[] = {
     { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },      { "libavformat", WITH_AVFORMAT },
     { "libudev", WITH_UDEV },       { "libusb", WITH_USB },         { "libmodbus", WITH_MODBUS },
-    { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },
+    { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },      { "push", WITH_PUSH },
     { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE }, { "libgphoto2", WITH_GPHOTO2 },
     { "libraw", WITH_RAW },         { "isa-l", WITH_ISAL },         { "libtiff", WITH_TIFF },
 };

@@ -80,6 +80,8 @@ FAKE_PLAIN(labels)
 FAKE_PLAIN(tracks)
 FAKE_PLAIN(views)
 FAKE_PLAIN(recordings)
+FAKE_PLAIN(cases)
+FAKE_PLAIN(push)
 FAKE_PLAIN(zones)
 FAKE_PLAIN(calibration_check)
 FAKE_BODY(record)
@@ -87,6 +89,8 @@ FAKE_BODY(zones_change)
 FAKE_BODY(snapshot)
 FAKE_BODY(export_)
 FAKE_BODY(delete_)
+FAKE_BODY(case_create)
+FAKE_BODY(push_change)
 FAKE_BODY(publisher)
 FAKE_PLAIN(replay)
 FAKE_BODY(replay_change)
@@ -155,6 +159,19 @@ static int fake_reload(void *arg, bool dry_run, struct sst_api_answer *out)
 {
     (void)arg;
     return fake_answer(out, dry_run ? "dry" : "reload");
+}
+
+static int fake_case_change(void *arg, const char *name, const json_t *body, struct sst_api_answer *out)
+{
+    (void)name;
+    return fake_delete_(arg, body, out);
+}
+
+static int fake_signing_key(void *arg, char **pem)
+{
+    (void)arg;
+    *pem = strdup("-----BEGIN PUBLIC KEY-----\n");
+    return 0;
 }
 
 static int fake_metrics(void *arg, char **text)
@@ -340,6 +357,12 @@ static int make_service(void **state)
                              .export_ = fake_export_,
                              .delete_ = fake_delete_,
                              .publisher = fake_publisher,
+                             .cases = fake_cases,
+                             .case_create = fake_case_create,
+                             .case_change = fake_case_change,
+                             .signing_key = fake_signing_key,
+                             .push = fake_push,
+                             .push_change = fake_push_change,
                              .calibration_check = fake_calibration_check,
                              .slot = fake_find,
                              .download = fake_download,

@@ -9,7 +9,8 @@
 
 /*
  * A manifest file is {"manifest": {...}, "key": PEM of the public key, "signature": Base64}. Signed is the text of `manifest`
- * with sorted keys and without blanks, as `jq -jcS .manifest` writes it. Its members: "format": SST_EVIDENCE_FORMAT, "files":
+ * with sorted keys and without blanks, as `jq -jcS .manifest` writes it; fractions, which programs write in different ways, are not
+ * allowed. Its members: "format": SST_EVIDENCE_FORMAT, "files":
  * [{"name", "bytes", "sha256", "crc32", ...}], others as the maker likes. A case is a ZIP archive with SST_EVIDENCE_MANIFEST.
  */
 #define SST_EVIDENCE_FORMAT   "sst-manifest-1"
@@ -23,7 +24,7 @@
  */
 SST_MUST_CHECK int sst_evidence_key(const char *path, char pem[SST_EVIDENCE_PEM], char print[SST_EVIDENCE_PRINT]);
 
-/** Sign a manifest. @param key  path as of sst_evidence_key() @param manifest  its reference is taken @return the content of a
+/** Sign a manifest without fractions. @param key  path as of sst_evidence_key() @param manifest  its reference is taken @return the content of a
  *  manifest file, or NULL: logged */
 json_t *sst_evidence_sign(const char *key, json_t *manifest);
 

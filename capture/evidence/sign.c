@@ -1,4 +1,5 @@
 /* Keys and signatures: Ed25519 (RFC 8032) by GnuTLS. */
+#include <assert.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -148,6 +149,20 @@ static int sign(gnutls_privkey_t key, const char *text, json_t **out)
     return err || *out ? err : -ENOMEM;
 }
 
+static bool has_fraction(json_t *o)
+{
+    const char *key;
+    bool found = json_is_real(o);
+    json_t *one;
+    size_t i;
+
+    json_object_foreach(o, key, one)
+        found |= has_fraction(one);
+    json_array_foreach(o, i, one)
+        found |= has_fraction(one);
+    return found;
+}
+
 json_t *sst_evidence_sign(const char *path, json_t *manifest)
 {
     char pem[SST_EVIDENCE_PEM], *text = evidence_text(manifest);
@@ -155,6 +170,7 @@ json_t *sst_evidence_sign(const char *path, json_t *manifest)
     gnutls_privkey_t key;
     int err = text ? read_key(path, &key) : -ENOMEM;
 
+    assert(!has_fraction(manifest));
     if (!err) {
         err = export_public(key, pem);
         err = err ? err : sign(key, text, &signature);

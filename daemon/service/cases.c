@@ -89,9 +89,24 @@ static json_t *find_visit(struct sst_service *s, const char *name)
     return found;
 }
 
+/* Facts of a visit for a manifest, which has no fractions. */
+static json_t *facts_of(const json_t *visit)
+{
+    static const char *const keys[] = { "visit", "label", "hidden", "direction", "zones", "from", "to" };
+    const json_t *nearest_m = json_object_get(visit, "nearest_m");
+    json_t *facts = json_object();
+
+    for (size_t i = 0; i < ARRAY_LEN(keys); i++)
+        json_object_set(facts, keys[i], json_object_get(visit, keys[i]));
+    if (json_is_real(nearest_m))
+        json_object_set_new(facts, "nearest_mm", json_integer((json_int_t)(json_real_value(nearest_m) * 1000)));
+    return facts;
+}
+
 static int span_of_visit(struct sst_service *s, const json_t *name, struct sst_case_span *span, char *error)
 {
     const char *text = json_string_value(name), *label;
+    json_t *visit;
 
     *span = (struct sst_case_span){ .visit = text && strlen(text) < 64 ? find_visit(s, text) : NULL };
     if (!span->visit)
@@ -101,6 +116,9 @@ static int span_of_visit(struct sst_service *s, const json_t *name, struct sst_c
         return sst_api_refuse(error, -ENOENT, "the visit %.64s has no time", text);
     label = json_string_value(json_object_get(span->visit, "label"));
     title_of(span->title, label && *label ? label : "Something", span->from_ns);
+    visit = span->visit;
+    span->visit = facts_of(visit);
+    json_decref(visit);
     span->from_ns -= LEAD_NS;
     span->to_ns += LEAD_NS;
     if (span->to_ns - span->from_ns > SST_CASE_S_MOST * INT64_C(1000000000)) /* its first hour */

@@ -17,6 +17,7 @@
 #include "capture/recording/recording.h"
 #include "daemon/storage/case_internal.h"
 #include "daemon/storage/video_internal.h"
+#include "pipeline/image/codec_formats.h"
 #include "pipeline/image/font.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/video/mp4.h"
@@ -170,7 +171,9 @@ static int draw(struct film *f, int cell, uint32_t fourcc, const uint8_t *data, 
     raw.width = cell ? info->width : s->view.format.width;
     raw.height = cell ? info->height : s->view.format.height;
     raw.stride = cell ? s->set.frame[s->camera].stride : 0;
-    if (sst_raw_decode(&image, &raw)) /* a damaged picture: the one before stays */
+    err = sst_raw_is_jpeg(fourcc) ? sst_jpeg_decode_small(&image, data, bytes, "a picture", f->layout.half)
+                                  : sst_raw_decode(&image, &raw);
+    if (err) /* a damaged picture: the one before stays */
         return 0;
     scale = fmin((double)f->layout.half / image.width, (double)height / image.height);
     w = (int)(image.width * scale) & ~1;

@@ -24,6 +24,9 @@ SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, si
 /** @param strict  the end marker must be there; else it may lack, with a warning, if no sample does */
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                    bool strict);
+/** The smallest of the whole, half, quarter and eighth picture that is least_width wide or wider: faster than scaling the whole. */
+SST_MUST_CHECK int sst_jpeg_decode_small(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                                         int least_width);
 SST_MUST_CHECK int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_png_size(struct sst_deep_size *out, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);

@@ -258,15 +258,26 @@ static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
     }
 }
 
-static int decode_image(struct reader *r, void *out)
+struct decoding {
+    struct sst_image *out;
+    int least_width; /* that is enough; 0: all */
+};
+
+static int decode_image(struct reader *r, void *arg)
 {
     struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    const struct decoding *d = arg;
+    struct sst_image *out = d->out;
     int err;
 
     jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg->dct_method = JDCT_ISLOW;
-    r->row = sst_mem_alloc_raw(jpeg->image_width, 4);
-    err = r->row ? sst_image_init(out, (int)jpeg->image_width, (int)jpeg->image_height) : -ENOMEM;
+    while (d->least_width > 0 && jpeg->scale_denom < 8 &&
+           jpeg->image_width >= 2 * jpeg->scale_denom * (unsigned)d->least_width)
+        jpeg->scale_denom *= 2;
+    jpeg_calc_output_dimensions(jpeg);
+    r->row = sst_mem_alloc_raw(jpeg->output_width, 4);
+    err = r->row ? sst_image_init(out, (int)jpeg->output_width, (int)jpeg->output_height) : -ENOMEM;
     if (err)
         return sst_image_size_error(err, r->file.name, jpeg->image_width, jpeg->image_height);
     (void)jpeg_start_decompress(jpeg);
@@ -275,24 +286,34 @@ static int decode_image(struct reader *r, void *out)
 
         (void)jpeg_read_scanlines(jpeg, &r->row, 1);
         if (jpeg->out_color_space == JCS_CMYK)
-            cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
+            cmyk_to_rgb(r->row, jpeg->output_width, jpeg->saw_Adobe_marker);
         sst_kernels_get()->split_row((uint8_t *const[]){ sst_image_row(out, 0, y), sst_image_row(out, 1, y),
                                                          sst_image_row(out, 2, y) },
-                                     r->row, jpeg->image_width);
+                                     r->row, jpeg->output_width);
     }
     return finish(r);
 }
 
-int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name, bool strict)
+static int decode(struct sst_image *img, const struct file *file, int least_width)
 {
     struct sst_image made = { 0 };
-    int err = read_file(&(struct file){ data, size, name, strict }, decode_image, &made);
+    int err = read_file(file, decode_image, &(struct decoding){ &made, least_width });
 
     if (err)
         sst_image_fini(&made);
     else
         *img = made;
     return err;
+}
+
+int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name, bool strict)
+{
+    return decode(img, &(struct file){ data, size, name, strict }, 0);
+}
+
+int sst_jpeg_decode_small(struct sst_image *img, const uint8_t *data, size_t size, const char *name, int least_width)
+{
+    return decode(img, &(struct file){ data, size, name, true }, least_width);
 }
 
 /* --- planes ------------------------------------------------------------------------------------------------------- */

@@ -276,7 +276,7 @@ static void change(const char *path, const char *from, const char *to)
 static void a_visit_is_a_file_for_any_player(void **state)
 {
     struct sst_case_span one;
-    char name[SST_CASE_NAME], pem[SST_EVIDENCE_PEM], print[SST_EVIDENCE_PRINT];
+    char name[SST_CASE_NAME], pem[SST_EVIDENCE_PEM], print[SST_EVIDENCE_PRINT], line[2 * SST_PATH_MAX];
     json_t *root;
     const json_t *file;
 
@@ -304,6 +304,14 @@ static void a_visit_is_a_file_for_any_player(void **state)
     assert_int_equal(sst_evidence_key(in(top, "other-private.pem"), pem, print), 0);
     assert_int_equal(sst_file_write(in(top, "other.pem"), pem, strlen(pem)), 0);
     assert_verdict(in(top, "clip.mp4"), NULL, true, "1 file is as signed");
+    /* As others verify it. */
+    snprintf(line, sizeof(line),
+             "cd %s && /usr/bin/python3 -c 'import base64, json; o = json.load(open(\"clip.json\")); "
+             "open(\"m\", \"w\").write(json.dumps(o[\"manifest\"], sort_keys=True, separators=(\",\", \":\"), ensure_ascii=False)); "
+             "open(\"s\", \"wb\").write(base64.b64decode(o[\"signature\"]))' && "
+             "openssl pkeyutl -verify -pubin -inkey key.pem -rawin -in m -sigfile s >/dev/null",
+             top);
+    assert_int_equal(system(line), 0);
     assert_verdict(in(top, "clip.mp4"), in(top, "key.pem"), true, "1 file is as signed");
     assert_verdict(in(top, "clip.mp4"), in(top, "other.pem"), false, "another key signed it");
     /* Any change of either file is found and named. */

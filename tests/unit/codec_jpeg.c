@@ -12,6 +12,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/codec_formats.h"
 #include "pipeline/image/raw.h"
 #include "tests/codec_pictures.h"
 #include "tests/folder.h"
@@ -35,6 +36,36 @@ static void jpeg_stays_close(void **state SST_UNUSED)
     assert_same_image(&a, &b, 4);
     sst_image_fini(&a);
     sst_image_fini(&b);
+}
+
+static void jpeg_is_decoded_small(void **state SST_UNUSED)
+{
+    static const struct {
+        int least, width, height;
+    } all[] = { { 1, 7, 5 }, { 12, 13, 10 }, { 13, 25, 19 }, { 25, 25, 19 }, { 26, 50, 37 }, { 90, 50, 37 }, { 0, 50, 37 } };
+    struct sst_image a, b;
+    uint8_t *data;
+    size_t size;
+
+    assert_int_equal(sst_image_init(&a, 50, 37), 0);
+    for (int y = 0; y < 37; y++)
+        for (int x = 0; x < 50; x++)
+            for (int c = 0; c < 3; c++)
+                sst_image_row(&a, c, y)[x] = (uint8_t)(60 + 2 * x + 40 * c);
+    assert_int_equal(sst_image_encode_jpeg(&a, 98, &data, &size), 0);
+    for (size_t i = 0; i < ARRAY_LEN(all); i++) {
+        assert_int_equal(sst_jpeg_decode_small(&b, data, size, "x", all[i].least), 0);
+        assert_true(b.width == all[i].width && b.height == all[i].height);
+        for (int c = 0; c < 3; c++) {
+            const int want = 60 + 2 * (b.width / 2) * 50 / b.width + 40 * c;
+
+            assert_in_range(sst_image_row(&b, c, b.height / 2)[b.width / 2], want - 8, want + 16);
+        }
+        sst_image_fini(&b);
+    }
+    assert_int_equal(sst_jpeg_decode_small(&b, data, size / 2, "x", 12), -EBADMSG);
+    free(data);
+    sst_image_fini(&a);
 }
 
 enum jpeg_kind {
@@ -381,6 +412,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(jpeg_stays_close),
+        cmocka_unit_test(jpeg_is_decoded_small),
         cmocka_unit_test(orientations_are_those_of_exif),
         cmocka_unit_test(jpegs_may_lack_their_end_marker),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
