@@ -106,8 +106,10 @@ export class Videos {
 
   list(box, videos) {
     videos.forEach((video, i) => {
-      const row = [...box.children].find(({ dataset }) => dataset.name === video.name) ?? this.build(video);
+      const there = [...box.children].find(({ dataset }) => dataset.name === video.name);
+      const row = there ?? this.build(video);
       if (box.children[i] !== row) box.insertBefore(row, box.children[i] ?? null);
+      if (!there && box.id === "visit-videos") row.scrollIntoView({ block: "nearest" });
       this.show(row, video);
     });
     while (box.children.length > videos.length) box.lastChild.remove();
