@@ -287,24 +287,48 @@ void events_on_event(const json_t *event)
     pthread_mutex_unlock(&events.lock);
 }
 
-void events_connected(bool connected, const json_t *zones)
+/* Zones without masks and lines. @return their number */
+static int read_zones(char out[ZONES_MAX][ZONE_NAME], const json_t *zones)
 {
     const json_t *zone;
     size_t i;
+    int n = 0;
 
-    pthread_mutex_lock(&events.lock);
-    memset(events.present, 0, sizeof(events.present));
-    update_locked();
-    if (connected)
-        events.zones = 0;
     json_array_foreach(json_object_get(zones, "zones"), i, zone)
     {
         const char *name = json_string_value(json_object_get(zone, "name"));
 
-        if (name && events.zones < ZONES_MAX && !json_is_true(json_object_get(zone, "mask")) &&
+        if (name && n < ZONES_MAX && !json_is_true(json_object_get(zone, "mask")) &&
             !json_is_true(json_object_get(zone, "line")))
-            snprintf(events.zone[events.zones++], ZONE_NAME, "%s", name);
+            snprintf(out[n++], ZONE_NAME, "%s", name);
     }
+    return n;
+}
+
+static void forget_locked(void)
+{
+    memset(events.present, 0, sizeof(events.present));
+    update_locked();
+}
+
+void events_zones(const json_t *zones)
+{
+    char now[ZONES_MAX][ZONE_NAME] = { "" };
+    const int n = read_zones(now, zones);
+
+    pthread_mutex_lock(&events.lock);
+    if (n != events.zones || memcmp(now, events.zone, sizeof(now)) != 0) {
+        forget_locked(); /* visits are in zones that have other numbers now */
+        memcpy(events.zone, now, sizeof(now));
+        events.zones = n;
+    }
+    pthread_mutex_unlock(&events.lock);
+}
+
+void events_disconnected(void)
+{
+    pthread_mutex_lock(&events.lock);
+    forget_locked();
     pthread_mutex_unlock(&events.lock);
 }
 

@@ -19,9 +19,10 @@ static void on_connected(void *arg SST_UNUSED, bool connected)
     json_t *zones = NULL;
 
     picture_connected(connected);
-    if (connected && sst_publisher_ask(&server.publisher, "/api/v1/zones", NULL, &zones, NULL))
-        zones = NULL;
-    events_connected(connected, zones);
+    if (!connected)
+        events_disconnected();
+    else if (!sst_publisher_ask(&server.publisher, "/api/v1/zones", NULL, &zones, NULL))
+        events_zones(zones);
     json_decref(zones);
 }
 

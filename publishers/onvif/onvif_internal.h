@@ -164,8 +164,10 @@ void answers_scopes(FILE *out);
 /* --- events.c: events of the service as ONVIF's, and subscriptions ------------------------------------------------ */
 
 void events_init(struct sst_server *server);
-/** The service answers, or no more: nothing moves then. @param zones  answer of /api/v1/zones; NULL: none */
-void events_connected(bool connected, const json_t *zones);
+/** Follow the zones of the service. @param zones  answer of /api/v1/zones */
+void events_zones(const json_t *zones);
+/** The service has gone: nothing moves. */
+void events_disconnected(void);
 void events_on_event(const json_t *event);
 /** End pulls that wait. */
 void events_stop(void);
