@@ -186,13 +186,14 @@ static char *text_of_event(const json_t *event, const json_t *data, bool line, c
     return text;
 }
 
-/* For each subscription that wants it: not twice for a visit, and not within its cool-down. */
+/* For each subscription that wants it: not twice for a visit, and not within its cool-down. A label may be recognised after the
+ * beginning: a filter of labels is tried again at the end. */
 static void handle_event(struct sst_push *p, const char *json)
 {
     json_t *event = json_loads(json, 0, NULL);
     const json_t *data = json_object_get(event, "data");
     const bool line = !strcmp(text_of(event, "type"), "line");
-    const bool visit = !strcmp(text_of(event, "type"), "visit") && json_is_true(json_object_get(data, "active"));
+    const bool visit = !strcmp(text_of(event, "type"), "visit"), ends = !json_is_true(json_object_get(data, "active"));
     const int64_t now_ns = sst_clock_now_ns();
     char *text = NULL;
 
@@ -202,7 +203,7 @@ static void handle_event(struct sst_push *p, const char *json)
         const double cool_s = isnan(s->cool_down_s) ? p->settings.cool_down_s : s->cool_down_s;
         const bool same = !strcmp(s->visit, text_of(data, "visit"));
 
-        if (!wants(s, data, line) || (same && !line) || (!same && s->told_ns && (double)(now_ns - s->told_ns) < cool_s * 1e9))
+        if (!wants(s, data, line) || (same && !line) || (visit && ends && !s->labels[0]) || (!same && s->told_ns && (double)(now_ns - s->told_ns) < cool_s * 1e9))
             continue;
         text = text ? text : text_of_event(event, data, line, p->site);
         if (!text)
