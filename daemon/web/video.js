@@ -25,7 +25,7 @@ export class Videos {
     this.awaited = new Set(); // of these: saved when they are made
     this.begin = NaN; // of the span that is marked
     this.polling = false;
-    onUse($("visit-video"), () => this.make({ visits: [visits.open.visit] }));
+    onUse($("visit-video"), () => this.make({ visits: [$("visit").dataset.visit] }));
     onUse($("replay-video"), () => this.mark());
     $("visit").addEventListener("close", () => $("visit-videos").replaceChildren());
     $("tab-recordings").addEventListener("click", () => this.poll());

@@ -119,6 +119,7 @@ export class Visits {
     this.explained();
     this.open = visit;
     this.sure(false);
+    $("visit").dataset.visit = visit.visit;
     $("visit-keep").setAttribute("aria-pressed", String(visit.keep === true));
     $("visit-delete").hidden = visit.active;
     const kind = visit.pictures.includes(this.kind) ? this.kind : visit.pictures[0];
