@@ -52,6 +52,9 @@ EVENTS = [{"id": i, "time": f"2026-11-21T18:05:{i:02d}.000Z", "level": "warning"
            "data": {"row": 0, "col": 5}} for i in range(1, 31)]
 
 
+looks = [0]
+
+
 class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
@@ -141,6 +144,15 @@ class Handler(BaseHTTPRequestHandler):
                                             "why": "motion in door", "by_hand": False, "view": True}],
                             "snapshots": [{"name": "snapshot-2026-11-21T18-04-30Z", "time": "2026-11-21T18:04:30Z",
                                            "bytes": 3e7, "picture": True, "active": False}], "exports": []})
+        elif path == "/api/v1/videos":  # a video is done at the third look
+            looks[0] += 1
+            state = "failed" if self.mode() == "failed" else "running" if looks[0] % 3 else "done"
+            self.send(200, {"videos": [{"name": "video-2026-11-21T18-05-00-000Z", "title": "x", "state": state, "progress": 0.5, "left_s": 1,
+                                        "videos": 1, "bytes": 9, "error": "no recording has this moment" if state == "failed" else ""}]})
+        elif path == "/api/v1/signing-key.pem":
+            self.send(200, b"-----BEGIN PUBLIC KEY-----\n", "application/x-pem-file")
+        elif path.endswith((".mp4", ".json", ".zip")):
+            self.send(200, path.encode(), {"mp4": "video/mp4", "son": "application/json", "zip": "application/zip"}[path[-3:]])
         elif path.startswith("/snapshot") or path.startswith("/api/v1/download/"):
             tar = path.endswith(".tar")
             self.send(200, JPEG + path.encode() + (b"\0" * 1024 if tar and self.mode() != "torn" else b""),
@@ -166,6 +178,9 @@ class Handler(BaseHTTPRequestHandler):
             self.send(200, {"name": "2026-11-21T18-05-00.123Z"})
         elif self.path == "/api/v1/delete":
             self.send(200, {"name": body["name"]})
+        elif self.path == "/api/v1/videos":
+            looks[0] = 0
+            self.send(200, {"name": "video-2026-11-21T18-05-00-000Z"})
         elif self.path in ("/api/v1/record", "/api/v1/export"):
             self.send(200, {"name": "2026-11-21T18-05-00Z"})
         else:

@@ -88,6 +88,29 @@ want 2 'missing the moment' record export
 want 2 'belongs to start' record stop --duration 3
 want 2 'unknown action pause' record pause
 
+# Videos for others: made by the service, waited for, saved with their manifest.
+posted() { /usr/bin/python3 -c "import json; r = [json.loads(l) for l in open('s.log')]; r = [x for x in r if x.get('body')][-1]; assert $1, r" || fail "posted: $1"; }
+see record video 2026-11-21T18-05-00-123Z-7 -o clip.mp4
+posted "r['body'] == {'visits': ['2026-11-21T18-05-00-123Z-7']}"
+grep -q 'Z.mp4' clip.mp4 && grep -q 'Z.json' clip.json || fail "video: $(cat clip.mp4 clip.json)"
+see record video --time 2026-11-21T18:05:00.5Z --duration 30 --recording R -o case.zip
+posted "r['body'] == {'from': '2026-11-21T18:05:00.500Z', 'to': '2026-11-21T18:05:30.500Z', 'recording': 'R'}"
+see record key -o key.pem
+grep -q 'PUBLIC KEY' key.pem || fail "key: $(cat key.pem)"
+echo failed >s.mode
+want 3 'no recording has this moment' record video --ago 60 --duration 5 -o none.mp4
+rm s.mode
+[ -e none.mp4 ] && fail "a video that was not made"
+want 2 'missing -o FILE.mp4' record video --ago 60 --duration 5 -o x.mkv
+want 2 'missing what to show' record video --ago 60 -o x.mp4
+want 2 'missing what to show' record video NAME --ago 60 --duration 5 -o x.mp4
+want 2 'is not a time' record video --time yesterday --duration 5 -o x.mp4
+want 2 'missing -o FILE.pem' record key
+want 3 'does not exist' verify none.mp4
+cp clip.mp4 alone.mp4
+want 3 'alone.json is missing' verify alone.mp4
+"$sst" verify clip.mp4 >out; [ $? -eq 3 ] && grep -q '^clip.mp4: NOT AS SIGNED: its manifest is none of this program' out || fail "verify: $(cat out)"
+
 see snapshot -o now.jpg
 [ "$(head -c 2 now.jpg | od -An -tx1 | tr -d ' ')" = ffd8 ] || fail "snapshot"
 see snapshot --of r0c5 -o cam.jpg
