@@ -471,6 +471,38 @@ static void an_unknown_world_and_an_unwritable_cache_are_told(void **state SST_U
     sst_sim_world_close(NULL);
 }
 
+/* A world that is new shows its first picture at once, the same as later, and moves when it is prepared; one that is closed
+ * before leaves nothing behind. */
+static void a_new_world_is_there_at_once(void **state SST_UNUSED)
+{
+    static const char text[] = "scene: hedge\ngrid: [1, 2]\nsize: [160, 192]\nstrip: false\nloop: {seconds: 12, rate_hz: 2}\n";
+    struct sst_sim_exposure e = { .exposure_us = 5000, .gain = 1 };
+    struct sst_sim_world *w;
+    uint8_t *first;
+    size_t bytes;
+
+    assert_int_equal(sst_file_write(test_path("w.yaml"), text, sizeof(text) - 1), 0);
+    for (int i = 0; i < 2; i++) { /* the first one is closed while it is prepared */
+        assert_int_equal(sst_sim_world_open_at_once(&w, test_path("w.yaml"), test_folder), 0);
+        if (!i)
+            sst_sim_world_close(w);
+    }
+    e.t_ns = 0;
+    bytes = sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 160, 192);
+    first = malloc(bytes);
+    assert_non_null(first);
+    memcpy(first, sim_out, bytes);
+    for (e.t_ns = 3000000000; sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 160, 192) == bytes && !memcmp(first, sim_out, bytes);)
+        usleep(10000); /* until it moves */
+    sst_sim_world_close(w);
+    assert_int_equal(sst_sim_world_open(&w, test_path("w.yaml"), test_folder), 0); /* it is in the cache now */
+    e.t_ns = 0;
+    assert_int_equal(sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 160, 192), bytes);
+    assert_memory_equal(first, sim_out, bytes);
+    sst_sim_world_close(w);
+    free(first);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -489,6 +521,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(somebody_passes_behind_the_hedge_once_a_loop, test_folder_create,
                                         test_folder_remove),
         cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_new_world_is_there_at_once, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(the_cache_does_not_grow_for_ever, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(a_fault_in_a_world_file_is_named_with_its_place, test_folder_create,
