@@ -133,7 +133,7 @@ PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_DEFLATE := pipeline/image/png_plain.c
 OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c device_plan.c plan_dnnl.c sample.c)
-OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events peer reply request stream web)
+OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,check download events peer reply request stream video watch web)
 OPTIONAL_ISAL := pipeline/image/png_pack.c
 OPTIONAL_TIFF := $(addprefix pipeline/image/,file_tiff.c tiff.c tiff_grid.c)
 OPTIONAL_UDEV := drivers/grab/udev.c
@@ -142,8 +142,8 @@ LEFT_OUT := $(foreach x,AVFORMAT DEFLATE DNNL HTTPD ISAL TIFF UDEV VULKAN,$(if $
             $(filter-out drivers/trigger/gpio_$(if $(filter 1 2,$(WITH_GPIOD)),v$(WITH_GPIOD),none).c,$(wildcard drivers/trigger/gpio_*.c)) \
             $(if $(filter 1,$(WITH_TIFF)),pipeline/image/tiff_none.c) $(if $(filter 1,$(WITH_UDEV)),drivers/grab/sysfs.c)
 # libsst-video.so
-VIDEO_SRC := pipeline/video/mp4_libav.c
-LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c pipeline/image/h264_libav.c $(VIDEO_SRC) $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
+VIDEO_SRC := pipeline/video/mp4_libav.c pipeline/video/h264_libav.c
+LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(VIDEO_SRC) $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
@@ -169,7 +169,7 @@ WORLD_OBJ := $(WORLD_SRC:%.c=$(BUILD)/obj/%.o)
 LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o $(BUILD)/obj/spirv.o
 SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 # Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
-PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so $(BUILD)/libsst-h264.so) \
+PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so) \
            $(if $(filter 1,$(WITH_GPHOTO2)),$(BUILD)/libsst-gphoto.so)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/commands.o
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
@@ -265,10 +265,6 @@ $(BUILD)/libsst-opencv.so: $(SHIM_OBJ)
 VIDEO_OBJ := $(VIDEO_SRC:%.c=$(BUILD)/obj/%.o)
 $(VIDEO_OBJ): private CFLAGS_ALL += -fPIC
 $(BUILD)/libsst-video.so: $(VIDEO_OBJ)
-	@echo "  LD   $@"
-	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(AV_LIBS) -o $@
-$(BUILD)/obj/pipeline/image/h264_libav.o: private CFLAGS_ALL += -fPIC
-$(BUILD)/libsst-h264.so: $(BUILD)/obj/pipeline/image/h264_libav.o
 	@echo "  LD   $@"
 	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(AV_LIBS) -o $@
 $(BUILD)/obj/drivers/still/lib_gphoto.o: private CFLAGS_ALL += -fPIC $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libgphoto2))
@@ -549,4 +545,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/pipeline/image/h264_libav.d $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

@@ -1,5 +1,5 @@
 /* H.264 encoder: pictures are decodable at once, key pictures on request, bytes within their limit, sizes checked. */
-#include "pipeline/image/h264.h"
+#include "pipeline/video/h264.h"
 
 #include <errno.h>
 #include <stdio.h>

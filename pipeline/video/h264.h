@@ -1,7 +1,7 @@
-/* pipeline/image/h264.h - H.264 encoder of moving pictures for viewers: each picture is one access unit at once, none is
+/* pipeline/video/h264.h - H.264 encoder of moving pictures for viewers: each picture is one access unit at once, none is
  * predicted from a later one. */
-#ifndef SST_PIPELINE_IMAGE_H264_H
-#define SST_PIPELINE_IMAGE_H264_H
+#ifndef SST_PIPELINE_VIDEO_H264_H
+#define SST_PIPELINE_VIDEO_H264_H
 
 #include <stdbool.h>
 
@@ -31,7 +31,7 @@ struct sst_h264_unit {
 };
 
 /**
- * Open the first encoder that works: VAAPI, V4L2, libx264, OpenH264, by FFmpeg; loads libsst-h264.so.
+ * Open the first encoder that works: VAAPI, V4L2, libx264, OpenH264, by FFmpeg; loads libsst-video.so.
  * @param why  out, cause of a failure
  * @return 0, -ENOTSUP (none: not this size, or not on this machine), -ENOMEM. Thread: any
  */
@@ -46,7 +46,7 @@ SST_MUST_CHECK int sst_h264_encode(struct sst_h264 *h, const struct sst_h264_pic
 
 void sst_h264_close(struct sst_h264 *h); /* NULL is fine */
 
-/** Functions of libsst-h264.so, which calls none of the program. */
+/** Functions of libsst-video.so, which calls none of the program. */
 struct sst_h264_part {
     int (*open)(struct sst_h264 **out, const struct sst_h264_config *cfg, char why[256]);
     const char *(*name)(const struct sst_h264 *h);

@@ -1,8 +1,8 @@
-/* H.264 encoders of FFmpeg, the part libsst-h264.so: devices first, then programs.
+/* H.264 encoders of FFmpeg, in the part libsst-video.so: devices first, then programs.
  *
  * An encoder counts as working when it has encoded a grey picture at once: drivers open and then refuse their first
  * picture, or hold it back until the next one comes, which viewers would see as delay. */
-#include "pipeline/image/h264.h"
+#include "pipeline/video/h264.h"
 
 #include <ctype.h>
 #include <dirent.h>
@@ -17,7 +17,7 @@
 #include <libavutil/opt.h>
 
 #define RATE_HZ     10      /* of the rate control, which counts pictures, not time */
-#define BUFFER      4       /* pictures' bytes that one picture may take from those before */
+#define BUFFER      12      /* pictures, whose bytes one picture may take: key pictures have 5 times those of others */
 #define KEY_FAR     1000000 /* pictures; the caller asks for key pictures */
 #define SLICED_FROM 1500000 /* pixels, from which on several threads share a picture */
 #define HEADERS_MAX 512     /* bytes of parameter sets */
@@ -64,7 +64,7 @@ static int explain(char why[256], const char *what, int err)
     return err >= 0 || err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
 }
 
-/* FFmpeg would open all video devices, those of cameras too. */
+/* FFmpeg would open all video devices, cameras too. */
 static bool has_v4l2_encoder(void)
 {
     static const char folder[] = "/sys/class/video4linux";

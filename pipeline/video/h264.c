@@ -1,5 +1,5 @@
-/* Loader of h264_libav.c, the part libsst-h264.so: FFmpeg's codecs load slowly, and most runs encode nothing. */
-#include "pipeline/image/h264.h"
+/* Loader of h264_libav.c, in the part libsst-video.so: FFmpeg loads slowly, and most runs encode nothing. */
+#include "pipeline/video/h264.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -12,7 +12,7 @@ static char missing[256];
 
 static void load(void)
 {
-    part = sst_plugin_symbol("h264", "sst_h264_part", missing);
+    part = sst_plugin_symbol("video", "sst_h264_part", missing);
 }
 
 int sst_h264_open(struct sst_h264 **out, const struct sst_h264_config *cfg, char why[256])
