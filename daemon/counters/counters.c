@@ -25,6 +25,20 @@ void sst_counters_set_problem(struct sst_counters *c, enum sst_counters_publishe
     pthread_mutex_unlock(&c->lock);
 }
 
+void sst_counters_set_encoder(struct sst_counters *c, const char *name)
+{
+    pthread_mutex_lock(&c->lock);
+    snprintf(c->encoder, sizeof(c->encoder), "%s", name);
+    pthread_mutex_unlock(&c->lock);
+}
+
+void sst_counters_encoder(struct sst_counters *c, char out[16])
+{
+    pthread_mutex_lock(&c->lock);
+    memcpy(out, c->encoder, sizeof(c->encoder));
+    pthread_mutex_unlock(&c->lock);
+}
+
 void sst_counters_report(struct sst_counters *c, enum sst_counters_publisher publisher, int pid, int clients,
                          const char *problem)
 {

@@ -24,9 +24,11 @@ struct sst_counters {
     SST_ATOMIC(uint64_t) skipped;           /* frames that slow viewers did not get */
     SST_ATOMIC(uint64_t) slow;              /* downloads of slow clients, ended to free their slots for others */
     SST_ATOMIC(int) clients, streams, listeners; /* now; listeners: of the event stream */
+    SST_ATOMIC(int) videos;                      /* streams that get H.264 */
     SST_ATOMIC(int64_t) certificate_until_s;     /* end of the certificate of HTTPS, since 1970; 0: none */
     /* under lock */
     pthread_mutex_t lock;
+    char encoder[16]; /* of H.264, the last one that was opened; "": none yet */
     struct {
         char problem[SST_COUNTERS_PROBLEM]; /* why it does not publish; "": it publishes */
         int clients, pid;
@@ -40,6 +42,10 @@ void sst_counters_fini(struct sst_counters *c);
 
 /** Set why a part of the service does not publish. @param problem  "": it publishes */
 void sst_counters_set_problem(struct sst_counters *c, enum sst_counters_publisher publisher, const char *problem);
+
+/** Name and get the encoder of H.264. */
+void sst_counters_set_encoder(struct sst_counters *c, const char *name);
+void sst_counters_encoder(struct sst_counters *c, char out[16]);
 
 /** Store the report of a program; it expires after 30 s. A new `pid` counts as a restart. */
 void sst_counters_report(struct sst_counters *c, enum sst_counters_publisher publisher, int pid, int clients,

@@ -59,7 +59,8 @@ static void close_if_left(int fd, const struct stat *was)
 static int serve(struct http_listener *listener, int fd, bool tls)
 {
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
-                           MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0);
+                           MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0) |
+                           (MHD_is_feature_supported(MHD_FEATURE_UPGRADE) == MHD_YES ? MHD_ALLOW_UPGRADE : 0);
     const unsigned clients = (unsigned)listener->http->cfg.clients, idle_s = (unsigned)listener->http->cfg.idle_s;
     struct http_pair *pair = tls ? http_tls_take(&listener->http->pairs) : NULL; /* it may be renewed meanwhile */
     const struct MHD_OptionItem secure[] = {
@@ -242,6 +243,7 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     pthread_mutex_init(&http->lock, NULL);
     pthread_mutex_init(&http->health.lock, NULL);
     http_tls_init(&http->pairs, http->count);
+    http_videos_init(&http->videos);
     sst_cond_init(&http->wake);
     err = start(http);
     if (err)
@@ -274,12 +276,14 @@ void sst_http_close(struct sst_http *http)
     http_unlink_unix(&http->unix_socket);
     if (http->reaping)
         pthread_join(http->reaper, NULL);
+    http_videos_await(&http->videos); /* the library must not end before upgraded connections */
     if (http->tcp.daemon)
         MHD_stop_daemon(http->tcp.daemon);
     if (http->local.daemon)
         MHD_stop_daemon(http->local.daemon);
     http_auth_fini(&http->auth);
     http_tls_fini(&http->pairs);
+    http_videos_fini(&http->videos);
     pthread_cond_destroy(&http->wake);
     pthread_mutex_destroy(&http->health.lock);
     pthread_mutex_destroy(&http->lock);

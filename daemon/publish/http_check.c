@@ -203,8 +203,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
     return false;
 }
 
-/* A foreign page must not act through the browser of its reader. */
-static bool is_foreign(struct http_request *q)
+bool http_is_foreign(struct http_request *q)
 {
     const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site");
     const char *host = http_header(q, "Host");
@@ -226,7 +225,7 @@ static int check_post(struct http_request *q)
     const char *wanted = is_login(q) ? "application/x-www-form-urlencoded" : "application/json";
     uint64_t bytes = 0;
 
-    if (is_foreign(q))
+    if (http_is_foreign(q))
         return http_reply_error(q, MHD_HTTP_FORBIDDEN, "a page of another origin may not change anything here");
     if (!type || !http_is_type(type, wanted))
         return http_reply_error(q, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "send Content-Type: %s", wanted);

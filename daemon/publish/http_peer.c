@@ -67,7 +67,7 @@ int http_wrong_token(struct http_request *q, int *retry_s)
 
 bool http_is_picture(const struct sst_route *route)
 {
-    return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
+    return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/video", 6) || !strncmp(route->path, "/snapshot", 9));
 }
 
 void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])

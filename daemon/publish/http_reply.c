@@ -66,6 +66,10 @@ int http_reply(struct http_request *q, int status, struct MHD_Response *response
         http_set(response, "Connection", "close");
     if (q->allow[0])
         http_set(response, "Allow", "%s", q->allow);
+    if (status == MHD_HTTP_UPGRADE_REQUIRED) {
+        http_set(response, "Upgrade", "websocket");
+        http_set(response, "Sec-WebSocket-Version", "13");
+    }
     if (q->retry_s || status == MHD_HTTP_SERVICE_UNAVAILABLE)
         http_set(response, "Retry-After", "%d", sst_max_int(q->retry_s, 1));
     if (status == MHD_HTTP_UNAUTHORIZED)
@@ -148,6 +152,14 @@ static const struct {
     { -ENOSYS, 501, "this service does not do that" },
     { -ENOMEM, 503, "out of memory; try again" },
 };
+
+int http_status_of(int err)
+{
+    for (size_t i = 0; i < ARRAY_LEN(statuses); i++)
+        if (statuses[i].err == err)
+            return statuses[i].status;
+    return 500;
+}
 
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what)
 {

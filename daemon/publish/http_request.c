@@ -197,7 +197,9 @@ void http_on_done(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UN
     if (!q)
         return;
     /* An idle connection goes earlier, and the next request has its time from its first byte on. */
-    atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (q->http->cfg.idle_s + HTTP_REQUEST_S) * SECOND_NS);
+    if (!q->upgraded)
+        atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (q->http->cfg.idle_s + HTTP_REQUEST_S) * SECOND_NS);
+    http_watch_drop(q->watch);
     json_decref(q->body);
     free(q->data);
     free(q);

@@ -42,6 +42,9 @@
     X("GET", "/stream/disparity", VIEW, "Moving picture of the disparity", stream_disparity)                           \
     X("GET", "/stream/camera/{camera}", VIEW, "Moving picture of a camera", stream_camera)                             \
     X("GET", "/stream/{id}", VIEW, "Moving picture of a view", stream_view)                                            \
+    X("GET", "/video", VIEW, "H.264 of the main view, over WebSocket", video_main)                                     \
+    X("GET", "/video/camera/{camera}", VIEW, "H.264 of a camera, over WebSocket", video_camera)                        \
+    X("GET", "/video/{id}", VIEW, "H.264 of a view, over WebSocket", video_view)                                       \
     X("GET", "/snapshot", VIEW, "Latest picture of the main view", snapshot_main)                                      \
     X("GET", "/snapshot/labels", VIEW, "Latest picture of the labels", snapshot_labels)                                \
     X("GET", "/snapshot/disparity", VIEW, "Latest picture of the disparity", snapshot_disparity)                       \
@@ -366,6 +369,21 @@ PICTURE(view, VIEW, q->name)
 PICTURE(camera, CAMERA, q->name)
 PICTURE(labels, LABELS, "")
 PICTURE(disparity, DISPARITY, "")
+
+static int video_main(struct http_request *q)
+{
+    return http_do_watch(q, SST_PICTURE_VIEW, "main");
+}
+
+static int video_camera(struct http_request *q)
+{
+    return http_do_watch(q, SST_PICTURE_CAMERA, q->name);
+}
+
+static int video_view(struct http_request *q)
+{
+    return http_do_watch(q, SST_PICTURE_VIEW, q->name);
+}
 
 #define HANDLER(method, path, role, what, handler) handler,
 static http_handler_fn *const handlers[] = { ROUTES(HANDLER) };

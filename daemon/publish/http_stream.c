@@ -141,39 +141,50 @@ static void stream_free(void *arg)
     free(s);
 }
 
+static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
+
+int http_find_slot(struct http_request *q, enum sst_api_picture kind, const char *name, struct sst_slot **out,
+                   struct sst_api_answer *answer)
+{
+    const int err = q->http->cfg.api->slot(q->live, kind, name, out);
+
+    if (err == -ENOENT)
+        snprintf(answer->error, sizeof(answer->error), "there is no %s %s; GET /api/v1/%s lists them", kinds[kind],
+                 name, kind == SST_PICTURE_CAMERA ? "cameras" : "views");
+    return err;
+}
+
+/* @return -1: found; else answered */
 static int find_outlet(struct http_request *q, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
-    static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
-    const struct sst_api *api = q->http->cfg.api;
     struct sst_api_answer answer = { 0 };
-    const int err = api->slot(q->live, kind, name, out);
+    const int err = http_find_slot(q, kind, name, out, &answer);
 
-    if (!err)
-        return -1;
-    if (err == -ENOENT)
-        snprintf(answer.error, sizeof(answer.error), "there is no %s %s; GET /api/v1/%s lists them", kinds[kind], name,
-                 kind == SST_PICTURE_CAMERA ? "cameras" : "views");
-    return http_reply_answer(q, err, &answer, kinds[kind]);
+    return err ? http_reply_answer(q, err, &answer, kinds[kind]) : -1;
+}
+
+/* The limits of web: are not for programs beside the service, such as sst-rtsp. */
+bool http_stream_begin(struct http_request *q)
+{
+    if (atomic_fetch_add(&q->http->count->streams, 1) < q->http->cfg.streams || q->local)
+        return true;
+    atomic_fetch_sub(&q->http->count->streams, 1);
+    atomic_fetch_add(&q->http->count->refused, 1);
+    return false;
 }
 
 int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name)
 {
     static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
     const int unsent = UNSENT_MAX;
-    /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
     const bool limited = !q->local;
     struct MHD_Response *response;
     struct sst_slot *slot;
     struct stream *s;
     int done;
 
-    if (atomic_fetch_add(&q->http->count->streams, 1) >= q->http->cfg.streams && limited) {
-        atomic_fetch_sub(&q->http->count->streams, 1);
-        atomic_fetch_add(&q->http->count->refused, 1);
-        return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
-                                "%d moving pictures are being watched already; close one, or raise web.streams",
-                                q->http->cfg.streams);
-    }
+    if (!http_stream_begin(q))
+        return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, HTTP_STREAMS_FULL, q->http->cfg.streams);
     done = find_outlet(q, kind, name, &slot);
     s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
     if (!s) {

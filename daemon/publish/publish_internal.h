@@ -98,6 +98,52 @@ bool http_is_type(const char *content_type, const char *type);
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
 
+/* --- WebSocket frames (http_frames.c) ----------------------------------------------------------------------------- */
+
+enum http_ws_op {
+    HTTP_WS_CONTINUATION = 0,
+    HTTP_WS_TEXT = 1,
+    HTTP_WS_BINARY = 2,
+    HTTP_WS_CLOSE = 8,
+    HTTP_WS_PING = 9,
+    HTTP_WS_PONG = 10,
+};
+
+/** Codes of closing. 4000 and more: an HTTP status above 4000. */
+enum http_ws_code {
+    HTTP_WS_GONE = 1001, /* the service ends, or the picture */
+    HTTP_WS_PROTOCOL = 1002,
+    HTTP_WS_UNSUPPORTED = 1003, /* binary */
+    HTTP_WS_INVALID = 1007,     /* text that is not UTF-8 */
+    HTTP_WS_POLICY = 1008,      /* a message other than "key", or too many messages */
+    HTTP_WS_TOO_BIG = 1009,
+    HTTP_WS_STATUS = 4000,
+};
+
+#define HTTP_WS_MAX  125 /* bytes of a client's message */
+#define HTTP_WS_HEAD 10
+
+struct http_ws_reader { /* zeroed at the beginning */
+    uint8_t frame[6 + HTTP_WS_MAX];
+    size_t have; /* bytes of frame */
+    uint8_t text[HTTP_WS_MAX];
+    size_t text_bytes;
+    bool begun; /* a message in several frames */
+};
+
+struct http_ws_message { /* text, ping, pong or close; valid until the next call */
+    int op;
+    const uint8_t *data;
+    size_t bytes;
+};
+
+/** Parse up to the end of one message. @param used  out, bytes of `data`
+ *  @return 1: a message; 0: all are used; else minus the code to close with: no more calls then */
+int http_ws_read(struct http_ws_reader *r, const uint8_t *data, size_t bytes, size_t *used, struct http_ws_message *out);
+
+/** Head of a whole message from us. @return its bytes */
+size_t http_ws_head(uint8_t out[HTTP_WS_HEAD], enum http_ws_op op, size_t bytes);
+
 /* --- sessions of browsers (http_sessions.c) ----------------------------------------------------------------------- */
 
 #define HTTP_SESSIONS_ROLE    64 /* of one role: then the one of it that was not used for longest ends, ... */
@@ -229,6 +275,15 @@ struct http_connection { /* one connection; under sst_http.lock, deadline_ns by 
     size_t uri_bytes;
 };
 
+struct http_videos { /* http_video.c */
+    pthread_mutex_t lock;
+    pthread_cond_t ended;
+    /* under lock */
+    struct http_video *first;
+    int threads; /* of encoders and of viewers over WebSocket */
+    bool closed; /* no more threads start */
+};
+
 struct http_health { /* the last answer of /healthz */
     pthread_mutex_t lock;
     /* under lock */
@@ -248,6 +303,7 @@ struct sst_http {
     struct http_auth auth;
     struct http_tls pairs;
     struct http_health health;
+    struct http_videos videos;
     pthread_t reaper;
     bool reaping;
     /* under lock */
@@ -292,12 +348,17 @@ struct http_request {
     size_t size, capacity;
     bool too_large;
     json_t *body; /* of POST with JSON: an object */
+    struct http_watch *watch; /* viewer over WebSocket, until its thread has it; NULL: none */
+    bool upgraded;            /* its thread has the connection */
 };
 
 typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YES or MHD_NO */
 
 /** Check route, role and form of a request. @return -1: accepted; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method, const char *version);
+
+/** Is it a request of a page of another origin, which must not act through the browser of its reader? */
+bool http_is_foreign(struct http_request *q);
 
 /** True for pictures: their token may also be in the query or a password, which allow reading only. */
 bool http_is_picture(const struct sst_route *route);
@@ -332,11 +393,14 @@ int http_reply_text(struct http_request *q, int status, const char *type, char *
 int http_reply_error(struct http_request *q, int status, const char *fmt, ...) SST_PRINTF(3, 4);
 /** The result of a call of the API; releases `out`. @param what  for errors without a sentence */
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what);
+/** HTTP status of an error of the API. */
+int http_status_of(int err);
 /** A header of an answer. */
 void http_set(struct MHD_Response *response, const char *name, const char *fmt, ...) SST_PRINTF(3, 4);
 
 int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name);   /* http_stream.c */
 int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name); /* http_stream.c */
+int http_do_watch(struct http_request *q, enum sst_api_picture kind, const char *name);    /* http_watch.c */
 int http_do_download(struct http_request *q);                                              /* http_download.c */
 int http_do_events(struct http_request *q);                                                /* http_events.c */
 int http_do_visits(struct http_request *q);
@@ -346,6 +410,58 @@ int http_do_web(struct http_request *q, const char *file, bool redirect); /* htt
 int http_do_login_form(struct http_request *q);
 int http_do_login(struct http_request *q);
 int http_do_logout(struct http_request *q);
+
+#define HTTP_STREAMS_FULL "%d moving pictures are being watched already; close one, or raise web.streams"
+/** A place among the moving pictures that are watched. @return false: there is none; counted as refused */
+bool http_stream_begin(struct http_request *q);
+/** The slot of a picture. @param answer  out, the error @return 0 or negative errno */
+SST_MUST_CHECK int http_find_slot(struct http_request *q, enum sst_api_picture kind, const char *name,
+                                  struct sst_slot **out, struct sst_api_answer *answer);
+
+/* --- H.264 of pictures (http_video.c), and its viewers over WebSocket (http_watch.c) ------------------------------- */
+
+struct http_video; /* of one slot, for all viewers */
+
+/** One encoded picture; counted, read-only. */
+struct http_unit {
+    SST_ATOMIC(int) refs;
+    bool key;
+    uint64_t number; /* 1, 2, ... of its video */
+    uint64_t set;
+    int64_t wall_ns;
+    int width, height;
+    char codec[16], encoder[16];
+    size_t bytes;
+    uint8_t data[];
+};
+
+struct http_watcher {
+    struct http_watcher *next;
+    int wake; /* eventfd, written to with each unit and at the end */
+};
+
+void http_videos_init(struct http_videos *all);
+void http_videos_fini(struct http_videos *all);
+/** Wait for the end of all threads; viewers end when the server stops. */
+void http_videos_await(struct http_videos *all);
+/** Start a detached thread that calls http_thread_ended() last. @return 0, -ECANCELED, -EAGAIN */
+SST_MUST_CHECK int http_thread_start(struct http_videos *all, void *(*body)(void *), void *arg);
+void http_thread_ended(struct http_videos *all);
+
+/** Watch the video of a slot; the first viewer starts its encoder, the last one ends it. @return NULL: no memory */
+struct http_video *http_video_join(struct sst_http *http, struct sst_slot *slot, struct http_watcher *w);
+void http_video_leave(struct http_video *v, struct http_watcher *w); /* NULL is fine */
+
+/** The unit after number `after` (0: of a new viewer). @param key  in, only a key picture will do; out, that one is
+ *  awaited, as the viewer has fallen behind @return a reference; NULL: not yet */
+const struct http_unit *http_video_next(struct http_video *v, uint64_t after, bool *key);
+void http_unit_unref(const struct http_unit *unit); /* NULL is fine */
+
+/** Has encoding ended? @param why  out, one sentence */
+bool http_video_over(struct http_video *v, char why[256]);
+
+/** Release a viewer without a thread. NULL is fine. */
+void http_watch_drop(struct http_watch *w);
 
 /** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);

@@ -663,11 +663,12 @@ static int answer_locked(struct live_engine *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-/* Have the live thread do something with a view. */
-static int request(struct live_engine *v, const char *id, enum request_kind kind, double x, double y,
+/* Have the live thread do something with a view. @param at  x, y in pixels of the picture */
+static int request(struct live_engine *v, const char *id, enum request_kind kind, const double at[2],
                    struct sst_api_answer *out)
 {
     const int64_t end_ns = end_of_wait();
+    const double x = at[0], y = at[1];
     int err;
 
     if (!(x >= -1e6 && x <= 1e6 && y >= -1e6 && y <= 1e6))
@@ -703,7 +704,7 @@ static int request(struct live_engine *v, const char *id, enum request_kind kind
 
 int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out)
 {
-    return request(engine, id, REQUEST_PICK, x, y, out);
+    return request(engine, id, REQUEST_PICK, (const double[]){ x, y }, out);
 }
 
 int engine_remove(void *engine, const char *client, const char *id, const json_t *body, struct sst_api_answer *out)
@@ -726,10 +727,10 @@ int engine_remove(void *engine, const char *client, const char *id, const json_t
     if (clear && !json_is_boolean(clear))
         return sst_api_refuse(out->error, -EINVAL, "clear must be true or false");
     if (json_is_true(clear))
-        return request(engine, id, REQUEST_RESTORE, 0, 0, out);
+        return request(engine, id, REQUEST_RESTORE, (const double[]){ 0, 0 }, out);
     if (!json_is_number(x) || !json_is_number(y))
         return sst_api_refuse(out->error, -EINVAL,
                               "give x and y in pixels of the picture, like {\"x\": 320, \"y\": 240}, or "
                               "{\"clear\": true} to bring everything back");
-    return request(engine, id, REQUEST_TOGGLE, json_number_value(x), json_number_value(y), out);
+    return request(engine, id, REQUEST_TOGGLE, (const double[]){ json_number_value(x), json_number_value(y) }, out);
 }

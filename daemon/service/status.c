@@ -45,7 +45,8 @@ struct status_now {
     struct sst_spread skew_us, delay_ms;
     struct live_now live;
     struct sst_storage_report storage;
-    int http, streams, listeners, rtsp, onvif;
+    int http, streams, videos, listeners, rtsp, onvif;
+    char encoder[16];
     unsigned rtsp_restarts, onvif_restarts;
     uint64_t requests, refused, skipped, slow, sent_bytes, events[3], rss_bytes;
     bool certificate;
@@ -111,6 +112,10 @@ const struct sst_field sst_service_status_fields[] = {
     ROW("storage", OBJECT, storage, "Recordings, snapshots and exports", .of = sst_storage_fields),
     GROUP("clients", "Clients of HTTP, RTSP and ONVIF", ROW("http", INTEGER, http, "Connections", "http_clients"),
           ROW("streams", INTEGER, streams, "Moving pictures that are watched over HTTP", "http_streams"),
+          ROW("videos", INTEGER, videos, "Of these, as H.264", "http_videos"),
+          ROW("encoder", TEXT, encoder,
+              "Encoder of H.264, the last one that was opened: h264_vaapi, h264_v4l2m2m (devices), libx264 or libopenh264; "
+              "\"\": none yet"),
           ROW("listeners", INTEGER, listeners, "Listeners of the event stream"),
           ROW("rtsp", INTEGER, rtsp, "Clients that watch over RTSP", "rtsp_clients"),
           ROW("rtsp_restarts", INTEGER, rtsp_restarts, "Times that sst-rtsp was started again", "rtsp_restarts_total"),
@@ -252,6 +257,8 @@ static void gather_clients(struct status_now *now, struct sst_counters *c)
 {
     now->http = atomic_load(&c->clients);
     now->streams = atomic_load(&c->streams);
+    now->videos = atomic_load(&c->videos);
+    sst_counters_encoder(c, now->encoder);
     now->listeners = atomic_load(&c->listeners);
     now->requests = atomic_load(&c->requests);
     now->refused = atomic_load(&c->refused);

@@ -56,6 +56,7 @@ static void every_route_for_everybody(void **state)
         const int fine = post && public                          ? 303
                          : !strcmp(r->path, "/api/v1/logout")    ? 409 /* a token has no session */
                          : strstr(r->path, "/sessions/") != NULL ? 400 /* `end` lacks */
+                         : !strncmp(r->path, "/video", 6)        ? 426 /* no WebSocket */
                                                                  : 200;
 
         print_message("%s %s\n", r->method, r->path);
