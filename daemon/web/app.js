@@ -111,7 +111,7 @@ app.replay = new Replay(() => {
   if (state.live) followScene(state.live);
   app.stage.explain(explanation());
 }, () => app.stage.drawn_ms());
-const recordings = new Recordings(() => app.view.stream.shown, app.replay);
+const recordings = new Recordings(() => app.view.stream.picture(), app.replay);
 const visits = new Visits(async (visit) => {
   await app.replay.start({ time: momentOf(visit) });
   keepVisitor(visit);

@@ -5,6 +5,7 @@ import { facts } from "/web/cameras.js";
 import { Chart, drawBar } from "/web/charts.js";
 import { fits } from "/web/recordings.js";
 import { $, bytes, duration, el, finite, localTime, number, setText } from "/web/ui.js";
+import { video } from "/web/h264.js";
 
 const SPAN_S = 300;
 
@@ -141,6 +142,7 @@ export class Health {
     const skips = live.skips ?? {};
     facts(this.cards.live.list, [
       ["Picture", live.size ? `${live.size.join(" × ")}, of ${number(live.views)} cameras` : "–"],
+      ["Sent as", video.words()],
       ["Changed", `${number(live.changed_percent, 1)} % of the scene`],
       ["Processed / passed over", `${number(live.sets)} / ${number(live.dropped)} sets`],
       ["Work saved by change", saved(skips.change, 2, "levels")], ["Work saved on labels", saved(skips.labels, 3, "of labels")],
@@ -149,7 +151,7 @@ export class Health {
       ...(status.noticed ?? []).map(({ what, text }) => [NOTICED_WORDS[what] ?? what, text, "warn"])]);
     this.showStorage(storage);
     facts(this.cards.clients.list, [
-      ["Connections", `${number(clients.http)}, ${number(clients.streams)} with pictures, ${number(clients.listeners)} with events`],
+      ["Connections", `${number(clients.http)}, ${number(clients.streams)} with pictures, ${number(clients.videos)} of them H.264, ${number(clients.listeners)} with events`],
       ["RTSP", number(clients.rtsp)], ["Requests", `${number(clients.requests)}, ${number(clients.refused)} refused`]]);
   }
 

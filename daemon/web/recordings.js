@@ -23,7 +23,7 @@ const LATE_S = 2; // of a video's beginning after its recording's
 const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
 
 export class Recordings {
-  /** @param picture  () => Blob of the picture shown, or null; @param replay  plays recordings */
+  /** @param picture  () => Blob of the picture shown, or null, or a promise of it; @param replay  plays recordings */
   constructor(picture, replay) {
     this.picture = picture;
     this.replay = replay;
@@ -40,7 +40,7 @@ export class Recordings {
   }
 
   async snapshot() {
-    const blob = this.picture();
+    const blob = await this.picture();
     const { state } = this.replay;
     $("snapshot").setAttribute("aria-busy", "true");
     try {

@@ -1,13 +1,15 @@
-// A moving picture (multipart JPEG) on a canvas. An <img> could show it too, but would not reveal how old its picture is
-// or that the service is gone, and would keep decoding in the background.
+// A moving picture on a canvas: H.264, or multipart JPEG where that fails. An <img> could show JPEG too, but would not reveal how old its
+// picture is or that the service is gone, and would keep decoding in the background.
 
 import { ApiError, clock, open } from "/web/api.js";
+import { Unusable, video, watch } from "/web/h264.js";
 
 const SILENCE_MS = 9000; // a still picture is sent every 5 s; a connection that is silent for longer is reopened
 const PART_MAX = 64 << 20;
 const HEADER_MAX = 8192;
 const RETRY_MS = [300, 700, 1500, 3000];
 const SLOTS = 4;
+const JPEG_QUALITY = 0.95;
 
 /** Takes a lock, released by the returned function; null if another window holds it. */
 function lock(name) {
@@ -77,7 +79,7 @@ class Parts {
 export class Stream {
   /**
    * @param canvas   resized to the pictures
-   * @param address  async () => path; called for each connection
+   * @param address  async () => path below /stream; called for each connection
    * @param notify   called with "picture", "lost" (reason: ApiError or null)
    */
   constructor(canvas, address, notify) {
@@ -86,7 +88,8 @@ export class Stream {
     this.notify = notify;
     this.abort = null;
     this.shown_ms = NaN;  // time of the shown picture by the service's clock
-    this.shown = null;    // Blob
+    this.shown = null;    // Blob of JPEG; null: H.264
+    this.blamed = null;   // failure of H.264 in this connection
     this.pictures = 0;
     this.waiting = null;  // the newest picture, not decoded yet
     this.decoding = false;
@@ -107,6 +110,12 @@ export class Stream {
     return clock.now() - this.shown_ms;
   }
 
+  /** The picture that is shown, as JPEG; null: none. */
+  picture() {
+    if (this.shown || !this.pictures) return this.shown;
+    return new Promise((done) => this.canvas.toBlob(done, "image/jpeg", JPEG_QUALITY));
+  }
+
   async run(abort) {
     let failures = 0;
     while (!abort.signal.aborted) {
@@ -124,29 +133,63 @@ export class Stream {
     }
   }
 
+  /** One connection. That H.264 failed is forgotten where JPEG does not come either: then it was another fault. */
   async receive(abort) {
     const connection = new AbortController();
     const end = () => connection.abort();
-    abort.signal.addEventListener("abort", end, { once: true });
-    let silence = 0;
-    let release = null;
-    try {
-      release = await takeSlot();
+    const { pictures } = this;
+    this.blamed = null;
+    let silence = setTimeout(end, SILENCE_MS);
+    const alive = () => {
+      clearTimeout(silence);
       silence = setTimeout(end, SILENCE_MS);
-      const { reader } = await open(await this.address(), connection.signal);
-      const parts = new Parts();
-      for (;;) {
-        const { done, value } = await reader.read();
-        if (done) return;
-        clearTimeout(silence);
-        silence = setTimeout(end, SILENCE_MS);
-        parts.push(value);
-        for (let part = parts.next(); part; part = parts.next()) this.take(part, abort);
+    };
+    abort.signal.addEventListener("abort", end, { once: true });
+    try {
+      const path = await this.address();
+      if (!await this.receiveVideo(path, connection.signal, alive)) {
+        alive();
+        await this.receiveParts(path, abort, connection.signal, alive);
       }
+    } catch (error) {
+      if (this.pictures === pictures && this.blamed) video.forgive(this.blamed);
+      throw error;
     } finally {
       clearTimeout(silence);
       abort.signal.removeEventListener("abort", end);
       end();
+    }
+  }
+
+  /** @return false: H.264 does not work, for a reason that is kept */
+  async receiveVideo(path, signal, alive) {
+    if (await video.refusal()) return false;
+    try {
+      await watch(path.replace("/stream", "/video"), signal, { alive, show: (frame, taken_ms) => {
+        if (!signal.aborted) this.show(frame, { width: frame.displayWidth, height: frame.displayHeight }, null, taken_ms);
+      } });
+      return true;
+    } catch (error) {
+      if (!(error instanceof Unusable)) throw error;
+      this.blamed = video.fail(error.message);
+      return signal.aborted;
+    }
+  }
+
+  async receiveParts(path, abort, signal, alive) {
+    let release = null;
+    try {
+      release = await takeSlot();
+      const { reader } = await open(path, signal);
+      const parts = new Parts();
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) return;
+        alive();
+        parts.push(value);
+        for (let part = parts.next(); part; part = parts.next()) this.take(part, abort);
+      }
+    } finally {
       release?.();
     }
   }
@@ -169,7 +212,10 @@ export class Stream {
       this.waiting = null;
       try {
         const bitmap = await createImageBitmap(blob);
-        if (!abort.signal.aborted) this.show(bitmap, blob, taken_ms);
+        if (!abort.signal.aborted) {
+          video.shows = "jpeg";
+          this.show(bitmap, bitmap, blob, taken_ms);
+        }
         bitmap.close();
       } catch {
         continue; // a damaged picture: the next one follows
@@ -178,12 +224,12 @@ export class Stream {
     this.decoding = false;
   }
 
-  show(bitmap, blob, taken_ms) {
-    if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
-      this.canvas.width = bitmap.width;
-      this.canvas.height = bitmap.height;
+  show(image, { width, height }, blob, taken_ms) {
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
     }
-    this.canvas.getContext("2d", { alpha: false }).drawImage(bitmap, 0, 0);
+    this.canvas.getContext("2d", { alpha: false }).drawImage(image, 0, 0);
     this.shown = blob;
     this.shown_ms = taken_ms;
     this.pictures++;

@@ -7,19 +7,25 @@ POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}
 while it computes, recordings stand still and have no pictures; while they stall, only pictures do not come; GET /fake lists requests. A third
 member of what refuses says how often it does; an old service has no clear picture."""
 import argparse
+import base64
 import copy
 import datetime
+import hashlib
 import http.server
 import io
 import json
 import math
 import os
 import struct
+import sys
 import threading
 import time
 import urllib.parse
 
 from PIL import Image, ImageDraw
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+import websocket
 
 WEB = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "daemon", "web")
 TYPES = {"html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8",
@@ -184,7 +190,7 @@ class Service:
                 "full": {"recordings": 4, "bytes": 150 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=6)), "bytes_per_day": 24e9, "fits_days": 12.4},
                 "reduced": {"recordings": 9, "bytes": 30 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=30)), "bytes_per_day": 1e9, "fits_days": 63.2},
                 "removed": 2, "recording": recording, "ring": {"bytes": 260 * 10**6, "sets": 100, "seconds": 10.0}},
-            "clients": {"http": 3, "streams": 2, "listeners": 1, "rtsp": 1, "requests": len(self.log), "refused": 0},
+            "clients": {"http": 3, "streams": 2, "videos": 0, "encoder": "", "listeners": 1, "rtsp": 1, "requests": len(self.log), "refused": 0},
             "process": {"rss_bytes": 640 * 10**6, "cpu_percent": 118.0, "descriptors": 141}}
         merge(body, self.patch)
         return body
@@ -461,6 +467,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, b"<!doctype html><title>log in</title>", "text/html")
         elif path == "/api/v1/replay":
             self.answer(200, s.replay())
+        elif part[0] == "video":
+            self.no_video()
         elif part[0] in ("stream", "snapshot"):
             self.picture(part)
         elif path.startswith("/api/v1/download/"):
@@ -534,6 +542,17 @@ class Handler(http.server.BaseHTTPRequestHandler):
             with s.lock:
                 view["viewers"] -= 1
                 view["seen"] = min(view.get("seen", 0), math.inf) if name == "main" else time.time()
+
+    def no_video(self):
+        """A WebSocket that closes with a reason: the page shows JPEG."""
+        accept = base64.b64encode(hashlib.sha1((self.headers["Sec-WebSocket-Key"] + websocket.GUID.decode()).encode()).digest()).decode()
+        self.send_response(101)
+        for name, value in (("Upgrade", "websocket"), ("Connection", "Upgrade"), ("Sec-WebSocket-Accept", accept)):
+            self.send_header(name, value)
+        self.end_headers()
+        reason = struct.pack(">H", 4501) + b"this service only pretends"
+        self.wfile.write(bytes([0x80 | websocket.CLOSE, len(reason)]) + reason)
+        self.close_connection = True
 
     def event_stream(self, after):
         s = self.service

@@ -161,6 +161,7 @@ def test_device(b, fake):
     card = "document.getElementById('h-health-live').parentElement.textContent"
     b.js("document.getElementById('tab-health').click()")
     b.wait(f"{card}.includes('Computed on') && {card}.includes('the processor')")
+    b.wait(f"{card}.includes('JPEG: this service only pretends')")
     labels = {"failing": False, "runs": 18, "on_cpu": 0, "failures": 0, "reason": ""}
     device = {"name": "NVIDIA H100", "driver": "", "failing": False, "pictures": 70, "on_cpu": 0, "verified_on_cpu": 0, "filled_on_cpu": 0,
               "failures": 0, "reason": "", "labels": labels, "stages_on_cpu": ["decode", "disparity"]}
