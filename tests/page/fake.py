@@ -430,7 +430,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         elif path == "/push-worker.js":
             self.file("push-worker.js")
         elif path == "/api/v1/push":
-            self.answer(200, {"supported": True, "reason": "", "key": VAPID, "subscriptions": 0, "cool_down_s": 30, "sent": 0, "failed": 0})
+            self.answer(200, {"supported": True, "reason": "", "key": VAPID, "subscriptions": 0, "cool_down_s": 30, "sent": 0, "failed": 0, "error": ""})
         elif path == "/api/v1/videos":
             with s.lock:
                 self.answer(200, {"videos": s.videos_json()})
