@@ -345,7 +345,7 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	@rc=0; echo "readers of files and messages, 20 s of mutations each:"; FUZZ_SECONDS=20 JOBS=13 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
+	@rc=0; echo "readers of files and messages, 20 s of mutations each:"; FUZZ_SECONDS=20 JOBS=15 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
 	  $(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(filter-out $(LEFT_TESTS),$(PLAIN_TESTS)) $(LEFT_TESTS:%=plain@%) $(LEVEL_TESTS) $(SYSTEM_TESTS) || rc=1; \
 	  [ $$rc -eq 0 ] || echo "make check: failed (what failed is above)"; exit $$rc
 
