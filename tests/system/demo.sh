@@ -24,6 +24,10 @@ begin() {
 }
 end() { kill -INT $demo; ended $demo "the demo" || fail "the demo ends with $?"; demo=; }
 
+# A session ends with its program, also while its world is prepared.
+printf 'scene: hedge\ngrid: [1, 2]\nsize: [160, 192]\n' >new.yaml
+timeout 120 "$build/sst-sim" --at-once --quiet --cache new --world new.yaml -- true 2>err || fail "a world that is prepared keeps its session: $(cat err)"
+
 # An edited world stays, as small ones do here for speed.
 mkdir site
 cp "$root/simulators/scene/world/worlds/quick.yaml" site/cat-world.yaml

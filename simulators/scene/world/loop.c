@@ -8,6 +8,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -298,6 +299,19 @@ static void *render_rest(void *arg)
     return NULL;
 }
 
+/* Signals are the caller's: its event loop has to get them. */
+static int start_rest(struct sim_loop *l)
+{
+    sigset_t all, before;
+    int err;
+
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    err = -pthread_create(&l->early->thread, NULL, render_rest, l);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return err;
+}
+
 static int open_at_once(struct sim_loop **out, const char *path, const struct sim_loop_config *cfg, const struct job *j)
 {
     struct sim_loop *l = calloc(1, sizeof(*l));
@@ -318,7 +332,7 @@ static int open_at_once(struct sim_loop **out, const char *path, const struct si
     snprintf(e->path, sizeof(e->path), "%s", path);
     e->first = calloc((size_t)cfg->cams, sizeof(*e->first));
     err = e->first ? sst_parallel_for(cfg->cams, sst_thread_count(0), render_first, e) : -ENOMEM;
-    err = err ? err : -pthread_create(&e->thread, NULL, render_rest, l);
+    err = err ? err : start_rest(l);
     e->runs = !err;
     if (err)
         sim_loop_close(l);
