@@ -165,7 +165,7 @@ void engine_removed_locked(struct live_engine *v)
         const struct sst_live_track *t = &v->track[i];
         struct engine_removed *to = &s->removed[s->removed_count];
 
-        if (!(t->disp_px > s->cut_px))
+        if (!isgreater(t->disp_px, s->cut_px))
             continue;
         *to = (struct engine_removed){ .track = t->id,
                                        .disparity_px = t->disp_px,

@@ -56,7 +56,7 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
     return json_pack(
         "{s:I, s:s, s:b, s:i, s:s, s:s, s:b, s:[f, f, f, f], s:[f, f, f, f], s:[f, f], s:f, s:o, s:o, s:o, s:f}", "track",
         (json_int_t)t->id, "state", states[t->state], "hidden", t->hidden, "label", t->label, "name",
-        engine_label_name(v, t->label), "label_by", engine_named_by(v, t), "removed", t->disp_px > v->state.cut_px,
+        engine_label_name(v, t->label), "label_by", engine_named_by(v, t), "removed", isgreater(t->disp_px, v->state.cut_px) != 0,
         "box", t->x0, t->y0, t->x1, t->y1, "at", t->at[0], t->at[1], t->at[2], t->at[3], "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px,
         "distance_m", sst_api_real(engine_distance_m(v, t->disp_px)), "height_m",
         sst_api_real(a ? a->height_m : (double)NAN), "speed_m_s", sst_api_real(a ? a->speed_m_s : (double)NAN),

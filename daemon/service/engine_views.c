@@ -241,7 +241,7 @@ static void keep_moving(struct live_engine *v, struct sst_render_config *render)
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < v->tracks; i++)
-        if (v->track[i].disp_px > cut_px)
+        if (isgreater(v->track[i].disp_px, cut_px))
             cut_px = sst_live_before(v->track[i].disp_px, v->track[i].hidden);
     pthread_mutex_unlock(&v->lock);
     render->cut_px = cut_px;

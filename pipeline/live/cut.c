@@ -116,7 +116,7 @@ void live_cut_init(struct live_cut *c)
 
 static void apply(struct live_cut *c)
 {
-    c->cut_px = c->guard_px > c->gap_px ? c->guard_px : c->gap_px;
+    c->cut_px = isgreater(c->guard_px, c->gap_px) ? c->guard_px : c->gap_px; /* NaN: no exception */
 }
 
 static void set_gap(struct sst_live *live, double px)
@@ -185,6 +185,7 @@ void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, i
 {
     struct live_cut *c = &live->cut;
     double need_px;
+    bool needed;
 
     if (n)
         memcpy(c->track, track, (size_t)n * sizeof(*track));
@@ -192,13 +193,14 @@ void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, i
     if (t_ns < c->guarded_ns) /* a recording that begins again */
         c->guard_px = NAN;
     need_px = before_tracks(live);
-    if (need_px > c->gap_px && !(c->guard_px >= need_px)) {
+    needed = isgreater(need_px, c->gap_px);
+    if (needed && !isgreaterequal(c->guard_px, need_px)) {
         c->guard_px = need_px + STEADY_PX;
         c->guarded_ns = t_ns;
-    } else if (need_px > c->gap_px && need_px >= c->guard_px - 2 * STEADY_PX) {
+    } else if (needed && need_px >= c->guard_px - 2 * STEADY_PX) {
         c->guarded_ns = t_ns;
     } else if (t_ns - c->guarded_ns >= GUARD_NS) {
-        c->guard_px = need_px > c->gap_px ? need_px + STEADY_PX : NAN;
+        c->guard_px = needed ? need_px + STEADY_PX : NAN;
         c->guarded_ns = t_ns;
     }
     apply(c);
