@@ -115,7 +115,8 @@ static int fake_view_create(void *arg, const char *client, const json_t *body, s
     return fake_record(arg, body, out);
 }
 
-static int fake_view_change(void *arg, const char *client, const char *id, const json_t *body, struct sst_api_answer *out)
+static int fake_view_change(void *arg, const char *client, const char *id, const json_t *body,
+                            struct sst_api_answer *out)
 {
     (void)arg;
     snprintf(fake_client, sizeof(fake_client), "%s", client);
@@ -133,15 +134,27 @@ static int fake_pick(void *arg, const char *id, double x, double y, struct sst_a
 static int fake_visits(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out)
 {
     (void)arg;
-    out->body = json_pack("{s:i, s:s?, s:s?, s:s?, s:s?}", "limit", query->limit, "from", query->from, "to", query->to,
-                          "label", query->label, "zone", query->zone);
+    out->body = json_pack("{s:i, s:s?, s:s?, s:s?, s:s?, s:s?, s:s?, s:s?, s:i}", "limit", query->limit, "from",
+                          query->from, "to", query->to, "label", query->label, "zone", query->zone, "before",
+                          query->before, "after", query->after, "user", query->user, "reviewed", query->reviewed);
     return 0;
 }
 
-static int fake_visit_change(void *arg, const char *visit, const json_t *body, struct sst_api_answer *out)
+static int fake_visit_days(void *arg, const struct sst_visits_query *query, int offset_min, struct sst_api_answer *out)
 {
     (void)arg;
-    return strcmp(visit, "v1") ? -ENOENT : fake_record(NULL, body, out);
+    out->body = json_pack("{s:s?, s:i}", "from", query->from, "offset_min", offset_min);
+    return 0;
+}
+
+static int fake_visit_change(void *arg, const char *visit, const char *user, const json_t *body,
+                             struct sst_api_answer *out)
+{
+    (void)arg;
+    if (visit && strcmp(visit, "v1") != 0)
+        return -ENOENT;
+    out->body = json_pack("{s:s, s:O}", "user", user, "body", body);
+    return 0;
 }
 
 static int fake_visit_picture(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
@@ -340,6 +353,7 @@ static int make_service(void **state)
                              .labels = fake_labels,
                              .tracks = fake_tracks,
                              .visits = fake_visits,
+                             .visit_days = fake_visit_days,
                              .visit_change = fake_visit_change,
                              .visit_picture = fake_visit_picture,
                              .metrics = fake_metrics,
@@ -381,8 +395,9 @@ static int make_service(void **state)
 
 static int end_service(void **state)
 {
-    static const char *const names[] = { "token",        "token.view", "token.sessions",
-                                         "control.sock", "cert.pem",   "key.pem" };
+    static const char *const names[] = {
+        "token", "token.view", "token.sessions", "control.sock", "cert.pem", "key.pem"
+    };
 
     (void)state;
     sst_http_close(server);

@@ -37,8 +37,11 @@ struct sst_api {
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, labels in view */
     int (*tracks)(void *live, struct sst_api_answer *out); /* moving objects */
     int (*visits)(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out);
-    /** {"keep": true} or false, or {"delete": true}. */
-    int (*visit_change)(void *arg, const char *visit, const json_t *request, struct sst_api_answer *out);
+    int (*visit_days)(void *arg, const struct sst_visits_query *query, int offset_min, struct sst_api_answer *out);
+    /** {"keep": true} or false, {"reviewed": true} or false, or {"delete": true}. @param visit  NULL: names of the
+     * member `visits` @param user  of the request */
+    int (*visit_change)(void *arg, const char *visit, const char *user, const json_t *request,
+                        struct sst_api_answer *out);
     /** @param data  out, JPEG to free with free() */
     int (*visit_picture)(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size);
     int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */
@@ -47,10 +50,12 @@ struct sst_api {
      *  which may. The other verbs with `client` follow it */
     int (*view_create)(void *live, const char *client, const json_t *settings, struct sst_api_answer *out);
     /** -EPERM: it is another client's */
-    int (*view_change)(void *live, const char *client, const char *id, const json_t *settings, struct sst_api_answer *out);
+    int (*view_change)(void *live, const char *client, const char *id, const json_t *settings,
+                       struct sst_api_answer *out);
     int (*pick)(void *live, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
     /** Remove the thing at {x, y} of the reference view from a view's clear picture, or bring it back. */
-    int (*view_remove)(void *live, const char *client, const char *id, const json_t *request, struct sst_api_answer *out);
+    int (*view_remove)(void *live, const char *client, const char *id, const json_t *request,
+                       struct sst_api_answer *out);
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*zones)(void *arg, struct sst_api_answer *out);
     /** Other zones as a whole; the configuration file of the page is written and applied, or nothing happens. */

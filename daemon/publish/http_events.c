@@ -10,6 +10,8 @@
 
 #define LIMIT_USUAL 100
 #define LIMIT_MAX   1000
+#define TIME_MOST   64
+#define OFFSET_MOST 900
 #define PIECE_BYTES 4096
 #define SILENCE     6 /* idle times after which a client that reads nothing is disconnected */
 
@@ -38,33 +40,67 @@ static bool number_of(struct http_request *q, const char *name, uint64_t max, ui
     return false;
 }
 
-/* "2026-11-21", "2026-11-21T18:05:00Z": compared as texts. NULL: any */
+/* "2026-11-21", "2026-11-21T18:05:00Z", or the name of a visit, which begins with its time: compared as texts. NULL:
+ * any */
 static bool time_of(struct http_request *q, const char *name, const char **out, int *done)
 {
     const char *text = http_query(q, name);
 
     *out = text && *text ? text : NULL;
-    if (!*out ||
-        (strlen(text) >= 10 && strlen(text) < SST_CLOCK_TEXT && strspn(text, "0123456789-:.TZ") == strlen(text)))
+    if (!*out || (strlen(text) >= 10 && strlen(text) < TIME_MOST && strspn(text, "0123456789-:.TZ") == strlen(text)))
         return true;
     *done = http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a time like 2026-11-21T18:05:00Z", name, text);
     return false;
 }
 
+/* Members of all queries about visits. @return false: answered already */
+static bool visits_query(struct http_request *q, struct sst_visits_query *out, int *done)
+{
+    const char *label = http_query(q, "label"), *zone = http_query(q, "zone");
+
+    *out = (struct sst_visits_query){ .label = label && *label ? label : NULL,
+                                      .zone = zone && *zone ? zone : NULL,
+                                      .user = http_user(q) };
+    return time_of(q, "from", &out->from, done) && time_of(q, "to", &out->to, done);
+}
+
 int http_do_visits(struct http_request *q)
 {
-    struct sst_visits_query query = { .label = http_query(q, "label"), .zone = http_query(q, "zone") };
+    const char *reviewed = http_query(q, "reviewed");
+    struct sst_visits_query query;
     struct sst_api_answer out = { 0 };
     uint64_t limit = LIMIT_USUAL;
     int done;
 
-    if (!number_of(q, "limit", LIMIT_MAX, &limit, &done) || !time_of(q, "from", &query.from, &done) ||
-        !time_of(q, "to", &query.to, &done))
+    if (!visits_query(q, &query, &done) || !number_of(q, "limit", LIMIT_MAX, &limit, &done) ||
+        !time_of(q, "before", &query.before, &done) || !time_of(q, "after", &query.after, &done))
         return done;
+    if (reviewed && *reviewed && strcmp(reviewed, "true") != 0 && strcmp(reviewed, "false") != 0)
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reviewed=%.40s is neither true nor false", reviewed);
+    query.reviewed = !reviewed || !*reviewed ? 0 : !strcmp(reviewed, "true") ? 1 : -1;
     query.limit = (int)limit;
-    query.label = query.label && *query.label ? query.label : NULL;
-    query.zone = query.zone && *query.zone ? query.zone : NULL;
     return http_reply_answer(q, q->http->cfg.api->visits(q->http->cfg.api->arg, &query, &out), &out, "visits");
+}
+
+int http_do_visit_days(struct http_request *q)
+{
+    const char *text = http_query(q, "offset_min");
+    struct sst_visits_query query;
+    struct sst_api_answer out = { 0 };
+    uint64_t offset_min = 0;
+    int done;
+
+    if (!visits_query(q, &query, &done))
+        return done;
+    if (text && *text && !http_number(text + (*text == '-'), OFFSET_MOST, &offset_min))
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST,
+                                "offset_min=%.40s is not a whole number of minutes east of Greenwich, -900 to 900",
+                                text);
+    return http_reply_answer(q,
+                             q->http->cfg.api->visit_days(q->http->cfg.api->arg, &query,
+                                                          text && *text == '-' ? -(int)offset_min : (int)offset_min,
+                                                          &out),
+                             &out, "days of visits");
 }
 
 int http_do_visit_picture(struct http_request *q, enum sst_visit_picture kind)

@@ -27,7 +27,9 @@
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
     X("GET", "/api/v1/tracks", VIEW, "What moves: place, label, distance", tracks)                                     \
     X("GET", "/api/v1/visits", VIEW, "What came into view, the newest first", http_do_visits)                          \
-    X("POST", "/api/v1/visits/{id}", CONTROL, "Keep a visit for good, or delete it", visit_change)                     \
+    X("GET", "/api/v1/visits/days", VIEW, "Days on which visits came, with their number", http_do_visit_days)          \
+    X("POST", "/api/v1/visits", VIEW, "Change many visits at once; keep, delete: control", visits_change)              \
+    X("POST", "/api/v1/visits/{id}", VIEW, "Mark a visit as reviewed; keep, delete: control", visit_change)            \
     X("GET", "/api/v1/visits/{id}/camera", VIEW, "A visit as a camera saw it", visit_camera)                           \
     X("GET", "/api/v1/visits/{id}/seen", VIEW, "A visit seen through what stood in front", visit_seen)                 \
     X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events)                           \
@@ -62,7 +64,7 @@
     X("GET", "/api/v1/replay", VIEW, "The recording that is played", replay)                                           \
     X("POST", "/api/v1/replay", VIEW, "Play a recording from a moment on, pause, close", replay_change)                \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
-    X("GET", "/push-worker.js", VIEW, "Service worker of the page: notifications", push_worker)                         \
+    X("GET", "/push-worker.js", VIEW, "Service worker of the page: notifications", push_worker)                        \
     X("GET", "/api/v1/push", VIEW, "Notifications: key, number of subscriptions", push)                                \
     X("POST", "/api/v1/push", VIEW, "Subscribe this browser to notifications, or end that", push_change)               \
     X("GET", "/api/v1/zones", VIEW, "Zones of the picture that are watched or ignored", zones)                         \
@@ -100,8 +102,8 @@ static int healthz(struct http_request *q)
 
     pthread_mutex_lock(&h->lock);
     if (now_ns >= h->until_ns) {
-        state = api_of(q)->status(api_of(q)->arg, &out) ? "failed"
-                                                         : json_string_value(json_object_get(out.body, "state"));
+        state =
+            api_of(q)->status(api_of(q)->arg, &out) ? "failed" : json_string_value(json_object_get(out.body, "state"));
         h->ok = state && (!strcmp(state, "capturing") || !strcmp(state, "degraded"));
         snprintf(h->text, sizeof(h->text), "%.70s\n", h->ok ? "ok" : state ? state : "unknown");
         h->until_ns = sst_clock_now_ns() + HEALTH_NS;
@@ -153,6 +155,11 @@ PLAIN(push, push, api_of(q)->arg, "notifications")
 PLAIN(cases, cases, api_of(q)->arg, "videos")
 PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
+const char *http_user(const struct http_request *q)
+{
+    return q->role == SST_ROLE_CONTROL ? "control" : "view";
+}
+
 /* With the role of the client, which the service itself does not know. */
 static int status(struct http_request *q)
 {
@@ -160,7 +167,7 @@ static int status(struct http_request *q)
     const int err = api_of(q)->status(api_of(q)->arg, &out);
 
     if (!err)
-        json_object_set_new(out.body, "role", json_string(q->role == SST_ROLE_CONTROL ? "control" : "view"));
+        json_object_set_new(out.body, "role", json_string(http_user(q)));
     return http_reply_answer(q, err, &out, "status");
 }
 
@@ -308,11 +315,17 @@ static int session_change(struct http_request *q)
     return http_reply_answer(q, out.body ? 0 : -ENOMEM, &out, "session");
 }
 
-static int visit_change(struct http_request *q)
+/* @param visit  NULL: names in the body */
+static int change_visits(struct http_request *q, const char *visit)
 {
     struct sst_api_answer out = { 0 };
-    const int err = api_of(q)->visit_change(api_of(q)->arg, q->name, q->body, &out);
+    int err;
 
+    if (q->role < SST_ROLE_CONTROL && (json_object_get(q->body, "keep") || json_object_get(q->body, "delete")))
+        return http_reply_error(
+            q, MHD_HTTP_FORBIDDEN,
+            "this token is read-only: it marks visits as reviewed; use the other token to keep or delete them");
+    err = api_of(q)->visit_change(api_of(q)->arg, visit, http_user(q), q->body, &out);
     return http_reply_answer(q, err, &out, "visit");
 }
 
@@ -332,6 +345,16 @@ static int signing_key(struct http_request *q)
 
     return err ? http_reply_answer(q, err, &out, "signing key")
                : http_reply_text(q, MHD_HTTP_OK, "application/x-pem-file", text);
+}
+
+static int visit_change(struct http_request *q)
+{
+    return change_visits(q, q->name);
+}
+
+static int visits_change(struct http_request *q)
+{
+    return change_visits(q, NULL);
 }
 
 static int visit_camera(struct http_request *q)

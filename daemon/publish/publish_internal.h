@@ -384,6 +384,8 @@ void http_on_connection(void *cls, struct MHD_Connection *connection, void **sta
 /** Handler of a route; index as in sst_http_routes(). */
 http_handler_fn *http_handler(int index);
 
+/** Name of the user that asks, for `reviewed`: the token's role. */
+const char *http_user(const struct http_request *q);
 const char *http_query(struct http_request *q, const char *name);  /* NULL: not there; "" without a value */
 const char *http_header(struct http_request *q, const char *name); /* the same */
 
@@ -404,6 +406,7 @@ int http_do_watch(struct http_request *q, enum sst_api_picture kind, const char 
 int http_do_download(struct http_request *q);                                              /* http_download.c */
 int http_do_events(struct http_request *q);                                                /* http_events.c */
 int http_do_visits(struct http_request *q);
+int http_do_visit_days(struct http_request *q);
 int http_do_visit_picture(struct http_request *q, enum sst_visit_picture kind);
 int http_do_listen(struct http_request *q);
 int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */

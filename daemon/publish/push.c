@@ -52,7 +52,6 @@ struct sst_push {
     int queued;
     bool stop;
     uint64_t sent, failed;
-    char error[256]; /* of the last try that failed; "" after a success */
     /* thread only */
     uint64_t seen;     /* id of the last event */
     int64_t logged_ns; /* of the last line about a failure; 0: none */
@@ -273,25 +272,20 @@ static void send_message(struct sst_push *p, const struct message *m, const stru
     o->status = push_send(&out, &o->retry_s, o->why);
 }
 
-static void note_failure(struct sst_push *p, const struct message *m, const struct outcome *o)
+static void log_failure(struct sst_push *p, const char *endpoint, int status, const char *why)
 {
     const int64_t now_ns = sst_clock_now_ns();
-    const char *host = m->endpoint + 8; /* after https:// */
-    const int n = (int)strcspn(host, "/?#:"), status = o->status;
-    char text[256];
+    char host[64];
 
+    snprintf(host, sizeof(host), "%.*s", (int)strcspn(endpoint + 8, "/?#:"), endpoint + 8);
+    if (p->logged_ns && now_ns - p->logged_ns < LOG_NS)
+        return;
+    p->logged_ns = now_ns;
     if (status > 0)
-        snprintf(text, sizeof(text), "%.*s answers %d%s", n < 64 ? n : 64, host, status,
-                 status == 401 || status == 403 ? ": set push: contact to an address of yours" : "");
+        sst_log_warning("notifications: %s answers %d%s; the message is lost", host, status,
+                        status == 401 || status == 403 ? ": set push: contact to an address of yours" : "");
     else
-        snprintf(text, sizeof(text), "%.*s: %.160s", n < 64 ? n : 64, host, o->why);
-    pthread_mutex_lock(&p->lock);
-    memcpy(p->error, text, sizeof(p->error));
-    pthread_mutex_unlock(&p->lock);
-    if (m->text && (!p->logged_ns || now_ns - p->logged_ns >= LOG_NS)) {
-        p->logged_ns = now_ns;
-        sst_log_warning("notifications: %s; the message is lost", text);
-    }
+        sst_log_warning("notifications: %s: %s; the message is lost", host, why);
 }
 
 /* The result of a try: gone subscriptions are removed, the rest is tried again while that helps. */
@@ -305,7 +299,6 @@ static void judge(struct sst_push *p, struct message *m, const struct outcome *o
     i = find_locked(p, m->endpoint);
     if (status >= 200 && status < 300) {
         p->sent++;
-        p->error[0] = 0;
     } else if ((status == 404 || status == 410) && i >= 0) {
         remove_locked(p, i);
         if (save_locked(p))
@@ -320,8 +313,8 @@ static void judge(struct sst_push *p, struct message *m, const struct outcome *o
         p->failed++;
     }
     pthread_mutex_unlock(&p->lock);
-    if (!(status >= 200 && status < 300) && status != 404 && status != 410 && status != -ECANCELED)
-        note_failure(p, m, o);
+    if (m->text && !(status >= 200 && status < 300) && status != 404 && status != 410 && status != -ECANCELED)
+        log_failure(p, m->endpoint, status, o->why);
     free(m->text);
 }
 
@@ -445,13 +438,13 @@ json_t *sst_push_state(struct sst_push *p)
     sst_log_hold_errors(held);
     if (!err)
         push_base64(text, key, PUSH_POINT);
-    o = json_pack("{s:b, s:s, s:s, s:i, s:f, s:I, s:I, s:s}", "supported", !err, "reason",
+    o = json_pack("{s:b, s:s, s:s, s:i, s:f, s:I, s:I}", "supported", !err, "reason",
                   !err              ? ""
                   : err == -EPERM   ? "push: enabled is false"
                   : err == -ENOTSUP ? "built without libcurl, GnuTLS or Nettle"
                                     : said,
                   "key", text, "subscriptions", p->count, "cool_down_s", p->settings.cool_down_s, "sent",
-                  (json_int_t)p->sent, "failed", (json_int_t)p->failed, "error", p->error);
+                  (json_int_t)p->sent, "failed", (json_int_t)p->failed);
     pthread_mutex_unlock(&p->lock);
     return o;
 }

@@ -22,7 +22,7 @@ struct sst_push_config {
 SST_MUST_CHECK int sst_push_open(struct sst_push **out, const struct sst_push_config *cfg);
 void sst_push_configure(struct sst_push *p, const struct sst_push_settings *settings, const char *site);
 
-/** State of notifications for a page that subscribes: {supported, reason, key, subscriptions, cool_down_s, sent, failed, error}. The key is made by the first
+/** State of notifications for a page that subscribes: {supported, reason, key, subscriptions, cool_down_s, sent, failed}. The key is made by the first
  *  call. NULL: no memory */
 json_t *sst_push_state(struct sst_push *p);
 

@@ -8,7 +8,8 @@
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
-#define REFUSED_NS INT64_C(60000000000) /* between events about wrong passwords */
+#define REFUSED_NS  INT64_C(60000000000) /* between events about wrong passwords */
+#define VISITS_MOST 1000                 /* that one request changes */
 
 /* --- requests ----------------------------------------------------------------------------------------------------- */
 
@@ -186,40 +187,109 @@ static int download(void *arg, const char *name, struct sst_download **out)
     return sst_storage_download(s->storage, name, out);
 }
 
+/* One more than asked for says whether there are others. */
 static int list_visits(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out)
 {
-    json_t *list = sst_visits_list(((struct sst_service *)arg)->visits, query);
+    struct sst_visits_query q = *query;
+    json_t *list;
+    bool more;
 
-    out->body = list ? json_pack("{s:o}", "visits", list) : NULL;
+    q.limit++;
+    list = sst_visits_list(((struct sst_service *)arg)->visits, &q);
+    more = (int)json_array_size(list) > query->limit;
+    if (more)
+        json_array_remove(list, q.after && !q.before ? 0 : json_array_size(list) - 1);
+    out->body = list ? json_pack("{s:o, s:b}", "visits", list, "more", more) : NULL;
     return out->body ? 0 : -ENOMEM;
 }
 
-static int change_visit(void *arg, const char *visit, const json_t *request, struct sst_api_answer *out)
+static int visit_days(void *arg, const struct sst_visits_query *query, int offset_min, struct sst_api_answer *out)
 {
-    static const char *const known[] = { "keep", "delete", NULL };
-    struct sst_visits *v = ((struct sst_service *)arg)->visits;
+    json_t *list = sst_visits_days(((struct sst_service *)arg)->visits, query, offset_min);
+
+    out->body = list ? json_pack("{s:o}", "days", list) : NULL;
+    return out->body ? 0 : -ENOMEM;
+}
+
+/* @param member  out, of the answer @return false: not one change */
+static bool read_visit_change(const json_t *request, enum sst_visits_change *what, const char **member)
+{
     const json_t *keep = json_object_get(request, "keep"), *gone = json_object_get(request, "delete");
+    const json_t *reviewed = json_object_get(request, "reviewed");
+
+    if (!!keep + !!gone + !!reviewed != 1 || !(gone ? json_is_true(gone) : json_is_boolean(keep ? keep : reviewed)))
+        return false;
+    *member = keep ? "keep" : gone ? "deleted" : "reviewed";
+    *what = keep                     ? json_is_true(keep) ? SST_VISITS_KEEP : SST_VISITS_RELEASE
+            : gone                   ? SST_VISITS_DELETE
+            : json_is_true(reviewed) ? SST_VISITS_REVIEWED
+                                     : SST_VISITS_UNREVIEWED;
+    return true;
+}
+
+static int visit_fault(int err, const char *visit, char error[512])
+{
+    switch (err) {
+    case -EINPROGRESS:
+        return sst_api_refuse(error, -EBUSY, "this visit has not ended; delete it when it has");
+    case -EBUSY:
+        return sst_api_refuse(error, -EBUSY, "the disk of storage.dir does not answer; try again");
+    case -EUSERS:
+        return sst_api_refuse(error, -EBUSY, "32 users have reviewed visit %.64s already; no more are noted", visit);
+    case -ENOENT:
+        return sst_api_refuse(error, -ENOENT, "there is no visit %.64s", visit);
+    default:
+        return sst_api_refuse(error, err, "visits below storage.dir cannot be written: %s", strerror(-err));
+    }
+}
+
+/* Names of a request; one of the address, or many. @return NULL: none, or too many */
+static json_t *visit_names(const char *visit, const json_t *request)
+{
+    json_t *names = json_object_get(request, "visits"), *one;
+    size_t i;
+
+    if (visit)
+        return names ? NULL : json_pack("[s]", visit);
+    json_array_foreach(names, i, one)
+    {
+        if (!json_is_string(one))
+            return NULL;
+    }
+    return i > 0 && i <= VISITS_MOST ? json_incref(names) : NULL;
+}
+
+static int change_visit(void *arg, const char *visit, const char *user, const json_t *request,
+                        struct sst_api_answer *out)
+{
+    static const char *const known[] = { "keep", "delete", "reviewed", "visits", NULL };
+    json_t *names = visit_names(visit, request), *failed = json_object(), *faults = json_array(), *one;
+    enum sst_visits_change what = SST_VISITS_KEEP;
+    const char *member = "", *name;
     int err = sst_api_members(request, known, out->error);
 
-    if (err)
-        return err;
-    if (!(gone ? json_is_true(gone) && !keep : json_is_boolean(keep)))
-        return sst_api_refuse(out->error, -EINVAL, "give keep: true, keep: false or delete: true");
-    err = gone ? sst_visits_delete(v, visit) : sst_visits_keep(v, visit, json_is_true(keep));
-    switch (err) {
-    case 0:
-        out->body = json_pack("{s:s, s:b}", "visit", visit, gone ? "deleted" : "keep", gone || json_is_true(keep));
-        return out->body ? 0 : -ENOMEM;
-    case -EINPROGRESS:
-        return sst_api_refuse(out->error, -EBUSY, "this visit has not ended; delete it when it has");
-    case -EBUSY:
-        return sst_api_refuse(out->error, -EBUSY, "the disk of storage.dir does not answer; try again");
-    case -ENOENT:
-    case -EINVAL:
-        return sst_api_refuse(out->error, -ENOENT, "there is no visit %.64s", visit);
-    default:
-        return sst_api_refuse(out->error, err, "visits below storage.dir cannot be written: %s", strerror(-err));
+    if (!err && (!names || !read_visit_change(request, &what, &member)))
+        err =
+            sst_api_refuse(out->error, -EINVAL, "give keep: true or false, reviewed: true or false, or delete: true%s",
+                           visit ? "" : ", and visits: an array of 1 to 1000 names");
+    if (!err && (err = sst_visits_change(((struct sst_service *)arg)->visits, names, what, user, failed)))
+        err = visit_fault(err, "", out->error);
+    json_object_foreach(failed, name, one)
+    {
+        const int why = visit_fault((int)json_integer_value(one), name, out->error);
+
+        err = visit ? why : err;
+        json_array_append_new(faults, json_pack("{s:s, s:s}", "visit", name, "error", out->error));
     }
+    if (!err)
+        out->body = visit ? json_pack("{s:s, s:b}", "visit", visit, member,
+                                      what != SST_VISITS_RELEASE && what != SST_VISITS_UNREVIEWED)
+                          : json_pack("{s:i, s:O}", "changed", (int)(json_array_size(names) - json_array_size(faults)),
+                                      "failed", faults);
+    json_decref(names);
+    json_decref(failed);
+    json_decref(faults);
+    return err ? err : out->body ? 0 : -ENOMEM;
 }
 
 static int read_visit(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
@@ -238,6 +308,7 @@ void service_api(struct sst_service *s)
         .metrics = service_metrics,
         .tracks = engine_tracks,
         .visits = list_visits,
+        .visit_days = visit_days,
         .visit_change = change_visit,
         .visit_picture = read_visit,
         .views = engine_views,

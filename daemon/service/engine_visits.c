@@ -20,12 +20,12 @@
 #define DEEPER          0.15 /* logarithm of a ratio of distances: nearer or farther by this, a visitor has moved */
 #define DEEPER_HIDDEN   0.45 /* behind leaves depths come from a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
-/* A visit that begins goes on from one that was lost at most so long ago, at about the same distance, if it then has gone
- * at most so many of its heights a second: people run at 2 to 3. */
+/* A visit that begins goes on from one that was lost at most so long ago, at about the same distance, if it then has
+ * gone at most so many of its heights a second: people run at 2 to 3. */
 #define JOIN_S         12.0
 #define JOIN_RATIO     1.4
 #define JOIN_HEIGHTS_S 2.5
-#define PATH_NS         INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */
+#define PATH_NS        INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)
 {
@@ -47,11 +47,12 @@ static struct visit_point foot(const struct live_engine *v, const struct sst_liv
                                  .disp_px = t->disp_px };
 }
 
-static void add_point(struct visit *a, struct visit_point p)
+/* @param always  also near the point before: a picture was taken there */
+static void add_point(struct visit *a, struct visit_point p, bool always)
 {
     const struct visit_point *last = a->points ? &a->path[a->points - 1] : NULL;
 
-    if (last && hypot(p.x - last->x, p.y - last->y) < PATH_STEP)
+    if (last && (last->t_ns == p.t_ns || (!always && hypot(p.x - last->x, p.y - last->y) < PATH_STEP)))
         return;
     if (a->points == VISIT_POINTS) { /* every second one stays */
         for (int i = 1; i < VISIT_POINTS / 2; i++)
@@ -165,7 +166,9 @@ static json_t *path_json(const struct live_engine *v, const struct visit *a)
 {
     json_t *list = json_array();
 
-    for (int i = 0; i <= a->points; i++) {
+    const bool ends = a->points && a->path[a->points - 1].t_ns == a->last.t_ns; /* with the last place */
+
+    for (int i = 0; i < a->points + !ends; i++) {
         const struct visit_point p = path_point(a, i);
 
         json_array_append_new(list, json_pack("[f, f, f, o]", round((double)(p.t_ns - a->from_ns) / 1e7) / 100,
@@ -208,18 +211,20 @@ static json_t *visit_json_locked(const struct live_engine *v, const struct visit
     visit_page(page, &v->config, name);
     sst_clock_text(from, a->from_wall_ns);
     sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o}",
-                     "visit", name, "page", page, "active", active, "hidden", a->hidden, "label",
-                     engine_label_name(v, a->label), "label_by",
-                     !a->label    ? ""
-                     : a->by_size ? "size and motion"
-                                  : "network",
-                     "from", from, "to", to, "seconds",
-                     round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction", direction(a), "zones",
-                     zones_json(v, a), "crossed", crossings_json(v, a), "distance_m",
-                     sst_api_real(engine_distance_m(v, a->last.disp_px)), "nearest_m",
-                     sst_api_real(engine_distance_m(v, a->nearest_px)), "nearest_px", sst_api_real(a->nearest_px),
-                     "box", a->box[0], a->box[1], a->box[2], a->box[3], "path", path_json(v, a));
+    return json_pack(
+        "{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o, s:o}",
+        "visit", name, "page", page, "active", active, "hidden", a->hidden, "label", engine_label_name(v, a->label),
+        "label_by",
+        !a->label    ? ""
+        : a->by_size ? "size and motion"
+                     : "network",
+        "from", from, "to", to, "seconds", round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction",
+        direction(a), "zones", zones_json(v, a), "crossed", crossings_json(v, a), "distance_m",
+        sst_api_real(engine_distance_m(v, a->last.disp_px)), "nearest_m",
+        sst_api_real(engine_distance_m(v, a->nearest_px)), "nearest_px", sst_api_real(a->nearest_px), "box", a->box[0],
+        a->box[1], a->box[2], a->box[3], "picture_s",
+        a->pictures ? json_real(round((double)(a->picture_ns - a->from_ns) / 1e7) / 100) : json_null(), "path",
+        path_json(v, a));
 }
 
 static void store(struct live_engine *v, const struct visit *a, enum sst_visit_picture kind,
@@ -287,6 +292,7 @@ static void take_pictures(struct live_engine *v, struct visit *a, const struct s
     a->picture_ns = v->set_t_ns;
     a->pictures++;
     memcpy(a->box, box, sizeof(box));
+    add_point(a, a->last, true);
     if (t->hidden && (!t->label || a->by_size)) { /* no view's labels show it */
         const int label = sst_live_recognise(v->live, image, t->at);
 
@@ -421,8 +427,8 @@ static double way_between(const struct live_engine *v, const struct visit_lost *
     return hypot(dx, dy) / height_px / dt_s;
 }
 
-/* A track that begins where another was lost, or is not seen now, as things go: lines between the two places are crossed.
- * The last place, and the sides of lines there, go over to the new visit. @param from  out @return it does */
+/* A track that begins where another was lost, or is not seen now, as things go: lines between the two places are
+ * crossed. The last place, and the sides of lines there, go over to the new visit. @param from  out @return it does */
 static bool join_lost(struct live_engine *v, struct visit *a, const struct visit_point *at, struct visit_point *from)
 {
     struct visit_lost lost, best = { .height_px = 0 };
@@ -472,7 +478,7 @@ static void follow_visit(struct live_engine *v, struct visit *a, const struct ss
     a->zones |= zones_at(v, a->last, a->label, &masked);
     if (a->points || join_lost(v, a, &a->last, &from))
         crossings = engine_lines_follow(v, a, &from, t->y1 - t->y0, crossing);
-    add_point(a, a->last);
+    add_point(a, a->last, false);
     take_pictures(v, a, t);
     if (a->announced && a->zones & ~before)
         emit(v, a, true);

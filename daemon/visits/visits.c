@@ -1,4 +1,4 @@
-#include "daemon/visits/visits.h"
+#include "daemon/visits/visits_internal.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -19,44 +19,12 @@
 #include "base/stats.h"
 #include "base/thread.h"
 
-#define NAME_LENGTH  63
-#define DAY          10 /* characters of "2026-11-21", which names begin with */
-#define WAITING      64 /* jobs */
 #define LINES        "visits.jsonl"
-#define DAY_MOST     ((size_t)256 << 20) /* bytes of a day's lines */
 #define PICTURE_MOST ((size_t)64 << 20)
 #define KEEP         "-keep" /* an empty file of this ending: the visit stays when its day is removed */
 #define BUSY_MS      3000
 #define SHARE        10 /* one part in this of the room is for visits */
 #define SLACK        20 /* one part in this of the share is free after a removal */
-
-struct job {
-    char name[NAME_LENGTH + 1];
-    int picture; /* enum sst_visit_picture; -1: a line */
-    uint8_t *data;
-    size_t bytes;
-};
-
-struct sst_visits {
-    char dir[SST_PATH_MAX]; /* fixed after open */
-    char start[SST_CLOCK_TEXT];
-    pthread_t thread;
-    bool failed;           /* writer's: the last file could not be written */
-    int64_t bytes;         /* under files: of all visits; and whether visits kept for good fill the share: */
-    bool full;
-    char swept[DAY + 1];   /* writer's: day of the last removal of old ones */
-    pthread_mutex_t files; /* held while files are written or removed */
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    /* under lock */
-    struct job job[WAITING];
-    int jobs, days;
-    int64_t room_bytes; /* 0: the disk's */
-    void (*report)(void *arg, int64_t bytes);
-    void *report_arg;
-    bool limited, relimited; /* there is a share; it is another one, or visits were deleted */
-    bool stop, ended;
-};
 
 static const char *const picture_files[] = { "-camera.jpg", "-seen.jpg" };
 static const char *const picture_names[] = { "camera", "seen" };
@@ -71,14 +39,14 @@ static bool is_day(const char *text)
     return true;
 }
 
-static bool is_name(const char *text)
+bool visits_is_name(const char *text)
 {
     return text && strlen(text) <= NAME_LENGTH && is_day(text) && strspn(text, "0123456789TZ-") == strlen(text);
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-static int day_path(char out[SST_PATH_MAX], const struct sst_visits *v, const char *name, const char *file)
+int visits_day_path(char out[SST_PATH_MAX], const struct sst_visits *v, const char *name, const char *file)
 {
     char day[SST_PATH_MAX], text[DAY + 1];
     int err;
@@ -94,7 +62,7 @@ static int file_path(char out[SST_PATH_MAX], const struct sst_visits *v, const c
     char file[NAME_LENGTH + 32];
 
     snprintf(file, sizeof(file), "%s%s", visit, ending);
-    return day_path(out, v, visit, file);
+    return visits_day_path(out, v, visit, file);
 }
 
 /* @param first  of this process on that day: the last line of one that was killed may have no end */
@@ -110,7 +78,7 @@ static int append(const char *path, const void *data, size_t bytes, bool first)
     return err;
 }
 
-static int64_t size_of(const char *path)
+int64_t visits_file_bytes(const char *path)
 {
     struct stat st;
 
@@ -121,19 +89,19 @@ static int write_job(struct sst_visits *v, const struct job *job)
 {
     char path[SST_PATH_MAX];
     int64_t before;
-    int err = day_path(path, v, job->name, NULL);
+    int err = visits_day_path(path, v, job->name, NULL);
 
     err = err ? err : sst_path_make_dir(v->dir);
     err = err ? err : sst_path_make_dir(path);
     if (!err)
-        err = job->picture < 0 ? day_path(path, v, job->name, LINES)
+        err = job->picture < 0 ? visits_day_path(path, v, job->name, LINES)
                                : file_path(path, v, job->name, picture_files[job->picture]);
     if (err)
         return err;
-    before = size_of(path);
+    before = visits_file_bytes(path);
     err = job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
                            : sst_file_write(path, job->data, job->bytes);
-    v->bytes += size_of(path) - before;
+    v->bytes += visits_file_bytes(path) - before;
     return err;
 }
 
@@ -147,8 +115,7 @@ static int newest_first(const struct dirent **a, const struct dirent **b)
     return strcmp((*b)->d_name, (*a)->d_name);
 }
 
-/* The days, by their names. @param out  to free, with its elements @return number */
-static int list_days(const struct sst_visits *v, struct dirent ***out)
+int visits_days(const struct sst_visits *v, struct dirent ***out)
 {
     *out = NULL;
     return sst_max_int(scandir(v->dir, out, is_folder_of_day, newest_first), 0);
@@ -180,17 +147,18 @@ static int64_t remove_files(struct sst_visits *v, const char *visit)
     for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
         if (file_path(path, v, visit, endings[i]))
             continue;
-        freed += size_of(path);
+        freed += visits_file_bytes(path);
         (void)unlink(path);
     }
     v->bytes -= freed;
     return freed;
 }
 
-/* Write a day's lines again without one visit's, or (visit NULL) with kept ones' only, and remove the others' files.
- * @param least  remove the oldest others only, until this number of bytes is free @param kept  out, lines
- * that stay @return 0, or of reading or writing; not logged */
-static int thin(struct sst_visits *v, const char *day, const char *visit, int64_t least, int *kept)
+/* Write a day's lines again without some visits, or (doomed NULL) with kept ones' only, and remove the others'
+ * files.
+ * @param doomed  keys are their names @param least  remove the oldest others only, until this number of bytes is free
+ * @param kept  out, lines that stay @return 0, or of reading or writing; not logged */
+static int thin(struct sst_visits *v, const char *day, const json_t *doomed, int64_t least, int *kept)
 {
     json_t *gone = json_object();
     int64_t freed = 0;
@@ -198,7 +166,7 @@ static int thin(struct sst_visits *v, const char *day, const char *visit, int64_
     uint8_t *data = NULL;
     char *left;
     size_t size, n = 0;
-    int err = day_path(path, v, day, LINES);
+    int err = visits_day_path(path, v, day, LINES);
 
     *kept = 0;
     held = sst_log_hold_errors(why);
@@ -208,13 +176,14 @@ static int thin(struct sst_visits *v, const char *day, const char *visit, int64_
     for (char *line = err ? NULL : strtok_r((char *)data, "\n", &next); line; line = strtok_r(NULL, "\n", &next)) {
         json_t *o = json_loads(line, 0, NULL);
         const char *name = text_of(o, "visit");
-        const bool stays = is_name(name) && (visit ? strcmp(name, visit) != 0
-                                                   : is_kept(v, name) || (freed >= least && !json_object_get(gone, name)));
+        const bool stays =
+            visits_is_name(name) && (doomed ? !json_object_get(doomed, name)
+                                            : is_kept(v, name) || (freed >= least && !json_object_get(gone, name)));
 
         if (stays) {
             n += (size_t)snprintf(left + n, size + 1 - n, "%s\n", line);
             ++*kept;
-        } else if (is_name(name)) {
+        } else if (visits_is_name(name)) {
             freed += remove_files(v, name) + (int64_t)strlen(line) + 1;
             json_object_set_new(gone, name, json_true());
         }
@@ -222,6 +191,7 @@ static int thin(struct sst_visits *v, const char *day, const char *visit, int64_
     }
     err = err ? err : sst_file_write(path, left, n);
     v->bytes -= err ? 0 : (int64_t)size - (int64_t)n;
+    visits_forget_reviews(v, day, gone);
     sst_log_hold_errors(held);
     json_decref(gone);
     free(left);
@@ -252,7 +222,7 @@ static int64_t bytes_in(const char *day)
 
     for (const struct dirent *e; dir && (e = readdir(dir));)
         if (e->d_name[0] != '.' && !sst_path_join(path, day, e->d_name))
-            bytes += size_of(path);
+            bytes += visits_file_bytes(path);
     if (dir)
         closedir(dir);
     return bytes;
@@ -275,7 +245,7 @@ static void remove_old(struct sst_visits *v, const char *name, int days)
         return;
     snprintf(v->swept, sizeof(v->swept), "%.*s", DAY, name);
     sst_clock_text(oldest, sst_clock_wall_ns() - (int64_t)days * 86400 * INT64_C(1000000000));
-    n = list_days(v, &day);
+    n = visits_days(v, &day);
     for (int i = 0; i < n; i++) {
         int kept = 0;
 
@@ -315,7 +285,7 @@ static void apply_share(struct sst_visits *v)
 
     if (!share || v->bytes <= share)
         return;
-    n = list_days(v, &day);
+    n = visits_days(v, &day);
     for (int i = n; i-- > 0;) { /* the oldest first */
         kept = 0;
         if (sst_path_join(path, v->dir, day[i]->d_name))
@@ -339,7 +309,7 @@ static void count_all(struct sst_visits *v)
 {
     char path[SST_PATH_MAX];
     struct dirent **day;
-    const int n = list_days(v, &day);
+    const int n = visits_days(v, &day);
 
     v->bytes = 0;
     for (int i = 0; i < n; i++) {
@@ -462,7 +432,7 @@ static void put(struct sst_visits *v, const char *name, int picture, uint8_t *da
     struct job *job;
 
     pthread_mutex_lock(&v->lock);
-    if (!v->dir[0] || !v->days || !is_name(name) || v->stop) {
+    if (!v->dir[0] || !v->days || !visits_is_name(name) || v->stop) {
         pthread_mutex_unlock(&v->lock);
         free(data);
         return;
@@ -513,12 +483,45 @@ static bool has_zone(const json_t *data, const char *zone)
     return false;
 }
 
+/* A time, or the name of a visit: as names have it, without the Z that ends a time. */
+static void key_of(char out[NAME_LENGTH + 1], const char *text)
+{
+    size_t n;
+
+    snprintf(out, NAME_LENGTH + 1, "%s", text);
+    n = strlen(out);
+    for (size_t i = 0; i < n; i++)
+        out[i] = out[i] == ':' || out[i] == '.' ? '-' : out[i];
+    if (n && out[n - 1] == 'Z')
+        out[n - 1] = 0;
+}
+
 /* Times are texts of one form, of which the longer one is later. */
 static bool fits(const json_t *data, const struct sst_visits_query *q)
 {
     return (!q->from || strcmp(text_of(data, "to"), q->from) >= 0) &&
            (!q->to || strncmp(text_of(data, "from"), q->to, strlen(q->to)) <= 0) &&
            (!q->label || !strcmp(text_of(data, "label"), q->label)) && (!q->zone || has_zone(data, q->zone));
+}
+
+/* Names that a query asks for. */
+struct range {
+    char before[NAME_LENGTH + 1], after[NAME_LENGTH + 1]; /* "": any */
+    bool oldest;                                          /* first */
+};
+
+static struct range range_of(const struct sst_visits_query *q)
+{
+    struct range r = { .oldest = q->after && !q->before };
+
+    key_of(r.before, q->before ? q->before : "");
+    key_of(r.after, q->after ? q->after : "");
+    return r;
+}
+
+static bool is_within(const struct range *r, const char *name)
+{
+    return (!r->before[0] || strcmp(name, r->before) < 0) && (!r->after[0] || strcmp(name, r->after) > 0);
 }
 
 /* The last line of each visit of a day, by name. @return object, or NULL: out of memory */
@@ -528,7 +531,7 @@ static json_t *read_day(const struct sst_visits *v, const char *day)
     char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held, *next = NULL;
     uint8_t *data = NULL;
     size_t size;
-    int err = day_path(path, v, day, LINES);
+    int err = visits_day_path(path, v, day, LINES);
 
     held = sst_log_hold_errors(why);
     err = err ? err : sst_file_read(path, DAY_MOST, &data, &size);
@@ -537,7 +540,7 @@ static json_t *read_day(const struct sst_visits *v, const char *day)
         json_t *o = json_loads(line, 0, NULL); /* the last line may be cut off */
         const char *name = text_of(o, "visit");
 
-        if (is_name(name))
+        if (visits_is_name(name))
             (void)json_object_set(all, name, o);
         json_decref(o);
     }
@@ -545,10 +548,43 @@ static json_t *read_day(const struct sst_visits *v, const char *day)
     return all;
 }
 
-static void add_pictures(const struct sst_visits *v, json_t *data)
+/* The names of a day's visits alone. @return object, or NULL: out of memory */
+static json_t *read_names(const struct sst_visits *v, const char *day)
 {
-    json_t *list = json_array();
+    static const char begin[] = "{\"visit\":\"";
+    json_t *all = json_object();
+    char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held, *next = NULL, *end;
+    uint8_t *data = NULL;
+    size_t size;
+    int err = visits_day_path(path, v, day, LINES);
+
+    held = sst_log_hold_errors(why);
+    err = err ? err : sst_file_read(path, DAY_MOST, &data, &size);
+    sst_log_hold_errors(held);
+    for (char *line = err ? NULL : strtok_r((char *)data, "\n", &next); line; line = strtok_r(NULL, "\n", &next)) {
+        char *name = line + sizeof(begin) - 1;
+
+        if (strncmp(line, begin, sizeof(begin) - 1) != 0 || line[strlen(line) - 1] != '}' ||
+            !(end = strchr(name, '"'))) {
+            json_t *o = json_loads(line, 0, NULL); /* written by another program, or cut off */
+
+            if (visits_is_name(text_of(o, "visit")))
+                (void)json_object_set_new(all, text_of(o, "visit"), json_true());
+            json_decref(o);
+            continue;
+        }
+        *end = 0;
+        if (visits_is_name(name))
+            (void)json_object_set_new(all, name, json_true());
+    }
+    free(data);
+    return all;
+}
+
+static void add_facts(const struct sst_visits *v, json_t *data, const json_t *reviewed, const char *user)
+{
     const char *name = text_of(data, "visit");
+    json_t *list = json_array(), *by = json_object_get(reviewed, name);
 
     for (int i = 0; i < 2; i++) {
         char path[SST_PATH_MAX];
@@ -558,15 +594,18 @@ static void add_pictures(const struct sst_visits *v, json_t *data)
     }
     json_object_set_new(data, "pictures", list);
     json_object_set_new(data, "keep", json_boolean(is_kept(v, name)));
+    json_object_set_new(data, "reviewed", json_boolean(visits_is_reviewed(reviewed, name, user)));
+    json_object_set_new(data, "reviewed_by", by ? json_incref(by) : json_array());
     /* Of a service that was killed: it has no end. */
     if (strcmp(text_of(data, "from"), v->start) < 0)
         json_object_set_new(data, "active", json_false());
 }
 
-/* Add visits of a day that fit, the newest first. */
+/* Add visits of a day that fit: the newest first, or the oldest. */
 static void add_day(const struct sst_visits *v, const char *day, const struct sst_visits_query *q, json_t *out)
 {
-    json_t *all = read_day(v, day), *data;
+    const struct range range = range_of(q);
+    json_t *all = read_day(v, day), *reviewed = visits_reviewed(v, day), *data;
     const size_t n = json_object_size(all);
     char **name = n ? malloc(n * sizeof(*name)) : NULL;
     const char *key;
@@ -574,36 +613,141 @@ static void add_day(const struct sst_visits *v, const char *day, const struct ss
 
     json_object_foreach(all, key, data)
     {
-        if (name && fits(data, q))
+        if (name && fits(data, q) && is_within(&range, key) &&
+            (!q->reviewed || visits_is_reviewed(reviewed, key, q->user) == (q->reviewed > 0)))
             name[count++] = (char *)(uintptr_t)key;
     }
     sst_stats_sort_strings(name, count);
-    while (count > 0 && (int)json_array_size(out) < q->limit) {
-        data = json_object_get(all, name[--count]);
-        add_pictures(v, data);
+    for (int i = 0; i < count && (int)json_array_size(out) < q->limit; i++) {
+        data = json_object_get(all, name[range.oldest ? i : count - 1 - i]);
+        add_facts(v, data, reviewed, q->user);
         json_array_append(out, data);
     }
     free(name);
+    json_decref(reviewed);
     json_decref(all);
+}
+
+/* A visit that began the day before may still have been there. */
+static bool may_have(const struct sst_visits_query *q, const char *day, const char *next_day)
+{
+    return !(q->to && strncmp(day, q->to, DAY) > 0) && !(q->from && next_day && strncmp(next_day, q->from, DAY) < 0) &&
+           !(q->before && strncmp(day, q->before, DAY) > 0) && !(q->after && strncmp(day, q->after, DAY) < 0);
+}
+
+static json_t *reversed(json_t *list)
+{
+    json_t *out = json_array();
+
+    for (size_t i = json_array_size(list); out && i-- > 0;)
+        json_array_append(out, json_array_get(list, i));
+    json_decref(list);
+    return out;
 }
 
 json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *q)
 {
+    const bool oldest = q->after && !q->before;
     json_t *out = json_array();
     struct dirent **day = NULL;
-    const int n = v->dir[0] ? list_days(v, &day) : 0;
+    const int n = v->dir[0] ? visits_days(v, &day) : 0;
 
-    for (int i = 0; i < n; i++) {
-        /* A visit that began the day before may still have been there. */
-        const bool later = q->to && strncmp(day[i]->d_name, q->to, DAY) > 0;
-        const bool earlier = q->from && i > 0 && strncmp(day[i - 1]->d_name, q->from, DAY) < 0;
+    for (int k = 0; k < n; k++) {
+        const int i = oldest ? n - 1 - k : k;
 
-        if (out && !later && !earlier && (int)json_array_size(out) < q->limit)
+        if (out && may_have(q, day[i]->d_name, i > 0 ? day[i - 1]->d_name : NULL) &&
+            (int)json_array_size(out) < q->limit)
             add_day(v, day[i]->d_name, q, out);
     }
     for (int i = 0; i < n; i++)
         free(day[i]);
     free(day);
+    return oldest ? reversed(out) : out;
+}
+
+/* --- counting by days --------------------------------------------------------------------------------------------- */
+
+/* The day of a time zone on which a visit came. @return false: the name has no time */
+static bool day_of(char out[SST_CLOCK_TEXT], const char *name, int offset_min)
+{
+    struct tm t = { 0 };
+
+    if (!visits_is_name(name) ||
+        sscanf(name, "%4d-%2d-%2dT%2d-%2d", &t.tm_year, &t.tm_mon, &t.tm_mday, &t.tm_hour, &t.tm_min) != 5)
+        return false;
+    t.tm_year -= 1900;
+    t.tm_mon--;
+    t.tm_min += offset_min;
+    (void)timegm(&t); /* carries the minutes */
+    return strftime(out, SST_CLOCK_TEXT, "%Y-%m-%d", &t) == DAY;
+}
+
+static void add_count(json_t *days, const char *day, const char *key, int more)
+{
+    json_t *one = json_object_get(days, day);
+
+    if (!one) {
+        one = json_pack("{s:s, s:i, s:i}", "day", day, "visits", 0, "reviewed", 0);
+        json_object_set_new(days, day, one);
+    }
+    json_object_set_new(one, key, json_integer(json_integer_value(json_object_get(one, key)) + more));
+}
+
+/* The names are enough unless there is a filter: a month may have 100 MB of lines. */
+static void count_day(const struct sst_visits *v, const char *utc_day, const struct sst_visits_query *q, int offset_min,
+                      json_t *days)
+{
+    json_t *all = q->label || q->zone ? read_day(v, utc_day) : read_names(v, utc_day);
+    json_t *reviewed = visits_reviewed(v, utc_day), *data;
+    char day[SST_CLOCK_TEXT];
+    const char *name;
+
+    json_object_foreach(all, name, data)
+    {
+        const struct sst_visits_query kinds = { .label = q->label, .zone = q->zone };
+
+        if (!day_of(day, name, offset_min) || (q->from && strncmp(day, q->from, DAY) < 0) ||
+            (q->to && strncmp(day, q->to, DAY) > 0) || ((q->label || q->zone) && !fits(data, &kinds)))
+            continue;
+        add_count(days, day, "visits", 1);
+        if (visits_is_reviewed(reviewed, name, q->user))
+            add_count(days, day, "reviewed", 1);
+    }
+    json_decref(reviewed);
+    json_decref(all);
+}
+
+json_t *sst_visits_days(struct sst_visits *v, const struct sst_visits_query *q, int offset_min)
+{
+    json_t *days = json_object(), *out = json_array();
+    struct dirent **day = NULL;
+    const int n = v->dir[0] ? visits_days(v, &day) : 0;
+    char **name = malloc(sizeof(*name) * (size_t)(2 * n + 1)); /* a day of names is on two of a time zone */
+    const char *key;
+    json_t *one;
+    int count = 0;
+
+    for (int i = 0; i < n; i++) {
+        /* a day of names has visits of the days before and after, too */
+        const bool later = q->to && i + 1 < n && strncmp(day[i + 1]->d_name, q->to, DAY) > 0;
+        const bool earlier = q->from && i > 0 && strncmp(day[i - 1]->d_name, q->from, DAY) < 0;
+
+        if (days && !later && !earlier)
+            count_day(v, day[i]->d_name, q, offset_min, days);
+    }
+    json_object_foreach(days, key, one)
+    {
+        if (name && count < 2 * n)
+            name[count++] = (char *)(uintptr_t)key;
+    }
+    sst_stats_sort_strings(name, name ? count : 0);
+    while (name && count-- > 0)
+        json_array_append(out, json_object_get(days, name[count]));
+    free(name);
+    for (int i = 0; i < n; i++)
+        free(day[i]);
+    free(day);
+    json_decref(days);
     return out;
 }
 
@@ -613,31 +757,12 @@ int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_vi
     char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held;
     int err;
 
-    if (!is_name(visit))
+    if (!visits_is_name(visit))
         return -EINVAL;
     err = file_path(path, v, visit, picture_files[kind]);
     held = sst_log_hold_errors(why);
     err = err ? err : sst_file_read(path, PICTURE_MOST, data, size);
     sst_log_hold_errors(held);
-    return err;
-}
-
-/* The data of a visit. @return 0, -ENOENT, -EINVAL, -ENOMEM */
-static int find(const struct sst_visits *v, const char *visit, bool *active)
-{
-    char day[DAY + 1];
-    json_t *all;
-    const json_t *data;
-    int err;
-
-    if (!is_name(visit))
-        return -EINVAL;
-    snprintf(day, sizeof(day), "%.*s", DAY, visit);
-    all = v->dir[0] ? read_day(v, day) : json_object();
-    data = json_object_get(all, visit);
-    *active = json_is_true(json_object_get(data, "active")) && strcmp(text_of(data, "from"), v->start) >= 0;
-    err = data ? 0 : all ? -ENOENT : -ENOMEM;
-    json_decref(all);
     return err;
 }
 
@@ -650,50 +775,103 @@ static int lock_files(struct sst_visits *v)
     return pthread_mutex_timedlock(&v->files, &until) ? -EBUSY : 0;
 }
 
-int sst_visits_keep(struct sst_visits *v, const char *visit, bool keep)
+/* --- changing ----------------------------------------------------------------------------------------------------- */
+
+static void fail(json_t *failed, const json_t *names, int err)
+{
+    const char *name;
+    json_t *one;
+
+    json_object_foreach((json_t *)(uintptr_t)names, name, one) json_object_set_new(failed, name, json_integer(err));
+}
+
+static int keep(struct sst_visits *v, const char *visit, bool on)
 {
     char path[SST_PATH_MAX];
-    bool active;
-    int err = lock_files(v), fd;
+    int err = file_path(path, v, visit, KEEP), fd;
 
-    if (err)
-        return err;
-    err = find(v, visit, &active);
-    err = err ? err : file_path(path, v, visit, KEEP);
-    if (!err && !keep)
-        err = unlink(path) && errno != ENOENT ? -errno : 0;
-    if (!err && keep) {
-        fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-        err = fd < 0 ? -errno : 0;
-        if (fd >= 0)
-            close(fd);
-    }
-    v->full = v->full && keep; /* else there is something to remove again */
-    pthread_mutex_unlock(&v->files);
+    if (err || !on)
+        return err ? err : unlink(path) && errno != ENOENT ? -errno : 0;
+    fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    err = fd < 0 ? -errno : 0;
+    if (fd >= 0)
+        close(fd);
     return err;
 }
 
-int sst_visits_delete(struct sst_visits *v, const char *visit)
+/* Change visits of one day. @param names  keys */
+static void change_day(struct sst_visits *v, const json_t *names, enum sst_visits_change what, const char *user,
+                       json_t *failed)
 {
-    char day[DAY + 1];
-    bool active;
-    int err = lock_files(v), left;
+    json_t *all = NULL, *found = json_object(), *one;
+    const bool on = what == SST_VISITS_KEEP || what == SST_VISITS_REVIEWED;
+    const bool kept = what == SST_VISITS_KEEP || what == SST_VISITS_RELEASE;
+    char day[DAY + 1] = "";
+    const char *name;
+    int err, left;
 
-    if (err)
-        return err;
-    err = find(v, visit, &active);
-    err = !err && active ? -EINPROGRESS : err;
-    if (!err) {
-        snprintf(day, sizeof(day), "%.*s", DAY, visit);
-        err = thin(v, day, visit, INT64_MAX, &left);
-        v->full = false;
+    json_object_foreach((json_t *)(uintptr_t)names, name, one)
+    {
+        const json_t *data;
+
+        if (!all) {
+            snprintf(day, sizeof(day), "%.*s", DAY, name);
+            all = v->dir[0] ? read_day(v, day) : json_object();
+        }
+        data = json_object_get(all, name);
+        err = !data ? -ENOENT
+              : what == SST_VISITS_DELETE && json_is_true(json_object_get(data, "active")) &&
+                      strcmp(text_of(data, "from"), v->start) >= 0
+                  ? -EINPROGRESS
+                  : 0;
+        err = !err && kept ? keep(v, name, on) : err;
+        json_object_set_new(err ? failed : found, name, json_integer(err));
     }
+    if (!kept && json_object_size(found)) {
+        err = what == SST_VISITS_DELETE ? thin(v, day, found, INT64_MAX, &left) : visits_review(v, found, user, on);
+        if (err)
+            fail(failed, found, err);
+    }
+    if (!on)
+        v->full = false; /* there may be something to remove again */
+    json_decref(found);
+    json_decref(all);
+}
+
+int sst_visits_change(struct sst_visits *v, const json_t *names, enum sst_visits_change what, const char *user,
+                      json_t *failed)
+{
+    json_t *days = json_object(), *one;
+    const char *day;
+    int err = lock_files(v);
+    size_t i;
+
+    if (err || !days) {
+        json_decref(days);
+        return err ? err : -ENOMEM;
+    }
+    json_array_foreach(names, i, one)
+    {
+        const char *name = json_string_value(one);
+        char text[DAY + 1];
+
+        if (!visits_is_name(name)) {
+            json_object_set_new(failed, name ? name : "", json_integer(-ENOENT));
+            continue;
+        }
+        snprintf(text, sizeof(text), "%.*s", DAY, name);
+        if (!json_object_get(days, text))
+            json_object_set_new(days, text, json_object());
+        json_object_set_new(json_object_get(days, text), name, json_true());
+    }
+    json_object_foreach(days, day, one) change_day(v, one, what, user, failed);
     pthread_mutex_unlock(&v->files);
+    json_decref(days);
     pthread_mutex_lock(&v->lock);
     v->relimited |= v->limited; /* the bytes are reported */
     pthread_cond_broadcast(&v->changed);
     pthread_mutex_unlock(&v->lock);
-    return err;
+    return 0;
 }
 
 void sst_visits_close(struct sst_visits *v, int wait_ms)

@@ -27,6 +27,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     static const struct sst_visits_query queries[] = {
         { .limit = 1000 },
         { .from = "2026-11-21T18:05", .to = "2026-11-21T18:06:30.000Z", .label = "Person", .zone = "door", .limit = 1 },
+        { .after = "2026-11-21", .user = "view", .reviewed = -1, .limit = 2 },
     };
     char *folder = mkdtemp(input_template()), day[64], file[96];
     struct sst_visits *v;
@@ -55,6 +56,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         }
         json_decref(list);
     }
+    json_decref(sst_visits_days(v, &queries[0], 60));
+    json_decref(sst_visits_days(v, &queries[1], -60));
     sst_visits_close(v, 1000);
     (void)unlink(file);
     (void)rmdir(day);

@@ -223,6 +223,26 @@ done
 [ $count -ge 2 ] || fail "$count recordings"
 curl -sf --unix-socket c.sock http://x/api/v1/recordings | grep -q '"sets"' || fail "recordings"
 
+# Visits of another day: a page, days, reviewed and deleted, one and many.
+mkdir -p store/visits/2026-11-21
+for n in 1 2 3; do
+  echo "{\"visit\":\"2026-11-21T18-0$n-00-000Z-$n\",\"active\":false,\"label\":\"\",\"from\":\"2026-11-21T18:0$n:00.000Z\",\"to\":\"2026-11-21T18:0$n:05.000Z\",\"zones\":[]}"
+done >store/visits/2026-11-21/visits.jsonl
+visit=2026-11-21T18-01-00-000Z-1
+visits() { # PATH BODY PATTERN
+  ask "/api/v1/visits$1" $2 | grep -q "$3" || fail "visits$1 $2: $(ask "/api/v1/visits$1" $2)"
+}
+visits "?before=2026-11-22&limit=2" "" '"2026-11-21T18-03.*"more":true}'
+visits "?before=2026-11-21T18-02-00-000Z-2" "" "\"visits\":\[{\"visit\":\"$visit\".*\"more\":false}"
+visits "" "{\"visits\":[\"$visit\",\"2026-11-21T18-02-00-000Z-2\",\"nobody\"],\"reviewed\":true}" '"changed":2.*there is no visit nobody'
+visits "/days?from=2026-11-21&to=2026-11-21" "" '"day":"2026-11-21","visits":3,"reviewed":2'
+visits "?reviewed=false&before=2026-11-22" "" '"visits":\[{"visit":"2026-11-21T18-03[^}]*}\]'
+visits "" '{"visits":[],"keep":true}' "array of 1 to 1000 names"
+visits "/$visit" '{"keep":true,"reviewed":true}' "give keep: true or false, reviewed"
+visits "/$visit" '{"reviewed":false}' '"reviewed":false'
+visits "/$visit" '{"delete":true}' '"deleted":true'
+visits "/$visit" '{"delete":true}' "there is no visit $visit"
+
 # A moment of a recording as a light field.
 at=$(ask /api/v1/recordings | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["recordings"][0]["from"])')
 name=$(ask /api/v1/export "{\"time\": \"$at\"}" | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin).get("name", ""))')

@@ -464,12 +464,51 @@ static void visits_are_asked_for(void **state)
     (void)state;
     assert_int_equal(ask("GET", "/api/v1/visits?label=Car&zone=gate&from=2026-11-21&limit=7", bearer(view), NULL), 200);
     assert_non_null(
-        strstr(answer, "{\"limit\":7,\"from\":\"2026-11-21\",\"to\":null,\"label\":\"Car\",\"zone\":\"gate\"}"));
+        strstr(answer, "{\"limit\":7,\"from\":\"2026-11-21\",\"to\":null,\"label\":\"Car\",\"zone\":\"gate\","));
+    assert_int_equal(ask("GET", "/api/v1/visits?before=2026-11-21T18-05-00-123Z-7&after=2026-11-20&reviewed=false",
+                         bearer(view), NULL),
+                     200);
+    assert_non_null(strstr(answer,
+                           "\"before\":\"2026-11-21T18-05-00-123Z-7\",\"after\":\"2026-11-20\",\"user\":\"view\","
+                           "\"reviewed\":-1}"));
+    assert_int_equal(ask("GET", "/api/v1/visits?reviewed=maybe", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/visits?before=the-first", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/visits/days?from=2026-11-01&offset_min=-90", bearer(view), NULL), 200);
+    assert_non_null(strstr(answer, "{\"from\":\"2026-11-01\",\"offset_min\":-90}"));
+    assert_int_equal(ask("GET", "/api/v1/visits/days?offset_min=901", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/visits/days?offset_min=--1", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/visits?from=yesterday", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/visits?limit=0x7", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/visits/v1/seen", bearer(view), NULL), 200);
     assert_non_null(strstr(answer, "\r\n\r\nseen"));
     assert_int_equal(ask("GET", "/api/v1/visits/v2/seen", bearer(view), NULL), 404);
+}
+
+static const char *posting(const char *token)
+{
+    static char headers[2][1024];
+    static int next;
+
+    next ^= 1;
+    snprintf(headers[next], sizeof(headers[next]), "Content-Type: application/json\r\n%s", bearer(token));
+    return headers[next];
+}
+
+/* A token for viewing reviews, and neither keeps nor deletes. */
+static void visits_are_reviewed_by_viewers(void **state)
+{
+    (void)state;
+    assert_int_equal(ask("POST", "/api/v1/visits/v1", posting(view), "{\"reviewed\":true}"), 200);
+    assert_non_null(strstr(answer, "{\"user\":\"view\",\"body\":{\"reviewed\":true}}"));
+    assert_int_equal(ask("POST", "/api/v1/visits", posting(control), "{\"visits\":[\"v1\"],\"reviewed\":true}"), 200);
+    assert_non_null(strstr(answer, "\"user\":\"control\""));
+    assert_int_equal(ask("POST", "/api/v1/visits/v1", posting(view), "{\"keep\":true}"), 403);
+    assert_int_equal(ask("POST", "/api/v1/visits/v1", posting(view), "{\"delete\":true}"), 403);
+    assert_int_equal(ask("POST", "/api/v1/visits", posting(view), "{\"visits\":[\"v1\"],\"delete\":true}"), 403);
+    assert_int_equal(ask("POST", "/api/v1/visits", posting(control), "{\"visits\":[\"v1\"],\"delete\":true}"), 200);
+    assert_int_equal(
+        ask("POST", "/api/v1/visits", "Content-Type: application/json\r\n", "{\"visits\":[\"v1\"],\"reviewed\":true}"),
+        401);
 }
 
 static void wrong_tokens_are_put_off(void **state)
@@ -577,6 +616,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(bodies, make_server, end_service),
         cmocka_unit_test_setup_teardown(errors_of_the_service, make_server, end_service),
         cmocka_unit_test_setup_teardown(visits_are_asked_for, make_server, end_service),
+        cmocka_unit_test_setup_teardown(visits_are_reviewed_by_viewers, make_server, end_service),
         cmocka_unit_test_setup_teardown(wrong_tokens_are_put_off, make_server, end_service),
         cmocka_unit_test_setup_teardown(peers_of_the_socket, make_server, end_service),
     };

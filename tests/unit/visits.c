@@ -78,6 +78,17 @@ static void wait_gone(const char *name)
         usleep(5000);
 }
 
+static int change(struct sst_visits *v, const char *name, enum sst_visits_change what, const char *user)
+{
+    json_t *names = json_pack("[s]", name), *failed = json_object();
+    const int err = sst_visits_change(v, names, what, user, failed);
+    const int why = (int)json_integer_value(json_object_get(failed, name));
+
+    json_decref(names);
+    json_decref(failed);
+    return err ? err : why;
+}
+
 static const char *text(const json_t *o, size_t i, const char *key)
 {
     return json_string_value(json_object_get(json_array_get(o, i), key));
@@ -162,13 +173,13 @@ static void a_kept_visit_outlives_its_day(void **state)
     for (int i = 0; i < 3; i++)
         sst_visits_put_picture(v, name[i], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
     wait_for(v, 3);
-    assert_int_equal(sst_visits_keep(v, name[1], true), 0);
-    assert_int_equal(sst_visits_keep(v, name[2], true), 0);
-    assert_int_equal(sst_visits_keep(v, name[2], true), 0);
-    assert_int_equal(sst_visits_keep(v, name[2], false), 0);
-    assert_int_equal(sst_visits_keep(v, name[2], false), 0);
-    assert_int_equal(sst_visits_keep(v, "2026-11-23T00-00-00-000Z-77", true), -ENOENT);
-    assert_int_equal(sst_visits_keep(v, "../x", true), -EINVAL);
+    assert_int_equal(change(v, name[1], SST_VISITS_KEEP, NULL), 0);
+    assert_int_equal(change(v, name[2], SST_VISITS_KEEP, NULL), 0);
+    assert_int_equal(change(v, name[2], SST_VISITS_KEEP, NULL), 0);
+    assert_int_equal(change(v, name[2], SST_VISITS_RELEASE, NULL), 0);
+    assert_int_equal(change(v, name[2], SST_VISITS_RELEASE, NULL), 0);
+    assert_int_equal(change(v, "2026-11-23T00-00-00-000Z-77", SST_VISITS_KEEP, NULL), -ENOENT);
+    assert_int_equal(change(v, "../x", SST_VISITS_KEEP, NULL), -ENOENT);
     assert_true(is_kept(v, name[1]) && !is_kept(v, name[2]) && !is_kept(v, name[0]));
     sst_visits_close(v, 5000);
 
@@ -202,10 +213,10 @@ static void a_visit_is_deleted_for_good(void **state)
     sst_visits_put_picture(v, name[1], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
     store(v, name[2], -3600, 3, true, "Pedestrian", "gate"); /* it came after the service */
     wait_for(v, 3);
-    assert_int_equal(sst_visits_keep(v, name[0], true), 0);
-    assert_int_equal(sst_visits_delete(v, name[2]), -EINPROGRESS);
-    assert_int_equal(sst_visits_delete(v, name[0]), 0);
-    assert_int_equal(sst_visits_delete(v, name[0]), -ENOENT);
+    assert_int_equal(change(v, name[0], SST_VISITS_KEEP, NULL), 0);
+    assert_int_equal(change(v, name[2], SST_VISITS_DELETE, NULL), -EINPROGRESS);
+    assert_int_equal(change(v, name[0], SST_VISITS_DELETE, NULL), 0);
+    assert_int_equal(change(v, name[0], SST_VISITS_DELETE, NULL), -ENOENT);
     wait_for(v, 2);
     assert_int_equal(sst_visits_read_picture(v, name[0], SST_VISIT_SEEN, &data, &size), -ENOENT);
     assert_int_equal(sst_visits_read_picture(v, name[1], SST_VISIT_SEEN, &data, &size), 0);
@@ -217,6 +228,176 @@ static void a_visit_is_deleted_for_good(void **state)
     free(data);
     sst_visits_close(v, 5000);
     sst_path_remove_tree(dir);
+}
+
+/* Pages by time are of the same visits whatever comes meanwhile. */
+static void visits_are_paged(void **state)
+{
+    struct sst_visits_query q = { .limit = 3 };
+    char name[8][64], from[SST_CLOCK_TEXT], more[64];
+    struct sst_visits *v;
+    json_t *o;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, test_path("pages"), 30), 0);
+    for (int i = 0; i < 8; i++) /* the oldest first, of three days */
+        store(v, name[i], (8 - i) * 30000, (unsigned)i, false, "Car", "street");
+    wait_for(v, 8);
+    for (int i = 7, n = 3; i >= 0; i -= n) {
+        o = list(v, &q);
+        n = (int)json_array_size(o);
+        assert_int_equal(n, i >= 2 ? 3 : 2);
+        for (int k = 0; k < n; k++)
+            assert_string_equal(text(o, (size_t)k, "visit"), name[i - k]);
+        q.before = name[i - n + 1];
+        json_decref(o);
+        store(v, more, -i, (unsigned)(100 + i), false, "Car", "street"); /* another one comes */
+        wait_for(v, 8 + (7 - i) / 3 + 1);
+    }
+    assert_int_equal(count(v, &q), 0);
+
+    q = (struct sst_visits_query){ .limit = 2, .after = name[2] };
+    o = list(v, &q);
+    assert_string_equal(text(o, 0, "visit"), name[4]); /* the next ones, the newest first */
+    assert_string_equal(text(o, 1, "visit"), name[3]);
+    assert_int_equal(json_array_size(o), 2);
+    snprintf(from, sizeof(from), "%s", text(o, 0, "from"));
+    json_decref(o);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .before = from }), 4);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .after = name[1], .before = from }), 2);
+    from[19] = 0; /* seconds alone: visits within the second are not before it */
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .before = strcat(from, "Z") }), 4);
+    sst_visits_close(v, 5000);
+}
+
+/* The `reviewed` of a visit for a user. */
+static bool is_reviewed(struct sst_visits *v, const char *name, const char *user)
+{
+    json_t *o = list(v, &(struct sst_visits_query){ .limit = 1000, .user = user });
+    bool found = false;
+
+    for (size_t i = 0; i < json_array_size(o); i++)
+        found |= !strcmp(text(o, i, "visit"), name) && json_is_true(json_object_get(json_array_get(o, i), "reviewed"));
+    json_decref(o);
+    return found;
+}
+
+/* Reviewed visits are one user's, survive a restart, and go with the visit. */
+static void visits_are_reviewed(void **state)
+{
+    char name[4][64], user[8], *file;
+    struct sst_visits *v;
+    uint8_t *data;
+    size_t size;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, test_path("reviews"), 30), 0);
+    for (int i = 0; i < 3; i++)
+        store(v, name[i], i, (unsigned)i, false, "Car", "street");
+    store(v, name[3], 86400, 3, false, "Car", "street");
+    wait_for(v, 4);
+    assert_int_equal(change(v, name[0], SST_VISITS_REVIEWED, "anna"), 0);
+    assert_int_equal(change(v, name[0], SST_VISITS_REVIEWED, "anna"), 0);
+    assert_int_equal(change(v, name[1], SST_VISITS_REVIEWED, "anna"), 0);
+    assert_int_equal(change(v, name[1], SST_VISITS_REVIEWED, "view"), 0);
+    assert_int_equal(change(v, "2026-11-23T00-00-00-000Z-77", SST_VISITS_REVIEWED, "view"), -ENOENT);
+    assert_true(is_reviewed(v, name[0], "anna") && !is_reviewed(v, name[0], "view"));
+    assert_true(is_reviewed(v, name[1], "view") && is_reviewed(v, name[0], NULL) && !is_reviewed(v, name[2], NULL));
+    sst_visits_close(v, 5000);
+
+    assert_int_equal(sst_visits_open(&v, test_path("reviews"), 30), 0);
+    assert_true(is_reviewed(v, name[0], "anna"));
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 9, .user = "anna", .reviewed = 1 }), 2);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 9, .user = "view", .reviewed = -1 }), 3);
+    assert_int_equal(change(v, name[0], SST_VISITS_UNREVIEWED, "anna"), 0);
+    assert_int_equal(change(v, name[0], SST_VISITS_UNREVIEWED, "bob"), 0);
+    assert_false(is_reviewed(v, name[0], NULL));
+    assert_int_equal(change(v, name[1], SST_VISITS_DELETE, NULL), 0);
+    file = (char *)test_path("reviews/%.10s/reviewed.json", name[1]);
+    if (!access(file, F_OK)) { /* unless the last visits were of two days */
+        assert_int_equal(sst_file_read(file, 1 << 20, &data, &size), 0);
+        assert_int_equal(size, 2);
+        free(data);
+    }
+    for (int i = 0; i < 33; i++) {
+        snprintf(user, sizeof(user), "u%d", i);
+        assert_int_equal(change(v, name[3], SST_VISITS_REVIEWED, user), i < 32 ? 0 : -EUSERS);
+    }
+    sst_visits_close(v, 5000);
+}
+
+/* One request changes visits of several days, and names unchanged ones. */
+static void many_are_changed_at_once(void **state)
+{
+    char name[6][64], active[64];
+    json_t *names = json_array(), *failed = json_object();
+    struct sst_visits *v;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, test_path("many"), 30), 0);
+    for (int i = 0; i < 6; i++) {
+        store(v, name[i], i * 40000 + 60, (unsigned)i, false, "Car", "street");
+        if (i % 2)
+            json_array_append_new(names, json_string(name[i]));
+    }
+    store(v, active, -3600, 9, true, "Car", "street");
+    wait_for(v, 7);
+    assert_int_equal(sst_visits_change(v, names, SST_VISITS_REVIEWED, "anna", failed), 0);
+    assert_int_equal(sst_visits_change(v, names, SST_VISITS_KEEP, NULL, failed), 0);
+    assert_int_equal(json_object_size(failed), 0);
+    assert_true(is_kept(v, name[1]) && is_kept(v, name[5]) && !is_kept(v, name[0]) && is_reviewed(v, name[3], "anna"));
+    json_array_append_new(names, json_string(active));
+    json_array_append_new(names, json_string("../../etc/passwd"));
+    assert_int_equal(sst_visits_change(v, names, SST_VISITS_DELETE, NULL, failed), 0);
+    assert_int_equal(json_object_size(failed), 2);
+    assert_int_equal(json_integer_value(json_object_get(failed, active)), -EINPROGRESS);
+    assert_int_equal(json_integer_value(json_object_get(failed, "../../etc/passwd")), -ENOENT);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 9 }), 4);
+    sst_visits_close(v, 5000);
+    json_decref(names);
+    json_decref(failed);
+}
+
+static int number(const json_t *o, size_t i, const char *key)
+{
+    return (int)json_integer_value(json_object_get(json_array_get(o, i), key));
+}
+
+/* Days begin at midnight of the time zone. */
+static void days_are_counted(void **state)
+{
+    static const char lines[] = "{\"visit\":\"2026-11-21T22-59-59-999Z-1\",\"label\":\"Car\",\"zones\":[]}\n"
+                                "{\"visit\":\"2026-11-21T22-59-59-999Z-1\",\"label\":\"Car\",\"zones\":[]}\n"
+                                "{\"visit\":\"2026-11-21T23-00-00-000Z-2\",\"label\":\"\",\"zones\":[\"gate\"]}\n"
+                                "{ \"label\": \"Car\", \"visit\": \"2026-11-21T23-30-00-000Z-3\" }\n"
+                                "{\"visit\":\"2026-11-21T23-40-00-000Z-4\",\"lab\n";
+    struct sst_visits *v;
+    json_t *o;
+
+    (void)state;
+    assert_int_equal(sst_path_make_dir(test_path("days")), 0);
+    assert_int_equal(sst_path_make_dir(test_path("days/2026-11-21")), 0);
+    assert_int_equal(sst_file_write(test_path("days/2026-11-21/visits.jsonl"), lines, strlen(lines)), 0);
+    assert_int_equal(sst_visits_open(&v, test_path("days"), 36500), 0);
+    assert_int_equal(change(v, "2026-11-21T23-00-00-000Z-2", SST_VISITS_REVIEWED, "anna"), 0);
+    o = sst_visits_days(v, &(struct sst_visits_query){ .user = "anna" }, 0);
+    assert_int_equal(json_array_size(o), 1);
+    assert_string_equal(text(o, 0, "day"), "2026-11-21");
+    assert_true(number(o, 0, "visits") == 3 && number(o, 0, "reviewed") == 1);
+    json_decref(o);
+    o = sst_visits_days(v, &(struct sst_visits_query){ .user = "bob" }, 60);
+    assert_int_equal(json_array_size(o), 2);
+    assert_string_equal(text(o, 0, "day"), "2026-11-22");
+    assert_true(number(o, 0, "visits") == 2 && number(o, 0, "reviewed") == 0 && number(o, 1, "visits") == 1);
+    json_decref(o);
+    o = sst_visits_days(v, &(struct sst_visits_query){ .from = "2026-11-22", .to = "2026-11-30", .zone = "gate" }, 60);
+    assert_int_equal(json_array_size(o), 1);
+    assert_true(number(o, 0, "visits") == 1 && number(o, 0, "reviewed") == 1);
+    json_decref(o);
+    o = sst_visits_days(v, &(struct sst_visits_query){ .label = "Car", .to = "2026-11-20" }, -1440);
+    assert_int_equal(number(o, 0, "visits"), 2);
+    json_decref(o);
+    sst_visits_close(v, 5000);
 }
 
 static void a_killed_service_leaves_no_visitors(void **state)
@@ -333,7 +514,7 @@ static void visits_stay_within_their_share(void **state)
     for (int i = 0; i < 8; i++) /* of two days */
         store_with_picture(v, name[i], (8 - i) * 11000, (unsigned)i + 1);
     wait_for(v, 8);
-    assert_int_equal(sst_visits_keep(v, name[1], true), 0);
+    assert_int_equal(change(v, name[1], SST_VISITS_KEEP, NULL), 0);
     sst_visits_limit(v, 450000, note_bytes, NULL);
     wait_for(v, 4);
     assert_true(is_listed(v, name[1]) && is_listed(v, name[7]) && is_listed(v, name[5]) && !is_listed(v, name[0]));
@@ -353,13 +534,13 @@ static void visits_stay_within_their_share(void **state)
 
     /* Kept visits fill it: another one's picture goes again, and room is made by deleting one. */
     for (int i = 9; i < 12; i++)
-        assert_int_equal(sst_visits_keep(v, name[i], true), 0);
+        assert_int_equal(change(v, name[i], SST_VISITS_KEEP, NULL), 0);
     store_with_picture(v, more, 10, 20);
     for (int i = 0; i < 12000 && (!is_listed(v, more) || atomic_load(&taken) > 45000); i++)
         usleep(5000);
     assert_in_range(atomic_load(&taken), 40000, 45000);
     assert_true(is_listed(v, name[1]) && is_listed(v, name[9]) && is_listed(v, name[11]));
-    assert_int_equal(sst_visits_delete(v, name[1]), 0);
+    assert_int_equal(change(v, name[1], SST_VISITS_DELETE, NULL), 0);
     store_with_picture(v, more, 5, 21);
     for (int i = 0; i < 12000 && !is_listed(v, more); i++)
         usleep(5000);
@@ -370,10 +551,17 @@ static void visits_stay_within_their_share(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(visits_stay_within_their_share),       cmocka_unit_test(visits_are_kept_and_listed),
-        cmocka_unit_test(a_killed_service_leaves_no_visitors),  cmocka_unit_test(old_ones_are_removed),
-        cmocka_unit_test(nothing_is_kept_without_days_or_room), cmocka_unit_test(a_kept_visit_outlives_its_day),
+        cmocka_unit_test(visits_stay_within_their_share),
+        cmocka_unit_test(visits_are_kept_and_listed),
+        cmocka_unit_test(a_killed_service_leaves_no_visitors),
+        cmocka_unit_test(old_ones_are_removed),
+        cmocka_unit_test(nothing_is_kept_without_days_or_room),
+        cmocka_unit_test(a_kept_visit_outlives_its_day),
         cmocka_unit_test(a_visit_is_deleted_for_good),
+        cmocka_unit_test(visits_are_paged),
+        cmocka_unit_test(visits_are_reviewed),
+        cmocka_unit_test(many_are_changed_at_once),
+        cmocka_unit_test(days_are_counted),
     };
 
     begin_ns = sst_clock_wall_ns();
