@@ -28,6 +28,8 @@ struct download {
     enum store_kind kind;
     struct video_file *video; /* NULL: none */
     int fd;                   /* -1: none */
+    int64_t at;               /* of the content in that file */
+    bool jpeg;                /* the name ends so */
     struct tar tar;
 };
 
@@ -35,7 +37,8 @@ struct download {
 
 static ssize_t read_fd(struct sst_download *d, int64_t at, void *out, size_t n)
 {
-    const ssize_t got = pread(((struct download *)d)->fd, out, n, at);
+    const struct download *o = (struct download *)d;
+    const ssize_t got = pread(o->fd, out, at + (int64_t)n > d->bytes ? (size_t)(d->bytes - at) : n, o->at + at);
 
     return got < 0 ? -errno : got ? got : -EBADMSG;
 }
@@ -85,8 +88,8 @@ static bool read_camera(const char *text, int *row, int *col)
            !text[end_at];
 }
 
-/* NAME.tar is all of it; NAME and NAME.jpg the picture of a snapshot; NAME.mkv the see-through view of a recording,
- * NAME.r0c5.mkv a camera. */
+/* NAME.tar is all of it; NAME and NAME.jpg the picture of a snapshot, NAME.jpg one of a recording; NAME.mkv the
+ * see-through view of a recording, NAME.r0c5.mkv a camera. */
 static bool split_name(const char *name, struct download *o)
 {
     char stem[2 * SST_STORE_NAME], *dot;
@@ -102,6 +105,7 @@ static bool split_name(const char *name, struct download *o)
         o->content = CONTENT_VIDEO;
     else if (dot && strcmp(dot, ".jpg"))
         dot = NULL;
+    o->jpeg = dot && o->content == CONTENT_PICTURE;
     if (dot)
         *dot = 0;
     dot = strrchr(stem, '.');
@@ -117,7 +121,7 @@ static int check_entry(const struct store_entry *e, const struct download *o)
 {
     const bool recording = e && e->kind == SST_STORE_RECORDING, active = e && e->stage == SST_STORE_ACTIVE;
 
-    if (!e || e->deleted_by_hand || (o->content == CONTENT_PICTURE && (recording || !e->picture)) ||
+    if (!e || e->deleted_by_hand || (o->content == CONTENT_PICTURE && ((recording && !o->jpeg) || !e->picture)) ||
         (o->content == CONTENT_VIDEO && (!recording || (o->row < 0 && !e->picture))))
         return -ENOENT;
     /* The list of a recording may name sets that a file of it does not hold yet. */
@@ -193,13 +197,69 @@ static int open_picture(struct download *o, const char *dir)
     return S_ISREG(st.st_mode) ? 0 : -ENOENT;
 }
 
+/* A line near the middle of the index of a recording's view. @return 0, -ENODATA, or of reading */
+static int middle_line(const char *path, struct video_line *out)
+{
+    char text[2 * SST_VIDEO_LINE_MAX + 1], *line = text, *next;
+    const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    struct stat st;
+    int64_t at;
+    ssize_t n;
+    int err = fd < 0 || fstat(fd, &st) ? -errno : S_ISREG(st.st_mode) ? 0 : -ENODATA;
+
+    at = err || st.st_size < SST_VIDEO_LINE_MAX * 2 ? 0 : st.st_size / 2 - SST_VIDEO_LINE_MAX;
+    n = err ? 0 : pread(fd, text, sizeof(text) - 1, at);
+    err = err ? err : n < 0 ? -errno : -ENODATA;
+    if (fd >= 0)
+        close(fd);
+    text[n > 0 ? n : 0] = 0;
+    if (at && (line = strchr(text, '\n')))
+        line++;
+    for (; err == -ENODATA && line && (next = strchr(line, '\n')); line = next + 1) {
+        char one[sizeof(text)];
+
+        snprintf(one, sizeof(one), "%.*s", (int)(next + 1 - line), line); /* with its end: else it is torn */
+        err = video_read_line(one, out) ? 0 : -ENODATA;
+    }
+    return err;
+}
+
+/* The see-through picture in the middle of a recording. */
+static int open_view_picture(struct download *o, const char *dir)
+{
+    static const uint8_t begin[] = { 0xff, 0xd8 };
+    char path[SST_PATH_MAX];
+    struct video_line line;
+    uint8_t head[2];
+    struct stat st;
+    uint64_t tag = 0;
+    int err = sst_path_join(path, dir, SST_VIDEO_INDEX);
+
+    err = err ? err : middle_line(path, &line);
+    err = err ? err : sst_path_join(path, dir, SST_VIDEO_PICTURES);
+    if (err)
+        return err;
+    o->fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (o->fd < 0 || fstat(o->fd, &st))
+        return -errno;
+    if (!S_ISREG(st.st_mode) || line.bytes < 2 || line.offset < 0 || line.bytes > st.st_size - line.offset ||
+        pread(o->fd, head, 2, line.offset) != 2 || memcmp(head, begin, 2) != 0)
+        return -ENODATA;
+    o->at = line.offset;
+    o->d.bytes = line.bytes;
+    add_to_tag(&tag, &line, sizeof(line));
+    add_to_tag(&tag, &st.st_ino, sizeof(st.st_ino));
+    set_tag(o, tag);
+    return 0;
+}
+
 static int open_files(struct download *o)
 {
     char dir[SST_PATH_MAX];
     int err = sst_path_join(dir, o->s->folder[o->kind], o->name);
 
     if (o->content == CONTENT_PICTURE)
-        return err ? err : open_picture(o, dir);
+        return err ? err : o->kind == SST_STORE_RECORDING ? open_view_picture(o, dir) : open_picture(o, dir);
     o->tar = (struct tar){ .folder = -1, .fd = -1 };
     err = err ? err : tar_open(&o->tar, dir);
     o->d.bytes = o->tar.bytes;

@@ -156,12 +156,13 @@ static void count_dropped(struct sst_storage *s, uint64_t n)
 
 static void report(const struct active *a, const char *type, const char *reason)
 {
-    const bool start = !strcmp(type, "record-start");
+    const bool start = !strcmp(type, "record-start"), plain = !strcmp(reason, "ended");
 
     sst_events_emit(a->s->events, SST_EVENT_INFO, type,
                     json_pack("{s:s, s:s, s:s, s:s, s:I}", "recording", a->entry.name, "reason", reason, "zone",
                               a->zone, "label", a->label, "sets", (json_int_t)a->entry.sets),
-                    start ? "recording %s begins: %s" : "recording %s ends: %s", a->entry.name, reason);
+                    "recording %s %s%s%s", a->entry.name, start ? "begins" : "ends", plain ? "" : ": ",
+                    plain ? "" : reason);
 }
 
 /* sst-state reports the failure, with the message of the part that failed. */

@@ -90,9 +90,9 @@ SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jp
  */
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
-/** Open a download: "NAME.tar" is the whole folder; "NAME" or "NAME.jpg" the picture of a snapshot; "NAME.r0c5.mkv"
- *  the video of a camera of a recording, "NAME.mkv" the see-through view's. A video is first made as a file that
- *  counts towards the limits; one of the active recording has the frames so far. Waits for the disk.
+/** Open a download: "NAME.tar" is the whole folder; "NAME" or "NAME.jpg" the picture of a snapshot, "NAME.jpg" the
+ *  see-through picture in the middle of a recording; "NAME.r0c5.mkv" the video of a camera of a recording, "NAME.mkv"
+ *  the see-through view's. A video is first made as a file that counts towards the limits; one of the active recording has the frames so far. Waits for the disk.
  *  @param name  validated here; out: must be closed before the storage is
  *  @return 0, -EINPROGRESS (it is being made: call again, after 0.2 s already), -ENOENT, -ENODATA (nothing of it was
  *          recorded), -EBUSY (all of a recording that is being written), -EMFILE (sixteen are open), -ENOSPC (for the

@@ -439,8 +439,11 @@ static void the_view_is_recorded_with_what_was_before(void **state)
 {
     const int64_t now_ns = sst_clock_now_ns();
     char name[SST_STORE_NAME], file[SST_STORE_NAME + 8];
+    struct sst_download *d;
     struct sst_slot *slot;
     struct bench b;
+    uint8_t *jpeg;
+    size_t size;
 
     (void)state;
     assert_int_equal(sst_slot_create(&slot), 0);
@@ -474,6 +477,12 @@ static void the_view_is_recorded_with_what_was_before(void **state)
     snprintf(file, sizeof(file), "%s.mkv", name);
     damage_index(name);
     (void)bench_download(&b, file, "video/x-matroska", in(top, "view.mkv"));
+    snprintf(file, sizeof(file), "%s.jpg", name);
+    assert_int_equal(bench_download(&b, file, "image/jpeg", in(top, "view.jpg")), 26);
+    assert_int_equal(sst_file_read(in(top, "view.jpg"), 100, &jpeg, &size), 0);
+    assert_true(jpeg[0] == 0xff && jpeg[1] == 0xd8 && jpeg[25] >= 2 && jpeg[25] <= 4);
+    free(jpeg);
+    assert_int_equal(bench_open(&b, name, &d), -ENOENT); /* without .jpg a recording is no picture */
 #if WITH_AVFORMAT
     static const int want[] = { 2, 3, 4 }; /* and the last one until the end */
     struct sink frame[100] = { { 0 } };
